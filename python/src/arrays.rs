@@ -1,0 +1,220 @@
+//! NumPy arrays, and whatever can become one, as slices: without a copy where they lie in one piece.
+
+use half::f16;
+use numpy::{
+    Element, IxDyn, PyArrayDescrMethods as _, PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn,
+    PyUntypedArray, PyUntypedArrayMethods as _, dtype,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+use surefix::View;
+
+use crate::error::value;
+
+/// `object` as a NumPy array: itself, or by `__array__` or DLPack (a torch tensor, for one), in the same memory if
+/// possible.
+pub(crate) fn as_array<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Bound<'py, PyUntypedArray>> {
+    if let Ok(array) = object.cast::<PyUntypedArray>() {
+        return Ok(array.clone());
+    }
+    let py = object.py();
+    let numpy = py.import("numpy")?;
+    let converted = if object.hasattr("__array__")? {
+        numpy.call_method1("asarray", (object,))
+    } else if object.hasattr("__dlpack__")? {
+        numpy.call_method1("from_dlpack", (object,))
+    } else {
+        let kind = object.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
+        let expected = "a NumPy array, or anything with __array__ or __dlpack__";
+        return Err(value(py, format!("{what}: expected {expected}, got {kind}")));
+    };
+    let converted = converted
+        .map_err(|e| value(py, format!("{what}: cannot be read as a NumPy array: {}", e.value(py))))?;
+    converted.cast_into().map_err(PyErr::from)
+}
+
+/// The array's shape as Python writes it.
+pub(crate) fn shape_of(array: &Bound<'_, PyUntypedArray>) -> String {
+    let sides: Vec<String> = array.shape().iter().map(ToString::to_string).collect();
+    if let [side] = sides.as_slice() { format!("({side},)") } else { format!("({})", sides.join(", ")) }
+}
+
+/// The name of the array's type, such as `float64`.
+pub(crate) fn dtype_of(array: &Bound<'_, PyUntypedArray>) -> String {
+    array.dtype().str().map_or_else(|_| "?".to_owned(), |name: Bound<'_, PyString>| name.to_string())
+}
+
+/// The array with numbers of the type `T`, in its own memory layout; nothing for another type.
+pub(crate) fn typed<'py, T: Element>(
+    array: &Bound<'py, PyUntypedArray>,
+) -> Option<PyReadonlyArrayDyn<'py, T>> {
+    let array = array.cast::<PyArrayDyn<T>>().ok()?;
+    array.try_readonly().ok()
+}
+
+/// The same, row by row in one piece of memory: copied only where it does not lie so.
+pub(crate) fn contiguous<'py, T: Element>(
+    array: &Bound<'py, PyUntypedArray>,
+) -> PyResult<Option<PyReadonlyArrayDyn<'py, T>>> {
+    let py = array.py();
+    if !array.dtype().is_equiv_to(&dtype::<T>(py)) {
+        return Ok(None);
+    }
+    if array.is_c_contiguous()
+        && let Some(array) = typed(array)
+    {
+        return Ok(Some(array));
+    }
+    // A copy: the array is strided, transposed, of the other byte order, or not aligned.
+    let wanted = dtype::<T>(py);
+    let copy = py.import("numpy")?.call_method1("ascontiguousarray", (array, wanted))?;
+    Ok(typed(copy.cast::<PyUntypedArray>()?))
+}
+
+/// Float32 numbers of `axes` dimensions, in one piece.
+pub(crate) fn floats<'py>(
+    object: &Bound<'py, PyAny>,
+    what: &str,
+    axes: usize,
+) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
+    let array = as_array(object, what)?;
+    check_axes(&array, what, axes)?;
+    contiguous(&array)?.ok_or_else(|| wrong_dtype(&array, what, "float32", "float32"))
+}
+
+/// Float32 numbers of two dimensions, however they lie in memory.
+pub(crate) fn matrix<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
+    let array = as_array(object, what)?;
+    check_axes(&array, what, 2)?;
+    if let Some(array) = typed(&array) {
+        return Ok(array);
+    }
+    contiguous(&array)?.ok_or_else(|| wrong_dtype(&array, what, "float32", "float32"))
+}
+
+pub(crate) fn check_axes(array: &Bound<'_, PyUntypedArray>, what: &str, axes: usize) -> PyResult<()> {
+    if array.ndim() == axes {
+        return Ok(());
+    }
+    let shape = shape_of(array);
+    Err(value(array.py(), format!("{what}: expected an array of {axes} dimension(s), got the shape {shape}")))
+}
+
+/// The refusal of a type, which says how to convert.
+pub(crate) fn wrong_dtype(
+    array: &Bound<'_, PyUntypedArray>,
+    what: &str,
+    expected: &str,
+    into: &str,
+) -> PyErr {
+    let got = dtype_of(array);
+    let message = format!(
+        "{what}: expected {expected}, got {got}; convert it with array.astype(np.{into}) if that is meant"
+    );
+    value(array.py(), message)
+}
+
+/// Numbers of one of the descriptor types, in one piece.
+pub(crate) enum Numbers<'py> {
+    F32(PyReadonlyArrayDyn<'py, f32>),
+    F16(PyReadonlyArrayDyn<'py, f16>),
+    I8(PyReadonlyArrayDyn<'py, i8>),
+    U8(PyReadonlyArrayDyn<'py, u8>),
+}
+
+impl<'py> Numbers<'py> {
+    /// The array's numbers, where their type is one that descriptors can have.
+    pub(crate) fn new(array: &Bound<'py, PyUntypedArray>, what: &str) -> PyResult<Self> {
+        if let Some(numbers) = contiguous(array)? {
+            return Ok(Self::F32(numbers));
+        }
+        if let Some(numbers) = contiguous(array)? {
+            return Ok(Self::U8(numbers));
+        }
+        if let Some(numbers) = contiguous(array)? {
+            return Ok(Self::F16(numbers));
+        }
+        if let Some(numbers) = contiguous(array)? {
+            return Ok(Self::I8(numbers));
+        }
+        Err(wrong_dtype(array, what, "float32, float16, int8 or uint8", "float32"))
+    }
+
+    pub(crate) fn view(&self) -> PyResult<View<'_>> {
+        Ok(match self {
+            Self::F32(v) => View::F32(v.as_slice()?),
+            Self::F16(v) => View::F16(v.as_slice()?),
+            Self::I8(v) => View::I8(v.as_slice()?),
+            Self::U8(v) => View::U8(v.as_slice()?),
+        })
+    }
+}
+
+/// Float64 coordinates, converted from any numbers, with their count a place.
+pub(crate) fn coordinates(object: &Bound<'_, PyAny>, what: &str) -> PyResult<(Vec<f64>, usize)> {
+    let py = object.py();
+    let numpy = py.import("numpy")?;
+    let array = numpy
+        .call_method1("ascontiguousarray", (object, dtype::<f64>(py)))
+        .map_err(|e| value(py, format!("{what}: expected numbers (n, 2) or (n, 3), got {}", e.value(py))))?;
+    let array = array.cast::<PyUntypedArray>()?;
+    check_axes(array, what, 2)?;
+    let axes = array.shape()[1];
+    let numbers = contiguous::<f64>(array)?.ok_or_else(|| wrong_dtype(array, what, "float64", "float64"))?;
+    Ok((numbers.as_slice()?.to_vec(), axes))
+}
+
+/// Whole numbers of one dimension, such as the true places.
+pub(crate) fn whole_numbers(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<i64>> {
+    let array = sequence_or_array(object, what)?;
+    check_axes(&array, what, 1)?;
+    let whole = "iu".contains(char::from(array.dtype().kind()));
+    if !whole && array.len() > 0 {
+        return Err(wrong_dtype(&array, what, "whole numbers", "int64"));
+    }
+    let converted = array.call_method1("astype", (dtype::<i64>(array.py()),))?;
+    let numbers = contiguous::<i64>(converted.cast::<PyUntypedArray>()?)?;
+    let numbers = numbers.ok_or_else(|| wrong_dtype(&array, what, "whole numbers", "int64"))?;
+    Ok(numbers.as_slice()?.to_vec())
+}
+
+/// Flags of one dimension.
+pub(crate) fn flags(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<bool>> {
+    let array = sequence_or_array(object, what)?;
+    check_axes(&array, what, 1)?;
+    let flags = contiguous::<bool>(&array)?.ok_or_else(|| wrong_dtype(&array, what, "bool", "bool_"))?;
+    Ok(flags.as_slice()?.to_vec())
+}
+
+/// Short lists are as good as arrays for flags and truths.
+fn sequence_or_array<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Bound<'py, PyUntypedArray>> {
+    if object.is_instance_of::<pyo3::types::PyList>() || object.is_instance_of::<pyo3::types::PyTuple>() {
+        let numpy = object.py().import("numpy")?;
+        let array = numpy.call_method1("asarray", (object,));
+        let array = array.map_err(|e| value(object.py(), format!("{what}: {}", e.value(object.py()))))?;
+        return array.cast_into().map_err(PyErr::from);
+    }
+    as_array(object, what)
+}
+
+/// `numbers` as a NumPy array of the shape `(places, dim)`.
+pub(crate) fn rows_to_py<'py>(
+    py: Python<'py>,
+    numbers: View<'_>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    fn reshaped<'py, T: Element + Copy>(
+        py: Python<'py>,
+        v: &[T],
+        shape: &[usize],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let array = numpy::PyArray1::from_slice(py, v);
+        Ok(array.reshape(IxDyn(shape))?.into_any())
+    }
+    match numbers {
+        View::F32(v) => reshaped(py, v, shape),
+        View::F16(v) => reshaped(py, v, shape),
+        View::I8(v) => reshaped(py, v, shape),
+        View::U8(v) => reshaped(py, v, shape),
+    }
+}

@@ -1,0 +1,276 @@
+//! `surefix.match`, `surefix.match_distances` and what they return.
+
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::PathBuf;
+
+use numpy::{Element, PyArray1, PyUntypedArrayMethods as _};
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use surefix::descriptor::describe_all;
+use surefix::{Floor, Recipe, match_descriptors};
+
+use crate::arrays::{Numbers, as_array, flags, matrix};
+use crate::error::{OrRaise as _, to_py};
+use crate::fix::Fix;
+use crate::images::{Images, path_of, progress_callback, with_progress};
+use crate::map::Map;
+use crate::options::config;
+use crate::simulate::Traverse;
+
+/// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
+///
+/// ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the warm-up, where ``anchors`` is 0
+/// and ``speed`` is NaN.
+#[pyclass(frozen, sequence, module = "surefix")]
+pub(crate) struct Run(pub(crate) surefix::Run);
+
+impl Run {
+    fn column<'py, T: Element>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&surefix::Fix) -> T,
+    ) -> Bound<'py, PyArray1<T>> {
+        PyArray1::from_iter(py, self.0.fixes.iter().map(of))
+    }
+}
+
+#[pymethods]
+impl Run {
+    /// Where the robot was: int64.
+    #[getter]
+    fn place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |fix| fix.place as i64)
+    }
+    /// How good the match is, less is better: float32.
+    #[getter]
+    fn score<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        self.column(py, |fix| fix.score)
+    }
+    /// Whether the single match is trusted: bool.
+    #[getter]
+    fn trusted<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.column(py, |fix| fix.trusted)
+    }
+    /// How many trusted matches lie on the winning diagonal: int64.
+    #[getter]
+    fn anchors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |fix| fix.sequence.map_or(0, |sequence| sequence.anchors as i64))
+    }
+    /// Whether the window was full, so that place and score are the sequence's: bool.
+    #[getter]
+    fn ready<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.column(py, |fix| fix.sequence.is_some())
+    }
+    /// The slope of the winning diagonal, in places a query: float64.
+    #[getter]
+    fn speed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |fix| fix.sequence.map_or(f64::NAN, |sequence| sequence.speed))
+    }
+    /// The best match of each query alone: int64.
+    #[getter]
+    fn single_place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |fix| fix.single.place as i64)
+    }
+    /// Its distance: float32.
+    #[getter]
+    fn single_distance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        self.column(py, |fix| fix.single.distance)
+    }
+    /// Where the enhanced gradient peaks: int64.
+    #[getter]
+    fn gradient_place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |fix| fix.gradient.place as i64)
+    }
+    /// The enhanced gradient there: float32.
+    #[getter]
+    fn gradient_value<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        self.column(py, |fix| fix.gradient.value)
+    }
+
+    /// Writes a CSV file: a line of names, then a line a query.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixFileError
+    ///     Where the file cannot be written.
+    fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| {
+            let io = |source| surefix::Error::Io { path: path.clone(), action: "write the CSV", source };
+            let mut out = BufWriter::new(File::create(&path).map_err(io)?);
+            self.0.write_csv(&mut out).and_then(|()| out.flush()).map_err(io)
+        })
+        .or_raise(py)
+    }
+
+    /// A pandas DataFrame, a row a query; its index is the frame.
+    ///
+    /// Raises
+    /// ------
+    /// ImportError
+    ///     Where pandas is not installed.
+    fn to_dataframe<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let py = slf.py();
+        let columns = PyDict::new(py);
+        for name in [
+            "place",
+            "score",
+            "trusted",
+            "ready",
+            "anchors",
+            "speed",
+            "single_place",
+            "single_distance",
+            "gradient_place",
+            "gradient_value",
+        ] {
+            columns.set_item(name, slf.getattr(name)?)?;
+        }
+        let frame = py.import("pandas")?.getattr("DataFrame")?.call1((columns,))?;
+        frame.getattr("index")?.setattr("name", "frame")?;
+        Ok(frame)
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.fixes.len()
+    }
+
+    fn __getitem__(&self, index: isize) -> PyResult<Fix> {
+        let from = if index < 0 {
+            self.0.fixes.len().checked_add_signed(index)
+        } else {
+            usize::try_from(index).ok()
+        };
+        let fix = from.and_then(|index| self.0.fixes.get(index)).copied().map(Fix);
+        fix.ok_or_else(|| PyIndexError::new_err(format!("query {index} of {}", self.0.fixes.len())))
+    }
+
+    fn __repr__(&self) -> String {
+        let trusted = self.0.fixes.iter().filter(|fix| fix.trusted).count();
+        format!("Run({} queries, {trusted} trusted)", self.0.fixes.len())
+    }
+}
+
+/// Matches a whole distance matrix, in parallel: the answers are those of a ``Matcher`` that is pushed column by column.
+///
+/// Parameters
+/// ----------
+/// distances : array of float32, shape (n, m), in any memory layout
+///     ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
+/// floor : {"global", "running"} or float
+///     What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole matrix.
+/// trusted : array of bool, shape (m,), optional
+///     An external predictor's words in place of the consensus.
+/// **options
+///     As for ``Matcher``.
+///
+/// Returns
+/// -------
+/// Run
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     For another shape or type, a NaN or an infinity (the error says where), or an option outside its range.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> distances = 1 - np.eye(4, dtype=np.float32)
+/// >>> surefix.match_distances(distances, sequence_length=2).place
+/// array([0, 1, 2, 3])
+#[pyfunction]
+#[pyo3(
+    signature = (distances, *, trusted=None, **options),
+    text_signature = "(distances, *, floor='global', trusted=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', speeds=[1.0])"
+)]
+pub(crate) fn match_distances(
+    py: Python<'_>,
+    distances: &Bound<'_, PyAny>,
+    trusted: Option<&Bound<'_, PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Run> {
+    let config = config(py, options, Floor::Global)?;
+    let matrix = matrix(distances, "distances")?;
+    let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
+    let view = matrix.as_array();
+    let view = view.into_dimensionality().map_err(|e| crate::error::value(py, e.to_string()))?;
+    let run = py.detach(|| surefix::match_distances(view, &config, trusted.as_deref()));
+    Ok(Run(run.or_raise(py)?))
+}
+
+/// Matches all queries against a map, in parallel: the answers are those of a ``Localizer`` that is pushed one by one.
+///
+/// Parameters
+/// ----------
+/// map : Map
+///     The known route.
+/// queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
+///     Descriptors are float32 or of the map's own type.
+/// trusted : array of bool, shape (m,), optional
+///     An external predictor's words in place of the consensus.
+/// progress : callable, optional
+///     As for ``Map.from_images``.
+/// **options
+///     As for ``Matcher``; ``floor="global"`` too, which scans the map twice.
+///
+/// Returns
+/// -------
+/// Run
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     As for ``Localizer.push`` and ``Map.from_images``.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> route = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32))
+/// >>> surefix.match(route, np.eye(4, dtype=np.float32)[1:]).place
+/// array([1, 2, 3])
+#[pyfunction]
+#[pyo3(
+    name = "match",
+    signature = (map, queries, *, trusted=None, progress=None, **options),
+    text_signature = "(map, queries, *, trusted=None, progress=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+)]
+pub(crate) fn match_(
+    py: Python<'_>,
+    map: &Map,
+    queries: &Bound<'_, PyAny>,
+    trusted: Option<&Bound<'_, PyAny>>,
+    progress: Option<&Bound<'_, PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Run> {
+    let config = config(py, options, Floor::Running)?;
+    let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
+    let map = &map.0;
+    let matched = |queries: &surefix::Values| match_descriptors(map, queries, &config, trusted.as_deref());
+    let array = if is_images(queries) { None } else { as_array(queries, "queries").ok() };
+    if let Some(array) = array.filter(|array| array.ndim() == 2) {
+        if array.shape()[1] != map.dim() {
+            let (expected, got) = (map.dim(), array.shape()[1]);
+            return Err(to_py(py, &surefix::Error::Length { what: "queries: each row", expected, got }));
+        }
+        let numbers = Numbers::new(&array, "queries")?;
+        let values = numbers.view()?.to_values();
+        return Ok(Run(py.detach(|| matched(&values)).or_raise(py)?));
+    }
+    let Recipe::Sad(sad) = map.recipe() else { return Err(to_py(py, &surefix::Error::NoDescriptor)) };
+    let images = Images::new(queries)?;
+    let callback = progress_callback(py, progress, "Describing")?;
+    let values = with_progress(py, callback.as_ref(), |progress| {
+        images.with_source(py, |source| describe_all(&sad, source, progress))
+    })?;
+    Ok(Run(py.detach(|| matched(&values)).or_raise(py)?))
+}
+
+/// Whether the queries can only be images: paths, a generated traverse, or a list (of arrays).
+fn is_images(queries: &Bound<'_, PyAny>) -> bool {
+    path_of(queries).is_some()
+        || queries.is_instance_of::<Traverse>()
+        || queries.is_instance_of::<pyo3::types::PyList>()
+        || queries.is_instance_of::<pyo3::types::PyTuple>()
+}

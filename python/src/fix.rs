@@ -1,0 +1,154 @@
+//! A fix and its parts.
+
+use pyo3::prelude::*;
+
+fn python_bool(flag: bool) -> &'static str {
+    if flag { "True" } else { "False" }
+}
+
+/// Where the robot is, as far as one query tells, and whether to believe it.
+///
+/// Attributes
+/// ----------
+/// frame : int
+///     Which query this is, counted from 0 since the start or the last reset.
+/// trusted : bool
+///     Whether the single match is trusted (Eq. 3 of the paper), or an external predictor's word.
+/// place : int
+///     The sequence's place once it is ready; before that, the single match's.
+/// score : float
+///     The sequence's score once it is ready; before that, the single match's distance. Less is better.
+/// single : Single
+///     The best match of this query alone: ``place`` and ``distance``.
+/// gradient : Peak
+///     Where the enhanced gradient peaks: ``place`` and ``value``.
+/// sequence : Sequence or None
+///     The sequence's match: ``place``, ``score``, ``anchors``, ``speed``. None while the matcher warms up, for the
+///     first ``sequence_length - 1`` queries.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> matcher = surefix.Matcher(places=4, sequence_length=1)
+/// >>> fix = matcher.push(np.array([0.9, 0.1, 0.8, 0.9], np.float32))
+/// >>> fix.place, fix.trusted, fix.sequence.anchors
+/// (1, True, 1)
+#[pyclass(frozen, module = "surefix")]
+#[derive(Clone, Copy)]
+pub(crate) struct Fix(pub(crate) surefix::Fix);
+
+#[pymethods]
+impl Fix {
+    #[getter]
+    fn frame(&self) -> u64 {
+        self.0.frame
+    }
+    #[getter]
+    fn trusted(&self) -> bool {
+        self.0.trusted
+    }
+    #[getter]
+    fn place(&self) -> usize {
+        self.0.place
+    }
+    #[getter]
+    fn score(&self) -> f32 {
+        self.0.score
+    }
+    #[getter]
+    fn single(&self) -> Single {
+        Single(self.0.single)
+    }
+    #[getter]
+    fn gradient(&self) -> Peak {
+        Peak(self.0.gradient)
+    }
+    #[getter]
+    fn sequence(&self) -> Option<Sequence> {
+        self.0.sequence.map(Sequence)
+    }
+    fn __repr__(&self) -> String {
+        let surefix::Fix { frame, trusted, place, score, sequence, .. } = self.0;
+        let warming = if sequence.is_none() { ", sequence=None" } else { "" };
+        format!(
+            "Fix(frame={}, place={}, score={}, trusted={}{})",
+            frame,
+            place,
+            score,
+            python_bool(trusted),
+            warming
+        )
+    }
+    fn __eq__(&self, other: &Self) -> bool {
+        self.0 == other.0
+    }
+}
+
+/// The best match of one query alone: the smallest distance (Eq. 2). Ties go to the lowest place.
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct Single(surefix::Single);
+
+#[pymethods]
+impl Single {
+    #[getter]
+    fn place(&self) -> usize {
+        self.0.place
+    }
+    #[getter]
+    fn distance(&self) -> f32 {
+        self.0.distance
+    }
+    fn __repr__(&self) -> String {
+        format!("Single(place={}, distance={})", self.0.place, self.0.distance)
+    }
+}
+
+/// Where the enhanced gradient peaks: the place whose distance dips most sharply (Eq. 1 and the 3 x 3 kernel).
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct Peak(surefix::Peak);
+
+#[pymethods]
+impl Peak {
+    #[getter]
+    fn place(&self) -> usize {
+        self.0.place
+    }
+    #[getter]
+    fn value(&self) -> f32 {
+        self.0.value
+    }
+    fn __repr__(&self) -> String {
+        format!("Peak(place={}, value={})", self.0.place, self.0.value)
+    }
+}
+
+/// The best match of the last ``sequence_length`` queries together (Eqs. 4 to 6).
+///
+/// ``place`` is the current query's place; ``score`` the mean of the weighted distances along the diagonal that ends
+/// there; ``anchors`` how many trusted matches lie on it; ``speed`` its slope, in places a query.
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct Sequence(surefix::Sequence);
+
+#[pymethods]
+impl Sequence {
+    #[getter]
+    fn place(&self) -> usize {
+        self.0.place
+    }
+    #[getter]
+    fn score(&self) -> f32 {
+        self.0.score
+    }
+    #[getter]
+    fn anchors(&self) -> usize {
+        self.0.anchors
+    }
+    #[getter]
+    fn speed(&self) -> f64 {
+        self.0.speed
+    }
+    fn __repr__(&self) -> String {
+        let surefix::Sequence { place, score, anchors, speed } = self.0;
+        format!("Sequence(place={place}, score={score}, anchors={anchors}, speed={speed})")
+    }
+}

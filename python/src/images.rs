@@ -1,0 +1,208 @@
+//! Images from Python: arrays, files, folders, and anything that yields them.
+
+use std::path::PathBuf;
+
+use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods as _};
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+use surefix::{Channels, Error, Image, ImageFiles, ImageSource, ImageView};
+
+use crate::arrays::{as_array, contiguous, rows_to_py, shape_of, wrong_dtype};
+use crate::error::{OrRaise as _, to_py, value};
+use crate::simulate::Traverse;
+
+/// A uint8 array (H, W) or (H, W, 3), held for as long as it is read.
+pub(crate) struct Pixels<'py> {
+    array: PyReadonlyArrayDyn<'py, u8>,
+    width: usize,
+    height: usize,
+    channels: Channels,
+}
+
+impl<'py> Pixels<'py> {
+    pub(crate) fn new(array: &Bound<'py, PyUntypedArray>, what: &str) -> PyResult<Self> {
+        let (height, width, channels) = match *array.shape() {
+            [height, width] => (height, width, Channels::Grey),
+            [height, width, 3] => (height, width, Channels::Rgb),
+            _ => {
+                let shape = shape_of(array);
+                return Err(value(
+                    array.py(),
+                    format!("{what}: expected (H, W) or (H, W, 3), got the shape {shape}"),
+                ));
+            }
+        };
+        let array = contiguous(array)?.ok_or_else(|| wrong_dtype(array, what, "uint8", "uint8"))?;
+        Ok(Self { array, width, height, channels })
+    }
+
+    pub(crate) fn view(&self, py: Python<'_>) -> PyResult<ImageView<'_>> {
+        ImageView::new(self.width, self.height, self.channels, self.array.as_slice()?).or_raise(py)
+    }
+}
+
+/// A traverse's images, wherever they come from.
+pub(crate) enum Images<'py> {
+    Files(ImageFiles),
+    Arrays(Vec<Pixels<'py>>),
+    Traverse(surefix::simulate::Traverse),
+}
+
+impl<'py> Images<'py> {
+    /// A folder or a pattern; a generated traverse; an array (n, H, W) or (n, H, W, 3); or an iterable of paths or of
+    /// arrays.
+    pub(crate) fn new(object: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let py = object.py();
+        if let Ok(traverse) = object.cast::<Traverse>() {
+            return Ok(Self::Traverse(traverse.get().0.clone()));
+        }
+        if let Some(place) = path_of(object) {
+            return Ok(Self::Files(ImageFiles::find(place).or_raise(py)?));
+        }
+        let items: Vec<Bound<'py, PyAny>> = object.try_iter()?.collect::<PyResult<_>>()?;
+        if !items.is_empty() && items.iter().all(|item| path_of(item).is_some()) {
+            return Ok(Self::Files(ImageFiles::list(items.iter().filter_map(path_of).collect())));
+        }
+        let arrays = items.iter().enumerate().map(|(index, item)| {
+            let what = format!("image {index}");
+            Pixels::new(&as_array(item, &what)?, &what)
+        });
+        Ok(Self::Arrays(arrays.collect::<PyResult<_>>()?))
+    }
+
+    /// Runs `work` on the images with the GIL released.
+    pub(crate) fn with_source<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl Send + FnOnce(&dyn ImageSource) -> R,
+    ) -> PyResult<R> {
+        Ok(match self {
+            Self::Files(files) => py.detach(|| work(files)),
+            Self::Traverse(traverse) => py.detach(|| work(traverse)),
+            Self::Arrays(arrays) => {
+                let views = arrays.iter().map(|array| array.view(py)).collect::<PyResult<Vec<_>>>()?;
+                py.detach(|| work(&Views(views)))
+            }
+        })
+    }
+}
+
+/// Images in NumPy's memory.
+struct Views<'a>(Vec<ImageView<'a>>);
+
+impl ImageSource for Views<'_> {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    fn load(&self, index: usize) -> Result<Image, Error> {
+        let view = self.0[index];
+        Image::new(view.width(), view.height(), view.channels(), view.pixels().to_vec())
+    }
+}
+
+/// The path that a string or a path object names.
+pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> Option<PathBuf> {
+    let named = object.is_instance_of::<PyString>() || object.hasattr("__fspath__").unwrap_or(false);
+    named.then(|| object.extract().ok()).flatten()
+}
+
+/// Reads an image file (png, jpeg, bmp, tiff, webp or pnm) with the library's own decoder.
+///
+/// Parameters
+/// ----------
+/// path : str or path
+///
+/// Returns
+/// -------
+/// array of uint8, shape (H, W) for a grey file, (H, W, 3) RGB for any other
+///
+/// Raises
+/// ------
+/// SurefixFileError
+///     Where the file cannot be opened.
+/// SurefixValueError
+///     Where it is not an image that can be decoded.
+#[pyfunction]
+pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
+    let image = py.detach(|| surefix::read_image(path)).or_raise(py)?;
+    image_to_py(py, &image)
+}
+
+/// The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10`` follows ``frame9``.
+///
+/// Parameters
+/// ----------
+/// place : str or path
+///
+/// Returns
+/// -------
+/// list of str
+///
+/// Raises
+/// ------
+/// SurefixFileError
+///     Where there is no such folder.
+/// SurefixValueError
+///     Where it holds no images.
+#[pyfunction]
+pub(crate) fn find_images(py: Python<'_>, place: PathBuf) -> PyResult<Vec<String>> {
+    let files = py.detach(|| ImageFiles::find(place)).or_raise(py)?;
+    Ok(files.paths().iter().map(|path| path.to_string_lossy().into_owned()).collect())
+}
+
+pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyAny>> {
+    let (height, width) = (image.height(), image.width());
+    let shape: &[usize] = match image.channels() {
+        Channels::Grey => &[height, width],
+        Channels::Rgb => &[height, width, 3],
+    };
+    rows_to_py(py, image.pixels().into(), shape)
+}
+
+/// Tells `callback(done, total)` of the work that `run` does, and stops it on Ctrl-C, or where the callback raises or
+/// returns False.
+pub(crate) fn with_progress<T>(
+    py: Python<'_>,
+    callback: Option<&Py<PyAny>>,
+    run: impl FnOnce(surefix::descriptor::Progress<'_>) -> PyResult<Result<T, Error>>,
+) -> PyResult<T> {
+    let mut raised = None;
+    let mut report = |done: usize, total: usize| {
+        let heard = Python::attach(|py| {
+            py.check_signals()?;
+            let Some(callback) = callback else { return Ok(true) };
+            let answer = callback.bind(py).call1((done, total))?;
+            Ok(!answer.is(pyo3::types::PyBool::new(py, false).as_any()))
+        });
+        match heard {
+            Ok(true) => std::ops::ControlFlow::Continue(()),
+            Ok(false) => std::ops::ControlFlow::Break(()),
+            Err(error) => {
+                raised = Some(error);
+                std::ops::ControlFlow::Break(())
+            }
+        }
+    };
+    let result = run(&mut report)?;
+    match (result, raised) {
+        (_, Some(error)) => Err(error),
+        (result, None) => result.map_err(|error| to_py(py, &error)),
+    }
+}
+
+/// The callback for a `progress` argument: None is a bar on a terminal, False is nothing.
+pub(crate) fn progress_callback(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    label: &str,
+) -> PyResult<Option<Py<PyAny>>> {
+    match progress {
+        Some(given) if given.is_callable() => Ok(Some(given.clone().unbind())),
+        Some(given) if !given.is_truthy()? => Ok(None),
+        _ => {
+            let bar = py.import("surefix._progress")?.call_method1("terminal_bar", (label,))?;
+            Ok((!bar.is_none()).then(|| bar.unbind()))
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! The Python binding: converts arguments and results, and leaves all logic to the crate.
+#![allow(clippy::doc_markdown, reason = "docstrings are for Python readers, in reStructuredText")]
+#![allow(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
+
+mod arrays;
+mod batch;
+mod error;
+mod evaluate;
+mod fix;
+mod images;
+mod localizer;
+mod map;
+mod matcher;
+mod options;
+mod sad;
+mod simulate;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use crate::batch::{Run, match_, match_distances};
+    #[pymodule_export]
+    use crate::evaluate::{Evaluation, evaluate};
+    #[pymodule_export]
+    use crate::fix::{Fix, Peak, Sequence, Single};
+    #[pymodule_export]
+    use crate::images::{find_images, read_image};
+    #[pymodule_export]
+    use crate::localizer::{FixStream, Localizer};
+    #[pymodule_export]
+    use crate::map::Map;
+    #[pymodule_export]
+    use crate::matcher::Matcher;
+    #[pymodule_export]
+    use crate::sad::Sad;
+    #[pymodule_export]
+    use crate::simulate::{Route, Traverse};
+
+    use super::{Bound, PyModule, PyModuleMethods as _, PyResult};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,207 @@
+//! `surefix.Localizer`.
+
+use numpy::{PyArray1, PyUntypedArrayMethods as _};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use surefix::Floor;
+
+use crate::arrays::{Numbers, as_array};
+use crate::error::{OrRaise as _, busy};
+use crate::fix::Fix;
+use crate::images::{Pixels, path_of};
+use crate::map::Map;
+use crate::options::config;
+
+/// Localizes along a map, one camera frame at a time.
+///
+/// Parameters
+/// ----------
+/// map : Map
+///     The known route. Many localizers can share one.
+/// **options
+///     As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds.
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     For an option outside its range; it names the option.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> frames = np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8)
+/// >>> localizer = surefix.Localizer(surefix.Map.from_images(frames))
+/// >>> [fix.place for fix in localizer.stream(frames)]
+/// [0, 1, 2, 3, 4]
+#[pyclass(module = "surefix")]
+pub(crate) struct Localizer(surefix::Localizer);
+
+#[pymethods]
+impl Localizer {
+    #[new]
+    #[pyo3(
+        signature = (map, **options),
+        text_signature = "(map, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+    )]
+    fn new(py: Python<'_>, map: &Map, options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let config = config(py, options, Floor::Running)?;
+        Ok(Self(surefix::Localizer::new(map.0.clone(), config).or_raise(py)?))
+    }
+
+    /// Takes one camera frame, and says where the robot is.
+    ///
+    /// Parameters
+    /// ----------
+    /// frame : array or path
+    ///     A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images were; or a
+    ///     descriptor, (dim,), float32 or of the map's own type.
+    /// trusted : bool, optional
+    ///     An external predictor's word in place of the consensus.
+    ///
+    /// Returns
+    /// -------
+    /// Fix
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For another shape or type, a NaN or an infinity, or an image on a map of ready descriptors. The localizer
+    ///     is then as it was.
+    #[pyo3(signature = (frame, trusted=None))]
+    fn push(slf: &Bound<'_, Self>, frame: &Bound<'_, PyAny>, trusted: Option<bool>) -> PyResult<Fix> {
+        let py = slf.py();
+        let locked = || slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"));
+        if let Some(path) = path_of(frame) {
+            let mut this = locked()?;
+            let localizer = &mut this.0;
+            let fix = py.detach(|| {
+                let image = surefix::read_image(path)?;
+                localizer.step_image(image.view(), trusted)
+            });
+            return Ok(Fix(fix.or_raise(py)?));
+        }
+        let array = as_array(frame, "frame")?;
+        let fix = if array.ndim() == 1 {
+            let numbers = Numbers::new(&array, "descriptor")?;
+            let view = numbers.view()?;
+            let mut this = locked()?;
+            let localizer = &mut this.0;
+            py.detach(|| localizer.step_descriptor(view, trusted))
+        } else {
+            let pixels = Pixels::new(&array, "image")?;
+            let view = pixels.view(py)?;
+            let mut this = locked()?;
+            let localizer = &mut this.0;
+            py.detach(|| localizer.step_image(view, trusted))
+        };
+        Ok(Fix(fix.or_raise(py)?))
+    }
+
+    /// A fix for each frame, as it comes.
+    ///
+    /// Parameters
+    /// ----------
+    /// frames : iterable of arrays or paths, or a folder or pattern
+    ///     Each as for ``push``.
+    ///
+    /// Returns
+    /// -------
+    /// iterator of Fix
+    fn stream(slf: &Bound<'_, Self>, frames: &Bound<'_, PyAny>) -> PyResult<FixStream> {
+        let py = slf.py();
+        let frames = match path_of(frames) {
+            Some(place) => crate::images::find_images(py, place)?.into_pyobject(py)?.try_iter()?,
+            None => frames.try_iter()?,
+        };
+        Ok(FixStream { localizer: slf.clone().unbind(), frames: frames.into_any().unbind() })
+    }
+
+    /// The distances from the newest frame to every place, a copy: shape (n,), float32.
+    #[getter]
+    fn distances<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        PyArray1::from_slice(py, self.0.distances())
+    }
+
+    /// Forgets all frames: the next one is frame 0.
+    fn reset(slf: &Bound<'_, Self>) -> PyResult<()> {
+        slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Localizer"))?.0.reset();
+        Ok(())
+    }
+
+    /// The state as bytes, without the map; ``Localizer.restore`` goes on from it bit-identically.
+    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let localizer = &self.0;
+        let blob = py.detach(|| localizer.snapshot()).or_raise(py)?;
+        Ok(PyBytes::new(py, &blob))
+    }
+
+    /// A localizer that goes on where the snapshot was taken, on the same map.
+    ///
+    /// Parameters
+    /// ----------
+    /// map : Map
+    ///     The map that the snapshot was taken on.
+    /// blob : bytes
+    ///     From ``snapshot``.
+    /// **options
+    ///     Where given, as for ``Localizer``: the snapshot must have been taken under just these.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     Where the bytes are damaged, of another map, of other options or of a newer version.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> route = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32))
+    /// >>> localizer = surefix.Localizer(route)
+    /// >>> blob = localizer.snapshot()
+    /// >>> surefix.Localizer.restore(route, blob)
+    /// Localizer(Map(4 places x 4 float32, cosine, 0.0 MB), frames=0)
+    #[staticmethod]
+    #[pyo3(
+        signature = (map, blob, **options),
+        text_signature = "(map, blob, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+    )]
+    fn restore(
+        py: Python<'_>,
+        map: &Map,
+        blob: &[u8],
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let expected = options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
+        let map = map.0.clone();
+        let localizer = py.detach(|| surefix::Localizer::restore(map, blob, expected.as_ref()));
+        Ok(Self(localizer.or_raise(py)?))
+    }
+
+    /// The map.
+    #[getter]
+    fn map(&self) -> Map {
+        Map(self.0.map().clone())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Localizer({}, frames={})", self.map().__repr__(), self.0.matcher().frames())
+    }
+}
+
+/// The fixes of ``Localizer.stream``, one a frame.
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct FixStream {
+    localizer: Py<Localizer>,
+    frames: Py<PyAny>,
+}
+
+#[pymethods]
+impl FixStream {
+    fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<Fix>> {
+        let next = self.frames.bind(py).try_iter()?.next();
+        next.map(|frame| Localizer::push(self.localizer.bind(py), &frame?, None)).transpose()
+    }
+}

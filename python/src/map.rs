@@ -1,0 +1,252 @@
+//! `surefix.Map`.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyUntypedArrayMethods as _};
+use pyo3::prelude::*;
+use surefix::{Positions, Recipe};
+
+use crate::arrays::{Numbers, as_array, check_axes, coordinates, rows_to_py};
+use crate::error::{OrRaise as _, value};
+use crate::images::{Images, progress_callback, with_progress};
+use crate::sad::Sad;
+
+/// A known route: one descriptor a place, in route order, and all that is needed to use them.
+///
+/// Make one with ``Map.from_images``, ``Map.from_descriptors`` or ``Map.open``. A map does not change: many localizers,
+/// in many threads, can read one.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> route = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32), metric="cosine")
+/// >>> len(route), route.dim, route.metric
+/// (3, 3, 'cosine')
+/// >>> route.distances(np.array([0, 1, 0], np.float32))
+/// array([1., 0., 1.], dtype=float32)
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct Map(pub(crate) Arc<surefix::Map>);
+
+#[pymethods]
+impl Map {
+    /// A map of the descriptors of a traverse's images, described on all cores. Places are named as the files are.
+    ///
+    /// Parameters
+    /// ----------
+    /// images : str, path, iterable of paths, iterable of uint8 arrays, array (n, H, W) or (n, H, W, 3), or Traverse
+    ///     A folder or a pattern like ``"route/*.png"`` is sorted as a person would: ``frame10`` follows ``frame9``.
+    ///     All images have one size.
+    /// descriptor : Sad, optional
+    ///     The recipe; ``Sad()`` by default.
+    /// positions : array, shape (n, 2) or (n, 3), optional
+    ///     Where each place is, in planar metres.
+    /// progress : callable, optional
+    ///     Called with ``(done, total)``; returning False stops. By default a bar on a terminal; False for none.
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For an image that cannot be read or has another size (the error names it), or fewer than two images.
+    /// SurefixFileError
+    ///     Where there is no such folder.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> route = surefix.Map.from_images(np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8))
+    /// >>> len(route), route.dim, route.descriptor
+    /// (5, 2048, Sad(size=(64, 32), patch=8, dtype='u8'))
+    #[staticmethod]
+    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None))]
+    fn from_images(
+        py: Python<'_>,
+        images: &Bound<'_, PyAny>,
+        descriptor: Option<&Bound<'_, PyAny>>,
+        positions: Option<&Bound<'_, PyAny>>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let sad = match descriptor.map(Bound::cast::<Sad>) {
+            None => surefix::Sad::default(),
+            Some(Ok(sad)) => sad.get().0,
+            Some(Err(_)) => return Err(value(py, "descriptor: expected a surefix.Sad".to_owned())),
+        };
+        let images = Images::new(images)?;
+        let callback = progress_callback(py, progress, "Mapping")?;
+        let map = with_progress(py, callback.as_ref(), |progress| {
+            images.with_source(py, |source| surefix::Map::from_images(source, sad, progress))
+        })?;
+        with_positions(py, map, positions)
+    }
+
+    /// A map of ready descriptors, from any technique.
+    ///
+    /// Parameters
+    /// ----------
+    /// descriptors : array, shape (n, dim), of float32, float16, int8 or uint8
+    ///     Kept in its own type. Copied once.
+    /// metric : {"cosine", "euclidean", "manhattan"}
+    ///     How descriptors are compared; "manhattan" is the mean absolute difference.
+    /// positions : array, shape (n, 2) or (n, 3), optional
+    ///     Where each place is, in planar metres.
+    /// names : sequence of str, optional
+    ///     A name for each place.
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For fewer than two rows, another type, a NaN or an infinity (the error names its row), a row of zeros under
+    ///     the cosine, or another number of positions or names than of rows.
+    #[staticmethod]
+    #[pyo3(signature = (descriptors, metric="cosine", positions=None, names=None))]
+    fn from_descriptors(
+        py: Python<'_>,
+        descriptors: &Bound<'_, PyAny>,
+        metric: &str,
+        positions: Option<&Bound<'_, PyAny>>,
+        names: Option<Vec<String>>,
+    ) -> PyResult<Self> {
+        let metric = metric.parse().or_raise(py)?;
+        let array = as_array(descriptors, "descriptors")?;
+        check_axes(&array, "descriptors", 2)?;
+        let (places, dim) = (array.shape()[0], array.shape()[1]);
+        if places < 2 {
+            return Err(surefix::Error::TooFewPlaces { what: "map", got: places }).or_raise(py);
+        }
+        let numbers = Numbers::new(&array, "descriptors")?;
+        let rows = numbers.view()?;
+        let map = py.detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric)).or_raise(py)?;
+        let map = match names {
+            Some(names) => map.with_names(names).or_raise(py)?,
+            None => map,
+        };
+        with_positions(py, map, positions)
+    }
+
+    /// Opens a map that ``save`` wrote: reads it whole into memory.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixFileError
+    ///     Where the file cannot be read.
+    /// SurefixValueError
+    ///     Where it is truncated, damaged, not a map, or of a newer version.
+    #[staticmethod]
+    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        Ok(Self(Arc::new(py.detach(|| surefix::Map::open(path)).or_raise(py)?)))
+    }
+
+    /// Saves the map as one safetensors file with all that is needed to use it. It is written beside its place and then
+    /// renamed: there is never half a file.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixFileError
+    ///     Where the file cannot be written.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.0.save(path)).or_raise(py)
+    }
+
+    /// The distances from a descriptor to every place.
+    ///
+    /// Parameters
+    /// ----------
+    /// descriptor : array, shape (dim,), of float32 or of the map's own type
+    ///
+    /// Returns
+    /// -------
+    /// array of float32, shape (n,)
+    ///     SAD distances are in units of ``z``, whatever the type that the map keeps.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For another length or type, a NaN or an infinity, or zeros under the cosine.
+    fn distances<'py>(
+        &self,
+        py: Python<'py>,
+        descriptor: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let array = as_array(descriptor, "descriptor")?;
+        check_axes(&array, "descriptor", 1)?;
+        let numbers = Numbers::new(&array, "descriptor")?;
+        let view = numbers.view()?;
+        let distances = py.detach(|| self.0.distances(view)).or_raise(py)?;
+        Ok(PyArray1::from_vec(py, distances))
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.places()
+    }
+
+    /// How many numbers a descriptor has.
+    #[getter]
+    fn dim(&self) -> usize {
+        self.0.dim()
+    }
+
+    /// The type of the descriptors' numbers.
+    #[getter]
+    fn dtype<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("numpy")?.call_method1("dtype", (self.0.dtype().to_string(),))
+    }
+
+    /// How descriptors are compared: "cosine", "euclidean" or "manhattan".
+    #[getter]
+    fn metric(&self) -> String {
+        self.0.metric().to_string()
+    }
+
+    /// The recipe that describes an image; None where the map was made of ready descriptors.
+    #[getter]
+    fn descriptor(&self) -> Option<Sad> {
+        match self.0.recipe() {
+            Recipe::Sad(sad) => Some(Sad(sad)),
+            _ => None,
+        }
+    }
+
+    /// All descriptors, a copy: shape (n, dim).
+    #[getter]
+    fn descriptors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        rows_to_py(py, self.0.descriptors(), &[self.0.places(), self.0.dim()])
+    }
+
+    /// Where each place is, in planar metres: shape (n, 2) or (n, 3), or None.
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        use numpy::PyArrayMethods as _;
+        let Some(positions) = self.0.positions() else { return Ok(None) };
+        let array = PyArray1::from_slice(py, positions.metres());
+        Ok(Some(array.reshape([positions.len(), positions.axes()])?.into_any()))
+    }
+
+    /// A name for each place, or None.
+    #[getter]
+    fn names(&self) -> Option<Vec<String>> {
+        self.0.names().map(<[String]>::to_vec)
+    }
+
+    pub(crate) fn __repr__(&self) -> String {
+        let (places, dim, dtype, metric) = (self.0.places(), self.0.dim(), self.0.dtype(), self.0.metric());
+        let bytes = self.0.descriptors().len() * dtype.size();
+        format!("Map({places} places x {dim} {dtype}, {metric}, {:.1} MB)", bytes as f64 / 1e6)
+    }
+}
+
+fn with_positions(py: Python<'_>, map: surefix::Map, positions: Option<&Bound<'_, PyAny>>) -> PyResult<Map> {
+    let Some(positions) = positions.filter(|positions| !positions.is_none()) else {
+        return Ok(Map(Arc::new(map)));
+    };
+    let (metres, axes) = coordinates(positions, "positions")?;
+    let map = Positions::new(metres, axes).and_then(|positions| map.with_positions(positions));
+    Ok(Map(Arc::new(map.or_raise(py)?)))
+}

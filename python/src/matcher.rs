@@ -1,0 +1,152 @@
+//! `surefix.Matcher`.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use surefix::Floor;
+
+use crate::arrays::floats;
+use crate::error::{OrRaise as _, busy};
+use crate::fix::Fix;
+use crate::options::{config, whole};
+
+/// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that yields distances.
+///
+/// Parameters
+/// ----------
+/// places : int
+///     How many places the route has, at least 2.
+/// sequence_length : int
+///     `L`, how many queries a sequence has (Eq. 6), from 1 to `places`.
+/// weight : float
+///     `w`, how far a trusted cell is drawn to the floor (Eq. 4), from 0 (the plain sequence) to 1.
+/// tolerance : int
+///     How many places the minimum and the gradient's peak may lie apart in a trusted match (Eq. 3).
+/// smoothing : int
+///     How many gradients are summed along the diagonal (the paper's 3 x 3 kernel); 1 where queries come in any order.
+/// gradient : {"halved", "unhalved"}
+///     Eq. 1 as printed, or without its 1/2 as in the authors' public code; they can differ only at the route's ends.
+/// floor : {"running"} or float
+///     What trusted cells are drawn towards: the smallest distance so far, or this number if it is smaller still.
+/// speeds : sequence of float
+///     Slopes to try, in places a query; the best mean wins. Halves of a place round up.
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     For an option outside its range; it names the option.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> matcher = surefix.Matcher(places=4)
+/// >>> matcher.push(np.array([0.1, 0.8, 0.9, 0.7], np.float32)).sequence is None    # warming up: L is 2
+/// True
+/// >>> fix = matcher.push(np.array([0.9, 0.2, 0.8, 0.9], np.float32))
+/// >>> fix.place, fix.trusted, fix.sequence.anchors
+/// (1, True, 2)
+#[pyclass(module = "surefix")]
+pub(crate) struct Matcher(surefix::Matcher);
+
+#[pymethods]
+impl Matcher {
+    #[new]
+    #[pyo3(
+        signature = (places, **options),
+        text_signature = "(places, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+    )]
+    fn new(py: Python<'_>, places: &Bound<'_, PyAny>, options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let config = config(py, options, Floor::Running)?;
+        Ok(Self(surefix::Matcher::new(whole("places", places)?, config).or_raise(py)?))
+    }
+
+    /// Takes the distances from the current query to every place, and says where the robot is.
+    ///
+    /// Parameters
+    /// ----------
+    /// distances : array of float32, shape (places,)
+    ///     Any technique's distances; less is more alike. Read without a copy where contiguous.
+    /// trusted : bool, optional
+    ///     An external predictor's word in place of the consensus.
+    ///
+    /// Returns
+    /// -------
+    /// Fix
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For a wrong length or type, a NaN or an infinity. The matcher is then as it was.
+    #[pyo3(signature = (distances, trusted=None))]
+    fn push(slf: &Bound<'_, Self>, distances: &Bound<'_, PyAny>, trusted: Option<bool>) -> PyResult<Fix> {
+        let py = slf.py();
+        let distances = floats(distances, "distances", 1)?;
+        let distances = distances.as_slice()?;
+        let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Matcher"))?;
+        let matcher = &mut this.0;
+        let fix = py.detach(|| match trusted {
+            Some(trusted) => matcher.push_with_trust(distances, trusted),
+            None => matcher.push(distances),
+        });
+        Ok(Fix(fix.or_raise(py)?))
+    }
+
+    /// Forgets all queries: the next one is frame 0.
+    fn reset(slf: &Bound<'_, Self>) -> PyResult<()> {
+        slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Matcher"))?.0.reset();
+        Ok(())
+    }
+
+    /// The whole state as bytes; ``Matcher.restore`` goes on from it bit-identically.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import surefix
+    /// >>> blob = surefix.Matcher(places=4).snapshot()
+    /// >>> surefix.Matcher.restore(blob).places
+    /// 4
+    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let matcher = &self.0;
+        let blob = py.detach(|| matcher.snapshot()).or_raise(py)?;
+        Ok(PyBytes::new(py, &blob))
+    }
+
+    /// A matcher that goes on where the snapshot was taken.
+    ///
+    /// Parameters
+    /// ----------
+    /// blob : bytes
+    ///     From ``snapshot``.
+    /// **options
+    ///     Where given, as for ``Matcher``: the snapshot must have been taken under just these.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     Where the bytes are damaged, foreign, of a newer version, or of other options.
+    #[staticmethod]
+    #[pyo3(
+        signature = (blob, **options),
+        text_signature = "(blob, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+    )]
+    fn restore(py: Python<'_>, blob: &[u8], options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let expected = options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
+        Ok(Self(py.detach(|| surefix::Matcher::restore(blob, expected.as_ref())).or_raise(py)?))
+    }
+
+    /// How many places the route has.
+    #[getter]
+    fn places(&self) -> usize {
+        self.0.places()
+    }
+
+    /// How many queries it has taken since the start or the last reset.
+    #[getter]
+    fn frames(&self) -> u64 {
+        self.0.frames()
+    }
+
+    fn __repr__(&self) -> String {
+        let length = self.0.config().sequence_length;
+        format!("Matcher(places={}, sequence_length={length}, frames={})", self.0.places(), self.0.frames())
+    }
+}

@@ -1,0 +1,137 @@
+//! `surefix.Sad`.
+
+use pyo3::prelude::*;
+use surefix::{Dtype, Error};
+
+use crate::arrays::{as_array, rows_to_py};
+use crate::error::OrRaise as _;
+use crate::images::{Pixels, image_to_py};
+
+/// The SAD descriptor: an image in grey, made small, normalised patch by patch.
+///
+/// Parameters
+/// ----------
+/// size : (int, int)
+///     Width and height of the small image, in pixels.
+/// patch : int
+///     The side of a patch, in pixels; it must divide both sides.
+/// dtype : {"u8", "f32"}
+///     "u8" keeps ``clamp(round(128 + 32 z))``: a quarter of the memory, exact integer distances. "f32" keeps ``z``.
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     For a patch that does not divide the sides, or another dtype.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> sad = surefix.Sad(size=(64, 32), patch=8)
+/// >>> sad.describe(np.zeros((480, 640, 3), np.uint8)).shape
+/// (2048,)
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct Sad(pub(crate) surefix::Sad);
+
+#[pymethods]
+impl Sad {
+    #[new]
+    #[pyo3(signature = (size=(64, 32), patch=8, dtype=None), text_signature = "(size=(64, 32), patch=8, dtype='u8')")]
+    fn new(
+        py: Python<'_>,
+        size: (usize, usize),
+        patch: usize,
+        dtype: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let dtype = dtype.map_or(Ok(Dtype::U8), dtype_named)?;
+        Ok(Self(surefix::Sad::new(size, patch, dtype).or_raise(py)?))
+    }
+
+    /// The image's descriptor.
+    ///
+    /// Parameters
+    /// ----------
+    /// image : array of uint8, shape (H, W) or (H, W, 3) RGB
+    ///
+    /// Returns
+    /// -------
+    /// array of uint8 or float32, shape (width * height,), row by row
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For another type or shape.
+    fn describe<'py>(&self, py: Python<'py>, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let pixels = Pixels::new(&as_array(image, "image")?, "image")?;
+        let view = pixels.view(py)?;
+        let values = py.detach(|| self.0.describe(view)).or_raise(py)?;
+        rows_to_py(py, values.view(), &[values.len()])
+    }
+
+    /// What the descriptor sees before it is normalised: the image in grey, made small (equal to Pillow's
+    /// ``convert("L").resize(size, BILINEAR)``).
+    ///
+    /// Parameters
+    /// ----------
+    /// image : array of uint8, shape (H, W) or (H, W, 3) RGB
+    ///
+    /// Returns
+    /// -------
+    /// array of uint8, shape (height, width) of the descriptor
+    fn thumbnail<'py>(&self, py: Python<'py>, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let pixels = Pixels::new(&as_array(image, "image")?, "image")?;
+        let view = pixels.view(py)?;
+        let small = py.detach(|| self.0.thumbnail(view)).or_raise(py)?;
+        image_to_py(py, &small)
+    }
+
+    /// Width and height of the small image, in pixels.
+    #[getter]
+    fn size(&self) -> (usize, usize) {
+        self.0.size()
+    }
+
+    /// The side of a patch, in pixels.
+    #[getter]
+    fn patch(&self) -> usize {
+        self.0.patch()
+    }
+
+    /// How many numbers a descriptor has.
+    #[getter]
+    fn dim(&self) -> usize {
+        self.0.dim()
+    }
+
+    /// The type of the descriptor's numbers: "u8" or "f32".
+    #[getter]
+    fn dtype(&self) -> &'static str {
+        if self.0.dtype() == Dtype::U8 { "u8" } else { "f32" }
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.0 == other.0
+    }
+
+    fn __repr__(&self) -> String {
+        let (width, height) = self.0.size();
+        format!("Sad(size=({width}, {height}), patch={}, dtype='{}')", self.0.patch(), self.dtype())
+    }
+}
+
+/// The type that "u8", "uint8", `np.uint8` and the like name.
+fn dtype_named(given: &Bound<'_, PyAny>) -> PyResult<Dtype> {
+    let py = given.py();
+    let short = match given.extract::<String>().as_deref() {
+        Ok("u8") => Some("uint8".to_owned()),
+        Ok("f32") => Some("float32".to_owned()),
+        _ => py.import("numpy")?.call_method1("dtype", (given,)).ok().map(|dtype| dtype.to_string()),
+    };
+    match short.as_deref() {
+        Some("uint8") => Ok(Dtype::U8),
+        Some("float32") => Ok(Dtype::F32),
+        _ => {
+            let (expected, got) = ("\"u8\" or \"f32\"".to_owned(), given.to_string());
+            Err(Error::Option { name: "dtype", expected, got }).or_raise(py)
+        }
+    }
+}

@@ -1,0 +1,50 @@
+"""Where am I on this route, and may I trust that answer?
+
+surefix matches the images of a drive to those of an earlier drive along the same route, and says of each match
+whether to trust it: Carson, Ford and Milford, *Unsupervised Quality Prediction for Improved Single-Frame and Weighted
+Sequential Visual Place Recognition*, ICRA 2023. No training, no ground truth, any descriptor.
+"""
+
+from surefix._core import (
+    Evaluation,
+    Fix,
+    FixStream,
+    Localizer,
+    Map,
+    Matcher,
+    Peak,
+    Run,
+    Sad,
+    Sequence,
+    Single,
+    __version__,
+    evaluate,
+    find_images,
+    match,
+    match_distances,
+    read_image,
+)
+from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
+
+__all__ = [
+    "Evaluation",
+    "Fix",
+    "FixStream",
+    "Localizer",
+    "Map",
+    "Matcher",
+    "Peak",
+    "Run",
+    "Sad",
+    "Sequence",
+    "Single",
+    "SurefixError",
+    "SurefixFileError",
+    "SurefixValueError",
+    "__version__",
+    "evaluate",
+    "find_images",
+    "match",
+    "match_distances",
+    "read_image",
+]

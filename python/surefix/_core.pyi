@@ -1,0 +1,314 @@
+"""The compiled part of surefix. Docstrings live in the Rust sources; stubtest holds these signatures to the binary."""
+
+from collections.abc import Callable, Iterable, Iterator
+from os import PathLike
+from typing import Any, Literal, Protocol, SupportsFloat, SupportsIndex, TypeAlias, final
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+__all__: list[str]
+
+class _HasArray(Protocol):
+    def __array__(self, *args: Any, **kwargs: Any) -> npt.NDArray[Any]: ...
+
+class _HasDlpack(Protocol):
+    def __dlpack__(self, *args: Any, **kwargs: Any) -> Any: ...
+
+_Array: TypeAlias = npt.NDArray[Any] | _HasArray | _HasDlpack
+_Path: TypeAlias = str | PathLike[str]
+_Progress: TypeAlias = Callable[[int, int], bool | None] | Literal[False] | None
+_Gradient: TypeAlias = Literal["halved", "unhalved"]
+_Floor: TypeAlias = Literal["running", "global"] | SupportsFloat
+_Float32: TypeAlias = npt.NDArray[np.float32]
+_Float64: TypeAlias = npt.NDArray[np.float64]
+_Int64: TypeAlias = npt.NDArray[np.int64]
+_Bool: TypeAlias = npt.NDArray[np.bool_]
+_UInt8: TypeAlias = npt.NDArray[np.uint8]
+
+@final
+class Single:
+    @property
+    def place(self) -> int: ...
+    @property
+    def distance(self) -> float: ...
+
+@final
+class Peak:
+    @property
+    def place(self) -> int: ...
+    @property
+    def value(self) -> float: ...
+
+@final
+class Sequence:
+    @property
+    def place(self) -> int: ...
+    @property
+    def score(self) -> float: ...
+    @property
+    def anchors(self) -> int: ...
+    @property
+    def speed(self) -> float: ...
+
+@final
+class Fix:
+    @property
+    def frame(self) -> int: ...
+    @property
+    def trusted(self) -> bool: ...
+    @property
+    def place(self) -> int: ...
+    @property
+    def score(self) -> float: ...
+    @property
+    def single(self) -> Single: ...
+    @property
+    def gradient(self) -> Peak: ...
+    @property
+    def sequence(self) -> Sequence | None: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Sad:
+    def __new__(
+        cls, size: tuple[int, int] = (64, 32), patch: int = 8, dtype: npt.DTypeLike | Literal["u8", "f32"] = "u8"
+    ) -> Sad: ...
+    def describe(self, image: _Array) -> npt.NDArray[Any]: ...
+    def thumbnail(self, image: _Array) -> _UInt8: ...
+    @property
+    def size(self) -> tuple[int, int]: ...
+    @property
+    def patch(self) -> int: ...
+    @property
+    def dim(self) -> int: ...
+    @property
+    def dtype(self) -> Literal["u8", "f32"]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Map:
+    @staticmethod
+    def from_images(
+        images: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
+        descriptor: Sad | None = None,
+        *,
+        positions: npt.ArrayLike | None = None,
+        progress: _Progress = None,
+    ) -> Map: ...
+    @staticmethod
+    def from_descriptors(
+        descriptors: _Array,
+        metric: Literal["cosine", "euclidean", "manhattan"] | str = "cosine",
+        positions: npt.ArrayLike | None = None,
+        names: Iterable[str] | None = None,
+    ) -> Map: ...
+    @staticmethod
+    def open(path: _Path) -> Map: ...
+    def save(self, path: _Path) -> None: ...
+    def distances(self, descriptor: _Array) -> _Float32: ...
+    def __len__(self) -> int: ...
+    @property
+    def dim(self) -> int: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+    @property
+    def metric(self) -> Literal["cosine", "euclidean", "manhattan"]: ...
+    @property
+    def descriptor(self) -> Sad | None: ...
+    @property
+    def descriptors(self) -> npt.NDArray[Any]: ...
+    @property
+    def positions(self) -> _Float64 | None: ...
+    @property
+    def names(self) -> list[str] | None: ...
+
+@final
+class Matcher:
+    def __new__(
+        cls,
+        places: SupportsIndex,
+        *,
+        sequence_length: SupportsIndex = 2,
+        weight: SupportsFloat = 0.99,
+        tolerance: SupportsIndex = 1,
+        smoothing: SupportsIndex = 3,
+        gradient: _Gradient | str = "halved",
+        floor: _Floor | str = "running",
+        speeds: Iterable[SupportsFloat] = [1.0],
+    ) -> Matcher: ...
+    def push(self, distances: _Array, trusted: bool | None = None) -> Fix: ...
+    def reset(self) -> None: ...
+    def snapshot(self) -> bytes: ...
+    @staticmethod
+    def restore(
+        blob: bytes,
+        *,
+        sequence_length: SupportsIndex = 2,
+        weight: SupportsFloat = 0.99,
+        tolerance: SupportsIndex = 1,
+        smoothing: SupportsIndex = 3,
+        gradient: _Gradient | str = "halved",
+        floor: _Floor | str = "running",
+        speeds: Iterable[SupportsFloat] = [1.0],
+    ) -> Matcher: ...
+    @property
+    def places(self) -> int: ...
+    @property
+    def frames(self) -> int: ...
+
+@final
+class Localizer:
+    def __new__(
+        cls,
+        map: Map,
+        *,
+        sequence_length: SupportsIndex = 2,
+        weight: SupportsFloat = 0.99,
+        tolerance: SupportsIndex = 1,
+        smoothing: SupportsIndex = 3,
+        gradient: _Gradient | str = "halved",
+        floor: _Floor | str = "running",
+        speeds: Iterable[SupportsFloat] = [1.0],
+    ) -> Localizer: ...
+    def push(self, frame: _Array | _Path, trusted: bool | None = None) -> Fix: ...
+    def stream(self, frames: _Path | Iterable[_Array | _Path]) -> FixStream: ...
+    def reset(self) -> None: ...
+    def snapshot(self) -> bytes: ...
+    @staticmethod
+    def restore(
+        map: Map,
+        blob: bytes,
+        *,
+        sequence_length: SupportsIndex = 2,
+        weight: SupportsFloat = 0.99,
+        tolerance: SupportsIndex = 1,
+        smoothing: SupportsIndex = 3,
+        gradient: _Gradient | str = "halved",
+        floor: _Floor | str = "running",
+        speeds: Iterable[SupportsFloat] = [1.0],
+    ) -> Localizer: ...
+    @property
+    def distances(self) -> _Float32: ...
+    @property
+    def map(self) -> Map: ...
+
+@final
+class FixStream(Iterator[Fix]):
+    def __iter__(self) -> FixStream: ...
+    def __next__(self) -> Fix: ...
+
+@final
+class Run:
+    @property
+    def place(self) -> _Int64: ...
+    @property
+    def score(self) -> _Float32: ...
+    @property
+    def trusted(self) -> _Bool: ...
+    @property
+    def anchors(self) -> _Int64: ...
+    @property
+    def ready(self) -> _Bool: ...
+    @property
+    def speed(self) -> _Float64: ...
+    @property
+    def single_place(self) -> _Int64: ...
+    @property
+    def single_distance(self) -> _Float32: ...
+    @property
+    def gradient_place(self) -> _Int64: ...
+    @property
+    def gradient_value(self) -> _Float32: ...
+    def to_csv(self, path: _Path) -> None: ...
+    def to_dataframe(self) -> Any: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, key: SupportsIndex, /) -> Fix: ...
+
+def match_distances(
+    distances: _Array,
+    *,
+    floor: _Floor | str = "global",
+    trusted: _Array | list[bool] | None = None,
+    sequence_length: SupportsIndex = 2,
+    weight: SupportsFloat = 0.99,
+    tolerance: SupportsIndex = 1,
+    smoothing: SupportsIndex = 3,
+    gradient: _Gradient | str = "halved",
+    speeds: Iterable[SupportsFloat] = [1.0],
+) -> Run: ...
+def match(
+    map: Map,
+    queries: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
+    *,
+    trusted: _Array | list[bool] | None = None,
+    progress: _Progress = None,
+    sequence_length: SupportsIndex = 2,
+    weight: SupportsFloat = 0.99,
+    tolerance: SupportsIndex = 1,
+    smoothing: SupportsIndex = 3,
+    gradient: _Gradient | str = "halved",
+    floor: _Floor | str = "running",
+    speeds: Iterable[SupportsFloat] = [1.0],
+) -> Run: ...
+@final
+class Evaluation:
+    @property
+    def recall(self) -> _Float64: ...
+    @property
+    def precision(self) -> _Float64: ...
+    @property
+    def thresholds(self) -> _Float32: ...
+    def auc(self, upto: float) -> float: ...
+    def recall_at_precision(self, precision: float) -> float: ...
+    def false_positives_at(self, recall: float) -> int | None: ...
+    @property
+    def max_recall(self) -> float: ...
+
+def evaluate(
+    run: Run,
+    truth: _Array | list[int],
+    tolerance: int = 1,
+    recall: Literal["correct", "place_exists", "rejected"] | str = "correct",
+) -> Evaluation: ...
+def read_image(path: _Path) -> _UInt8: ...
+def find_images(place: _Path) -> list[str]: ...
+@final
+class Route:
+    def __new__(
+        cls, places: int = 1000, size: tuple[int, int] = (320, 160), spacing: float = 3.0, seed: int = 1
+    ) -> Route: ...
+    def reference(self) -> Traverse: ...
+    def revisit(
+        self,
+        *,
+        light: float = ...,
+        season: float = ...,
+        lateral_offset: float = ...,
+        speed_jitter: float = ...,
+        occluders: float = ...,
+        noise: float = ...,
+        seed: int = ...,
+    ) -> Traverse: ...
+    def traverse(
+        self,
+        *,
+        light: float = 0.0,
+        season: float = 0.0,
+        lateral_offset: float = 0.0,
+        speed_jitter: float = 0.0,
+        occluders: float = 0.0,
+        noise: float = 0.0,
+        seed: int = 0,
+    ) -> Traverse: ...
+
+@final
+class Traverse:
+    def __len__(self) -> int: ...
+    def __getitem__(self, key: SupportsIndex, /) -> _UInt8: ...
+    @property
+    def positions(self) -> _Float64: ...
+    def truth(self, reference: Traverse) -> _Int64: ...

@@ -1,0 +1,239 @@
+//! Whole runs at once: the same answers as the stream, on all cores.
+
+use std::io::{self, Write};
+
+use ndarray::ArrayView2;
+
+use crate::config::{Config, Floor};
+use crate::distance::{Values, View, first_not_finite};
+use crate::error::Error;
+use crate::map::Map;
+use crate::matcher::{Fix, Matcher, minimum};
+use crate::parallel::each;
+
+/// The fixes of a whole run, one a query, in order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Run {
+    /// One fix a query.
+    pub fixes: Vec<Fix>,
+}
+
+impl Run {
+    /// Writes the fixes as CSV: a line of names, then a line a query. Warm-up leaves `anchors` and `speed` empty.
+    ///
+    /// # Errors
+    /// Whatever `out` gives.
+    pub fn write_csv(&self, out: &mut impl Write) -> io::Result<()> {
+        writeln!(
+            out,
+            "frame,place,score,trusted,ready,anchors,speed,single_place,single_distance,gradient_place,gradient_value"
+        )?;
+        for fix in &self.fixes {
+            let Fix { frame, place, score, trusted, single, gradient, sequence } = fix;
+            let (ready, anchors, speed) = match sequence {
+                Some(s) => (true, s.anchors.to_string(), s.speed.to_string()),
+                None => (false, String::new(), String::new()),
+            };
+            writeln!(
+                out,
+                "{frame},{place},{score},{trusted},{ready},{anchors},{speed},{},{},{},{}",
+                single.place, single.distance, gradient.place, gradient.value
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Matches a whole distance matrix: `D[[i, j]]` is the distance between place `i` and query `j`, in any memory layout.
+/// The answers are those of a [`Matcher`] that is pushed column by column; `floor: Global` (the paper's own) is possible
+/// here too. `trusted`, where given, is an external predictor's word for each query.
+///
+/// # Errors
+/// As for [`Config::validate`]; [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity;
+/// [`Error::Length`] where `trusted` has not one word a query.
+#[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
+pub fn match_distances(
+    distances: ArrayView2<'_, f32>,
+    config: &Config,
+    trusted: Option<&[bool]>,
+) -> Result<Run, Error> {
+    let (places, queries) = distances.dim();
+    config.validate(places)?;
+    if let Some(trusted) = trusted
+        && trusted.len() != queries
+    {
+        return Err(Error::Length { what: "trusted", expected: queries, got: trusted.len() });
+    }
+    let piece = piece_length(config, queries);
+    let pieces = 0..queries.div_ceil(piece);
+    let span = |index: usize| (index * piece, queries.min((index + 1) * piece));
+    let minima = flatten(each(
+        pieces.clone(),
+        || (),
+        |(), index| {
+            let (start, end) = span(index);
+            column_minima(&distances, start, end)
+        },
+    ))?;
+    let mut config = config.clone();
+    if config.floor == Floor::Global {
+        config.floor = Floor::Fixed(f64::from(minima.iter().copied().fold(f32::INFINITY, f32::min)));
+    }
+
+    // The batch is the stream, cut into pieces. Each begins early enough for its first window and gradients to be those
+    // of the whole stream, and with the minimum that the stream would have had.
+    let lead = (config.sequence_length - 1).saturating_add(config.smoothing - 1);
+    let fixes = flatten(each(
+        pieces,
+        || (),
+        |(), index| {
+            let (start, end) = span(index);
+            let first = start.saturating_sub(lead);
+            let mut matcher = Matcher::new(places, config.clone())?;
+            matcher.begin_at(first, minima[..first].iter().copied().fold(f32::INFINITY, f32::min));
+            let mut fixes = Vec::with_capacity(piece);
+            for_each_column(&distances, first, end, |query, column| {
+                let fix = matcher.step(column, trusted.map(|trusted| trusted[query]))?;
+                if query >= start {
+                    fixes.push(fix);
+                }
+                Ok(())
+            })?;
+            Ok(fixes)
+        },
+    ))?;
+    Ok(Run { fixes })
+}
+
+/// Matches many descriptors, one after the other in `queries`, against a map: the distances on all cores, the answers
+/// those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map twice, so that no matrix need be held.
+///
+/// # Errors
+/// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] where the map's dimension does not divide the
+/// numbers; [`Error::Length`] where `trusted` has not one word a query.
+pub fn match_descriptors(
+    map: &Map,
+    queries: &Values,
+    config: &Config,
+    trusted: Option<&[bool]>,
+) -> Result<Run, Error> {
+    let dim = map.dim();
+    if !queries.len().is_multiple_of(dim) {
+        let (expected, got) = (format!("rows of {dim} numbers"), format!("{} numbers", queries.len()));
+        return Err(Error::Shape { what: "queries", expected, got });
+    }
+    let count = queries.len() / dim;
+    if let Some(trusted) = trusted
+        && trusted.len() != count
+    {
+        return Err(Error::Length { what: "trusted", expected: count, got: trusted.len() });
+    }
+    config.validate(map.places())?;
+    let queries = queries.view();
+    queries.check_finite("queries", dim)?;
+    let mut config = config.clone();
+    if config.floor == Floor::Global {
+        let mut lowest = f32::INFINITY;
+        for_each_query(map, queries, count, |_, distances| {
+            lowest = lowest.min(minimum(distances).distance);
+            Ok(())
+        })?;
+        // Without a query there is no matrix and no minimum.
+        config.floor = if count == 0 { Floor::Running } else { Floor::Fixed(f64::from(lowest)) };
+    }
+    let mut matcher = Matcher::new(map.places(), config)?;
+    let mut fixes = Vec::with_capacity(count);
+    for_each_query(map, queries, count, |query, distances| {
+        fixes.push(matcher.step(distances, trusted.map(|trusted| trusted[query]))?);
+        Ok(())
+    })?;
+    Ok(Run { fixes })
+}
+
+/// Distance vectors that are held at a time, in numbers: 16 MB.
+const HELD: usize = 1 << 22;
+
+/// The distances of each query in turn, computed a few queries at a time on all cores.
+fn for_each_query(
+    map: &Map,
+    queries: View<'_>,
+    count: usize,
+    mut visit: impl FnMut(usize, &[f32]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let at_once = (HELD / map.places()).clamp(1, 256);
+    for start in (0..count).step_by(at_once) {
+        let indices = start..count.min(start + at_once);
+        let columns = each(
+            indices.clone(),
+            || (),
+            |(), query| {
+                let mut out = vec![0.0; map.places()];
+                if let Some(row) = queries.row(query, map.dim()) {
+                    map.distances_into(row, &mut out)?;
+                }
+                Ok(out)
+            },
+        );
+        for (query, column) in indices.zip(columns) {
+            visit(query, &column?)?;
+        }
+    }
+    Ok(())
+}
+
+/// How many queries a piece of a batch has: enough that its lead-in costs little.
+fn piece_length(config: &Config, queries: usize) -> usize {
+    let lead = config.sequence_length.saturating_add(config.smoothing);
+    let cores = if cfg!(feature = "rayon") { 8 } else { 1 };
+    (queries / cores).max(lead.saturating_mul(8)).max(64).max(1)
+}
+
+/// The smallest distance of each query, and a refusal of what is not finite.
+fn column_minima(distances: &ArrayView2<'_, f32>, start: usize, end: usize) -> Result<Vec<f32>, Error> {
+    let mut minima = Vec::with_capacity(end - start);
+    for_each_column(distances, start, end, |query, column| {
+        if let Some((index, value)) = first_not_finite(column) {
+            return Err(Error::NotFinite { what: "distances (row: query)", row: Some(query), index, value });
+        }
+        minima.push(minimum(column).distance);
+        Ok(())
+    })?;
+    Ok(minima)
+}
+
+/// The columns from `start` to `end`, each in one piece of memory. A matrix that is stored row by row is turned a tile at
+/// a time, so that whole cache lines are read and written.
+fn for_each_column(
+    distances: &ArrayView2<'_, f32>,
+    start: usize,
+    end: usize,
+    mut visit: impl FnMut(usize, &[f32]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    const TILE: usize = 16;
+    let places = distances.nrows();
+    let mut gathered = vec![0.0; TILE * places];
+    for first in (start..end).step_by(TILE) {
+        let queries = first..end.min(first + TILE);
+        for top in (0..places).step_by(TILE) {
+            let rows = top..places.min(top + TILE);
+            for (slot, query) in queries.clone().enumerate() {
+                let column = &mut gathered[slot * places..][rows.clone()];
+                for (number, place) in column.iter_mut().zip(rows.clone()) {
+                    *number = distances[[place, query]];
+                }
+            }
+        }
+        for (query, column) in queries.zip(gathered.chunks_exact(places)) {
+            visit(query, column)?;
+        }
+    }
+    Ok(())
+}
+
+fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
+    let mut all = Vec::new();
+    for piece in pieces {
+        all.extend(piece?);
+    }
+    Ok(all)
+}

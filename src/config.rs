@@ -1,0 +1,132 @@
+//! The options of the matcher: flat, each with a default, checked in one place.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+
+/// The longest smoothing that is accepted: `push` costs this much a place at most.
+const MAX_SMOOTHING: usize = 65_536;
+
+/// Which second difference the consensus looks at (DESIGN 1.1, Eq. 1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Gradient {
+    /// `(d[i+1] + d[i-1]) / 2 - d[i]`: the paper's Eq. 1.
+    #[default]
+    Halved,
+    /// `d[i+1] + d[i-1] - 2 d[i]`: the authors' public code. It can differ only at the two ends of the route.
+    Unhalved,
+}
+
+/// What a trusted cell is drawn towards: the `floor` of Eq. 4.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Floor {
+    /// The smallest distance of all queries so far, applied afresh to the whole window.
+    #[default]
+    Running,
+    /// This number, or the running minimum where that is smaller.
+    Fixed(f64),
+    /// The smallest distance of the whole matrix, the paper's own: for batches, which know it.
+    Global,
+}
+
+/// The options of a [`Matcher`](crate::Matcher), all with defaults.
+///
+/// ```
+/// use surefix::Config;
+/// let config = Config { sequence_length: 5, ..Config::default() };
+/// assert_eq!(config.weight, 0.99);
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Config {
+    /// `L`, how many queries a sequence has (Eq. 6). From 1 to the number of places; 2 by default.
+    pub sequence_length: usize,
+    /// `w`, how far a trusted cell is drawn to the floor (Eq. 4). From 0 (the plain sequence) to 1; 0.99 by default.
+    pub weight: f64,
+    /// How many frames the minimum and the gradient's peak may lie apart in a trusted match (Eq. 3). 1 by default.
+    pub tolerance: usize,
+    /// How many gradients are summed along the diagonal (the paper's 3 x 3 kernel). 3 by default; 1 for none,
+    /// where queries arrive in any order.
+    pub smoothing: usize,
+    /// Which form of the gradient (Eq. 1).
+    pub gradient: Gradient,
+    /// What trusted cells are drawn towards (Eq. 4).
+    pub floor: Floor,
+    /// Slopes to try, in places a query: the sequence's diagonals. `[1.0]` by default, as in the paper.
+    pub speeds: Vec<f64>,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            sequence_length: 2,
+            weight: 0.99,
+            tolerance: 1,
+            smoothing: 3,
+            gradient: Gradient::Halved,
+            floor: Floor::Running,
+            speeds: vec![1.0],
+        }
+    }
+}
+
+impl Config {
+    /// Checks every option against its range, for a route of `places` places.
+    ///
+    /// # Errors
+    /// [`Error::TooFewPlaces`] below two places, [`Error::Option`] for the first option outside its range.
+    pub fn validate(&self, places: usize) -> Result<(), Error> {
+        if places < 2 {
+            return Err(Error::TooFewPlaces { what: "places", got: places });
+        }
+        let in_range = |name, range: std::ops::RangeInclusive<usize>, why: &str, got: usize| {
+            if range.contains(&got) {
+                return Ok(());
+            }
+            let expected = format!("a whole number from {} to {}{why}", range.start(), range.end());
+            Err(Error::Option { name, expected, got: got.to_string() })
+        };
+        in_range("sequence_length", 1..=places, " (the number of places)", self.sequence_length)?;
+        in_range("smoothing", 1..=MAX_SMOOTHING, "", self.smoothing)?;
+        if !(0.0..=1.0).contains(&self.weight) {
+            return Err(option("weight", "a number from 0 to 1", self.weight));
+        }
+        if let Floor::Fixed(floor) = self.floor
+            && !floor.is_finite()
+        {
+            return Err(option("floor", "a finite number", floor));
+        }
+        if self.speeds.is_empty() {
+            return Err(Error::Option {
+                name: "speeds",
+                expected: "at least one speed".to_owned(),
+                got: "none".to_owned(),
+            });
+        }
+        for &speed in &self.speeds {
+            if !(speed.is_finite() && speed >= 0.0) {
+                return Err(option("speeds", "finite speeds of 0 or more, in places a query", speed));
+            }
+            let reach = reach(speed, self.sequence_length - 1);
+            if reach > (places - 1) as f64 {
+                let expected = format!(
+                    "speeds whose diagonal fits the route: at most {} places back over a sequence of {}",
+                    places - 1,
+                    self.sequence_length
+                );
+                return Err(option("speeds", &expected, speed));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `round(v k)`, halves upwards: how far back along the route the diagonal of slope `v` lies, `k` queries ago.
+pub(crate) fn reach(speed: f64, age: usize) -> f64 {
+    (speed * age as f64).round()
+}
+
+fn option(name: &'static str, expected: &str, got: f64) -> Error {
+    Error::Option { name, expected: expected.to_owned(), got: got.to_string() }
+}

@@ -1,0 +1,14 @@
+//! From images to descriptors (DESIGN 1.7).
+
+#[cfg(feature = "image")]
+mod files;
+mod image;
+mod resize;
+mod sad;
+mod source;
+
+#[cfg(feature = "image")]
+pub use files::{ImageFiles, read_image};
+pub use image::{Channels, Image, ImageView};
+pub use sad::{Describer, Sad};
+pub use source::{ImageSource, Progress, describe_all};

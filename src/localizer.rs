@@ -1,0 +1,144 @@
+//! A map and a matcher: the loop that a robot runs.
+
+use std::sync::Arc;
+
+use crate::config::Config;
+use crate::descriptor::{Describer, ImageView};
+use crate::distance::{Values, View};
+use crate::error::Error;
+use crate::map::{Map, Recipe};
+use crate::matcher::{Fix, Matcher, load};
+
+/// Localizes along a map, one camera frame at a time.
+///
+/// Many localizers can read one map at once. `push_descriptor` allocates nothing after construction;
+/// `push_image` allocates only when the camera's image size changes, so for the first image.
+///
+/// ```
+/// use std::sync::Arc;
+/// use surefix::{Config, Localizer, Map, Metric};
+/// let route = vec![1.0_f32, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+/// let map = Arc::new(Map::from_descriptors(route, 3, Metric::Euclidean)?);
+/// let mut localizer = Localizer::new(map, Config::default())?;
+/// let fix = localizer.push_descriptor([0.1_f32, 0.9, 0.0].as_slice())?;
+/// assert_eq!(fix.place, 1);
+/// # Ok::<(), surefix::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Localizer {
+    map: Arc<Map>,
+    matcher: Matcher,
+    /// Describes images the map's own way, where the map has one.
+    describer: Option<(Describer, Values)>,
+    distances: Vec<f32>,
+}
+
+impl Localizer {
+    /// A localizer on `map`.
+    ///
+    /// # Errors
+    /// As for [`Matcher::new`].
+    pub fn new(map: Arc<Map>, config: Config) -> Result<Self, Error> {
+        let matcher = Matcher::new(map.places(), config)?;
+        Ok(Self::with_matcher(map, matcher))
+    }
+
+    fn with_matcher(map: Arc<Map>, matcher: Matcher) -> Self {
+        let describer = match map.recipe() {
+            Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
+            Recipe::Ready => None,
+        };
+        Self { matcher, describer, distances: vec![0.0; map.places()], map }
+    }
+
+    /// Localizes by a camera image, described as the map's own images were.
+    ///
+    /// # Errors
+    /// [`Error::NoDescriptor`] where the map was made of ready descriptors. The localizer is then as it was.
+    pub fn push_image<'a>(&mut self, image: impl Into<ImageView<'a>>) -> Result<Fix, Error> {
+        self.step_image(image.into(), None)
+    }
+
+    /// Localizes by a descriptor: float32, or of the map's own type.
+    ///
+    /// # Errors
+    /// As for [`Map::distances_into`]. The localizer is then as it was.
+    pub fn push_descriptor<'a>(&mut self, descriptor: impl Into<View<'a>>) -> Result<Fix, Error> {
+        self.step_descriptor(descriptor.into(), None)
+    }
+
+    /// [`push_image`](Self::push_image), with an external predictor's word in place of the consensus where there is one.
+    ///
+    /// # Errors
+    /// As for [`push_image`](Self::push_image).
+    pub fn step_image(&mut self, image: ImageView<'_>, trusted: Option<bool>) -> Result<Fix, Error> {
+        let Some((describer, values)) = &mut self.describer else { return Err(Error::NoDescriptor) };
+        describer.describe(image, values)?;
+        self.map.distances_into(values.view(), &mut self.distances)?;
+        self.matcher.step(&self.distances, trusted)
+    }
+
+    /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of the consensus where
+    /// there is one.
+    ///
+    /// # Errors
+    /// As for [`push_descriptor`](Self::push_descriptor).
+    pub fn step_descriptor(&mut self, descriptor: View<'_>, trusted: Option<bool>) -> Result<Fix, Error> {
+        self.map.distances_into(descriptor, &mut self.distances)?;
+        self.matcher.step(&self.distances, trusted)
+    }
+
+    /// Fixes for frame after frame of a camera, as they are asked for.
+    pub fn stream<'a, I>(&mut self, frames: I) -> impl Iterator<Item = Result<Fix, Error>>
+    where
+        I: IntoIterator,
+        I::Item: Into<ImageView<'a>>,
+    {
+        frames.into_iter().map(|frame| self.push_image(frame))
+    }
+
+    /// The distances from the newest frame to every place.
+    pub fn distances(&self) -> &[f32] {
+        &self.distances
+    }
+
+    /// Forgets all frames: the next one is frame 0.
+    pub fn reset(&mut self) {
+        self.matcher.reset();
+    }
+
+    /// The state as bytes, without the map; [`restore`](Self::restore) goes on from it bit-identically.
+    ///
+    /// # Errors
+    /// As for [`Matcher::snapshot`].
+    pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
+        self.matcher.save(Some(self.map.fingerprint()))
+    }
+
+    /// A localizer that goes on where the snapshot was taken, on the same map. Where `expected` is given, the snapshot
+    /// must have been taken under the same options.
+    ///
+    /// # Errors
+    /// [`Error::Snapshot`] where the bytes are damaged, of another map, of other options or of a newer version.
+    pub fn restore(map: Arc<Map>, snapshot: &[u8], expected: Option<&Config>) -> Result<Self, Error> {
+        let saved = load(snapshot, expected)?;
+        if saved.map != Some(map.fingerprint()) || saved.matcher.places() != map.places() {
+            let reason = match saved.map {
+                Some(_) => "taken on another map than this one".to_owned(),
+                None => "of a matcher without a map: restore it with Matcher".to_owned(),
+            };
+            return Err(Error::Snapshot { reason });
+        }
+        Ok(Self::with_matcher(map, saved.matcher))
+    }
+
+    /// The map.
+    pub fn map(&self) -> &Arc<Map> {
+        &self.map
+    }
+
+    /// The matcher behind it.
+    pub fn matcher(&self) -> &Matcher {
+        &self.matcher
+    }
+}

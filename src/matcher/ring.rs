@@ -1,0 +1,57 @@
+//! The last few columns, in memory that is laid out once.
+
+/// The newest `capacity` columns of `height` numbers each, oldest overwritten first.
+#[derive(Clone, Debug)]
+pub(super) struct Ring {
+    numbers: Vec<f32>,
+    height: usize,
+    capacity: usize,
+    /// Where the newest column lies.
+    newest: usize,
+    filled: usize,
+}
+
+impl Ring {
+    pub(super) fn new(capacity: usize, height: usize) -> Self {
+        Self { numbers: vec![0.0; capacity * height], height, capacity, newest: 0, filled: 0 }
+    }
+
+    /// Numbers a column.
+    pub(super) fn height(&self) -> usize {
+        self.height
+    }
+
+    /// How many columns it holds now.
+    pub(super) fn len(&self) -> usize {
+        self.filled
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.filled = 0;
+    }
+
+    /// Makes room for a new column, to be written by the caller.
+    pub(super) fn advance(&mut self) -> &mut [f32] {
+        self.newest = if self.newest + 1 == self.capacity { 0 } else { self.newest + 1 };
+        self.filled = (self.filled + 1).min(self.capacity);
+        let start = self.newest * self.height;
+        &mut self.numbers[start..start + self.height]
+    }
+
+    /// The column of `age` pushes ago: 0 is the newest. `age` is below `len()`.
+    pub(super) fn column(&self, age: usize) -> &[f32] {
+        let start = self.start(age);
+        &self.numbers[start..start + self.height]
+    }
+
+    pub(super) fn column_mut(&mut self, age: usize) -> &mut [f32] {
+        let start = self.start(age);
+        &mut self.numbers[start..start + self.height]
+    }
+
+    fn start(&self, age: usize) -> usize {
+        debug_assert!(age < self.filled, "column {age} of {}", self.filled);
+        let slot = if age <= self.newest { self.newest - age } else { self.newest + self.capacity - age };
+        slot * self.height
+    }
+}

@@ -1,0 +1,184 @@
+//! A matcher's state as bytes, so that a robot that restarts goes on where it was, to the last bit.
+//!
+//! A snapshot is a small safetensors file: the tensors `columns` and `gradients` (newest first) and one metadata entry
+//! `surefix` with the rest as JSON.
+
+use std::collections::HashMap;
+use std::hash::Hasher as _;
+
+use safetensors::tensor::{Dtype, TensorView};
+use safetensors::{SafeTensors, serialize};
+use serde::{Deserialize, Serialize};
+use twox_hash::XxHash3_64;
+
+use super::consensus::Single;
+use super::ring::Ring;
+use super::{Anchor, Matcher, slot};
+use crate::config::Config;
+use crate::error::Error;
+
+const FORMAT: &str = "surefix-snapshot";
+const VERSION: u64 = 1;
+/// The one metadata entry; a map file has the same.
+const ENTRY: &str = "surefix";
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    format: String,
+    version: u64,
+    /// The fingerprint of the map that it belongs to, if any.
+    map: Option<u64>,
+    places: usize,
+    config: Config,
+    frames: u64,
+    /// The smallest distance so far; nothing before the first query.
+    lowest: Option<f32>,
+    /// The single match's place and trust of each column, newest first.
+    anchors: Vec<(usize, bool)>,
+    /// A hash of the tensors, so that a flipped bit does not pass.
+    checksum: u64,
+}
+
+/// What a snapshot held.
+pub(crate) struct Saved {
+    pub(crate) matcher: Matcher,
+    pub(crate) map: Option<u64>,
+}
+
+impl Matcher {
+    /// The matcher's whole state as bytes; [`restore`](Self::restore) goes on from it bit-identically.
+    ///
+    /// # Errors
+    /// [`Error::Snapshot`] where the state is too large for the format (over 100 MB of header).
+    pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
+        self.save(None)
+    }
+
+    /// A matcher that goes on where the snapshot was taken. Where `expected` is given, the snapshot must have been
+    /// taken under the same options.
+    ///
+    /// # Errors
+    /// [`Error::Snapshot`] where the bytes are damaged, foreign, of a newer version, or of other options.
+    pub fn restore(snapshot: &[u8], expected: Option<&Config>) -> Result<Self, Error> {
+        let saved = load(snapshot, expected)?;
+        Ok(saved.matcher)
+    }
+
+    /// The state as bytes, marked with the fingerprint of the map that it belongs to.
+    pub(crate) fn save(&self, map: Option<u64>) -> Result<Vec<u8>, Error> {
+        let (columns, gradients) = (newest_first(&self.columns), newest_first(&self.gradients));
+        let header = Header {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            map,
+            places: self.places,
+            config: self.config.clone(),
+            frames: self.frames,
+            lowest: self.lowest.is_finite().then_some(self.lowest),
+            anchors: (0..self.columns.len()).map(|age| self.anchor(age)).collect(),
+            checksum: checksum(&columns, &gradients),
+        };
+        let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
+        let tensor = |bytes, ring: &Ring| {
+            TensorView::new(Dtype::F32, vec![ring.len(), self.places], bytes).map_err(|e| refused(&e))
+        };
+        let tensors = [
+            ("columns", tensor(&columns, &self.columns)?),
+            ("gradients", tensor(&gradients, &self.gradients)?),
+        ];
+        serialize(tensors, Some(HashMap::from([(ENTRY.to_owned(), header)]))).map_err(|e| refused(&e))
+    }
+
+    fn anchor(&self, age: usize) -> (usize, bool) {
+        let anchor = self.anchors[slot(self.frames - 1 - age as u64, self.config.sequence_length)];
+        (anchor.single.place, anchor.trusted)
+    }
+}
+
+/// Reads a snapshot, and refuses one that no matcher can have written.
+pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, Error> {
+    let damaged = |e: &dyn std::fmt::Display| refused(&format!("damaged or not a snapshot ({e})"));
+    let (_, metadata) = SafeTensors::read_metadata(snapshot).map_err(|e| damaged(&e))?;
+    let entry = metadata.metadata().as_ref().and_then(|entries| entries.get(ENTRY));
+    let text = entry.ok_or_else(|| damaged(&"no surefix entry"))?;
+    check_version(text)?;
+    let header: Header = serde_json::from_str(text).map_err(|e| damaged(&e))?;
+    if let Some(expected) = expected
+        && *expected != header.config
+    {
+        return Err(refused(&format!(
+            "taken under other options: expected {expected:?}, got {:?}",
+            header.config
+        )));
+    }
+    let mut matcher = Matcher::new(header.places, header.config).map_err(|e| damaged(&e))?;
+    let tensors = SafeTensors::deserialize(snapshot).map_err(|e| damaged(&e))?;
+    let columns = tensors.tensor("columns").map_err(|e| damaged(&e))?;
+    let gradients = tensors.tensor("gradients").map_err(|e| damaged(&e))?;
+    if checksum(columns.data(), gradients.data()) != header.checksum {
+        return Err(damaged(&"its checksum does not fit"));
+    }
+    let held = |capacity: usize| usize::try_from(header.frames).unwrap_or(usize::MAX).min(capacity);
+    let length = matcher.config.sequence_length;
+    let smoothing = matcher.config.smoothing.min(header.places);
+    fill(&mut matcher.columns, &columns, held(length))?;
+    fill(&mut matcher.gradients, &gradients, held(smoothing))?;
+    matcher.frames = header.frames;
+    matcher.lowest = header.lowest.unwrap_or(f32::INFINITY);
+    if header.anchors.len() != matcher.columns.len() {
+        return Err(damaged(&"a wrong number of anchors"));
+    }
+    for (age, &(place, trusted)) in header.anchors.iter().enumerate() {
+        let distance =
+            *matcher.columns.column(age).get(place).ok_or_else(|| damaged(&"an anchor off the route"))?;
+        let at = slot(header.frames - 1 - age as u64, length);
+        matcher.anchors[at] = Anchor { single: Single { place, distance }, trusted };
+    }
+    Ok(Saved { matcher, map: header.map })
+}
+
+/// The version first: a newer header may lack what this one has.
+fn check_version(header: &str) -> Result<(), Error> {
+    #[derive(Deserialize)]
+    struct Version {
+        format: String,
+        version: u64,
+    }
+    match serde_json::from_str::<Version>(header) {
+        Ok(Version { format, version }) if format == FORMAT && version > VERSION => Err(refused(&format!(
+            "format {version}, but this version of surefix reads up to {VERSION}: upgrade surefix"
+        ))),
+        Ok(Version { format, .. }) if format == FORMAT => Ok(()),
+        _ => Err(refused(&"damaged or not a snapshot (the header is not a snapshot's)")),
+    }
+}
+
+fn newest_first(ring: &Ring) -> Vec<u8> {
+    let numbers = (0..ring.len()).flat_map(|age| ring.column(age));
+    numbers.flat_map(|x| x.to_le_bytes()).collect()
+}
+
+fn fill(ring: &mut Ring, tensor: &TensorView<'_>, columns: usize) -> Result<(), Error> {
+    let height = ring.height();
+    if tensor.dtype() != Dtype::F32 || tensor.shape() != [columns, height] {
+        let expected = format!("expected float32 ({columns}, {height}), got {:?}", tensor.shape());
+        return Err(refused(&format!("a tensor of the wrong shape: {expected}")));
+    }
+    for column in tensor.data().chunks_exact(height * 4).rev() {
+        for (number, bytes) in ring.advance().iter_mut().zip(column.as_chunks::<4>().0) {
+            *number = f32::from_le_bytes(*bytes);
+        }
+    }
+    Ok(())
+}
+
+fn checksum(columns: &[u8], gradients: &[u8]) -> u64 {
+    let mut hash = XxHash3_64::with_seed(0);
+    hash.write(columns);
+    hash.write(gradients);
+    hash.finish()
+}
+
+fn refused(reason: &dyn std::fmt::Display) -> Error {
+    Error::Snapshot { reason: reason.to_string() }
+}

@@ -1,0 +1,288 @@
+"""The oracle: section 1 of DESIGN.md in plain NumPy, whole matrices at a time, slow and obvious.
+
+It shares nothing with the library: no stream, no ring, no state, only matrices `D[i, j]` (place
+`i`, query `j`) and their shifted copies. Section numbers are those of DESIGN.md, equation numbers
+those of Carson, Ford, Milford, ICRA 2023.
+
+Read into the text where it is silent: `D` is float32; ties go to the lowest index; gradients are
+float32 in the written order of operations; diagonal sums are float64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+Array = npt.NDArray[Any]
+Floor = str | float
+
+
+def gradient(D: Array, kind: str = "halved") -> Array:
+    """Eq. 1, column by column, float32: `0.5 (d[i+1] + d[i-1]) - d[i]`; the ends are one-sided.
+
+    `unhalved` (the authors' code) is `(d[i+1] + d[i-1]) - 2 d[i]` inside, and has the same ends.
+    """
+    D = np.asarray(D, np.float32)
+    g = np.empty_like(D)
+    around = D[2:] + D[:-2]
+    if kind == "halved":
+        g[1:-1] = np.float32(0.5) * around - D[1:-1]
+    elif kind == "unhalved":
+        g[1:-1] = around - np.float32(2.0) * D[1:-1]
+    else:
+        raise ValueError(kind)
+    g[0] = D[1] - D[0]
+    g[-1] = D[-2] - D[-1]
+    return g
+
+
+def gradient_mean(D: Array, kind: str = "halved") -> Array:
+    """1.2: the mean of every column of the gradient, (m,), telescoped, in float32."""
+    D = np.asarray(D, np.float32)
+    n, m = D.shape
+    if kind == "unhalved":
+        return np.zeros(m, np.float32)
+    return ((D[1] - D[0]) + (D[-2] - D[-1])) / np.float32(2 * n)
+
+
+def enhance(g: Array, mean: Array, smoothing: int = 3) -> Array:
+    """1.2: `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms, in this order, float32.
+
+    A term before the first place or the first query is `mean[j]`, of the *current* column.
+    `smoothing` may exceed both sides of the matrix.
+    """
+    n, m = g.shape
+    G = g.copy()
+    for k in range(1, smoothing):
+        term = np.broadcast_to(mean, (n, m)).copy()
+        term[k:, k:] = g[: max(n - k, 0), : max(m - k, 0)]
+        G = G + term
+    return G
+
+
+def consensus(D: Array, G: Array, tolerance: int = 1) -> tuple[Array, Array, Array]:
+    """Eqs. 2 and 3: the places of least distance and greatest gradient, and do they agree."""
+    i_d = np.argmin(D, axis=0)
+    i_g = np.argmax(G, axis=0)
+    return i_d, i_g, np.abs(i_g - i_d) <= tolerance
+
+
+def floors(D: Array, floor: Floor = "running") -> Array:
+    """1.4: the floor that is in force when query `j` is answered, (m,) float32.
+
+    `running` is the least raw distance of all queries up to and including `j`; a number `x` is
+    `min(x, running)`, with `x` taken as a float32; `global` is the minimum of the whole matrix.
+    """
+    running = np.minimum.accumulate(D.min(axis=0))
+    if floor == "running":
+        return running
+    if floor == "global":
+        return np.full_like(running, D.min())
+    return np.minimum(np.float32(floor), running)
+
+
+def weight(d0: Array, floor: Array, w: float = 0.99) -> Array:
+    """Eq. 4: `d0 - w (d0 - floor)`, float64 from float32 values, then a float32 cell of `D_w`."""
+    d0, floor = np.asarray(d0, np.float64), np.asarray(floor, np.float64)
+    return (d0 - w * (d0 - floor)).astype(np.float32)
+
+
+def steps_back(speed: float, k: int) -> int:
+    """1.5: `round(v k)`, halves up."""
+    return int(np.floor(speed * k + 0.5))
+
+
+def sequence(
+    D: Array, i_d: Array, trusted: Array, floor: Array, w: float, length: int, speed: float = 1.0
+) -> tuple[Array, Array]:
+    """Eqs. 5 and 6: `S` (n, m) float64, `inf` where undefined, and the anchors on each diagonal.
+
+    Column `j` of `S` weights *every* column of its window by `floor[j]`, the floor in force at `j`.
+    Summed over `k = 0 .. L-1` in this order, then divided by `L`. Defined where `j >= L-1` and
+    `i >= round(v (L-1))`.
+    """
+    n, m = D.shape
+    S = np.zeros((n, m))
+    anchors = np.zeros((n, m), np.int64)
+    for k in range(min(length, m)):
+        back = steps_back(speed, k)
+        if back >= n:
+            break
+        queries = np.arange(k, m)  # j
+        then = queries - k  # j - k
+        column = D[:, then].astype(np.float64)
+        d0 = D[i_d[then], then]
+        weighted = np.where(trusted[then], weight(d0, floor[queries], w), d0)
+        column[i_d[then], then] = weighted
+        S[back:, k:] += column[: n - back]
+        is_anchor = (np.arange(n)[:, None] == i_d[then]) & trusted[then]
+        anchors[back:, k:] += is_anchor[: n - back]
+    S = S / length
+    S[: steps_back(speed, length - 1)] = np.inf
+    S[:, : length - 1] = np.inf
+    return S, anchors
+
+
+@dataclass(frozen=True)
+class Options:
+    """The options of section 2, with its defaults."""
+
+    sequence_length: int = 2
+    weight: float = 0.99
+    tolerance: int = 1
+    smoothing: int = 3
+    gradient: str = "halved"
+    floor: Floor = "running"
+    speeds: Sequence[float] = (1.0,)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One value per query, by the names of section 2."""
+
+    place: Array
+    score: Array
+    trusted: Array
+    anchors: Array
+    ready: Array
+    speed: Array
+    single_place: Array
+    single_distance: Array
+    gradient_place: Array
+    gradient_value: Array
+
+
+def match(D: Array, o: Options, trusted: Array | None = None) -> Run:
+    """Sections 1.1 to 1.5 for a matrix `D` (n, m); `trusted` (m,) stands in for the consensus.
+
+    Warming up (`j < L-1`): place and score are the single frame's, no anchors, speed NaN. Ties
+    between speeds: the lowest place, then the first in the list. A speed that never fits is none.
+    """
+    D = np.asarray(D, np.float32)
+    G = enhance(gradient(D, o.gradient), gradient_mean(D, o.gradient), o.smoothing)
+    i_d, i_g, agreed = consensus(D, G, o.tolerance)
+    trusted = agreed if trusted is None else np.asarray(trusted, bool)
+    floor = floors(D, o.floor)
+
+    j = np.arange(D.shape[1])
+    single = D[i_d, j]
+    place, best = i_d.copy(), np.full(len(j), np.inf)
+    speed, anchors = np.full(len(j), np.nan), np.zeros(len(j), np.int64)
+    for v in o.speeds:
+        S, on_diagonal = sequence(D, i_d, trusted, floor, o.weight, o.sequence_length, v)
+        i_0 = np.argmin(S, axis=0)
+        s = S[i_0, j]
+        better = (s < best) | (np.isfinite(s) & (s == best) & (i_0 < place))
+        place[better], best[better], speed[better] = i_0[better], s[better], v
+        anchors[better] = on_diagonal[i_0, j][better]
+    ready = np.isfinite(best)
+    score = np.where(ready, best, single).astype(np.float32)
+    G_max = G[i_g, j]
+    return Run(place, score, trusted, anchors, ready, speed, i_d, single, i_g, G_max)
+
+
+def distances(query: Array, rows: Array, metric: str) -> Array:
+    """1.6: one query (dim,) against rows (n, dim), by direct differences in float64."""
+    q, r = np.asarray(query, np.float64), np.asarray(rows, np.float64)
+    if metric == "manhattan":
+        return np.abs(r - q).mean(axis=1)
+    if metric == "euclidean":
+        return np.sqrt(((r - q) ** 2).sum(axis=1))
+    if metric == "cosine":
+        return 1.0 - (r @ q) / (np.sqrt((r**2).sum(axis=1)) * np.sqrt((q**2).sum()))
+    raise ValueError(metric)
+
+
+def sad_distances(query: Array, rows: Array) -> Array:
+    """1.7: between SAD descriptors, in units of `z` for both dtypes (32 steps of u8 are one)."""
+    step = 32.0 if np.asarray(query).dtype == np.uint8 else 1.0
+    return distances(query, rows, "manhattan") / step
+
+
+def grey(image: Array) -> Array:
+    """1.7: Rec. 601 in Pillow's integers; a grey image (H, W) is returned as it is."""
+    if image.ndim == 2:
+        return image
+    r, g, b = (image[..., c].astype(np.int64) for c in range(3))
+    return ((19595 * r + 38470 * g + 7471 * b + 32768) >> 16).astype(np.uint8)
+
+
+def resize(grey_image: Array, size: tuple[int, int]) -> Array:
+    """1.7: Pillow's own antialiased bilinear, to (width, height)."""
+    return np.asarray(Image.fromarray(grey_image).resize(size, Image.Resampling.BILINEAR))
+
+
+def normalise(thumbnail: Array, patch: int = 8, dtype: str = "u8") -> Array:
+    """1.7: every tile to `z = (p - mean) / std`, row by row of the *image* (y, then x).
+
+    From exact integer sums: with `N` pixels, `N p - sum p` over `sqrt(N sum p^2 - (sum p)^2)`. A
+    tile of population std below one grey level is 0. `u8` is `clamp(floor(128 + 32 z + 0.5))`.
+    """
+    height, width = thumbnail.shape
+    tiles = thumbnail.reshape(height // patch, patch, width // patch, patch).astype(np.int64)
+    count = patch * patch
+    total = tiles.sum(axis=(1, 3), keepdims=True)
+    variance = count * (tiles**2).sum(axis=(1, 3), keepdims=True) - total**2  # count^2 * std^2
+    flat = variance < count**2
+    z = (count * tiles - total) / np.sqrt(np.where(flat, 1, variance))
+    z = np.where(flat, 0.0, z).reshape(-1)
+    if dtype == "f32":
+        return z.astype(np.float32)
+    return np.clip(np.floor(128.0 + 32.0 * z + 0.5), 0, 255).astype(np.uint8)
+
+
+def sad(image: Array, size: tuple[int, int] = (64, 32), patch: int = 8, dtype: str = "u8") -> Array:
+    """1.7: image (H, W) or (H, W, 3) uint8 to its descriptor (width * height,)."""
+    return normalise(resize(grey(image), size), patch, dtype)
+
+
+def pr_curve(
+    scores: Array, correct: Array, n_relevant: int | None = None, recall: str = "correct"
+) -> tuple[Array, Array, Array]:
+    """1.8: (recall, precision, thresholds), one point per distinct score, `score <= threshold`.
+
+    `correct` (m,) is False for a query without a true place. `n_relevant` is the number of queries
+    that have one, for `place_exists`. A recall of 0 / 0 is 0.
+    """
+    scores, correct = np.asarray(scores), np.asarray(correct, bool)
+    thresholds = np.unique(scores)
+    accepted = scores[None, :] <= thresholds[:, None]
+    tp = (accepted & correct).sum(axis=1)
+    if recall == "correct":
+        whole = np.full_like(tp, correct.sum())
+    elif recall == "place_exists":
+        whole = np.full_like(tp, len(scores) if n_relevant is None else n_relevant)
+    elif recall == "rejected":
+        whole = tp + (~accepted).sum(axis=1)
+    else:
+        raise ValueError(recall)
+    return tp / np.maximum(whole, 1), tp / accepted.sum(axis=1), thresholds
+
+
+def auc(recall: Array, precision: Array, upto: float = 1.0) -> float:
+    """1.8: the area under the curve up to recall `upto`, over `upto`; nothing past its end.
+
+    One knot per distinct recall, at its *last* precision, the lowest, and trapezoids between knots.
+    Recall 0 has the first precision, unless mistakes come first. A cut inside a segment aims at the
+    *first* precision of the next recall, the sweep's own line. (So the reference figures were made;
+    trapezoids through every point of the sweep give others.)
+    """
+    r = np.concatenate([[0.0], recall])
+    p = np.concatenate([precision[:1], precision])
+    knots = np.unique(r)
+    last = np.array([p[r == x][-1] for x in knots])
+    first = np.array([p[r == x][0] for x in knots])
+    area = 0.0
+    for s in range(len(knots) - 1):
+        r0, r1 = knots[s], knots[s + 1]
+        if r1 <= upto:
+            area += (r1 - r0) * (last[s] + last[s + 1]) / 2
+        elif r0 < upto:
+            at_cut = last[s] + (first[s + 1] - last[s]) * (upto - r0) / (r1 - r0)
+            area += (upto - r0) * (last[s] + at_cut) / 2
+    return float(area / upto)
