@@ -1,4 +1,45 @@
 //! Where am I on this route, and may I trust that answer?
+//!
+//! surefix matches a camera's frames to those of an earlier drive along the same route, and says of each match whether to
+//! trust it. It implements Carson, Ford and Milford, *Unsupervised Quality Prediction for Improved Single-Frame and Weighted
+//! Sequential Visual Place Recognition* (ICRA 2023, arXiv 2307.01464): no training, no ground truth, any descriptor.
+//!
+//! - [`Map`] is the known route: one descriptor a place, from images ([`Map::from_images`]) or from any technique
+//!   ([`Map::from_descriptors`]), kept as one file.
+//! - [`Localizer`] is the robot's loop: a frame in, a [`Fix`] out. It allocates nothing on its way.
+//! - [`Matcher`] is the paper by itself, for whoever has distances already.
+//! - [`match_descriptors`] and [`match_distances`] do whole runs at once, with the same answers.
+//!
+//! ```
+//! use std::{ops::ControlFlow, sync::Arc};
+//! use surefix::simulate::{Conditions, Route, RouteConfig};
+//! use surefix::{Config, Localizer, Map, Sad};
+//!
+//! // A generated road stands in for two drives of your own: `ImageFiles::find("photos/monday")`.
+//! let route = Route::new(RouteConfig { places: 100, width: 64, height: 32, ..RouteConfig::default() })?;
+//! let summer = route.traverse(Conditions::reference())?;
+//! let winter = route.traverse(Conditions::revisit())?;
+//!
+//! let map = Map::from_images(&summer, Sad::default(), &mut |_done, _total| ControlFlow::Continue(()))?;
+//! let mut localizer = Localizer::new(Arc::new(map), Config { sequence_length: 5, ..Config::default() })?;
+//! for frame in 0..winter.len() {
+//!     let fix = localizer.push_image(&winter.frame(frame))?;
+//!     if fix.trusted {
+//!         println!("frame {}: at place {}, score {:.3}", fix.frame, fix.place, fix.score);
+//!     }
+//! }
+//! # Ok::<(), surefix::Error>(())
+//! ```
+//!
+//! Data runs one way: [`descriptor`] (an image becomes a vector), [`distance`] (a vector and the map's rows become
+//! distances), the matcher (distances become places), [`evaluate`] (places and the truth become curves).
+//!
+//! # Features
+//!
+//! Both are on by default, and need no C compiler.
+//!
+//! - `image`: read images from files (`ImageFiles`, `read_image`).
+//! - `rayon`: build maps and match batches on all cores; without it the same answers come from one.
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
@@ -25,3 +66,8 @@ pub use error::Error;
 pub use localizer::Localizer;
 pub use map::{Map, Positions, Recipe};
 pub use matcher::{Fix, Matcher, Peak, Sequence, Single};
+
+/// The README's Rust is compiled as an example.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

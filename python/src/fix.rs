@@ -103,7 +103,9 @@ impl Single {
     }
 }
 
-/// Where the enhanced gradient peaks: the place whose distance dips most sharply (Eq. 1 and the 3 x 3 kernel).
+/// Where the enhanced gradient peaks (Eq. 1 and the 3 x 3 kernel).
+///
+/// ``place`` is the place whose distance dips most sharply; ``value`` the enhanced gradient there, in units of distance.
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Peak(surefix::Peak);
 

@@ -176,7 +176,7 @@ impl Localizer {
         Ok(Self(localizer.or_raise(py)?))
     }
 
-    /// The map.
+    /// The map that it localizes on.
     #[getter]
     fn map(&self) -> Map {
         Map(self.0.map().clone())

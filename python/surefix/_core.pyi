@@ -8,7 +8,27 @@ import numpy as np
 import numpy.typing as npt
 
 __version__: str
-__all__: list[str]
+__all__ = [
+    "Evaluation",
+    "Fix",
+    "FixStream",
+    "Localizer",
+    "Map",
+    "Matcher",
+    "Peak",
+    "Route",
+    "Run",
+    "Sad",
+    "Sequence",
+    "Single",
+    "Traverse",
+    "__version__",
+    "evaluate",
+    "find_images",
+    "match",
+    "match_distances",
+    "read_image",
+]
 
 class _HasArray(Protocol):
     def __array__(self, *args: Any, **kwargs: Any) -> npt.NDArray[Any]: ...
@@ -254,6 +274,7 @@ def match(
     floor: _Floor | str = "running",
     speeds: Iterable[SupportsFloat] = [1.0],
 ) -> Run: ...
+
 @final
 class Evaluation:
     @property
@@ -276,6 +297,7 @@ def evaluate(
 ) -> Evaluation: ...
 def read_image(path: _Path) -> _UInt8: ...
 def find_images(place: _Path) -> list[str]: ...
+
 @final
 class Route:
     def __new__(

@@ -11,8 +11,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-import oracle
 import pytest
+
+import oracle
 import surefix
 from oracle import Array, Options
 
@@ -167,9 +168,7 @@ def assert_same(got: oracle.Run, want: oracle.Run, what: object, score_rtol: flo
         g, w = getattr(got, name), getattr(want, name)
         if not np.array_equal(g, w, equal_nan=name == "speed"):
             pytest.fail(f"{name}: got {g}, want {w}\nin {what}")
-    if got.score.shape != want.score.shape or not np.allclose(
-        got.score, want.score, rtol=score_rtol, atol=0.0
-    ):
+    if got.score.shape != want.score.shape or not np.allclose(got.score, want.score, rtol=score_rtol, atol=0.0):
         pytest.fail(f"score: got {got.score}, want {want.score}\nin {what}")
 
 
@@ -279,9 +278,7 @@ def test_a_column_of_the_wrong_length_leaves_the_matcher_as_it_was(length: int) 
     for j in range(D.shape[1]):
         with pytest.raises(surefix.SurefixError):
             live.push(np.full(length, -100.0, np.float32))
-        np.testing.assert_array_equal(
-            row(live.push(D[:, j].copy())), row(never_saw_it.push(D[:, j].copy()))
-        )
+        np.testing.assert_array_equal(row(live.push(D[:, j].copy())), row(never_saw_it.push(D[:, j].copy())))
 
 
 @pytest.mark.parametrize("bad", BAD)

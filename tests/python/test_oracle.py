@@ -6,12 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import oracle
 import pytest
-import real_data
 from numpy.testing import assert_allclose, assert_array_equal
-from oracle import Array, Options
 from PIL import Image
+
+import oracle
+import real_data
+from oracle import Array, Options
 
 
 def test_gradient_of_three_places() -> None:
@@ -135,9 +136,7 @@ def test_distances_by_hand() -> None:
     assert oracle.distances(query, rows, "manhattan")[0] == 3.5
     assert oracle.distances(query, rows, "euclidean")[0] == 5.0
     assert oracle.distances(np.array([2.0, 2.0]), rows, "cosine")[1] == 1.0
-    assert oracle.distances(np.array([2.0, 2.0]), rows, "cosine")[0] == pytest.approx(
-        0.0, abs=1e-15
-    )
+    assert oracle.distances(np.array([2.0, 2.0]), rows, "cosine")[0] == pytest.approx(0.0, abs=1e-15)
 
 
 def test_grey_is_pillows() -> None:
@@ -169,9 +168,7 @@ def test_sad_distance_is_in_units_of_z() -> None:
     images = np.random.default_rng(3).integers(0, 256, (2, 40, 70, 3), dtype=np.uint8)
     by_dtype = [
         oracle.sad_distances(a, b[None])[0]
-        for a, b in (
-            (oracle.sad(images[0], dtype=t), oracle.sad(images[1], dtype=t)) for t in ("u8", "f32")
-        )
+        for a, b in ((oracle.sad(images[0], dtype=t), oracle.sad(images[1], dtype=t)) for t in ("u8", "f32"))
     ]
     assert by_dtype[0] == pytest.approx(by_dtype[1], abs=1 / 32)
     assert by_dtype[0] > 0.5

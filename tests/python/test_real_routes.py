@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import oracle
 import pytest
-import real_data
 
+import oracle
+import real_data
 import surefix
 
 # Correct single matches, trusted ones, trusted and correct ones, within one frame.

@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import oracle
 import pytest
+from PIL import Image
+
+import oracle
 import real_data
 import surefix
 from oracle import Array
-from PIL import Image
 
 # (height, width): odd sides, one side only, upscaling, the thumbnail's own size, a strip
 SHAPES = [
@@ -66,9 +67,7 @@ def assert_described(got: Array, thumbnail: Array, patch: int = 8) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("channels", [1, 3])
-def test_thumbnail_is_pillows_and_the_descriptor_is_its_tiles(
-    shape: tuple[int, int], channels: int
-) -> None:
+def test_thumbnail_is_pillows_and_the_descriptor_is_its_tiles(shape: tuple[int, int], channels: int) -> None:
     """1.7: grey and resize within one level of Pillow, then the tiles exactly, u8 and f32."""
     image = scene(*shape, seed=shape[0], channels=channels)
     sad = surefix.Sad(size=(64, 32), patch=8, dtype="u8")
@@ -95,9 +94,7 @@ def test_descriptor_of_an_image_of_the_thumbnails_size(seed: int) -> None:
     assert (described.reshape(32, 64)[:8, :8] == 128).all()
 
 
-@pytest.mark.parametrize(
-    ("size", "patch"), [((64, 64), 16), ((32, 16), 4), ((8, 24), 8), ((48, 32), 2), ((64, 32), 1)]
-)
+@pytest.mark.parametrize(("size", "patch"), [((64, 64), 16), ((32, 16), 4), ((8, 24), 8), ((48, 32), 2), ((64, 32), 1)])
 def test_other_sizes_and_patches(size: tuple[int, int], patch: int) -> None:
     """1.7: `size` is (width, height), and rows run over the image; a tile of one pixel is flat."""
     image = scene(90, 131, seed=5)
@@ -164,9 +161,7 @@ SAVED: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("saved", SAVED)
 @pytest.mark.parametrize("shape", [(480, 640), (121, 163), (17, 23)])
 @pytest.mark.parametrize("channels", [1, 3])
-def test_files_that_pillow_wrote(
-    tmp_path: Path, saved: str, shape: tuple[int, int], channels: int
-) -> None:
+def test_files_that_pillow_wrote(tmp_path: Path, saved: str, shape: tuple[int, int], channels: int) -> None:
     """1.7 from a file: downscaling, odd sides, upscaling; PNG and JPEG; grey and RGB."""
     options = {} if channels == 1 else SAVED[saved]
     path = tmp_path / f"image.{saved.split('_')[0]}"

@@ -1,0 +1,82 @@
+# Each target sets up what it needs, in .venv and target: a machine with Python 3.11, a Rust toolchain and make is enough.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+LOG := target/test.log
+SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src python -type f -not -name '*.pyc')
+# The optimised profile keeps the checks of a debug build.
+CARGO_TEST := cargo test --locked --profile test-release
+
+.PHONY: demo test lint rust wheel python examples bench clean help
+
+help:
+	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
+	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
+	@echo "make bench   how fast it is here (Rust, criterion)"
+	@echo "make wheel   the Python wheel, in dist"
+	@echo "make clean   remove all that the targets made"
+
+demo: $(VENV)/installed
+	$(BIN)/surefix demo --out out/demo
+
+test: lint rust python examples
+	$(BIN)/surefix demo --out out/demo
+	@echo; echo "== summaries"
+	@grep -h '^test result' $(LOG).rust
+	@tail -n 1 $(LOG).python
+
+lint: $(VENV)/dev
+	cargo fmt --all --check
+	cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo clippy --locked --no-default-features -- -D warnings
+	$(BIN)/ruff check python tests examples
+	$(BIN)/ruff format --check python tests examples
+
+# The same tests on all cores and on one; then the examples in the documentation.
+rust:
+	@mkdir -p target
+	$(CARGO_TEST) 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
+	$(CARGO_TEST) --no-default-features --lib --tests 2>&1 | tee -a $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+
+# Against the installed wheel, never against the source folder.
+python: $(VENV)/installed $(VENV)/dev
+	@mkdir -p target
+	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest surefix._core
+	$(BIN)/python -m pytest 2>&1 | tee $(LOG).python; test $${PIPESTATUS[0]} -eq 0
+
+examples: $(VENV)/installed
+	cargo run --locked --profile test-release --example stream
+	$(BIN)/python examples/stream.py
+	$(BIN)/python examples/batch.py
+
+bench:
+	cargo bench --locked
+
+wheel: $(VENV)/wheel
+
+$(VENV)/made:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip "maturin>=1.16,<2"
+	@touch $@
+
+$(VENV)/wheel: $(VENV)/made $(SOURCES)
+	@rm -rf dist
+	$(BIN)/maturin build --release --locked --out dist
+	@touch $@
+
+$(VENV)/installed: $(VENV)/wheel
+	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps dist/*.whl
+	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[plot]"
+	@touch $@
+
+$(VENV)/dev: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[dev]"
+	@touch $@
+
+clean:
+	rm -rf $(VENV) target dist out
+
+SHELL := /bin/bash

@@ -1,0 +1,112 @@
+"""``surefix demo``: a generated route in two conditions, mapped, localized live, and shown in a report."""
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from surefix import Localizer, Map, Sad, SurefixError, SurefixFileError, match_distances
+from surefix.simulate import Route, Traverse
+
+if TYPE_CHECKING:
+    from surefix.report.drive import Drive
+
+__all__ = ["demo"]
+
+TOLERANCE = 1
+
+
+def demo(
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", help="The folder to write; an earlier demo's files in it are replaced."),
+    ] = Path("out/demo"),
+    places: Annotated[int, typer.Option(min=20, max=5000, help="Frames of each drive, 3 m apart.")] = 1000,
+    width: Annotated[int, typer.Option(min=32, max=1920, help="Width of a frame, in pixels.")] = 320,
+    height: Annotated[int, typer.Option(min=16, max=1080, help="Height of a frame, in pixels.")] = 160,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another route.")] = 1,
+    sequence_length: Annotated[
+        int, typer.Option("--sequence-length", "-L", min=1, max=20, help="Queries a sequence.")
+    ] = 2,
+) -> None:
+    """See it work, without any data: drive a generated route twice, localize live, get a report."""
+    begin = time.perf_counter()
+    try:
+        # Not at the top: matplotlib is an extra, and slow to import.
+        from surefix.report.drive_report import write_report
+    except ModuleNotFoundError as error:
+        raise SurefixError(str(error)) from None
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SurefixFileError(f"{out}: cannot make the output folder: {error.strerror or error}") from None
+    route = Route(places=places, size=(width, height), seed=seed)
+    reference, revisit = route.reference(), route.revisit()
+    kilometres = float(reference.positions[-1]) / 1000
+    size = f"{width} x {height} pixels"
+    print(f"Route: {places} places along {kilometres:.1f} km, generated (seed {seed}), {size}")
+
+    start = time.perf_counter()
+    known = Map.from_images(reference, Sad())
+    mapped = time.perf_counter()
+    print(f"Mapped on a summer noon: {len(known)} places x {known.dim} {known.dtype}, in {mapped - start:.1f} s")
+    drive = _localize(known, reference, revisit, (width, height), seed, sequence_length)
+    localized = time.perf_counter()
+    for line in _account(drive):
+        print(line)
+
+    options = f"--places {places} --width {width} --height {height} --seed {seed}"
+    command = f"surefix demo {options} --sequence-length {sequence_length}"
+    seconds = (("mapping", mapped - start), ("the second drive, drawn and localized", localized - mapped))
+    try:
+        with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
+            report = write_report(drive, out, command, seconds)
+    except SurefixError:
+        raise
+    except OSError as error:
+        raise SurefixFileError(f"{out}: cannot write the report: {error.strerror or error}") from None
+    print(f"Made {report}, with its pictures and the fixes beside it, in {time.perf_counter() - begin:.1f} s")
+
+
+def _localize(
+    known: Map, reference: Traverse, revisit: Traverse, size: tuple[int, int], seed: int, sequence_length: int
+) -> "Drive":
+    """Drives a second time: pushes each frame when it is there, as a robot would."""
+    from surefix.cli.dashboard import Dashboard
+    from surefix.report.drive import Drive
+
+    localizer = Localizer(known, sequence_length=sequence_length)
+    truth = revisit.truth(reference)
+    distances = np.empty((len(known), len(revisit)), np.float32, order="F")
+    latency = np.empty(len(revisit))
+    with Dashboard(reference, len(revisit)) as dashboard:
+        for query, true_place in enumerate(truth.tolist()):
+            image = revisit[query]
+            start = time.perf_counter()
+            fix = localizer.push(image)
+            latency[query] = time.perf_counter() - start
+            distances[:, query] = localizer.distances
+            right = true_place >= 0 and abs(fix.place - true_place) <= TOLERANCE
+            dashboard.show(image, fix, true_place, right, latency[query])
+    # The same fixes again, to the bit, as arrays; and what they would be without the weighting.
+    run = match_distances(distances, floor="running", sequence_length=sequence_length)
+    baseline = match_distances(distances, floor="running", sequence_length=sequence_length, weight=0.0)
+    return Drive(reference, revisit, size, seed, sequence_length, distances, run, baseline, latency, TOLERANCE)
+
+
+def _account(drive: "Drive") -> list[str]:
+    """What came of it, in plain lines."""
+    m, trusted, right = len(drive.run), drive.run.trusted, drive.right
+    median, p99 = np.quantile(drive.latency, (0.5, 0.99)) * 1000
+    weighted, baseline = drive.weighted_curve.auc(0.2), drive.baseline_curve.auc(0.2)
+    return [
+        f"Localized on a winter afternoon: {m} fixes, {median:.2f} ms each (median; p99 {p99:.2f} ms)",
+        f"All fixes: {int(right.sum())} of {m} right",
+        f"Trusted fixes: {int((trusted & right).sum())} of {int(trusted.sum())} right, "
+        f"{int((trusted & ~right).sum())} wrong",
+        f"Area under the precision-recall curve up to recall 0.2: {weighted:.2f}, without weighting {baseline:.2f}",
+    ]

@@ -1,0 +1,117 @@
+"""``surefix map``: make a map of a route, or look at one."""
+
+import json
+import time
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from surefix import Map, Sad, SurefixFileError, SurefixValueError
+from surefix.cli.frames import Frames
+
+__all__ = ["build", "info"]
+
+
+class Metric(StrEnum):
+    """How descriptors are compared."""
+
+    cosine = "cosine"
+    euclidean = "euclidean"
+    manhattan = "manhattan"
+
+
+class Dtype(StrEnum):
+    """How SAD descriptors are kept."""
+
+    u8 = "u8"
+    f32 = "f32"
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, x, height = text.lower().partition("x")
+    if not (x and width.strip().isdecimal() and height.strip().isdecimal()):
+        raise typer.BadParameter(f"expected WIDTHxHEIGHT, such as 64x32, got {text!r}")
+    return int(width), int(height)
+
+
+def build(
+    references: Annotated[
+        str,
+        typer.Argument(help='A folder of images, a pattern ("route/*.png"), or a .npy of images or of descriptors.'),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path("route.safetensors"),
+    size: Annotated[str, typer.Option(help="SAD: the small image, WIDTHxHEIGHT in pixels.")] = "64x32",
+    patch: Annotated[int, typer.Option(min=1, help="SAD: the side of a patch, in pixels.")] = 8,
+    dtype: Annotated[Dtype, typer.Option(help="SAD: how descriptors are kept.")] = Dtype.u8,
+    metric: Annotated[Metric, typer.Option(help="Ready descriptors: how they are compared.")] = Metric.cosine,
+    positions: Annotated[
+        Path | None, typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.")
+    ] = None,
+) -> None:
+    """Make a map of a route from its reference images, or from ready descriptors."""
+    start = time.perf_counter()
+    frames = Frames(references)
+    where = None if positions is None else _positions(positions)
+    if frames.descriptors is not None:
+        route = Map.from_descriptors(frames.descriptors, metric.value, positions=where)
+    else:
+        try:
+            sad = Sad(_size(size), patch, dtype.value)
+        except SurefixValueError as error:
+            raise typer.BadParameter(str(error)) from None
+        route = Map.from_images(frames.images, sad, positions=where)
+    route.save(out)
+    seconds = time.perf_counter() - start
+    made = f"{len(route)} places x {route.dim} {route.dtype}, {out.stat().st_size / 1e6:.1f} MB, in {seconds:.1f} s"
+    print(f"Made {out}: {made}")
+
+
+def info(
+    file: Annotated[Path, typer.Argument(help="The map to look at.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object instead of a table.")] = False,
+) -> None:
+    """Say what a map holds."""
+    route = Map.open(file)
+    names, where = route.names, route.positions
+    facts = {
+        "file": str(file),
+        "bytes": file.stat().st_size,
+        "places": len(route),
+        "dim": route.dim,
+        "dtype": str(route.dtype),
+        "metric": route.metric,
+        "descriptor": repr(route.descriptor) if route.descriptor else None,
+        "names": [names[0], names[-1]] if names else None,
+        "positions": None if where is None else list(where.shape),
+    }
+    if as_json:
+        print(json.dumps(facts))
+        return
+    table = Table(show_header=False, box=None)
+    for name, value in facts.items():
+        shown = {
+            "bytes": f"{facts['bytes']:,}",
+            "descriptor": repr(route.descriptor)
+            if route.descriptor
+            else "ready descriptors: queries come as descriptors too",
+            "names": f"{names[0]} to {names[-1]}" if names else "none",
+            "positions": "none" if where is None else f"{where.shape[1]} coordinates a place, in metres",
+        }.get(name, str(value))
+        table.add_row(name, shown)
+    Console(highlight=False, soft_wrap=True).print(table)
+
+
+def _positions(file: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    try:
+        if file.suffix == ".npy":
+            return np.asarray(np.load(file, allow_pickle=False), np.float64)
+        return np.loadtxt(file, delimiter=",", ndmin=2)
+    except OSError as error:
+        raise SurefixFileError(f"{file}: cannot read the positions: {error.strerror or error}") from None
+    except (ValueError, EOFError) as error:
+        raise SurefixValueError(f"{file}: expected a row of 2 or 3 numbers a place ({error})") from None

@@ -1,0 +1,171 @@
+"""The distance matrix as a picture, with the match of each query on it."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from surefix.report.outcome import Outcome, is_right, outcomes
+from surefix.report.theme import LIGHT, MARKS, Theme
+
+__all__ = ["Window", "busiest_window", "distance_matrix"]
+
+Window = tuple[int, int]
+"""The first of some consecutive places or queries, and how many they are."""
+
+# Nine of ten distances are nearly alike; the tones are spent on the near ones.
+TONES = (0.1, 60.0)
+
+ENOUGH = 8
+
+
+def distance_matrix(
+    ax: Axes,
+    distances: NDArray[np.float32],
+    place: NDArray[np.int64],
+    trusted: NDArray[np.bool_],
+    truth: NDArray[np.int64],
+    *,
+    tolerance: int = 1,
+    queries: Window | None = None,
+    places: Window | None = None,
+    outline: tuple[Window, Window] | None = None,
+    label: str = "distance",
+    theme: Theme = LIGHT,
+) -> Axes:
+    """Draws the distances, dark where a query looks like a place, and the match of each query.
+
+    Parameters
+    ----------
+    distances : array of float32, shape (n, m)
+        ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
+    place, trusted : arrays, shape (m,)
+        The matches, as of a ``surefix.Run``.
+    truth : array of int, shape (m,)
+        Where each query really was; -1 where it was off the map.
+    tolerance : int
+        How many places from the truth still count as right.
+    queries, places : (first, count), optional
+        A close-up of these rather than the whole matrix, with larger marks and a line for the true path.
+    outline : (queries, places), optional
+        Draws a frame around these: where a close-up was taken.
+    label : str
+        What the distances are, and their unit; for the scale of a close-up.
+    """
+    close = queries is not None or places is not None
+    first_query, query_count = queries or (0, distances.shape[1])
+    first_place, place_count = places or (0, distances.shape[0])
+    nearest, furthest = np.percentile(distances, TONES)
+    cell = 0.5
+    tones = ax.imshow(
+        distances,
+        cmap=theme.distance_map,
+        vmin=float(nearest),
+        vmax=float(furthest),
+        origin="lower",
+        aspect="equal",
+        interpolation="nearest" if close else "antialiased",
+    )
+    right = is_right(place, truth, tolerance)
+    shown = np.arange(len(place))
+    inside = (shown >= first_query) & (shown < first_query + query_count)
+    inside &= (place >= first_place) & (place < first_place + place_count)
+    # The rare and the trusted on top.
+    order = (Outcome.UNTRUSTED_WRONG, Outcome.UNTRUSTED_RIGHT, Outcome.TRUSTED_RIGHT, Outcome.TRUSTED_WRONG)
+    masks = outcomes(right, trusted)
+    growth = np.clip(220 / max(query_count, place_count), 0.6, 5.0) if close else 1.0
+    for layer, outcome in enumerate(order):
+        mark, colour = MARKS[outcome], theme.colour(outcome)
+        at = np.flatnonzero(masks[outcome] & inside)
+        ax.scatter(
+            at,
+            place[at],
+            s=mark.size * growth,
+            marker=mark.shape,
+            zorder=3 + layer,
+            clip_on=False,
+            linewidths=mark.width * np.sqrt(growth),
+            **_paint(outcome, colour, theme),
+        )
+    if close:
+        known = np.where(truth >= 0, truth, np.nan)
+        ax.plot(shown, known, color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
+        figure = ax.get_figure(root=True)
+        if figure is not None:
+            bar = figure.colorbar(tones, ax=ax, location="top", shrink=0.6, aspect=32, pad=0.02, extend="both")
+            bar.set_label(label)
+            bar.outline.set_visible(False)
+    if outline is not None:
+        (x, width), (y, height) = outline
+        frame = Rectangle((x - cell, y - cell), width, height, fill=False, edgecolor=theme.ink, linewidth=1.1)
+        ax.add_patch(frame).set_zorder(10)
+    ax.set_xlim(first_query - cell, first_query + query_count - cell)
+    ax.set_ylim(first_place - cell, first_place + place_count - cell)
+    ax.set_xlabel("query (frame of the second drive)")
+    ax.set_ylabel("place (frame of the map)")
+    if not close:
+        ax.legend(
+            handles=[_legend_entry(outcome, int(masks[outcome].sum()), theme) for outcome in Outcome],
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            ncols=2,
+            handletextpad=0.4,
+            columnspacing=1.6,
+        )
+    return ax
+
+
+def busiest_window(
+    place: NDArray[np.int64],
+    trusted: NDArray[np.bool_],
+    truth: NDArray[np.int64],
+    *,
+    tolerance: int = 1,
+    count: int = 60,
+) -> tuple[Window, Window]:
+    """The square on the true path that shows rare outcomes best: (queries, places), each ``count`` long.
+
+    Matches inside the square count, up to ``ENOUGH`` of each outcome: one outcome alone does not win.
+    """
+    m, n = len(place), int(max(place.max(), truth.max())) + 1
+    side = min(count, m, n)
+    masks = outcomes(is_right(place, truth, tolerance), trusted)
+    best, window = -1, ((0, side), (0, side))
+    for start in range(0, m - side + 1, max(1, side // 10)):
+        middle = int(np.median(truth[start : start + side]))
+        low = int(np.clip(middle - side // 2, 0, n - side))
+        inside = np.zeros(m, np.bool_)
+        inside[start : start + side] = True
+        inside &= (place >= low) & (place < low + side)
+        worth = sum(min(ENOUGH, int((mask & inside).sum())) for mask in masks.values())
+        if worth > best:
+            best, window = worth, ((start, side), (low, side))
+    return window
+
+
+def _paint(outcome: Outcome, colour: str, theme: Theme) -> dict[str, Any]:
+    """Hollow rings are all edge, thin crosses have none, filled marks are set off from the tones by it."""
+    mark = MARKS[outcome]
+    if mark.hollow:
+        return {"facecolors": "none", "edgecolors": colour}
+    if mark.shape == "x":
+        return {"color": colour}
+    return {"color": colour, "edgecolors": theme.paper}
+
+
+def _legend_entry(outcome: Outcome, count: int, theme: Theme) -> Line2D:
+    mark, colour = MARKS[outcome], theme.colour(outcome)
+    return Line2D(
+        [],
+        [],
+        linestyle="none",
+        marker=mark.shape,
+        markersize=8 if outcome is Outcome.TRUSTED_WRONG else 6,
+        markerfacecolor="none" if mark.hollow else colour,
+        markeredgecolor=theme.paper if mark.shape == "X" else colour,
+        markeredgewidth=0.6 if mark.shape == "X" else 1.2,
+        label=f"{outcome.value} ({count})",
+    )

@@ -1,0 +1,94 @@
+"""Pairs of pictures: what the camera saw, and the place it was matched to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from surefix.report.outcome import Outcome
+from surefix.report.theme import LIGHT, Theme
+
+__all__ = ["Column", "Pair", "montage", "montage_height", "spread"]
+
+Image = NDArray[np.uint8]
+
+# In widths of a picture: between columns, between the two pictures of a pair, below a pair, and above all.
+ACROSS, BETWEEN, CAPTION, HEADER = 0.07, 0.012, 0.2, 0.27
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A query's image, that of the place it was matched to, and a line about both."""
+
+    query: Image
+    matched: Image
+    caption: str
+
+
+@dataclass(frozen=True)
+class Column:
+    """Some pairs of one outcome, and how often there were such."""
+
+    outcome: Outcome
+    count: int
+    pairs: Sequence[Pair]
+
+
+def spread(queries: NDArray[np.int64], count: int) -> list[int]:
+    """``count`` of the ``queries``, evenly spread over them; all of them where they are fewer."""
+    if len(queries) <= count:
+        return [int(query) for query in queries]
+    # The middle of each of `count` equal parts.
+    return [int(queries[(2 * k + 1) * len(queries) // (2 * count)]) for k in range(count)]
+
+
+def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme = LIGHT) -> Axes:
+    """Draws a column for each outcome: the query above, the matched place below, ``rows`` pairs in each.
+
+    A column without pairs says so. One unit of the axis is the width of a picture.
+    """
+    sizes = [pair.query.shape[:2] for column in columns for pair in column.pairs]
+    height = sizes[0][0] / sizes[0][1] if sizes else 0.5
+    step = _step(height)
+    for c, column in enumerate(columns):
+        left, colour = c * (1 + ACROSS), theme.colour(column.outcome)
+        ax.add_patch(Rectangle((left, 0.07), 1, 0.045, color=colour, linewidth=0))
+        ax.text(
+            left,
+            0.16,
+            f"{column.outcome.value} ({column.count})",
+            fontsize=10,
+            fontweight="bold",
+            va="bottom",
+        )
+        for r, pair in enumerate(column.pairs[:rows]):
+            top = -r * step
+            middle = top - height - BETWEEN
+            for image, upper in ((pair.query, top), (pair.matched, middle)):
+                ax.imshow(image, extent=(left, left + 1, upper - height, upper), interpolation="antialiased")
+            text = top - 2 * height - BETWEEN - 0.035
+            ax.text(left, text, pair.caption, fontsize=8, va="top", color=theme.muted)
+        if not column.pairs:
+            ax.text(left + 0.5, -height, "none in this run", ha="center", va="center", color=theme.muted)
+    ax.set_xlim(-0.01, _width(len(columns)) - 0.01)
+    ax.set_ylim(-rows * step, HEADER)
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    return ax
+
+
+def montage_height(size: tuple[int, int], width: float, *, columns: int, rows: int) -> float:
+    """How high ``montage`` is where it is ``width`` wide, for images of ``size`` (width, height)."""
+    return width / _width(columns) * (rows * _step(size[1] / size[0]) + HEADER)
+
+
+def _width(columns: int) -> float:
+    return columns * (1 + ACROSS) - ACROSS + 0.02
+
+
+def _step(height: float) -> float:
+    """From one pair of pictures, each ``height`` high, to the next."""
+    return 2 * height + BETWEEN + CAPTION

@@ -1,0 +1,126 @@
+"""Colours and marks of the pictures, on light and on dark paper.
+
+Hue says right (blue) or wrong (orange), strength says trusted or not, and the shape says both again, so that
+nothing hangs on colour alone: right is round, wrong is a cross; trusted is bold, untrusted is thin.
+"""
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from surefix.report.outcome import Outcome
+
+__all__ = ["DARK", "LIGHT", "MARKS", "Mark", "Theme", "png"]
+
+DPI = 150
+
+
+@dataclass(frozen=True)
+class Mark:
+    """How a match is drawn in a matrix; ``size`` is in points squared, for a matrix of 5 inches."""
+
+    shape: str
+    size: float
+    width: float
+    hollow: bool = False
+
+
+MARKS = {
+    Outcome.TRUSTED_RIGHT: Mark("o", 9, 0.0),
+    Outcome.TRUSTED_WRONG: Mark("X", 60, 0.8),
+    Outcome.UNTRUSTED_RIGHT: Mark("o", 11, 0.7, hollow=True),
+    Outcome.UNTRUSTED_WRONG: Mark("x", 9, 0.7),
+}
+
+
+@dataclass(frozen=True)
+class Theme:
+    """The colours of a picture. The four outcome colours are from the Okabe-Ito set, or near it."""
+
+    paper: str
+    ink: str
+    muted: str
+    grid: str
+    near: str
+    trusted_right: str
+    trusted_wrong: str
+    untrusted_right: str
+    untrusted_wrong: str
+
+    def colour(self, outcome: Outcome) -> str:
+        """The colour of an outcome."""
+        return {
+            Outcome.TRUSTED_RIGHT: self.trusted_right,
+            Outcome.TRUSTED_WRONG: self.trusted_wrong,
+            Outcome.UNTRUSTED_RIGHT: self.untrusted_right,
+            Outcome.UNTRUSTED_WRONG: self.untrusted_wrong,
+        }[outcome]
+
+    @property
+    def distance_map(self) -> LinearSegmentedColormap:
+        """Distances as tones of the paper: far fades into it, near stands out."""
+        return LinearSegmentedColormap.from_list("distance", [self.near, self.paper])
+
+    @property
+    def settings(self) -> Any:
+        """What matplotlib has to be told, for ``matplotlib.rc_context``."""
+        text = ("text.color", "axes.labelcolor", "axes.titlecolor")
+        return {
+            "figure.facecolor": self.paper,
+            "savefig.facecolor": self.paper,
+            "axes.facecolor": self.paper,
+            "axes.edgecolor": self.muted,
+            "xtick.color": self.muted,
+            "ytick.color": self.muted,
+            "grid.color": self.grid,
+            "legend.frameon": False,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "font.size": 9.5,
+            "axes.titlesize": 10.5,
+            "axes.titleweight": "bold",
+            "axes.titlelocation": "left",
+            **dict.fromkeys(text, self.ink),
+        }
+
+
+LIGHT = Theme(
+    paper="#ffffff",
+    ink="#1c2127",
+    muted="#5a646e",
+    grid="#e2e6ea",
+    near="#30363d",
+    trusted_right="#0072b2",
+    trusted_wrong="#d55e00",
+    untrusted_right="#56b4e9",
+    untrusted_wrong="#e69f00",
+)
+
+DARK = Theme(
+    paper="#161b21",
+    ink="#e8edf2",
+    muted="#9ba7b3",
+    grid="#2c343d",
+    near="#cfd7df",
+    trusted_right="#56b4e9",
+    trusted_wrong="#ff7a2f",
+    untrusted_right="#3484b5",
+    untrusted_wrong="#b58117",
+)
+
+
+def png(draw: Callable[[Axes, Theme], object], size: tuple[float, float], theme: Theme = LIGHT) -> bytes:
+    """A picture of ``size`` inches at 150 dots an inch, as the bytes of a PNG file. It needs no display."""
+    with matplotlib.rc_context(theme.settings):
+        figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+        figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr,call-arg]
+        draw(figure.add_subplot(), theme)
+        file = io.BytesIO()
+        figure.savefig(file, format="png")
+    return file.getvalue()

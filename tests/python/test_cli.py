@@ -1,0 +1,220 @@
+"""The command line, as a user runs it."""
+
+import csv
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import surefix
+from surefix.simulate import Route
+
+PLACES = 60
+
+
+def surefix_(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "surefix", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == code, (done.stdout, done.stderr)
+    assert "Traceback" not in done.stderr
+    assert "\x1b" not in done.stdout + done.stderr, "control codes in a pipe"
+    return done
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of each drive, named so that the order of counting is not the order of the alphabet."""
+    folder = tmp_path_factory.mktemp("drives")
+    route = Route(places=PLACES, size=(96, 48))
+    for name, drive in (("summer", route.reference()), ("winter", route.revisit())):
+        (folder / name).mkdir()
+        for index in range(PLACES):
+            Image.fromarray(drive[index]).save(folder / name / f"frame{index}.png")
+    (folder / "summer" / "notes.txt").write_text("not an image")
+    surefix_("map", "build", folder / "summer", "-o", folder / "route.safetensors")
+    return folder
+
+
+def test_build_says_what_it_made_and_where(drives: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again.safetensors"
+    done = surefix_("map", "build", drives / "summer" / "*.png", "-o", out)
+    assert re.fullmatch(rf"Made {re.escape(str(out))}: 60 places x 2048 uint8, 0\.1 MB, in [\d.]+ s\n", done.stdout)
+    assert out.read_bytes() == (drives / "route.safetensors").read_bytes()
+    assert surefix.Map.open(out).names == [f"frame{index}.png" for index in range(PLACES)]
+
+
+def test_info(drives: Path) -> None:
+    file = drives / "route.safetensors"
+    facts = json.loads(surefix_("map", "info", file, "--json").stdout)
+    assert facts["places"] == PLACES
+    assert facts["names"] == ["frame0.png", "frame59.png"]
+    table = surefix_("map", "info", file).stdout
+    assert all(word in table for word in ("60", "2048", "uint8", "manhattan", "Sad(size=(64, 32)", "frame59.png"))
+
+
+def test_run_streams_what_the_batch_gives(drives: Path, tmp_path: Path) -> None:
+    file, queries = drives / "route.safetensors", drives / "winter"
+    options = ["-L", 4, "-w", 0.9, "--tolerance", 2, "--speeds", "0.5,1,1.5", "--floor", 0.1]
+    done = surefix_("run", file, queries, *options)
+    rows = list(csv.DictReader(done.stdout.splitlines()))
+    run = surefix.match(
+        surefix.Map.open(file),
+        queries,
+        sequence_length=4,
+        weight=0.9,
+        tolerance=2,
+        speeds=[0.5, 1, 1.5],
+        floor=0.1,
+    )
+    assert [int(row["place"]) for row in rows] == run.place.tolist()
+    assert [np.float32(row["score"]) for row in rows] == run.score.tolist()
+    assert [row["anchors"] for row in rows[:3]] == ["", "", ""]
+    assert [int(row["anchors"]) for row in rows[3:]] == run.anchors[3:].tolist()
+    assert [row["query"] for row in rows] == [f"frame{index}.png" for index in range(PLACES)]
+    trusted = int(run.trusted.sum())
+    assert done.stderr.startswith(f"60 fixes, {trusted} trusted ({trusted / 60:.0%}), latency p50 ")
+
+    lines = surefix_("run", file, queries, *options, "--format", "json").stdout.splitlines()
+    assert [json.loads(line)["place"] for line in lines] == run.place.tolist()
+
+    out = tmp_path / "fixes.jsonl"
+    done = surefix_("run", file, queries, "-o", out, *options)
+    assert done.stdout == ""
+    assert done.stderr.rstrip().endswith(f"in {out}")
+    strip = [json.loads(line) | {"latency_us": 0} for line in out.read_text().splitlines()]
+    assert strip == [json.loads(line) | {"latency_us": 0} for line in lines]
+
+
+def test_arrays_of_images_and_of_descriptors(drives: Path, tmp_path: Path) -> None:
+    images, descriptors = tmp_path / "images.npy", tmp_path / "descriptors.npy"
+    frames = np.stack([surefix.read_image(drives / "summer" / f"frame{i}.png") for i in range(PLACES)])
+    np.save(images, frames)
+    np.save(descriptors, np.stack([surefix.Sad(dtype="f32").describe(frame) for frame in frames]))
+    where = tmp_path / "where.csv"
+    where.write_text("".join(f"{3 * index},0\n" for index in range(PLACES)))
+
+    surefix_("map", "build", images, "-o", tmp_path / "a.safetensors", "--size", "32x16", "--patch", 4)
+    assert surefix.Map.open(tmp_path / "a.safetensors").dim == 512
+    surefix_(
+        "map",
+        "build",
+        descriptors,
+        "-o",
+        tmp_path / "b.safetensors",
+        "--metric",
+        "euclidean",
+        "--positions",
+        where,
+    )
+    route = surefix.Map.open(tmp_path / "b.safetensors")
+    assert (route.metric, route.descriptor, route.dtype) == ("euclidean", None, np.float32)
+    assert route.positions is not None
+    assert route.positions[59].tolist() == [177, 0]
+    done = surefix_("run", tmp_path / "b.safetensors", descriptors)
+    assert [int(row["place"]) for row in csv.DictReader(done.stdout.splitlines())] == list(range(PLACES))
+
+
+def test_a_terminal_gets_a_live_table_and_a_summary(drives: Path) -> None:
+    leader, follower = pty.openpty()
+    command = [
+        sys.executable,
+        "-m",
+        "surefix",
+        "run",
+        str(drives / "route.safetensors"),
+        str(drives / "winter"),
+    ]
+    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "110", "LINES": "40"}
+    process = subprocess.Popen(command, stdout=follower, stderr=follower, stdin=follower, env=environment)
+    os.close(follower)
+    seen = b""
+    while True:
+        try:
+            chunk = os.read(leader, 65536)
+        except OSError:
+            break
+        if not chunk:
+            break
+        seen += chunk
+    os.close(leader)
+    assert process.wait(timeout=60) == 0
+    text = seen.decode()
+    assert "\x1b[" in text
+    assert "frame59.png" in text
+    assert "60/60" in text
+    assert "60 fixes" in text
+
+
+MISTAKES = {
+    "no such map": (["run", "nowhere.safetensors", "."], 1, "nowhere.safetensors"),
+    "no such images": (["map", "build", "nowhere"], 1, "nowhere"),
+    "a folder without images": (["map", "build", "."], 1, "found none"),
+    "weight out of range": (["run", "@route.safetensors", "@winter", "-w", "1.5"], 2, "from 0 to 1, got 1.5"),
+    "L of 0": (
+        ["run", "@route.safetensors", "@winter", "-L", "0"],
+        2,
+        "from 1 to 60 (the number of places), got 0",
+    ),
+    "an unknown option": (["run", "--fast"], 2, "--fast"),
+    "an unknown command": (["fly"], 2, "fly"),
+    "a size that is none": (["map", "build", "@summer", "--size", "64"], 2, "WIDTHxHEIGHT"),
+    "a patch that does not divide": (["map", "build", "@summer", "--patch", "7"], 2, "patch"),
+    "L above the places": (["run", "@route.safetensors", "@winter", "-L", "61"], 2, "from 1 to 60"),
+    "the global floor": (["run", "@route.safetensors", "@winter", "--floor", "global"], 2, "global"),
+    "speeds that are none": (["run", "@route.safetensors", "@winter", "--speeds", "fast"], 2, "fast"),
+    "an image for a map": (["map", "info", "@winter/frame3.png"], 1, "frame3.png"),
+    "a folder that cannot be written": (["map", "build", "@summer", "-o", "/nowhere/x"], 1, "/nowhere/x"),
+    "a text as an array": (["map", "build", "@text.npy"], 1, "text.npy"),
+    "an array of one dimension": (["map", "build", "@flat.npy"], 1, "(5,)"),
+    "positions of words": (["map", "build", "@summer", "--positions", "@summer/notes.txt"], 1, "notes.txt"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_gets_one_clear_message(
+    name: str, drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (drives / "text.npy").write_text("hello")
+    np.save(drives / "flat.npy", np.zeros(5))
+    arguments, code, words = MISTAKES[name]
+    done = surefix_(*(a.replace("@", f"{drives}/") for a in arguments), code=code)
+    assert words in re.sub(r"[\s│]+", " ", done.stderr), done.stderr
+    if code == 1:
+        assert done.stderr.startswith("surefix: ")
+        assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_fixes_before_a_bad_image_are_kept(drives: Path, tmp_path: Path) -> None:
+    for index in range(10):
+        Image.new("L", (96, 48), index).save(tmp_path / f"{index}.png")
+    (tmp_path / "7.png").write_bytes(b"\x89PNG not really")
+    out = tmp_path / "fixes.csv"
+    done = surefix_("run", drives / "route.safetensors", tmp_path, "-o", out, code=1)
+    assert "7.png" in done.stderr
+    assert done.stderr.startswith("7 fixes, ")
+    assert len(out.read_text().splitlines()) == 1 + 7
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(drives: Path) -> None:
+    run = f"'{sys.executable}' -m surefix run {drives}/route.safetensors {drives}/winter | head -n 1"
+    done = subprocess.run(["bash", "-c", run], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("frame,query,place")
+    assert "Error" not in done.stderr
+
+
+def test_every_command_has_help_with_an_example() -> None:
+    for command in ([], ["map"], ["map", "build"], ["map", "info"], ["run"], ["demo"]):
+        text = surefix_(*command, "--help").stdout
+        assert "Usage:" in text
+        if len(command) == 2 or command in (["run"], ["demo"]):
+            assert "Example: surefix" in text
+    assert surefix_("--version").stdout == f"surefix {surefix.__version__}\n"
