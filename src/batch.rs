@@ -144,7 +144,8 @@ pub fn match_descriptors(
     let mut matcher = Matcher::new(map.places(), config)?;
     let mut fixes = Vec::with_capacity(count);
     for_each_query(map, queries, count, |query, distances| {
-        fixes.push(matcher.step(distances, trusted.map(|trusted| trusted[query]))?);
+        let fix = matcher.step(distances, trusted.map(|trusted| trusted[query]));
+        fixes.push(fix.map_err(|error| of_query(error, query))?);
         Ok(())
     })?;
     Ok(Run { fixes })
@@ -169,7 +170,7 @@ fn for_each_query(
             |(), query| {
                 let mut out = vec![0.0; map.places()];
                 if let Some(row) = queries.row(query, map.dim()) {
-                    map.distances_into(row, &mut out)?;
+                    map.distances_into(row, &mut out).map_err(|error| of_query(error, query))?;
                 }
                 Ok(out)
             },
@@ -179,6 +180,17 @@ fn for_each_query(
         }
     }
     Ok(())
+}
+
+/// The same error, which says which query it was.
+fn of_query(error: Error, query: usize) -> Error {
+    match error {
+        Error::NoDirection { .. } => Error::NoDirection { what: "queries", row: Some(query) },
+        Error::NotFinite { index, value, .. } => {
+            Error::NotFinite { what: "distances (row: query)", row: Some(query), index, value }
+        }
+        other => other,
+    }
 }
 
 /// How many queries a piece of a batch has: enough that its lead-in costs little.

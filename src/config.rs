@@ -93,9 +93,9 @@ impl Config {
             return Err(option("weight", "a number from 0 to 1", self.weight));
         }
         if let Floor::Fixed(floor) = self.floor
-            && !floor.is_finite()
+            && !(floor as f32).is_finite()
         {
-            return Err(option("floor", "a finite number", floor));
+            return Err(option("floor", "a number that is finite in float32", floor));
         }
         if self.speeds.is_empty() {
             return Err(Error::Option {

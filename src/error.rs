@@ -53,6 +53,15 @@ pub enum Error {
         got: String,
     },
 
+    /// More memory than there is.
+    #[error("matcher: not enough memory for a window of {columns} columns of {places} places, 4 bytes each")]
+    Memory {
+        /// Places of the route.
+        places: usize,
+        /// Columns of the window: the sequence length, or the smoothing.
+        columns: usize,
+    },
+
     /// A NaN or an infinity where a finite number must be.
     #[error("{what}: expected finite numbers, got {value} at {}", place(*.row, *.index))]
     NotFinite {
@@ -76,12 +85,14 @@ pub enum Error {
     },
 
     /// A descriptor of a type that cannot be compared with the map's.
-    #[error("{what}: expected {}, got {got}", either(*.map))]
+    #[error("{what}: expected {}, got {got}", either(*.map, *.or_float))]
     Dtype {
         /// What has the wrong type.
         what: &'static str,
-        /// The map's type: a descriptor has this one, or is float32.
+        /// The map's own type.
         map: Dtype,
+        /// Whether float32 would do too: on a map of ready descriptors.
+        or_float: bool,
         /// What came.
         got: Dtype,
     },
@@ -175,9 +186,10 @@ fn of_row(row: Option<usize>) -> String {
     row.map_or_else(String::new, |row| format!(" (row {row})"))
 }
 
-fn either(map: Dtype) -> String {
+fn either(map: Dtype, or_float: bool) -> String {
     match map {
         Dtype::F32 => "float32".to_owned(),
-        other => format!("float32 or the map's own {other}"),
+        other if or_float => format!("float32 or the map's own {other}"),
+        other => format!("{other}, as the map's own SAD descriptors are"),
     }
 }

@@ -30,7 +30,10 @@ pub struct Localizer {
     matcher: Matcher,
     /// Describes images the map's own way, where the map has one.
     describer: Option<(Describer, Values)>,
+    /// The newest frame's distances.
     distances: Vec<f32>,
+    /// Where those of the next frame are written, so that a frame that is refused leaves the newest ones alone.
+    next: Vec<f32>,
 }
 
 impl Localizer {
@@ -48,7 +51,8 @@ impl Localizer {
             Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
             Recipe::Ready => None,
         };
-        Self { matcher, describer, distances: vec![0.0; map.places()], map }
+        let distances = vec![0.0; map.places()];
+        Self { matcher, describer, next: distances.clone(), distances, map }
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -74,8 +78,8 @@ impl Localizer {
     pub fn step_image(&mut self, image: ImageView<'_>, trusted: Option<bool>) -> Result<Fix, Error> {
         let Some((describer, values)) = &mut self.describer else { return Err(Error::NoDescriptor) };
         describer.describe(image, values)?;
-        self.map.distances_into(values.view(), &mut self.distances)?;
-        self.matcher.step(&self.distances, trusted)
+        self.map.distances_into(values.view(), &mut self.next)?;
+        self.step(trusted)
     }
 
     /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of the consensus where
@@ -84,8 +88,14 @@ impl Localizer {
     /// # Errors
     /// As for [`push_descriptor`](Self::push_descriptor).
     pub fn step_descriptor(&mut self, descriptor: View<'_>, trusted: Option<bool>) -> Result<Fix, Error> {
-        self.map.distances_into(descriptor, &mut self.distances)?;
-        self.matcher.step(&self.distances, trusted)
+        self.map.distances_into(descriptor, &mut self.next)?;
+        self.step(trusted)
+    }
+
+    fn step(&mut self, trusted: Option<bool>) -> Result<Fix, Error> {
+        let fix = self.matcher.step(&self.next, trusted)?;
+        std::mem::swap(&mut self.distances, &mut self.next);
+        Ok(fix)
     }
 
     /// Fixes for frame after frame of a camera, as they are asked for.

@@ -1,5 +1,8 @@
 //! The generated route behaves as real ones do: hard for single frames, and easier for trusted sequences.
 
+#![cfg(feature = "rayon")] // On one core the drives take minutes.
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
 use std::ops::ControlFlow;
 
 use surefix::descriptor::describe_all;
@@ -32,7 +35,7 @@ fn share_right(run: &Run, truth: &[Option<usize>], of: impl Fn(&surefix::Fix) ->
 
 #[test]
 fn single_frames_are_hard_trusted_ones_are_right_and_weighting_wins() {
-    for seed in 1..=5 {
+    for seed in 1..=3 {
         let ([plain, weighted], truth) = drive(seed, Conditions::revisit(), [0.0, 0.99]);
         let r1 = share_right(&plain, &truth, |_| true);
         assert!((0.2..=0.7).contains(&r1), "seed {seed}: R@1 {r1}");

@@ -207,7 +207,7 @@ pub(crate) fn match_distances(
 /// map : Map
 ///     The known route.
 /// queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
-///     Descriptors are float32 or of the map's own type.
+///     Descriptors are of the map's own type, or of float32 on a map of ready descriptors.
 /// trusted : array of bool, shape (m,), optional
 ///     An external predictor's words in place of the consensus.
 /// progress : callable, optional

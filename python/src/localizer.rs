@@ -54,7 +54,7 @@ impl Localizer {
     /// ----------
     /// frame : array or path
     ///     A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images were; or a
-    ///     descriptor, (dim,), float32 or of the map's own type.
+    ///     descriptor, (dim,), of the map's own type, or float32 on a map of ready descriptors.
     /// trusted : bool, optional
     ///     An external predictor's word in place of the consensus.
     ///

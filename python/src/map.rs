@@ -159,7 +159,7 @@ impl Map {
     ///
     /// Parameters
     /// ----------
-    /// descriptor : array, shape (dim,), of float32 or of the map's own type
+    /// descriptor : array, shape (dim,), of the map's own type, or of float32 on a map of ready descriptors
     ///
     /// Returns
     /// -------

@@ -6,6 +6,8 @@ mod image;
 mod resize;
 mod sad;
 mod source;
+#[cfg(test)]
+mod tests;
 
 #[cfg(feature = "image")]
 pub use files::{ImageFiles, read_image};

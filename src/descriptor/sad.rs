@@ -163,7 +163,12 @@ impl Describer {
             }
             (Dtype::F32, Values::F32(out)) => self.normalise(out, |z| z as f32),
             (dtype, out) => {
-                return Err(Error::Dtype { what: "descriptor", map: dtype, got: out.dtype() });
+                return Err(Error::Dtype {
+                    what: "descriptor",
+                    map: dtype,
+                    or_float: false,
+                    got: out.dtype(),
+                });
             }
         }
         Ok(())

@@ -5,6 +5,8 @@
 
 mod element;
 mod scalar;
+#[cfg(test)]
+mod tests;
 
 use std::fmt;
 use std::str::FromStr;
@@ -82,6 +84,8 @@ pub(crate) fn distances(query: View<'_>, rows: Rows<'_>, out: &mut [f32]) -> Res
         (View::I8(q), View::I8(r)) => scalar::integer(q, r, rows, out),
         (View::F16(q), View::F16(r)) => scalar::float(q, r, rows, out),
         (View::F32(q), values) => each_type!(View, values, r => scalar::float(q, r, rows, out)),
-        (query, values) => Err(Error::Dtype { what, map: values.dtype(), got: query.dtype() }),
+        (query, values) => {
+            Err(Error::Dtype { what, map: values.dtype(), or_float: true, got: query.dtype() })
+        }
     }
 }

@@ -63,10 +63,12 @@ impl Map {
     }
 
     fn write_beside(&self, path: &Path) -> io::Result<()> {
-        let name = path.file_name().ok_or_else(|| io::Error::other("expected a file name, got a folder"))?;
+        if path.file_name().is_none() {
+            return Err(io::Error::other("expected a file name, got a folder"));
+        }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut beside = tempfile::Builder::new();
-        beside.prefix(name).suffix(".part");
+        beside.prefix(".surefix-").suffix(".part");
         #[cfg(unix)]
         {
             // Readable by whom the umask says, as any file that a program makes.

@@ -230,7 +230,7 @@ impl Map {
     ///
     /// # Errors
     /// [`Error::Length`] for a descriptor that has not `dim()` numbers or an `out` that has not `places()`;
-    /// [`Error::Dtype`] unless it is float32 or of the map's own type; [`Error::NotFinite`] for a NaN or an infinity;
+    /// [`Error::Dtype`] unless it is of the map's own type, or float32 on a map of ready descriptors; [`Error::NotFinite`] for a NaN or an infinity;
     /// [`Error::NoDirection`] for zeros under the cosine. `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
         if descriptor.len() != self.dim {
@@ -238,6 +238,12 @@ impl Map {
         }
         if out.len() != self.places {
             return Err(Error::Length { what: "distances", expected: self.places, got: out.len() });
+        }
+        // The numbers of SAD in float32 (z) are not those in uint8 (128 + 32 z): one is no query for the other.
+        if let (Recipe::Sad(_), map, got) = (self.recipe, self.dtype(), descriptor.dtype())
+            && map != got
+        {
+            return Err(Error::Dtype { what: "descriptor", map, or_float: false, got });
         }
         distance::distances(descriptor, self.as_rows(), out)
     }

@@ -28,7 +28,7 @@ pub(super) fn check(distances: &[f32], places: usize) -> Result<(), Error> {
 
 /// Eq. 2: the place of the smallest distance, the first of equals.
 pub(crate) fn minimum(distances: &[f32]) -> Single {
-    let place = first_equal(distances, extreme(distances, |a, b| if b < a { b } else { a }));
+    let place = first_equal(distances, extreme(distances, f32::INFINITY, |a, b| if b < a { b } else { a }));
     Single { place, distance: distances[place] }
 }
 

@@ -3,10 +3,10 @@
 /// How many extremes run side by side, so that the compiler can use vector registers.
 const LANES: usize = 16;
 
-/// The number that `better` prefers to all others. `better(a, b)` returns `b` only where it is strictly better, so
-/// that a NaN never wins. `numbers` is not empty.
-pub(super) fn extreme<T: Copy>(numbers: &[T], better: impl Fn(T, T) -> T) -> T {
-    let mut lanes = [numbers[0]; LANES];
+/// The number that `better` prefers to all others, and to `worst`. `better(a, b)` returns `b` only where it is strictly
+/// better, so that a NaN never wins.
+pub(super) fn extreme<T: Copy>(numbers: &[T], worst: T, better: impl Fn(T, T) -> T) -> T {
+    let mut lanes = [worst; LANES];
     let blocks = numbers.chunks_exact(LANES);
     for (lane, &x) in lanes.iter_mut().zip(blocks.remainder()) {
         *lane = better(*lane, x);
@@ -16,7 +16,7 @@ pub(super) fn extreme<T: Copy>(numbers: &[T], better: impl Fn(T, T) -> T) -> T {
             *lane = better(*lane, x);
         }
     }
-    lanes.iter().fold(lanes[0], |best, &x| better(best, x))
+    lanes.iter().fold(worst, |best, &x| better(best, x))
 }
 
 /// The index of the first number that equals `wanted`; 0 where none does, as for a NaN.

@@ -65,11 +65,11 @@ pub(super) fn enhanced_peak(gradients: &Ring, smoothing: usize, missing: f32) ->
                 *sum += missing;
             }
         }
-        let highest = extreme(sums, |a, b| if b > a { b } else { a });
+        let highest = extreme(sums, f32::NEG_INFINITY, |a, b| if b > a { b } else { a });
         if highest > peak.value {
             peak = Peak { place: start + first_equal(sums, highest), value: highest };
         }
     }
-    // A gradient can overflow only where distances near f32::MAX do: then every sum is -inf or NaN, and place 0 stays.
+    // Sums can overflow where distances come near f32::MAX. A NaN is never the peak; where nothing else is, place 0 stays.
     peak
 }

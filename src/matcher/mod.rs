@@ -6,6 +6,8 @@ mod gradient;
 mod ring;
 mod sequence;
 mod snapshot;
+#[cfg(test)]
+mod tests;
 
 use consensus::{check, consensus};
 use gradient::{enhanced_peak, gradient, missing_gradient};
@@ -75,7 +77,7 @@ impl Matcher {
     ///
     /// # Errors
     /// [`Error::TooFewPlaces`] below two places; [`Error::Option`] for an option outside its range, `floor: Global`
-    /// among them: a stream cannot know the whole matrix.
+    /// among them: a stream cannot know the whole matrix; [`Error::Memory`] where there is not enough for the window.
     pub fn new(places: usize, config: Config) -> Result<Self, Error> {
         config.validate(places)?;
         if config.floor == Floor::Global {
@@ -89,9 +91,9 @@ impl Matcher {
         let length = config.sequence_length;
         let nothing = Anchor { single: Single { place: 0, distance: 0.0 }, trusted: false };
         Ok(Self {
-            columns: Ring::new(length, places),
+            columns: Ring::new(length, places)?,
             // A gradient older than the route is long has no place left on the diagonal.
-            gradients: Ring::new(config.smoothing.min(places), places),
+            gradients: Ring::new(config.smoothing.min(places), places)?,
             anchors: vec![nothing; length],
             diagonals: config.speeds.iter().map(|&speed| Diagonal::new(speed, length)).collect(),
             frames: 0,

@@ -1,5 +1,7 @@
 //! The last few columns, in memory that is laid out once.
 
+use crate::error::Error;
+
 /// The newest `capacity` columns of `height` numbers each, oldest overwritten first.
 #[derive(Clone, Debug)]
 pub(super) struct Ring {
@@ -12,8 +14,15 @@ pub(super) struct Ring {
 }
 
 impl Ring {
-    pub(super) fn new(capacity: usize, height: usize) -> Self {
-        Self { numbers: vec![0.0; capacity * height], height, capacity, newest: 0, filled: 0 }
+    /// Room for `capacity` columns, taken and touched now.
+    pub(super) fn new(capacity: usize, height: usize) -> Result<Self, Error> {
+        let count =
+            capacity.checked_mul(height).ok_or(Error::Memory { places: height, columns: capacity })?;
+        let mut numbers = Vec::new();
+        let refused = |_| Error::Memory { places: height, columns: capacity };
+        numbers.try_reserve_exact(count).map_err(refused)?;
+        numbers.resize(count, 0.0);
+        Ok(Self { numbers, height, capacity, newest: 0, filled: 0 })
     }
 
     /// Numbers a column.

@@ -37,8 +37,8 @@ impl Diagonal {
         Self { speed, back: (0..length).map(|age| reach(speed, age) as usize).collect() }
     }
 
-    /// Eq. 6: the place where the mean along this diagonal is smallest, the first of equals, and that mean.
-    /// Only places far enough along the route have a full window.
+    /// Eq. 6: the place where the sum along this diagonal, and so the mean, is smallest, the first of equals, and that
+    /// sum. Only places far enough along the route have a full window.
     fn best(&self, columns: &Ring) -> (usize, f64) {
         const BLOCK: usize = 128;
         let places = columns.column(0).len();
@@ -52,12 +52,12 @@ impl Diagonal {
                 let terms = &columns.column(age)[start - back..start - back + sums.len()];
                 sums.iter_mut().zip(terms).for_each(|(sum, &term)| *sum += f64::from(term));
             }
-            let smallest = extreme(sums, |a, b| if b < a { b } else { a });
+            let smallest = extreme(sums, f64::INFINITY, |a, b| if b < a { b } else { a });
             if smallest < best.1 {
                 best = (start + first_equal(sums, smallest), smallest);
             }
         }
-        (best.0, best.1 / self.back.len() as f64)
+        best
     }
 
     /// How many trusted cells lie on the diagonal that ends in `place`.
@@ -95,17 +95,17 @@ pub(super) fn best_sequence(
     set_anchored_cells(&|distance| weighted(distance, weight, floor), columns);
     let mut best: Option<(&Diagonal, (usize, f64))> = None;
     for diagonal in diagonals {
-        let (place, mean) = diagonal.best(columns);
-        // The smallest mean; of equals the lowest place, then the speed named first.
-        let wins = best.is_none_or(|(_, (at, least))| mean < least || (mean == least && place < at));
+        let (place, sum) = diagonal.best(columns);
+        // The smallest sum; of equals the lowest place, then the speed named first.
+        let wins = best.is_none_or(|(_, (at, least))| sum < least || (sum == least && place < at));
         if wins {
-            best = Some((diagonal, (place, mean)));
+            best = Some((diagonal, (place, sum)));
         }
     }
     set_anchored_cells(&|distance| distance, columns);
-    best.map(|(diagonal, (place, mean))| Sequence {
+    best.map(|(diagonal, (place, sum))| Sequence {
         place,
-        score: mean as f32,
+        score: (sum / length as f64) as f32,
         anchors: diagonal.anchors(place, (0..length).map(&anchors)),
         speed: diagonal.speed,
     })

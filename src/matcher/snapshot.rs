@@ -1,7 +1,7 @@
 //! A matcher's state as bytes, so that a robot that restarts goes on where it was, to the last bit.
 //!
-//! A snapshot is a small safetensors file: the tensors `columns` and `gradients` (newest first) and one metadata entry
-//! `surefix` with the rest as JSON.
+//! A snapshot is a small safetensors file: the tensors `columns` and `gradients` (newest first), one metadata entry
+//! `surefix` with the rest as JSON, and the tensor `checksum` over all of it.
 
 use std::collections::HashMap;
 use std::hash::Hasher as _;
@@ -21,6 +21,8 @@ const FORMAT: &str = "surefix-snapshot";
 const VERSION: u64 = 1;
 /// The one metadata entry; a map file has the same.
 const ENTRY: &str = "surefix";
+/// More queries than any camera has sent, and far from where a count overflows.
+const MAX_FRAMES: u64 = 1 << 60;
 
 #[derive(Serialize, Deserialize)]
 struct Header {
@@ -35,8 +37,6 @@ struct Header {
     lowest: Option<f32>,
     /// The single match's place and trust of each column, newest first.
     anchors: Vec<(usize, bool)>,
-    /// A hash of the tensors, so that a flipped bit does not pass.
-    checksum: u64,
 }
 
 /// What a snapshot held.
@@ -76,15 +76,16 @@ impl Matcher {
             frames: self.frames,
             lowest: self.lowest.is_finite().then_some(self.lowest),
             anchors: (0..self.columns.len()).map(|age| self.anchor(age)).collect(),
-            checksum: checksum(&columns, &gradients),
         };
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
         let tensor = |bytes, ring: &Ring| {
             TensorView::new(Dtype::F32, vec![ring.len(), self.places], bytes).map_err(|e| refused(&e))
         };
+        let checksum = checksum(&header, &columns, &gradients);
         let tensors = [
             ("columns", tensor(&columns, &self.columns)?),
             ("gradients", tensor(&gradients, &self.gradients)?),
+            ("checksum", TensorView::new(Dtype::U64, vec![1], &checksum).map_err(|e| refused(&e))?),
         ];
         serialize(tensors, Some(HashMap::from([(ENTRY.to_owned(), header)]))).map_err(|e| refused(&e))
     }
@@ -98,39 +99,46 @@ impl Matcher {
 /// Reads a snapshot, and refuses one that no matcher can have written.
 pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, Error> {
     let damaged = |e: &dyn std::fmt::Display| refused(&format!("damaged or not a snapshot ({e})"));
+    let tensors = SafeTensors::deserialize(snapshot).map_err(|e| damaged(&e))?;
     let (_, metadata) = SafeTensors::read_metadata(snapshot).map_err(|e| damaged(&e))?;
     let entry = metadata.metadata().as_ref().and_then(|entries| entries.get(ENTRY));
     let text = entry.ok_or_else(|| damaged(&"no surefix entry"))?;
     check_version(text)?;
+    let columns = tensors.tensor("columns").map_err(|e| damaged(&e))?;
+    let gradients = tensors.tensor("gradients").map_err(|e| damaged(&e))?;
+    let written = tensors.tensor("checksum").map_err(|e| damaged(&e))?;
+    if checksum(text, columns.data(), gradients.data()) != written.data() {
+        return Err(damaged(&"its checksum does not fit"));
+    }
     let header: Header = serde_json::from_str(text).map_err(|e| damaged(&e))?;
     if let Some(expected) = expected
         && *expected != header.config
     {
-        return Err(refused(&format!(
-            "taken under other options: expected {expected:?}, got {:?}",
-            header.config
-        )));
+        let got = header.config;
+        return Err(refused(&format!("taken under other options: expected {expected:?}, got {got:?}")));
     }
-    let mut matcher = Matcher::new(header.places, header.config).map_err(|e| damaged(&e))?;
-    let tensors = SafeTensors::deserialize(snapshot).map_err(|e| damaged(&e))?;
-    let columns = tensors.tensor("columns").map_err(|e| damaged(&e))?;
-    let gradients = tensors.tensor("gradients").map_err(|e| damaged(&e))?;
-    if checksum(columns.data(), gradients.data()) != header.checksum {
-        return Err(damaged(&"its checksum does not fit"));
+
+    // The shapes first: a forged size must not take memory.
+    header.config.validate(header.places).map_err(|e| damaged(&e))?;
+    if header.frames > MAX_FRAMES {
+        return Err(damaged(&"an impossible number of frames"));
     }
+    let length = header.config.sequence_length;
     let held = |capacity: usize| usize::try_from(header.frames).unwrap_or(usize::MAX).min(capacity);
-    let length = matcher.config.sequence_length;
-    let smoothing = matcher.config.smoothing.min(header.places);
-    fill(&mut matcher.columns, &columns, held(length))?;
-    fill(&mut matcher.gradients, &gradients, held(smoothing))?;
-    matcher.frames = header.frames;
-    matcher.lowest = header.lowest.unwrap_or(f32::INFINITY);
-    if header.anchors.len() != matcher.columns.len() {
+    check_shape(&columns, held(length), header.places)?;
+    check_shape(&gradients, held(header.config.smoothing.min(header.places)), header.places)?;
+    if header.anchors.len() != held(length) {
         return Err(damaged(&"a wrong number of anchors"));
     }
+
+    let mut matcher = Matcher::new(header.places, header.config).map_err(|e| damaged(&e))?;
+    fill(&mut matcher.columns, &columns);
+    fill(&mut matcher.gradients, &gradients);
+    matcher.frames = header.frames;
+    matcher.lowest = header.lowest.unwrap_or(f32::INFINITY);
     for (age, &(place, trusted)) in header.anchors.iter().enumerate() {
-        let distance =
-            *matcher.columns.column(age).get(place).ok_or_else(|| damaged(&"an anchor off the route"))?;
+        let distance = matcher.columns.column(age).get(place);
+        let distance = *distance.ok_or_else(|| damaged(&"an anchor off the route"))?;
         let at = slot(header.frames - 1 - age as u64, length);
         matcher.anchors[at] = Anchor { single: Single { place, distance }, trusted };
     }
@@ -158,25 +166,29 @@ fn newest_first(ring: &Ring) -> Vec<u8> {
     numbers.flat_map(|x| x.to_le_bytes()).collect()
 }
 
-fn fill(ring: &mut Ring, tensor: &TensorView<'_>, columns: usize) -> Result<(), Error> {
-    let height = ring.height();
-    if tensor.dtype() != Dtype::F32 || tensor.shape() != [columns, height] {
-        let expected = format!("expected float32 ({columns}, {height}), got {:?}", tensor.shape());
-        return Err(refused(&format!("a tensor of the wrong shape: {expected}")));
+fn check_shape(tensor: &TensorView<'_>, columns: usize, places: usize) -> Result<(), Error> {
+    if tensor.dtype() == Dtype::F32 && tensor.shape() == [columns, places] {
+        return Ok(());
     }
-    for column in tensor.data().chunks_exact(height * 4).rev() {
+    let expected = format!("expected float32 ({columns}, {places}), got {:?}", tensor.shape());
+    Err(refused(&format!("damaged: a tensor of the wrong shape: {expected}")))
+}
+
+fn fill(ring: &mut Ring, tensor: &TensorView<'_>) {
+    for column in tensor.data().chunks_exact(ring.height() * 4).rev() {
         for (number, bytes) in ring.advance().iter_mut().zip(column.as_chunks::<4>().0) {
             *number = f32::from_le_bytes(*bytes);
         }
     }
-    Ok(())
 }
 
-fn checksum(columns: &[u8], gradients: &[u8]) -> u64 {
+/// A hash of all that a snapshot says, so that a flipped bit does not pass.
+fn checksum(header: &str, columns: &[u8], gradients: &[u8]) -> [u8; 8] {
     let mut hash = XxHash3_64::with_seed(0);
+    hash.write(header.as_bytes());
     hash.write(columns);
     hash.write(gradients);
-    hash.finish()
+    hash.finish().to_le_bytes()
 }
 
 fn refused(reason: &dyn std::fmt::Display) -> Error {

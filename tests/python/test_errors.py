@@ -73,6 +73,14 @@ CASES: dict[str, tuple[Callable[[Path], Any], list[str]]] = {
     "another gradient": (lambda _: surefix.Matcher(3, gradient="up"), ["gradient", "halved", "'up'"]),
     "another floor": (lambda _: surefix.Matcher(3, floor="low"), ["floor", "running", "'low'"]),
     "the global floor in a stream": (lambda _: surefix.Matcher(3, floor="global"), ["floor", "stream"]),
+    "more memory than there is": (
+        lambda _: surefix.Matcher(1 << 42, sequence_length=1 << 20),
+        ["memory", str(1 << 42)],
+    ),
+    "a float SAD descriptor on a uint8 SAD map": (
+        lambda _: surefix.Map.from_images(FRAMES).distances(surefix.Sad(dtype="f32").describe(FRAMES[0])),
+        ["uint8", "SAD", "float32"],
+    ),
     "no speeds": (lambda _: surefix.Matcher(3, speeds=[]), ["speeds", "at least one", "none"]),
     "a speed that leaves the route": (
         lambda _: surefix.Matcher(5, sequence_length=3, speeds=[1.0, 9.0]),

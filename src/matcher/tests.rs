@@ -1,0 +1,188 @@
+//! The kernels against one-line oracles, to the last bit, on grids of small numbers where everything ties.
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use super::consensus::Single;
+use super::extreme::{extreme, first_equal};
+use super::gradient::{enhanced_peak, gradient, missing_gradient};
+use super::minimum;
+use super::ring::Ring;
+use super::sequence::{Anchor, Diagonal, best_sequence};
+use crate::config::Gradient;
+
+fn cases() -> ProptestConfig {
+    ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// Whole numbers and halves that tie, both zeros, and now and then any number of like size.
+fn number() -> impl Strategy<Value = f32> {
+    prop_oneof![6 => (-2..4_i8).prop_map(f32::from), 1 => select(vec![-0.0, 0.5, 1.5]), 2 => -4.0..4.0_f32]
+}
+
+fn numbers(length: impl Into<proptest::collection::SizeRange>) -> impl Strategy<Value = Vec<f32>> {
+    vec(number(), length)
+}
+
+/// Columns of one height, the newest first.
+fn columns(
+    height: std::ops::Range<usize>,
+    count: std::ops::Range<usize>,
+) -> impl Strategy<Value = Vec<Vec<f32>>> {
+    (height, count).prop_flat_map(|(height, count)| vec(numbers(height), count))
+}
+
+fn kinds() -> impl Strategy<Value = Gradient> {
+    select(vec![Gradient::Halved, Gradient::Unhalved])
+}
+
+/// A ring that has been pushed these columns, after `before` others that were overwritten or not.
+fn ring(newest_first: &[Vec<f32>], before: usize) -> Ring {
+    let mut ring = Ring::new(newest_first.len(), newest_first[0].len()).unwrap();
+    for _ in 0..before {
+        ring.advance().fill(f32::NAN);
+    }
+    for column in newest_first.iter().rev() {
+        ring.advance().copy_from_slice(column);
+    }
+    ring
+}
+
+fn same(a: &[f32], b: &[f32]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+}
+
+fn naive_gradient(d: &[f32], kind: Gradient) -> Vec<f32> {
+    let end = d.len() - 1;
+    let inside = |i: usize| match kind {
+        Gradient::Halved => (d[i - 1] + d[i + 1]) * 0.5 - d[i],
+        Gradient::Unhalved => d[i + 1] + d[i - 1] - (d[i] + d[i]),
+    };
+    let at = |i| {
+        if i == 0 {
+            d[1] - d[0]
+        } else if i == end {
+            d[end - 1] - d[end]
+        } else {
+            inside(i)
+        }
+    };
+    (0..=end).map(at).collect()
+}
+
+proptest! {
+    #![proptest_config(cases())]
+
+    #[test]
+    fn extreme_and_first_equal_are_argmin_and_argmax(numbers in numbers(1..200)) {
+        let smallest = numbers.iter().copied().fold(f32::INFINITY, f32::min);
+        let largest = numbers.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        prop_assert_eq!(extreme(&numbers, f32::INFINITY, |a, b| if b < a { b } else { a }), smallest);
+        prop_assert_eq!(extreme(&numbers, f32::NEG_INFINITY, |a, b| if b > a { b } else { a }), largest);
+        for wanted in [smallest, largest, numbers[numbers.len() / 2]] {
+            let first = numbers.iter().position(|&x| x == wanted);
+            prop_assert_eq!(Some(first_equal(&numbers, wanted)), first);
+        }
+        prop_assert_eq!(first_equal(&numbers, f32::NAN), 0);
+    }
+
+    #[test]
+    fn minimum_is_the_first_of_the_smallest(numbers in numbers(1..200)) {
+        let single = minimum(&numbers);
+        prop_assert!(numbers.iter().all(|&x| x >= single.distance));
+        prop_assert!(numbers[..single.place].iter().all(|&x| x > single.distance));
+        prop_assert_eq!(single.distance.to_bits(), numbers[single.place].to_bits());
+    }
+
+    #[test]
+    fn gradient_is_the_second_difference(d in numbers(2..150), kind in kinds()) {
+        let mut g = vec![f32::NAN; d.len()];
+        gradient(&d, kind, &mut g);
+        prop_assert!(same(&g, &naive_gradient(&d, kind)), "{:?}", g);
+    }
+
+    #[test]
+    fn a_missing_gradient_is_the_mean_of_the_current_one(d in numbers(2..150), kind in kinds()) {
+        let mut g = vec![0.0; d.len()];
+        gradient(&d, kind, &mut g);
+        let mean = g.iter().map(|&x| f64::from(x)).sum::<f64>() / g.len() as f64;
+        // Unhalved, the inside counts twice, so that the sum is less the two ends: the design's 0 stands in for it.
+        let expected = if kind == Gradient::Halved { mean } else { 0.0 };
+        prop_assert!((f64::from(missing_gradient(&d, kind)) - expected).abs() < 1e-6);
+    }
+
+    #[test]
+    fn enhanced_peak_adds_along_the_diagonal_in_order(
+        g in columns(2..140, 1..6), before in 0..4_usize, smoothing in 1..9_usize, missing in number(),
+    ) {
+        let enhanced = |i: usize| {
+            let term = |k: usize| if k <= i { g.get(k).map_or(missing, |g| g[i - k]) } else { missing };
+            (1..smoothing).fold(g[0][i], |sum, k| sum + term(k))
+        };
+        let sums: Vec<f32> = (0..g[0].len()).map(enhanced).collect();
+        let highest = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let place = sums.iter().position(|&x| x == highest).unwrap();
+        let peak = enhanced_peak(&ring(&g, before), smoothing, missing);
+        prop_assert_eq!(peak.place, place);
+        prop_assert_eq!(peak.value, highest);
+    }
+
+    #[test]
+    fn best_sequence_is_the_smallest_mean_of_all_diagonals(
+        raw in columns(8..150, 1..8), before in 0..3_usize, trust in any::<u8>(),
+        weight in select(vec![0.0, 0.5, 0.99, 1.0]), floor in -3.0..0.0_f64,
+        speeds in vec(select(vec![0.0, 0.5, 0.75, 1.0]), 1..4),
+    ) {
+        let length = raw.len();
+        let anchor = |age: usize| {
+            // Any cell may be the anchor here; in the matcher it is the column's minimum.
+            let place = (usize::from(trust) * 7 + age * 3) % raw[age].len();
+            let single = Single { place, distance: raw[age][place] };
+            Anchor { single, trusted: (trust >> age) & 1 == 1 }
+        };
+        let mut weighted = raw.clone();
+        for age in (0..length).filter(|&age| anchor(age).trusted) {
+            let cell = &mut weighted[age][anchor(age).single.place];
+            *cell = (f64::from(*cell) - weight * (f64::from(*cell) - floor)) as f32;
+        }
+        let back = |speed: f64, age: usize| (speed * age as f64 + 0.5).floor() as usize;
+        // The smallest sum; of equals the lowest place, then the speed named first.
+        let mut best: Option<(f64, usize, f64)> = None;
+        for place in 0..raw[0].len() {
+            for &speed in speeds.iter().filter(|&&speed| back(speed, length - 1) <= place) {
+                let sum = (0..length).map(|age| f64::from(weighted[age][place - back(speed, age)])).sum::<f64>();
+                if best.is_none_or(|(least, ..)| sum < least) {
+                    best = Some((sum, place, speed));
+                }
+            }
+        }
+        let (sum, place, speed) = best.unwrap();
+        let cells = (0..length).map(|age| (anchor(age), back(speed, age)));
+        let anchors = cells.filter(|(a, back)| a.trusted && a.single.place + back == place).count();
+
+        let mut columns = ring(&raw, before);
+        let diagonals: Vec<Diagonal> = speeds.iter().map(|&speed| Diagonal::new(speed, length)).collect();
+        let got = best_sequence(&mut columns, anchor, &diagonals, weight, floor).unwrap();
+        prop_assert_eq!((got.place, got.speed, got.anchors), (place, speed, anchors));
+        prop_assert_eq!(got.score, (sum / length as f64) as f32);
+        // The weights were for this query only.
+        for (age, raw) in raw.iter().enumerate() {
+            prop_assert!(same(columns.column(age), raw), "column {}", age);
+        }
+    }
+
+    #[test]
+    fn a_ring_holds_the_newest_columns(capacity in 1..9_usize, pushes in 0..40_u8) {
+        let mut ring = Ring::new(capacity, 2).unwrap();
+        for push in 0..pushes {
+            ring.advance().fill(f32::from(push));
+        }
+        prop_assert_eq!(ring.len(), capacity.min(usize::from(pushes)));
+        for age in 0..ring.len() {
+            prop_assert_eq!(ring.column(age), &[f32::from(pushes) - 1.0 - age as f32; 2][..]);
+        }
+        ring.clear();
+        prop_assert_eq!(ring.len(), 0);
+    }
+}

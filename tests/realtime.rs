@@ -1,0 +1,230 @@
+//! What a control loop needs: no allocation, no lock, values that can be copied and sent.
+#![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
+mod cases;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::Arc;
+use std::thread;
+
+use cases::{DTYPES, Dice, Kind, all_bits, columns, numbers};
+use surefix::{
+    Channels, Config, Dtype, Error, Fix, Floor, Gradient, Image, Localizer, Map, Matcher, Metric, Run, Sad,
+};
+
+/// The system's allocator, counting what each thread asks of it.
+struct Counting;
+
+thread_local! {
+    static CALLS: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: every method hands its arguments on to `System` unchanged; a counter without a destructor is no allocation.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        CALLS.set(CALLS.get() + 1);
+        // SAFETY: the caller's promise is `System`'s.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // Giving memory back can take as long as getting it: it counts.
+        CALLS.set(CALLS.get() + 1);
+        // SAFETY: the caller's promise is `System`'s.
+        unsafe { System.dealloc(memory, layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        CALLS.set(CALLS.get() + 1);
+        // SAFETY: the caller's promise is `System`'s.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        CALLS.set(CALLS.get() + 1);
+        // SAFETY: the caller's promise is `System`'s.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often `work` called the allocator.
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = CALLS.get();
+    work();
+    CALLS.get() - before
+}
+
+fn configs() -> Vec<Config> {
+    let mut all = Vec::new();
+    for sequence_length in [1, 2, 100] {
+        for smoothing in [1, 3, 200] {
+            for gradient in [Gradient::Halved, Gradient::Unhalved] {
+                for floor in [Floor::Running, Floor::Fixed(0.1)] {
+                    for speeds in [vec![1.0], vec![0.8, 0.9, 1.0, 1.1, 1.2]] {
+                        all.push(Config {
+                            sequence_length,
+                            smoothing,
+                            gradient,
+                            floor,
+                            speeds,
+                            ..Config::default()
+                        });
+                    }
+                }
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations(|| drop(std::hint::black_box(vec![1_u8; 100]))), 2);
+}
+
+#[test]
+fn a_matcher_allocates_nothing_after_construction() {
+    const PLACES: usize = 150;
+    let queries = columns(Kind::Smooth, PLACES, 250, 1);
+    let mut spoilt = queries[0].clone();
+    spoilt[PLACES - 1] = f32::NAN;
+    for config in configs() {
+        let mut matcher = Matcher::new(PLACES, config.clone()).unwrap();
+        let mut ready = 0;
+        let calls = allocations(|| {
+            for (index, query) in queries.iter().enumerate() {
+                let fix = match index % 3 {
+                    0 => matcher.push_with_trust(query, index % 2 == 0),
+                    _ => matcher.push(query),
+                };
+                ready += usize::from(fix.unwrap().sequence.is_some());
+                assert!(matches!(matcher.push(&spoilt), Err(Error::NotFinite { .. })));
+                assert!(matches!(matcher.push(&query[1..]), Err(Error::Length { .. })));
+                assert!(matches!(matcher.push(&[]), Err(Error::Length { .. })));
+            }
+            matcher.reset();
+            matcher.push(&queries[0]).unwrap();
+        });
+        assert_eq!(calls, 0, "{config:?}");
+        assert_eq!(ready, 251 - config.sequence_length, "the full windows were measured too");
+    }
+}
+
+#[test]
+fn a_localizer_allocates_nothing_for_a_descriptor() {
+    const DIM: usize = 300;
+    for metric in [Metric::Manhattan, Metric::Euclidean, Metric::Cosine] {
+        for dtype in DTYPES {
+            let map = Map::from_descriptors(numbers(dtype, 40 * DIM, 7), DIM, metric).unwrap();
+            let mut localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
+            let (own, float) = (numbers(dtype, DIM, 8), numbers(Dtype::F32, DIM, 9));
+            let spoilt = vec![f32::NAN; DIM];
+            let foreign = numbers(if dtype == Dtype::I8 { Dtype::U8 } else { Dtype::I8 }, DIM, 10);
+            let zeros = vec![0.0_f32; DIM];
+            let calls = allocations(|| {
+                for _ in 0..5 {
+                    localizer.push_descriptor(&own).unwrap();
+                    localizer.push_descriptor(&float).unwrap();
+                    assert!(matches!(localizer.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
+                    assert!(matches!(localizer.push_descriptor(&foreign), Err(Error::Dtype { .. })));
+                    let short = localizer.push_descriptor(&spoilt[1..]);
+                    assert!(matches!(short, Err(Error::Length { .. })));
+                    let directionless = localizer.push_descriptor(&zeros);
+                    assert_eq!(directionless.is_err(), metric == Metric::Cosine);
+                }
+                localizer.reset();
+            });
+            assert_eq!(calls, 0, "{metric} {dtype}");
+        }
+    }
+}
+
+fn image(width: usize, height: usize, channels: Channels, seed: u64) -> Image {
+    let mut dice = Dice(seed);
+    let pixels = (0..width * height * channels.count()).map(|_| dice.below(256) as u8).collect();
+    Image::new(width, height, channels, pixels).unwrap()
+}
+
+fn sad_localizer(dtype: Dtype) -> Localizer {
+    let images: Vec<Image> = (0..8).map(|seed| image(80, 60, Channels::Grey, seed)).collect();
+    let sad = Sad::new((64, 32), 8, dtype).unwrap();
+    let map = Map::from_images(&images, sad, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    Localizer::new(Arc::new(map), Config::default()).unwrap()
+}
+
+#[test]
+fn a_localizer_allocates_nothing_for_an_image_after_the_first_of_its_size() {
+    for dtype in [Dtype::U8, Dtype::F32] {
+        for channels in [Channels::Grey, Channels::Rgb] {
+            for (width, height) in [(320, 240), (64, 32), (20, 10), (64, 100)] {
+                let mut localizer = sad_localizer(dtype);
+                let frames: Vec<Image> = (0..4).map(|seed| image(width, height, channels, seed)).collect();
+                localizer.push_image(&frames[0]).unwrap();
+                let calls = allocations(|| {
+                    for frame in &frames {
+                        localizer.push_image(frame).unwrap();
+                    }
+                });
+                assert_eq!(calls, 0, "{dtype} {channels} {width} x {height}");
+            }
+        }
+    }
+}
+
+#[test]
+fn memory_grows_to_the_largest_size_seen_and_no_further() {
+    let mut localizer = sad_localizer(Dtype::U8);
+    let (small, large) = (image(100, 80, Channels::Rgb, 1), image(640, 480, Channels::Rgb, 2));
+    localizer.push_image(&small).unwrap();
+    let calls = allocations(|| assert!(localizer.push_image(&large).is_ok()));
+    assert!(calls > 0, "a larger size needs memory once");
+    let calls = allocations(|| {
+        for frame in [&small, &large, &small, &large] {
+            localizer.push_image(frame).unwrap();
+        }
+    });
+    assert_eq!(calls, 0, "two cameras in turn cost nothing more");
+}
+
+#[test]
+fn fixes_are_copied_and_everything_can_be_sent() {
+    fn copied<T: Copy>() {}
+    fn sent<T: Send>() {}
+    fn shared<T: Sync>() {}
+    copied::<Fix>();
+    sent::<Matcher>();
+    sent::<Localizer>();
+    sent::<Map>();
+    sent::<Run>();
+    sent::<Error>();
+    shared::<Map>();
+    shared::<Error>();
+    assert!(size_of::<Fix>() <= 128, "a fix fits two cache lines: {} bytes", size_of::<Fix>());
+}
+
+#[test]
+fn localizers_that_share_a_map_do_not_notice_each_other() {
+    const DIM: usize = 64;
+    let map =
+        Arc::new(Map::from_descriptors(numbers(Dtype::U8, 200 * DIM, 1), DIM, Metric::Manhattan).unwrap());
+    let run = |map: Arc<Map>, robot: u64| -> Vec<Fix> {
+        let mut localizer = Localizer::new(map, Config { sequence_length: 5, ..Config::default() }).unwrap();
+        let queries = (0..100).map(|query| numbers(Dtype::U8, DIM, robot * 1000 + query));
+        queries.map(|query| localizer.push_descriptor(&query).unwrap()).collect()
+    };
+    let robots: Vec<_> = (0..6)
+        .map(|robot| {
+            let map = Arc::clone(&map);
+            thread::spawn(move || run(map, robot))
+        })
+        .collect();
+    for (robot, handle) in robots.into_iter().enumerate() {
+        let together = handle.join().unwrap();
+        assert_eq!(all_bits(&together), all_bits(&run(Arc::clone(&map), robot as u64)), "robot {robot}");
+    }
+}
