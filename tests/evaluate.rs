@@ -7,7 +7,7 @@ use cases::cases;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use surefix::evaluate::{Curve, Recall, evaluate};
+use surefix::evaluate::{Curve, Recall, Truth, evaluate};
 use surefix::{Error, Fix, Peak, Run, Sequence, Single};
 
 const RECALLS: [Recall; 3] = [Recall::Correct, Recall::PlaceExists, Recall::Rejected];
@@ -24,7 +24,7 @@ fn fix(place: usize, score: f32, ready: bool) -> Fix {
 fn curve(queries: &[Query], tolerance: usize, recall: Recall) -> Curve {
     let run = Run { fixes: queries.iter().map(|&(place, score, _)| fix(place, score, true)).collect() };
     let truth: Vec<Option<usize>> = queries.iter().map(|query| query.2).collect();
-    evaluate(&run, &truth, tolerance, recall).unwrap()
+    evaluate(&run.matches(), &Truth::places(truth, tolerance), recall).unwrap()
 }
 
 /// Few scores, so that many are equal.
@@ -69,7 +69,8 @@ proptest! {
         let curve = curve(&queries, 1, recall);
         let points = curve.points();
 
-        // The last precision at each recall, joined by lines; the first one held back to recall 0.
+        // The last precision at each recall, joined by lines; the first one held back to recall 0. The line that is
+        // cut leads to the first precision at its recall.
         let mut knots: Vec<(f64, f64)> = points.first().map(|point| (0.0, point.precision)).into_iter().collect();
         for point in points {
             knots.retain(|&(at, _)| at == 0.0 || at != point.recall);
@@ -82,7 +83,9 @@ proptest! {
         let area: f64 = knots.windows(2).map(|ends| {
             let ((a, p), (b, q)) = (ends[0], ends[1]);
             let end = b.min(upto).max(a);
-            let at_end = p + (q - p) * (end - a) / (b - a);
+            let cut = end < b;
+            let first = points.iter().find(|point| point.recall == b).map_or(q, |point| point.precision);
+            let at_end = p + (if cut { first } else { q } - p) * (end - a) / (b - a);
             (end - a) * f64::midpoint(p, at_end)
         }).sum();
         if upto > 1e-9 {
@@ -103,7 +106,7 @@ proptest! {
         let mut turned = queries.clone();
         turned.reverse();
         let (a, b) = (curve(&queries, 1, recall), curve(&turned, 1, recall));
-        prop_assert_eq!(a, b);
+        prop_assert_eq!(a.points(), b.points());
     }
 }
 
@@ -175,17 +178,22 @@ fn every_corner_gives_numbers() {
 #[test]
 fn the_warm_up_is_left_out() {
     let run = Run { fixes: vec![fix(0, 0.0, false), fix(3, 1.0, true)] };
-    let curve = evaluate(&run, &[Some(9), Some(3)], 0, Recall::Correct).unwrap();
+    let curve = evaluate(&run.matches(), &Truth::places(vec![Some(9), Some(3)], 0), Recall::Correct).unwrap();
     assert_eq!(curve.points().len(), 1);
     assert_eq!(curve.points()[0].precision, 1.0);
     let warming = Run { fixes: vec![fix(0, 0.0, false)] };
-    assert!(evaluate(&warming, &[Some(0)], 0, Recall::Correct).unwrap().points().is_empty());
+    assert!(
+        evaluate(&warming.matches(), &Truth::places(vec![Some(0)], 0), Recall::Correct)
+            .unwrap()
+            .points()
+            .is_empty()
+    );
 }
 
 #[test]
 fn a_truth_of_another_length_and_an_unknown_recall_are_refused() {
     let run = Run { fixes: vec![fix(0, 0.0, true); 3] };
-    let refused = evaluate(&run, &[None], 0, Recall::Correct).unwrap_err();
+    let refused = evaluate(&run.matches(), &Truth::places(vec![None], 0), Recall::Correct).unwrap_err();
     assert!(matches!(refused, Error::Length { expected: 3, got: 1, .. }));
     assert_eq!(refused.to_string(), "truth: expected 3 values, got 1");
     for (name, recall) in ["correct", "place_exists", "rejected"].into_iter().zip(RECALLS) {

@@ -6,7 +6,7 @@
 use std::ops::ControlFlow;
 
 use surefix::descriptor::describe_all;
-use surefix::evaluate::{Recall, evaluate};
+use surefix::evaluate::{Recall, Truth, evaluate};
 use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{Config, Floor, Map, Run, Sad, match_descriptors};
 
@@ -41,7 +41,8 @@ fn single_frames_are_hard_trusted_ones_are_right_and_weighting_wins() {
         assert!((0.2..=0.7).contains(&r1), "seed {seed}: R@1 {r1}");
         let trusted = share_right(&plain, &truth, |fix| fix.trusted);
         assert!(trusted > 0.85 && trusted > r1 + 0.2, "seed {seed}: {trusted} of the trusted are right");
-        let area = |run| evaluate(run, &truth, 1, Recall::Correct).unwrap().auc(0.2);
+        let truth = Truth::places(truth, 1);
+        let area = |run| evaluate(&Run::matches(run), &truth, Recall::Correct).unwrap().auc(0.2);
         let (plain, weighted) = (area(&plain), area(&weighted));
         assert!(weighted > plain + 0.05, "seed {seed}: {plain} without the weights, {weighted} with them");
     }

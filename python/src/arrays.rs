@@ -187,7 +187,10 @@ pub(crate) fn flags(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<bool>
 }
 
 /// Short lists are as good as arrays for flags and truths.
-fn sequence_or_array<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Bound<'py, PyUntypedArray>> {
+pub(crate) fn sequence_or_array<'py>(
+    object: &Bound<'py, PyAny>,
+    what: &str,
+) -> PyResult<Bound<'py, PyUntypedArray>> {
     if object.is_instance_of::<pyo3::types::PyList>() || object.is_instance_of::<pyo3::types::PyTuple>() {
         let numpy = object.py().import("numpy")?;
         let array = numpy.call_method1("asarray", (object,));

@@ -1,23 +1,28 @@
-//! `surefix.evaluate`.
+//! `surefix.evaluate` and its kin.
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use surefix::evaluate::{Curve, Point, Recall};
+use surefix::evaluate::{Bootstrap, Curve, Match, Point, Recall, TrustTable};
 
-use crate::arrays::whole_numbers;
+use crate::arrays::{flags, floats, matrix, whole_numbers};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
+use crate::truth::truth_of;
 
-/// The precision-recall curve of a run against the truth: an exact sweep of its scores, equal ones together. The
-/// warm-up, which has no sequence yet, is left out.
+/// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal ones together. A
+/// sequence's warm-up, and queries that the truth ignores, are left out.
 ///
 /// Parameters
 /// ----------
-/// run : Run
-/// truth : array of int, shape (m,)
-///     The place where each query really was; -1 where it was off the map, so that any accepted match is a mistake.
-/// tolerance : int
-///     How many places from the truth still count as correct.
+/// matches : Run or Matches
+///     Of any method.
+/// truth : array or pair of arrays
+///     Where each query really was. Places: int, shape (m,), -1 for a query that was off the map, so that any accepted match
+///     is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the same place), 0 (not) and -1 (ignored). Or a pair of
+///     positions in planar metres, of the places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3)
+///     (``surefix.datasets.local_metres`` turns latitude and longitude into metres).
+/// tolerance : float
+///     How far from the truth still counts as correct: places, or metres where the truth is positions.
 /// recall : {"correct", "place_exists", "rejected"}
 ///     What recall is a share of. "correct" (the paper's wording): the queries whose match is correct. "place_exists":
 ///     those that have a true place. "rejected": true positives and all rejected queries (the authors' earlier code).
@@ -29,7 +34,7 @@ use crate::error::{OrRaise as _, value};
 /// Raises
 /// ------
 /// SurefixValueError
-///     Where the truth has another length than the run, or is not of whole numbers.
+///     Where the truth is of another length than the matches, of another type or shape, or an option outside its range.
 ///
 /// Examples
 /// --------
@@ -38,24 +43,61 @@ use crate::error::{OrRaise as _, value};
 /// >>> surefix.evaluate(run, np.arange(5)).auc(0.2)
 /// 1.0
 #[pyfunction]
-#[pyo3(signature = (run, truth, tolerance=1, recall="correct"))]
+#[pyo3(
+    signature = (matches, truth, tolerance=1.0, recall="correct"),
+    text_signature = "(matches, truth, tolerance=1, recall='correct')"
+)]
 pub(crate) fn evaluate(
     py: Python<'_>,
-    run: &Run,
+    matches: &Bound<'_, PyAny>,
     truth: &Bound<'_, PyAny>,
-    tolerance: usize,
+    tolerance: f64,
     recall: &str,
 ) -> PyResult<Evaluation> {
     let recall: Recall = recall.parse().or_raise(py)?;
-    let truth = whole_numbers(truth, "truth")?;
-    if let Some(query) = truth.iter().position(|&place| place < -1) {
-        let got = truth[query];
-        let message =
-            format!("truth: expected a place, or -1 where there is none, got {got} for query {query}");
-        return Err(value(py, message));
+    let matches = matches_of(matches)?;
+    let truth = truth_of(truth, tolerance)?;
+    let curve = py.detach(|| surefix::evaluate::evaluate(&matches, &truth, recall));
+    Ok(Evaluation(curve.or_raise(py)?))
+}
+
+/// A run's matches, or those of anything that has their arrays.
+fn matches_of(object: &Bound<'_, PyAny>) -> PyResult<Vec<Match>> {
+    if let Ok(run) = object.cast::<Run>() {
+        return Ok(run.get().0.matches());
     }
-    let truth: Vec<Option<usize>> = truth.into_iter().map(|place| usize::try_from(place).ok()).collect();
-    Ok(Evaluation(surefix::evaluate::evaluate(&run.0, &truth, tolerance, recall).or_raise(py)?))
+    let field = |name: &str| {
+        object.getattr(name).map_err(|_| {
+            let kind = object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+            value(object.py(), format!("matches: expected a surefix.Run or surefix.Matches, got {kind}"))
+        })
+    };
+    let places = whole_numbers(&field("place")?, "matches: place")?;
+    let scores = floats(&field("score")?, "matches: score", 1)?;
+    let scores = scores.as_slice()?;
+    let ready = flags(&field("ready")?, "matches: ready")?;
+    let accepted = flags(&field("accepted")?, "matches: accepted")?;
+    for (name, count) in [("score", scores.len()), ("ready", ready.len()), ("accepted", accepted.len())] {
+        if count != places.len() {
+            let message = format!("matches: {name}: expected {} values, got {count}", places.len());
+            return Err(value(object.py(), message));
+        }
+    }
+    let negative = places.iter().position(|&place| place < 0);
+    if let Some(query) = negative {
+        let message =
+            format!("matches: place: expected places from 0, got {} for query {query}", places[query]);
+        return Err(value(object.py(), message));
+    }
+    let each = places.iter().zip(scores).zip(ready.iter().zip(&accepted));
+    Ok(each
+        .map(|((&place, &score), (&ready, &accepted))| Match {
+            place: usize::try_from(place).unwrap_or(usize::MAX),
+            score,
+            ready,
+            accepted,
+        })
+        .collect())
 }
 
 /// A precision-recall curve, from the best score to the worst, and single figures from it.
@@ -70,6 +112,10 @@ impl Evaluation {
     ) -> Bound<'py, PyArray1<T>> {
         PyArray1::from_iter(py, self.0.points().iter().map(of))
     }
+}
+
+fn bootstrap(level: f64, samples: usize, block: Option<usize>, seed: u64) -> Bootstrap {
+    Bootstrap { samples, block, level, seed }
 }
 
 #[pymethods]
@@ -89,9 +135,79 @@ impl Evaluation {
     fn thresholds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
         self.column(py, |point| point.threshold)
     }
+    /// How many wrong matches are accepted at each threshold: int64.
+    #[getter]
+    fn false_positives<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |point| point.false_positives as i64)
+    }
     /// The area under the curve up to a recall, divided by it: 1 where all matches accepted by then are correct.
+    ///
+    /// Trapezoids between the lowest precisions at each recall; in the segment that ``upto`` cuts, the sweep's own line, which
+    /// leads to the highest precision at the next recall. The first precision is held back to recall 0. A curve that ends
+    /// before adds nothing beyond its end: read it beside ``max_recall``.
     fn auc(&self, upto: f64) -> f64 {
         self.0.auc(upto)
+    }
+    /// An interval for ``auc(upto)``, by a bootstrap over blocks of consecutive queries, as neighbours are not independent.
+    ///
+    /// Parameters
+    /// ----------
+    /// upto : float
+    /// level : float
+    ///     The share of the samples inside.
+    /// samples : int
+    ///     How often the queries are drawn anew.
+    /// block : int, optional
+    ///     How many consecutive queries a block has; the root of their number by default.
+    /// seed : int
+    ///     Another seed draws other blocks.
+    ///
+    /// Returns
+    /// -------
+    /// (low, high)
+    #[pyo3(signature = (upto, *, level=0.95, samples=1000, block=None, seed=0))]
+    fn auc_interval(
+        &self,
+        py: Python<'_>,
+        upto: f64,
+        level: f64,
+        samples: usize,
+        block: Option<usize>,
+        seed: u64,
+    ) -> PyResult<(f64, f64)> {
+        let bootstrap = bootstrap(level, samples, block, seed);
+        let interval = py.detach(|| self.0.auc_interval(upto, &bootstrap)).or_raise(py)?;
+        Ok((interval.low, interval.high))
+    }
+    /// An interval for ``self.auc(upto) - other.auc(upto)`` on the same queries; each sample draws the same ones for both.
+    /// Where it holds 0, the drive does not tell which is better.
+    ///
+    /// Parameters
+    /// ----------
+    /// other : Evaluation
+    ///     Of as many queries.
+    /// upto, level, samples, block, seed
+    ///     As for ``auc_interval``.
+    ///
+    /// Returns
+    /// -------
+    /// (low, high)
+    #[pyo3(signature = (other, upto, *, level=0.95, samples=1000, block=None, seed=0))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
+    fn auc_difference_interval(
+        &self,
+        py: Python<'_>,
+        other: &Self,
+        upto: f64,
+        level: f64,
+        samples: usize,
+        block: Option<usize>,
+        seed: u64,
+    ) -> PyResult<(f64, f64)> {
+        let bootstrap = bootstrap(level, samples, block, seed);
+        let interval =
+            py.detach(|| self.0.auc_difference_interval(&other.0, upto, &bootstrap)).or_raise(py)?;
+        Ok((interval.low, interval.high))
     }
     /// The largest recall at a precision of at least this; 0 where there is none.
     fn recall_at_precision(&self, precision: f64) -> f64 {
@@ -106,8 +222,164 @@ impl Evaluation {
     fn max_recall(&self) -> f64 {
         self.0.max_recall()
     }
+    /// The largest harmonic mean of precision and recall over all thresholds; 0 where nothing is correct.
+    #[getter]
+    fn best_f1(&self) -> f64 {
+        self.0.best_f1().f1
+    }
+    /// The threshold of ``best_f1``.
+    #[getter]
+    fn best_f1_threshold(&self) -> f32 {
+        self.0.best_f1().threshold
+    }
+    /// How many queries were judged: ready, and not ignored.
+    #[getter]
+    fn judged(&self) -> usize {
+        self.0.judged()
+    }
+    /// How many of the judged matches are correct, accepted or not.
+    #[getter]
+    fn correct(&self) -> usize {
+        self.0.correct()
+    }
     fn __repr__(&self) -> String {
         let (auc, max) = (self.0.auc(0.2), self.0.max_recall());
         format!("Evaluation({} thresholds, auc(0.2)={auc:.4}, max_recall={max:.4})", self.0.points().len())
     }
+}
+
+/// The confusion table of a run's trust flags, which speak of its single matches: positive is trusted, true is correct.
+///
+/// Parameters
+/// ----------
+/// run : Run
+/// truth, tolerance
+///     As for ``evaluate``.
+///
+/// Returns
+/// -------
+/// Trust
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     As for ``evaluate``.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> run = surefix.match_distances(1 - np.eye(5, dtype=np.float32))
+/// >>> trust = surefix.evaluate_trust(run, np.arange(5))
+/// >>> trust.precision, trust.share_trusted
+/// (1.0, 1.0)
+#[pyfunction]
+#[pyo3(
+    signature = (run, truth, tolerance=1.0),
+    text_signature = "(run, truth, tolerance=1)"
+)]
+pub(crate) fn evaluate_trust(
+    py: Python<'_>,
+    run: &Run,
+    truth: &Bound<'_, PyAny>,
+    tolerance: f64,
+) -> PyResult<Trust> {
+    let truth = truth_of(truth, tolerance)?;
+    Ok(Trust(surefix::evaluate::evaluate_trust(&run.0, &truth).or_raise(py)?))
+}
+
+/// The confusion table of a trust flag: positive is trusted, true is a correct single match.
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct Trust(TrustTable);
+
+#[pymethods]
+impl Trust {
+    /// Trusted, and correct.
+    #[getter]
+    fn true_positives(&self) -> usize {
+        self.0.true_positives
+    }
+    /// Trusted, but wrong.
+    #[getter]
+    fn false_positives(&self) -> usize {
+        self.0.false_positives
+    }
+    /// Correct, but not trusted.
+    #[getter]
+    fn false_negatives(&self) -> usize {
+        self.0.false_negatives
+    }
+    /// Not trusted, and wrong.
+    #[getter]
+    fn true_negatives(&self) -> usize {
+        self.0.true_negatives
+    }
+    /// The share of the trusted matches that is correct; 0 where none is trusted.
+    #[getter]
+    fn precision(&self) -> f64 {
+        self.0.precision()
+    }
+    /// The share of the correct matches that is trusted (the true positive rate); 0 where none is correct.
+    #[getter]
+    fn recall(&self) -> f64 {
+        self.0.recall()
+    }
+    /// The share of the wrong matches that is trusted; 0 where none is wrong.
+    #[getter]
+    fn false_positive_rate(&self) -> f64 {
+        self.0.false_positive_rate()
+    }
+    /// The share of all matches that is trusted.
+    #[getter]
+    fn share_trusted(&self) -> f64 {
+        self.0.share_trusted()
+    }
+    fn __repr__(&self) -> String {
+        let TrustTable { true_positives, false_positives, false_negatives, true_negatives } = self.0;
+        format!(
+            "Trust(true_positives={true_positives}, false_positives={false_positives}, \
+             false_negatives={false_negatives}, true_negatives={true_negatives})"
+        )
+    }
+}
+
+/// Recall at K: the share of the queries with a true place that have one among their K nearest places.
+///
+/// Parameters
+/// ----------
+/// distances : array of float32, shape (n, m)
+/// truth, tolerance
+///     As for ``evaluate``.
+/// ks : sequence of int
+///
+/// Returns
+/// -------
+/// list of float, one a K
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     As for ``evaluate``.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> surefix.recall_at(1 - np.eye(5, dtype=np.float32), np.arange(5), ks=(1, 5))
+/// [1.0, 1.0]
+#[pyfunction]
+#[pyo3(
+    signature = (distances, truth, ks=None, tolerance=1.0),
+    text_signature = "(distances, truth, ks=[1, 5, 10], tolerance=1)"
+)]
+pub(crate) fn recall_at(
+    py: Python<'_>,
+    distances: &Bound<'_, PyAny>,
+    truth: &Bound<'_, PyAny>,
+    ks: Option<Vec<usize>>,
+    tolerance: f64,
+) -> PyResult<Vec<f64>> {
+    let matrix = matrix(distances, "distances")?;
+    let truth = truth_of(truth, tolerance)?;
+    let view = matrix.as_array().into_dimensionality().map_err(|e| value(py, e.to_string()))?;
+    let ks = ks.unwrap_or_else(|| vec![1, 5, 10]);
+    py.detach(|| surefix::evaluate::recall_at(&view, &truth, &ks)).or_raise(py)
 }

@@ -14,6 +14,7 @@ mod matcher;
 mod options;
 mod sad;
 mod simulate;
+mod truth;
 
 use pyo3::prelude::*;
 
@@ -22,7 +23,7 @@ mod _core {
     #[pymodule_export]
     use crate::batch::{Run, match_, match_distances};
     #[pymodule_export]
-    use crate::evaluate::{Evaluation, evaluate};
+    use crate::evaluate::{Evaluation, Trust, evaluate, evaluate_trust, recall_at};
     #[pymodule_export]
     use crate::fix::{Fix, Peak, Sequence, Single};
     #[pymodule_export]

@@ -17,13 +17,17 @@ from surefix._core import (
     Sad,
     Sequence,
     Single,
+    Trust,
     __version__,
     evaluate,
+    evaluate_trust,
     find_images,
     match,
     match_distances,
     read_image,
+    recall_at,
 )
+from surefix.matches import Matches
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 
 __all__ = [
@@ -33,6 +37,7 @@ __all__ = [
     "Localizer",
     "Map",
     "Matcher",
+    "Matches",
     "Peak",
     "Run",
     "Sad",
@@ -41,10 +46,13 @@ __all__ = [
     "SurefixError",
     "SurefixFileError",
     "SurefixValueError",
+    "Trust",
     "__version__",
     "evaluate",
+    "evaluate_trust",
     "find_images",
     "match",
     "match_distances",
     "read_image",
+    "recall_at",
 ]

@@ -22,12 +22,15 @@ __all__ = [
     "Sequence",
     "Single",
     "Traverse",
+    "Trust",
     "__version__",
     "evaluate",
+    "evaluate_trust",
     "find_images",
     "match",
     "match_distances",
     "read_image",
+    "recall_at",
 ]
 
 class _HasArray(Protocol):
@@ -35,6 +38,16 @@ class _HasArray(Protocol):
 
 class _HasDlpack(Protocol):
     def __dlpack__(self, *args: Any, **kwargs: Any) -> Any: ...
+
+class _Matches(Protocol):
+    @property
+    def place(self) -> npt.NDArray[np.int64]: ...
+    @property
+    def score(self) -> npt.NDArray[np.float32]: ...
+    @property
+    def ready(self) -> npt.NDArray[np.bool_] | None: ...
+    @property
+    def accepted(self) -> npt.NDArray[np.bool_] | None: ...
 
 _Array: TypeAlias = npt.NDArray[Any] | _HasArray | _HasDlpack
 _Path: TypeAlias = str | PathLike[str]
@@ -45,6 +58,7 @@ _Float32: TypeAlias = npt.NDArray[np.float32]
 _Float64: TypeAlias = npt.NDArray[np.float64]
 _Int64: TypeAlias = npt.NDArray[np.int64]
 _Bool: TypeAlias = npt.NDArray[np.bool_]
+_Truth: TypeAlias = _Array | list[int] | tuple[npt.ArrayLike, npt.ArrayLike]
 _UInt8: TypeAlias = npt.NDArray[np.uint8]
 
 @final
@@ -283,18 +297,64 @@ class Evaluation:
     def precision(self) -> _Float64: ...
     @property
     def thresholds(self) -> _Float32: ...
+    @property
+    def false_positives(self) -> _Int64: ...
     def auc(self, upto: float) -> float: ...
+    def auc_interval(
+        self, upto: float, *, level: float = 0.95, samples: int = 1000, block: int | None = None, seed: int = 0
+    ) -> tuple[float, float]: ...
+    def auc_difference_interval(
+        self,
+        other: Evaluation,
+        upto: float,
+        *,
+        level: float = 0.95,
+        samples: int = 1000,
+        block: int | None = None,
+        seed: int = 0,
+    ) -> tuple[float, float]: ...
     def recall_at_precision(self, precision: float) -> float: ...
     def false_positives_at(self, recall: float) -> int | None: ...
     @property
     def max_recall(self) -> float: ...
+    @property
+    def best_f1(self) -> float: ...
+    @property
+    def best_f1_threshold(self) -> float: ...
+    @property
+    def judged(self) -> int: ...
+    @property
+    def correct(self) -> int: ...
+
+@final
+class Trust:
+    @property
+    def true_positives(self) -> int: ...
+    @property
+    def false_positives(self) -> int: ...
+    @property
+    def false_negatives(self) -> int: ...
+    @property
+    def true_negatives(self) -> int: ...
+    @property
+    def precision(self) -> float: ...
+    @property
+    def recall(self) -> float: ...
+    @property
+    def false_positive_rate(self) -> float: ...
+    @property
+    def share_trusted(self) -> float: ...
 
 def evaluate(
-    run: Run,
-    truth: _Array | list[int],
-    tolerance: int = 1,
+    matches: Run | _Matches,
+    truth: _Truth,
+    tolerance: float = 1,
     recall: Literal["correct", "place_exists", "rejected"] | str = "correct",
 ) -> Evaluation: ...
+def evaluate_trust(run: Run, truth: _Truth, tolerance: float = 1) -> Trust: ...
+def recall_at(
+    distances: _Array, truth: _Truth, ks: Iterable[int] = [1, 5, 10], tolerance: float = 1
+) -> list[float]: ...
 def read_image(path: _Path) -> _UInt8: ...
 def find_images(place: _Path) -> list[str]: ...
 

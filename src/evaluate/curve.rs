@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use super::truth::{Truth, Verdict};
+use crate::batch::Run;
 use crate::error::Error;
 
 /// What recall is a share of. Published code differs, so a figure names the one it used.
@@ -33,12 +35,30 @@ impl FromStr for Recall {
     }
 }
 
-/// One query's match, judged.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Judged {
-    pub(super) score: f32,
-    pub(super) correct: bool,
-    pub(super) place_exists: bool,
+/// One query's match, of any method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Match {
+    /// The place, from 0.
+    pub place: usize,
+    /// How good the match is; less is better. Not a NaN.
+    pub score: f32,
+    /// Whether the method had an answer: not so in a sequence's warm-up. Such queries are left out.
+    pub ready: bool,
+    /// Whether the match may be accepted at all: a mask may refuse it whatever its score. Such queries count all the same.
+    pub accepted: bool,
+}
+
+impl Run {
+    /// The run's matches: the sequences' places and scores, all of which may be accepted.
+    pub fn matches(&self) -> Vec<Match> {
+        let of = |fix: &crate::Fix| Match {
+            place: fix.place,
+            score: fix.score,
+            ready: fix.sequence.is_some(),
+            accepted: true,
+        };
+        self.fixes.iter().map(of).collect()
+    }
 }
 
 /// One threshold: the queries with this score or a better one are accepted.
@@ -54,41 +74,105 @@ pub struct Point {
     pub false_positives: usize,
 }
 
+/// A query's match with the truth's verdict.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Judged {
+    pub(super) query: usize,
+    score: f32,
+    accepted: bool,
+    correct: bool,
+    place_exists: bool,
+}
+
 /// A precision-recall curve: a point a distinct score, from the best score to the worst.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     points: Vec<Point>,
+    /// From the best score to the worst.
+    pub(super) judged: Vec<Judged>,
+    pub(super) queries: usize,
+    recall: Recall,
+}
+
+/// The precision-recall curve of any method's matches against the truth.
+///
+/// Queries that are not ready, and those that the truth ignores, are left out.
+///
+/// # Errors
+/// [`Error::Length`] where the truth speaks of another number of queries, [`Error::NotFinite`] for a score that is a NaN.
+pub fn evaluate(matches: &[Match], truth: &Truth, recall: Recall) -> Result<Curve, Error> {
+    if truth.len() != matches.len() {
+        return Err(Error::Length { what: "truth", expected: matches.len(), got: truth.len() });
+    }
+    if let Some(index) = matches.iter().position(|found| found.ready && found.score.is_nan()) {
+        return Err(Error::NotFinite { what: "scores", row: None, index, value: f32::NAN });
+    }
+    let judge = |(query, found): (usize, &Match)| {
+        let verdict = truth.judge(query, found.place);
+        (found.ready && verdict != Verdict::Ignored).then(|| Judged {
+            query,
+            score: found.score,
+            accepted: found.accepted,
+            correct: verdict == Verdict::Correct,
+            place_exists: truth.exists(query),
+        })
+    };
+    let mut judged: Vec<Judged> = matches.iter().enumerate().filter_map(judge).collect();
+    judged.sort_by(|a, b| a.score.total_cmp(&b.score));
+    let points = sweep(&judged, recall, |_| 1);
+    Ok(Curve { points, judged, queries: matches.len(), recall })
+}
+
+/// Accepts the matches from the best score to the worst, equal scores together. Each query counts `times` times.
+fn sweep(judged: &[Judged], recall: Recall, times: impl Fn(&Judged) -> usize) -> Vec<Point> {
+    let count = |which: fn(&Judged) -> bool| judged.iter().filter(|j| which(j)).map(&times).sum::<usize>();
+    let (total, correct, exist) = (count(|_| true), count(|j| j.correct), count(|j| j.place_exists));
+    let (mut accepted, mut true_positives) = (0, 0);
+    let mut points = Vec::new();
+    // -0 and 0 sort apart, but are one score.
+    for equals in judged.chunk_by(|a, b| a.score == b.score) {
+        let before = accepted;
+        for found in equals.iter().filter(|j| j.accepted) {
+            accepted += times(found);
+            true_positives += if found.correct { times(found) } else { 0 };
+        }
+        if accepted == before {
+            continue;
+        }
+        let relevant = match recall {
+            Recall::Correct => correct,
+            Recall::PlaceExists => exist,
+            Recall::Rejected => true_positives + (total - accepted),
+        };
+        points.push(Point {
+            threshold: equals[0].score,
+            precision: true_positives as f64 / accepted as f64,
+            // Nothing to find: nothing found.
+            recall: true_positives as f64 / relevant.max(1) as f64,
+            false_positives: accepted - true_positives,
+        });
+    }
+    points
 }
 
 impl Curve {
-    /// Accepts the matches from the best score to the worst, equal scores together.
-    pub(super) fn sweep(mut judged: Vec<Judged>, recall: Recall) -> Self {
-        judged.sort_by(|a, b| a.score.total_cmp(&b.score));
-        let total = judged.len();
-        let correct = judged.iter().filter(|match_| match_.correct).count();
-        let exist = judged.iter().filter(|match_| match_.place_exists).count();
-        let (mut accepted, mut true_positives) = (0, 0);
-        let points = judged.chunk_by(|a, b| a.score == b.score).map(|equals| {
-            accepted += equals.len();
-            true_positives += equals.iter().filter(|match_| match_.correct).count();
-            let relevant = match recall {
-                Recall::Correct => correct,
-                Recall::PlaceExists => exist,
-                Recall::Rejected => true_positives + (total - accepted),
-            };
-            Point {
-                threshold: equals[0].score,
-                precision: true_positives as f64 / accepted as f64,
-                // Nothing to find: nothing found.
-                recall: true_positives as f64 / relevant.max(1) as f64,
-                false_positives: accepted - true_positives,
-            }
-        });
-        Self { points: points.collect() }
-    }
-
     /// The points, from the best score to the worst; recall never falls along them.
     pub fn points(&self) -> &[Point] {
         &self.points
+    }
+
+    /// How many queries were judged: ready, and not ignored.
+    pub fn judged(&self) -> usize {
+        self.judged.len()
+    }
+
+    /// How many of the judged matches are correct, accepted or not.
+    pub fn correct(&self) -> usize {
+        self.judged.iter().filter(|j| j.correct).count()
+    }
+
+    /// The curve's points where each query counts as often as `times` says: what the bootstrap draws.
+    pub(super) fn redrawn(&self, times: &[usize]) -> Vec<Point> {
+        sweep(&self.judged, self.recall, |j| times[j.query])
     }
 }

@@ -1,29 +1,27 @@
 //! Single figures from a curve. Each is a number at every corner: an empty curve has found nothing.
 
-use super::curve::Curve;
+use super::curve::{Curve, Point};
+
+/// The threshold with the best balance of precision and recall.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BestF1 {
+    /// The harmonic mean of precision and recall there.
+    pub f1: f64,
+    /// The score up to which matches are accepted there.
+    pub threshold: f32,
+    /// The precision there.
+    pub precision: f64,
+    /// The recall there.
+    pub recall: f64,
+}
 
 impl Curve {
     /// The area under the curve up to the recall `upto`, divided by `upto`: 1 where every match accepted by then is
-    /// correct. Trapezoids through the last, so lowest, precision at each recall; the first precision is held back to
-    /// recall 0. A curve that ends before `upto` adds nothing beyond its end, so read it beside
-    /// [`max_recall`](Self::max_recall).
+    /// correct. Trapezoids between the lowest precisions at each recall; in the segment that `upto` cuts, the sweep's own
+    /// line, which leads to the highest precision at the next recall. The first precision is held back to recall 0. A curve
+    /// that ends before `upto` adds nothing beyond its end, so read it beside [`max_recall`](Self::max_recall).
     pub fn auc(&self, upto: f64) -> f64 {
-        let Some(first) = self.points().first() else { return 0.0 };
-        let (mut area, mut last) = (0.0, (0.0, first.precision));
-        for equals in self.points().chunk_by(|a, b| a.recall == b.recall) {
-            let Some(point) = equals.last() else { continue };
-            let (from, to) = (last.0, point.recall);
-            if to > from {
-                let end = to.min(upto);
-                let precision = last.1 + (end - from) / (to - from) * (point.precision - last.1);
-                area += (end - from) * (last.1 + precision) / 2.0;
-            }
-            if to >= upto {
-                break;
-            }
-            last = (to, point.precision);
-        }
-        if upto > 0.0 { area / upto } else { first.precision }
+        area(self.points(), upto)
     }
 
     /// The largest recall that the curve reaches.
@@ -41,4 +39,35 @@ impl Curve {
     pub fn false_positives_at(&self, recall: f64) -> Option<usize> {
         self.points().iter().find(|point| point.recall >= recall).map(|point| point.false_positives)
     }
+
+    /// The threshold with the largest harmonic mean of precision and recall, the strictest of equals; zeros where
+    /// nothing is correct.
+    pub fn best_f1(&self) -> BestF1 {
+        let mut best = BestF1::default();
+        for &Point { threshold, precision, recall, .. } in self.points() {
+            let f1 = 2.0 * precision * recall / (precision + recall).max(f64::MIN_POSITIVE);
+            if f1 > best.f1 {
+                best = BestF1 { f1, threshold, precision, recall };
+            }
+        }
+        best
+    }
+}
+
+/// The area under a curve's points up to a recall, divided by that recall.
+pub(super) fn area(points: &[Point], upto: f64) -> f64 {
+    let Some(first) = points.first() else { return 0.0 };
+    let (mut area, mut last) = (0.0, (0.0, first.precision));
+    for equals in points.chunk_by(|a, b| a.recall == b.recall) {
+        let (Some(highest), Some(lowest)) = (equals.first(), equals.last()) else { continue };
+        let (from, to) = (last.0, lowest.recall);
+        if to > upto {
+            let end = last.1 + (upto - from) / (to - from) * (highest.precision - last.1);
+            area += (upto - from) * (last.1 + end) / 2.0;
+            break;
+        }
+        area += (to - from) * (last.1 + lowest.precision) / 2.0;
+        last = (to, lowest.precision);
+    }
+    if upto > 0.0 { area / upto } else { first.precision }
 }

@@ -1,35 +1,15 @@
-//! How good the answers are: exact precision-recall curves (DESIGN 1.8).
+//! How good the answers are: exact precision-recall curves and what follows from them (DESIGN 1.8).
 
+mod bootstrap;
 mod curve;
 mod metrics;
+mod recall_at;
+mod trust;
 mod truth;
 
-pub use curve::{Curve, Point, Recall};
-
-use crate::batch::Run;
-use crate::error::Error;
-
-/// The precision-recall curve of a run against the truth: `truth[j]` is the place where query `j` really was, or nothing
-/// where it was off the map (accepting any match for it is then a mistake). A match within `tolerance` places is correct.
-///
-/// The queries of the warm-up, which have no sequence yet, are left out.
-///
-/// # Errors
-/// [`Error::Length`] where `truth` has not one entry a query.
-pub fn evaluate(
-    run: &Run,
-    truth: &[Option<usize>],
-    tolerance: usize,
-    recall: Recall,
-) -> Result<Curve, Error> {
-    if truth.len() != run.fixes.len() {
-        return Err(Error::Length { what: "truth", expected: run.fixes.len(), got: truth.len() });
-    }
-    let ready = run.fixes.iter().zip(truth).filter(|(fix, _)| fix.sequence.is_some());
-    let judged = ready.map(|(fix, &truth)| curve::Judged {
-        score: fix.score,
-        correct: truth::is_correct(fix.place, truth, tolerance),
-        place_exists: truth.is_some(),
-    });
-    Ok(Curve::sweep(judged.collect(), recall))
-}
+pub use bootstrap::{Bootstrap, Interval};
+pub use curve::{Curve, Match, Point, Recall, evaluate};
+pub use metrics::BestF1;
+pub use recall_at::recall_at;
+pub use trust::{TrustTable, evaluate_trust};
+pub use truth::{Truth, Verdict};

@@ -1,6 +1,134 @@
 //! When a match counts as correct.
 
-/// Within `tolerance` places of the truth; never where there is no true place.
-pub(super) fn is_correct(place: usize, truth: Option<usize>, tolerance: usize) -> bool {
-    truth.is_some_and(|truth| place.abs_diff(truth) <= tolerance)
+use ndarray::ArrayView2;
+
+use crate::error::Error;
+use crate::map::Positions;
+use crate::parallel::each;
+
+/// Where each query really was.
+#[derive(Clone, Debug)]
+pub struct Truth(Kind);
+
+#[derive(Clone, Debug)]
+enum Kind {
+    /// The true place of each query, if it has one, and how many places off still count as correct.
+    Places { truth: Vec<Option<usize>>, tolerance: usize },
+    /// For each query its column of cells, and how many places off still count as correct.
+    Cells { columns: Vec<Vec<i8>>, tolerance: usize },
+    /// Where places and queries are, and how many metres apart still count as correct.
+    Positions { places: Positions, queries: Positions, metres: f64, exists: Vec<bool> },
+}
+
+/// What the truth says of one match.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The place is the true one, within the tolerance.
+    Correct,
+    /// It is not.
+    Wrong,
+    /// The truth does not say: the query is left out.
+    Ignored,
+}
+
+impl Truth {
+    /// The true place of each query; nothing for a query that was off the map. A match within `tolerance` places is
+    /// correct.
+    pub fn places(truth: Vec<Option<usize>>, tolerance: usize) -> Self {
+        Self(Kind::Places { truth, tolerance })
+    }
+
+    /// A matrix, places by queries: 1 where they show the same place, 0 where they do not, -1 where that is to be ignored.
+    /// A match within `tolerance` places of a 1 is correct.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for any other number in a cell.
+    pub fn cells(cells: &ArrayView2<'_, i8>, tolerance: usize) -> Result<Self, Error> {
+        if let Some(((place, query), cell)) = cells.indexed_iter().find(|(_, cell)| !(-1..=1).contains(*cell))
+        {
+            let expected = "cells of 1 (the same place), 0 (not) or -1 (ignored)".to_owned();
+            let got = format!("{cell} at place {place}, query {query}");
+            return Err(Error::Shape { what: "truth", expected, got });
+        }
+        let columns = cells.columns().into_iter().map(|column| column.to_vec()).collect();
+        Ok(Self(Kind::Cells { columns, tolerance }))
+    }
+
+    /// Where each place and each query is. A match within `metres` is correct; a query that has no place within
+    /// `metres` is off the map.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] where one has two axes and the other three, [`Error::Option`] for a tolerance that is not a
+    /// number of 0 or more.
+    pub fn positions(places: Positions, queries: Positions, metres: f64) -> Result<Self, Error> {
+        if places.axes() != queries.axes() {
+            let expected = format!("{} coordinates a query, as the places have", places.axes());
+            let got = queries.axes().to_string();
+            return Err(Error::Shape { what: "query positions", expected, got });
+        }
+        if !(metres >= 0.0 && metres.is_finite()) {
+            let expected = "metres, 0 or more".to_owned();
+            return Err(Error::Option { name: "tolerance", expected, got: metres.to_string() });
+        }
+        let near = |place, query| distance(&places, place, &queries, query) <= metres;
+        let exists =
+            each(0..queries.len(), || (), |(), query| (0..places.len()).any(|place| near(place, query)));
+        Ok(Self(Kind::Positions { places, queries, metres, exists }))
+    }
+
+    /// How many queries it speaks of.
+    pub fn len(&self) -> usize {
+        match &self.0 {
+            Kind::Places { truth, .. } => truth.len(),
+            Kind::Cells { columns, .. } => columns.len(),
+            Kind::Positions { queries, .. } => queries.len(),
+        }
+    }
+
+    /// Whether it speaks of none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether query `query` has a true place at all. A query past the end has none.
+    pub fn exists(&self, query: usize) -> bool {
+        match &self.0 {
+            Kind::Places { truth, .. } => truth.get(query).is_some_and(Option::is_some),
+            Kind::Cells { columns, .. } => columns.get(query).is_some_and(|column| column.contains(&1)),
+            Kind::Positions { exists, .. } => exists.get(query).copied().unwrap_or(false),
+        }
+    }
+
+    /// What it says of matching query `query` to `place`. Off the map and past the end, every match is wrong.
+    pub fn judge(&self, query: usize, place: usize) -> Verdict {
+        let correct = match &self.0 {
+            Kind::Places { truth, tolerance } => {
+                let truth = truth.get(query).copied().flatten();
+                truth.is_some_and(|truth| place.abs_diff(truth) <= *tolerance)
+            }
+            Kind::Cells { columns, tolerance } => {
+                let column = columns.get(query).map_or(&[][..], Vec::as_slice);
+                let (first, end) = (place.saturating_sub(*tolerance), place.saturating_add(*tolerance + 1));
+                let near = column.get(first..end.min(column.len())).unwrap_or_default();
+                if !near.contains(&1) && column.get(place) == Some(&-1) {
+                    return Verdict::Ignored;
+                }
+                near.contains(&1)
+            }
+            Kind::Positions { places, queries, metres, .. } => {
+                place < places.len()
+                    && query < queries.len()
+                    && distance(places, place, queries, query) <= *metres
+            }
+        };
+        if correct { Verdict::Correct } else { Verdict::Wrong }
+    }
+}
+
+/// How far a place and a query are apart, in metres.
+fn distance(places: &Positions, place: usize, queries: &Positions, query: usize) -> f64 {
+    let axes = places.axes();
+    let here = &places.metres()[place * axes..(place + 1) * axes];
+    let there = &queries.metres()[query * axes..(query + 1) * axes];
+    here.iter().zip(there).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }

@@ -1,0 +1,76 @@
+//! The truth as Python gives it: places, a matrix, or positions.
+
+use numpy::{PyArrayDescrMethods as _, PyUntypedArrayMethods as _};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use surefix::evaluate::Truth;
+use surefix::{Error, Positions};
+
+use crate::arrays::{contiguous, coordinates, sequence_or_array, shape_of, whole_numbers};
+use crate::error::{OrRaise as _, value};
+
+/// The truth from an array of places (m,), a matrix (n, m), or a pair of positions ((n, k), (m, k)).
+pub(crate) fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Truth> {
+    let py = object.py();
+    if let Ok(pair) = object.cast::<PyTuple>()
+        && pair.len() == 2
+        && !pair.get_item(0)?.is_instance_of::<pyo3::types::PyInt>()
+    {
+        let (places, place_axes) = coordinates(&pair.get_item(0)?, "truth: places")?;
+        let (queries, query_axes) = coordinates(&pair.get_item(1)?, "truth: queries")?;
+        let places = Positions::new(places, place_axes).or_raise(py)?;
+        let queries = Positions::new(queries, query_axes).or_raise(py)?;
+        return py.detach(|| Truth::positions(places, queries, tolerance)).or_raise(py);
+    }
+    let tolerance = frames(py, tolerance)?;
+    let array = sequence_or_array(object, "truth")?;
+    if array.ndim() != 2 {
+        return Ok(Truth::places(places(object)?, tolerance));
+    }
+    let kind = char::from(array.dtype().kind());
+    if !"biu".contains(kind) {
+        let shape = shape_of(&array);
+        let expected = "places (m,), a matrix (n, m) of bool or of 1, 0 and -1, or a pair of positions";
+        return Err(value(py, format!("truth: expected {expected}, got {} {shape}", array.dtype())));
+    }
+    // Wide enough that no cell wraps around to an allowed one.
+    let cells = clipped(&array)?;
+    let cells = contiguous::<i8>(cells.cast()?)?
+        .ok_or_else(|| value(py, "truth: cannot be read as whole numbers".to_owned()))?;
+    let view = cells.as_array();
+    let view = view.into_dimensionality().map_err(|e| value(py, e.to_string()))?;
+    py.detach(|| Truth::cells(&view, tolerance)).or_raise(py)
+}
+
+fn clipped<'py>(array: &Bound<'py, numpy::PyUntypedArray>) -> PyResult<Bound<'py, PyAny>> {
+    let py = array.py();
+    let numpy = py.import("numpy")?;
+    if array.dtype().kind() == b'b' {
+        return array.call_method1("astype", (numpy.getattr("int8")?,));
+    }
+    let wide = array.call_method1("astype", (numpy.getattr("int64")?,))?;
+    let clipped = numpy.call_method1("clip", (wide, -2, 2))?;
+    let kwargs = PyDict::new(py);
+    kwargs.set_item("copy", false)?;
+    clipped.call_method("astype", (numpy.getattr("int8")?,), Some(&kwargs))
+}
+
+fn places(object: &Bound<'_, PyAny>) -> PyResult<Vec<Option<usize>>> {
+    let truth = whole_numbers(object, "truth")?;
+    if let Some(query) = truth.iter().position(|&place| place < -1) {
+        let got = truth[query];
+        let message =
+            format!("truth: expected a place, or -1 where there is none, got {got} for query {query}");
+        return Err(value(object.py(), message));
+    }
+    Ok(truth.into_iter().map(|place| usize::try_from(place).ok()).collect())
+}
+
+fn frames(py: Python<'_>, tolerance: f64) -> PyResult<usize> {
+    if tolerance >= 0.0 && tolerance.fract() == 0.0 && tolerance <= f64::from(u32::MAX) {
+        return Ok(tolerance as usize);
+    }
+    let expected =
+        "a whole number of places, 0 or more (metres only where the truth is positions)".to_owned();
+    Err(Error::Option { name: "tolerance", expected, got: tolerance.to_string() }).or_raise(py)
+}

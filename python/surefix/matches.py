@@ -1,0 +1,59 @@
+"""Matches of any method, as ``surefix.evaluate`` takes them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Matches"]
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """One match a query, of any method: what ``surefix.evaluate`` takes beside a ``Run``.
+
+    Parameters
+    ----------
+    place : array of int, shape (m,)
+        The place that each query was matched to.
+    score : array of float32, shape (m,)
+        How good each match is; less is better.
+    ready : array of bool, shape (m,), optional
+        False where the method had no answer yet, as in a sequence's warm-up: such queries are left out. All True by
+        default.
+    accepted : array of bool, shape (m,), optional
+        False where the method refuses the match whatever its score, as a mask does: such queries are never accepted,
+        but count. All True by default.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> distances = 1 - np.eye(5, dtype=np.float32)
+    >>> matches = surefix.Matches(place=distances.argmin(0), score=distances.min(0))
+    >>> surefix.evaluate(matches, np.arange(5)).max_recall
+    1.0
+    """
+
+    place: npt.NDArray[np.int64]
+    score: npt.NDArray[np.float32]
+    ready: npt.NDArray[np.bool_] | None = None
+    accepted: npt.NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        place = np.asarray(self.place)
+        count = len(place)
+        fields: dict[str, Any] = {"place": place.astype(np.int64), "score": np.asarray(self.score, np.float32)}
+        for name in ("ready", "accepted"):
+            flags = getattr(self, name)
+            fields[name] = np.ones(count, bool) if flags is None else np.asarray(flags, bool)
+        for name, array in fields.items():
+            if array.shape != (count,):
+                from surefix.errors import SurefixValueError
+
+                raise SurefixValueError(f"{name}: expected one number a query, ({count},), got the shape {array.shape}")
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        """How many queries."""
+        return len(self.place)

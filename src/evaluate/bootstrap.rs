@@ -1,0 +1,130 @@
+//! How sure a figure is: the block bootstrap.
+//!
+//! Neighbouring frames see the same scenery, so they are not independent, and queries are drawn in blocks of
+//! consecutive ones (Künsch 1989; circular blocks, Politis and Romano 1992).
+
+use super::curve::Curve;
+use super::metrics::area;
+use crate::error::Error;
+use crate::parallel::each;
+
+/// How to draw. Flat, with defaults.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bootstrap {
+    /// How many times the queries are drawn anew. 1000 by default.
+    pub samples: usize,
+    /// How many consecutive queries a block has; by default the root of the number of queries, rounded.
+    pub block: Option<usize>,
+    /// The share of the samples inside the interval. 0.95 by default.
+    pub level: f64,
+    /// Another seed draws other blocks.
+    pub seed: u64,
+}
+
+impl Default for Bootstrap {
+    fn default() -> Self {
+        Self { samples: 1000, block: None, level: 0.95, seed: 0 }
+    }
+}
+
+/// A percentile interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Its lower end.
+    pub low: f64,
+    /// Its upper end.
+    pub high: f64,
+}
+
+impl Bootstrap {
+    fn check(&self) -> Result<(), Error> {
+        let bad = |name, expected: &str, got: String| {
+            Err(Error::Option { name, expected: expected.to_owned(), got })
+        };
+        if self.samples == 0 {
+            return bad("samples", "at least 1", "0".to_owned());
+        }
+        if self.block == Some(0) {
+            return bad("block", "at least 1 query", "0".to_owned());
+        }
+        if !(self.level > 0.0 && self.level < 1.0) {
+            return bad("level", "a share between 0 and 1", self.level.to_string());
+        }
+        Ok(())
+    }
+
+    /// The percentile interval of `figure`, which is told how often each of `queries` queries was drawn.
+    fn interval(&self, queries: usize, figure: impl Fn(&[usize]) -> f64 + Sync) -> Result<Interval, Error> {
+        self.check()?;
+        if queries == 0 {
+            return Ok(Interval { low: 0.0, high: 0.0 });
+        }
+        let block = self.block.unwrap_or((queries as f64).sqrt().round() as usize).clamp(1, queries);
+        let mut figures = each(
+            0..self.samples,
+            || vec![0; queries],
+            |times, sample| {
+                times.fill(0);
+                let mut state = self.seed ^ (sample as u64).wrapping_mul(0xA076_1D64_78BD_642F);
+                for drawn in (0..queries).step_by(block) {
+                    let start = (next(&mut state) % queries as u64) as usize;
+                    for offset in 0..block.min(queries - drawn) {
+                        times[(start + offset) % queries] += 1;
+                    }
+                }
+                figure(times)
+            },
+        );
+        figures.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            let place = share * (figures.len() - 1) as f64;
+            let (below, above) = (figures[place.floor() as usize], figures[place.ceil() as usize]);
+            below + place.fract() * (above - below)
+        };
+        let outside = (1.0 - self.level) / 2.0;
+        Ok(Interval { low: at(outside), high: at(1.0 - outside) })
+    }
+}
+
+impl Curve {
+    /// An interval for [`auc`](Self::auc): what it might have been on another drive like this one.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for an option of the bootstrap outside its range.
+    pub fn auc_interval(&self, upto: f64, bootstrap: &Bootstrap) -> Result<Interval, Error> {
+        bootstrap.interval(self.queries, |times| area(&self.redrawn(times), upto))
+    }
+
+    /// An interval for the difference of two areas on the same queries, this one's less the other's: each sample draws
+    /// the same queries for both. Where it holds 0, the drive does not tell which is better.
+    ///
+    /// # Errors
+    /// [`Error::Length`] where the other is of another number of queries, [`Error::Option`] for an option of the
+    /// bootstrap outside its range.
+    pub fn auc_difference_interval(
+        &self,
+        other: &Self,
+        upto: f64,
+        bootstrap: &Bootstrap,
+    ) -> Result<Interval, Error> {
+        if self.queries != other.queries {
+            return Err(Error::Length {
+                what: "the other curve's queries",
+                expected: self.queries,
+                got: other.queries,
+            });
+        }
+        let difference =
+            |times: &[usize]| area(&self.redrawn(times), upto) - area(&other.redrawn(times), upto);
+        bootstrap.interval(self.queries, difference)
+    }
+}
+
+/// `SplitMix64` (Steele, Lea and Flood 2014).
+fn next(state: &mut u64) -> u64 {
+    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
