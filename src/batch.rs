@@ -5,7 +5,8 @@ use std::io::{self, Write};
 use ndarray::ArrayView2;
 
 use crate::config::{Config, Floor};
-use crate::distance::{Values, View, first_not_finite};
+use crate::descriptor::Progress;
+use crate::distance::{View, first_not_finite};
 use crate::error::Error;
 use crate::map::Map;
 use crate::matcher::{Fix, Matcher, minimum};
@@ -107,16 +108,19 @@ pub fn match_distances(
 
 /// Matches many descriptors, one after the other in `queries`, against a map: the distances on all cores, the answers
 /// those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map twice, so that no matrix need be held.
+/// `progress` hears of queries done and to do; `Break` from it stops the work.
 ///
 /// # Errors
 /// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] where the map's dimension does not divide the
-/// numbers; [`Error::Length`] where `trusted` has not one word a query.
-pub fn match_descriptors(
+/// numbers; [`Error::Length`] where `trusted` has not one word a query; [`Error::Interrupted`] where `progress` breaks.
+pub fn match_descriptors<'a>(
     map: &Map,
-    queries: &Values,
+    queries: impl Into<View<'a>>,
     config: &Config,
     trusted: Option<&[bool]>,
+    progress: Progress<'_>,
 ) -> Result<Run, Error> {
+    let queries = queries.into();
     let dim = map.dim();
     if !queries.len().is_multiple_of(dim) {
         let (expected, got) = (format!("rows of {dim} numbers"), format!("{} numbers", queries.len()));
@@ -129,12 +133,19 @@ pub fn match_descriptors(
         return Err(Error::Length { what: "trusted", expected: count, got: trusted.len() });
     }
     config.validate(map.places())?;
-    let queries = queries.view();
     queries.check_finite("queries", dim)?;
     let mut config = config.clone();
+    let total = if config.floor == Floor::Global { 2 * count } else { count };
+    let mut report = |done: usize| {
+        let due = done.is_multiple_of(REPORTED) || done == total;
+        if due && progress(done, total).is_break() { Err(Error::Interrupted { done, total }) } else { Ok(()) }
+    };
+    let mut scanned = 0;
     if config.floor == Floor::Global {
         let mut lowest = f32::INFINITY;
         for_each_query(map, queries, count, |_, distances| {
+            report(scanned)?;
+            scanned += 1;
             lowest = lowest.min(minimum(distances).distance);
             Ok(())
         })?;
@@ -144,12 +155,18 @@ pub fn match_descriptors(
     let mut matcher = Matcher::new(map.places(), config)?;
     let mut fixes = Vec::with_capacity(count);
     for_each_query(map, queries, count, |query, distances| {
+        report(scanned)?;
+        scanned += 1;
         let fix = matcher.step(distances, trusted.map(|trusted| trusted[query]));
         fixes.push(fix.map_err(|error| of_query(error, query))?);
         Ok(())
     })?;
+    report(total)?;
     Ok(Run { fixes })
 }
+
+/// How many queries are matched between two reports of progress.
+const REPORTED: usize = 64;
 
 /// Distance vectors that are held at a time, in numbers: 16 MB.
 const HELD: usize = 1 << 22;

@@ -6,6 +6,8 @@ use crate::error::Error;
 
 /// The longest smoothing that is accepted: `push` costs this much a place at most.
 const MAX_SMOOTHING: usize = 65_536;
+/// The most speeds that are accepted: `push` sums a diagonal for each.
+const MAX_SPEEDS: usize = 1024;
 
 /// Which second difference the consensus looks at (DESIGN 1.1, Eq. 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -104,6 +106,13 @@ impl Config {
                 got: "none".to_owned(),
             });
         }
+        if self.speeds.len() > MAX_SPEEDS {
+            return Err(Error::Option {
+                name: "speeds",
+                expected: format!("at most {MAX_SPEEDS} speeds"),
+                got: self.speeds.len().to_string(),
+            });
+        }
         for &speed in &self.speeds {
             if !(speed.is_finite() && speed >= 0.0) {
                 return Err(option("speeds", "finite speeds of 0 or more, in places a query", speed));
@@ -119,6 +128,28 @@ impl Config {
             }
         }
         Ok(())
+    }
+}
+
+impl Config {
+    /// The options that differ from those of `other`, each with both values.
+    pub(crate) fn differences(&self, other: &Self) -> String {
+        let values = |config: &Self| {
+            [
+                ("sequence_length", config.sequence_length.to_string()),
+                ("weight", config.weight.to_string()),
+                ("tolerance", config.tolerance.to_string()),
+                ("smoothing", config.smoothing.to_string()),
+                ("gradient", format!("{:?}", config.gradient).to_lowercase()),
+                ("floor", format!("{:?}", config.floor).to_lowercase()),
+                ("speeds", format!("{:?}", config.speeds)),
+            ]
+        };
+        let pairs = values(self).into_iter().zip(values(other));
+        let differing = pairs.filter(|((_, expected), (_, got))| expected != got);
+        let each =
+            differing.map(|((name, expected), (_, got))| format!("{name}: expected {expected}, got {got}"));
+        each.collect::<Vec<_>>().join("; ")
     }
 }
 

@@ -169,11 +169,11 @@ pub enum Error {
     NoDescriptor,
 
     /// The progress callback asked to stop.
-    #[error("stopped after {done} of {total} images; nothing was written")]
+    #[error("stopped after {done} of {total}")]
     Interrupted {
-        /// Images finished.
+        /// Images or queries finished.
         done: usize,
-        /// Images to do.
+        /// Images or queries to do.
         total: usize,
     },
 }

@@ -60,7 +60,7 @@ impl Localizer {
     /// # Errors
     /// [`Error::NoDescriptor`] where the map was made of ready descriptors. The localizer is then as it was.
     pub fn push_image<'a>(&mut self, image: impl Into<ImageView<'a>>) -> Result<Fix, Error> {
-        self.step_image(image.into(), None)
+        self.push_image_with_trust(image.into(), None)
     }
 
     /// Localizes by a descriptor: float32, or of the map's own type.
@@ -68,14 +68,18 @@ impl Localizer {
     /// # Errors
     /// As for [`Map::distances_into`]. The localizer is then as it was.
     pub fn push_descriptor<'a>(&mut self, descriptor: impl Into<View<'a>>) -> Result<Fix, Error> {
-        self.step_descriptor(descriptor.into(), None)
+        self.push_descriptor_with_trust(descriptor.into(), None)
     }
 
     /// [`push_image`](Self::push_image), with an external predictor's word in place of the consensus where there is one.
     ///
     /// # Errors
     /// As for [`push_image`](Self::push_image).
-    pub fn step_image(&mut self, image: ImageView<'_>, trusted: Option<bool>) -> Result<Fix, Error> {
+    pub fn push_image_with_trust(
+        &mut self,
+        image: ImageView<'_>,
+        trusted: Option<bool>,
+    ) -> Result<Fix, Error> {
         let Some((describer, values)) = &mut self.describer else { return Err(Error::NoDescriptor) };
         describer.describe(image, values)?;
         self.map.distances_into(values.view(), &mut self.next)?;
@@ -87,7 +91,11 @@ impl Localizer {
     ///
     /// # Errors
     /// As for [`push_descriptor`](Self::push_descriptor).
-    pub fn step_descriptor(&mut self, descriptor: View<'_>, trusted: Option<bool>) -> Result<Fix, Error> {
+    pub fn push_descriptor_with_trust(
+        &mut self,
+        descriptor: View<'_>,
+        trusted: Option<bool>,
+    ) -> Result<Fix, Error> {
         self.map.distances_into(descriptor, &mut self.next)?;
         self.step(trusted)
     }
@@ -107,7 +115,7 @@ impl Localizer {
         frames.into_iter().map(|frame| self.push_image(frame))
     }
 
-    /// The distances from the newest frame to every place.
+    /// The distances from the newest frame to every place; zeros before the first.
     pub fn distances(&self) -> &[f32] {
         &self.distances
     }
@@ -115,6 +123,7 @@ impl Localizer {
     /// Forgets all frames: the next one is frame 0.
     pub fn reset(&mut self) {
         self.matcher.reset();
+        self.distances.fill(0.0);
     }
 
     /// The state as bytes, without the map; [`restore`](Self::restore) goes on from it bit-identically.
@@ -139,7 +148,11 @@ impl Localizer {
             };
             return Err(Error::Snapshot { reason });
         }
-        Ok(Self::with_matcher(map, saved.matcher))
+        let mut localizer = Self::with_matcher(map, saved.matcher);
+        if let Some(newest) = localizer.matcher.newest() {
+            localizer.distances.copy_from_slice(newest);
+        }
+        Ok(localizer)
     }
 
     /// The map.

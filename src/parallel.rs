@@ -10,12 +10,32 @@ pub(crate) fn each<S: Send, R: Send>(
     work: impl Fn(&mut S, usize) -> R + Sync + Send,
 ) -> Vec<R> {
     use rayon::prelude::*;
+    if is_forked() {
+        return one_by_one(indices, state, work);
+    }
     indices.into_par_iter().map_init(state, work).collect()
+}
+
+/// Whether this process was forked off one that had worked in parallel: the threads did not come along, and work that is
+/// given to them would wait for ever.
+#[cfg(feature = "rayon")]
+fn is_forked() -> bool {
+    static FIRST: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
+    let here = std::process::id();
+    *FIRST.get_or_init(|| here) != here
 }
 
 /// `work` on every index, one after the other.
 #[cfg(not(feature = "rayon"))]
 pub(crate) fn each<S, R>(
+    indices: Range<usize>,
+    state: impl Fn() -> S,
+    work: impl Fn(&mut S, usize) -> R,
+) -> Vec<R> {
+    one_by_one(indices, state, work)
+}
+
+fn one_by_one<S, R>(
     indices: Range<usize>,
     state: impl Fn() -> S,
     work: impl Fn(&mut S, usize) -> R,

@@ -3,6 +3,7 @@
 
 mod cases;
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use cases::{DTYPES, Kind, all_bits, cases, columns, kind, numbers, route, stream};
@@ -100,9 +101,9 @@ proptest! {
         let alone = |config: &Config| -> Result<Vec<Fix>, Error> {
             let mut localizer = Localizer::new(Arc::clone(&map), config.clone())?;
             let row = |j| queries.view().row(j, dim).unwrap();
-            (0..m).map(|j| localizer.step_descriptor(row(j), trusted.map(|words| words[j]))).collect()
+            (0..m).map(|j| localizer.push_descriptor_with_trust(row(j), trusted.map(|words| words[j]))).collect()
         };
-        let together = |config: &Config| match_descriptors(&map, &queries, config, trusted);
+        let together = |config: &Config| match_descriptors(&map, &queries, config, trusted, &mut |_, _| ControlFlow::Continue(()));
         prop_assert_eq!(all_bits(&together(&config)?.fixes), all_bits(&alone(&config)?));
 
         let distances = |j| map.distances(queries.view().row(j, dim).unwrap());
@@ -124,7 +125,11 @@ fn a_run_without_queries_is_empty() {
         let config = Config { floor, ..Config::default() };
         assert_eq!(match_distances(nothing.view(), &config, None).unwrap(), Run::default());
         let none = Values::U8(Vec::new());
-        assert_eq!(match_descriptors(&map, &none, &config, Some(&[])).unwrap(), Run::default());
+        assert_eq!(
+            match_descriptors(&map, &none, &config, Some(&[]), &mut |_, _| ControlFlow::Continue(()))
+                .unwrap(),
+            Run::default()
+        );
     }
 }
 
@@ -146,7 +151,10 @@ fn what_is_not_finite_is_named_by_query_and_place() {
     let map = Map::from_descriptors(numbers(surefix::Dtype::F32, 30, 1), 3, Metric::Cosine).unwrap();
     let mut queries = vec![0.5_f32; 300];
     queries[3 * 42 + 1] = f32::NAN;
-    let refused = match_descriptors(&map, &Values::F32(queries), &Config::default(), None).unwrap_err();
+    let refused = match_descriptors(&map, &Values::F32(queries), &Config::default(), None, &mut |_, _| {
+        ControlFlow::Continue(())
+    })
+    .unwrap_err();
     assert!(matches!(refused, Error::NotFinite { row: Some(42), index: 1, .. }), "{refused}");
 }
 
@@ -155,7 +163,10 @@ fn a_query_of_zeros_under_the_cosine_is_named_by_its_row() {
     let map = Map::from_descriptors(numbers(surefix::Dtype::F32, 30, 1), 3, Metric::Cosine).unwrap();
     let mut queries = vec![0.5_f32; 300];
     queries[3 * 42..3 * 43].fill(0.0);
-    let refused = match_descriptors(&map, &Values::F32(queries), &Config::default(), None).unwrap_err();
+    let refused = match_descriptors(&map, &Values::F32(queries), &Config::default(), None, &mut |_, _| {
+        ControlFlow::Continue(())
+    })
+    .unwrap_err();
     assert!(matches!(refused, Error::NoDirection { row: Some(42), .. }), "{refused}");
 }
 
@@ -168,7 +179,9 @@ fn a_word_too_few_or_too_many_is_refused() {
         let words = vec![true; count];
         let refusals = [
             match_distances(d.view(), &Config::default(), Some(&words)),
-            match_descriptors(&map, &queries, &Config::default(), Some(&words)),
+            match_descriptors(&map, &queries, &Config::default(), Some(&words), &mut |_, _| {
+                ControlFlow::Continue(())
+            }),
         ];
         for refused in refusals {
             let message = refused.unwrap_err().to_string();

@@ -52,6 +52,13 @@ pub(crate) fn typed<'py, T: Element>(
     array.try_readonly().ok()
 }
 
+/// Whether each number lies at a multiple of its size from the first, as slices and `ndarray` count, and is aligned. A field
+/// of a packed structure is not so.
+fn is_regular(array: &Bound<'_, PyUntypedArray>, size: usize) -> PyResult<bool> {
+    let aligned = array.getattr("flags")?.getattr("aligned")?.extract::<bool>()?;
+    Ok(aligned && array.strides().iter().all(|stride| stride.unsigned_abs().is_multiple_of(size)))
+}
+
 /// The same, row by row in one piece of memory: copied only where it does not lie so.
 pub(crate) fn contiguous<'py, T: Element>(
     array: &Bound<'py, PyUntypedArray>,
@@ -61,13 +68,14 @@ pub(crate) fn contiguous<'py, T: Element>(
         return Ok(None);
     }
     if array.is_c_contiguous()
+        && is_regular(array, size_of::<T>())?
         && let Some(array) = typed(array)
     {
         return Ok(Some(array));
     }
-    // A copy: the array is strided, transposed, of the other byte order, or not aligned.
+    // A copy: the array is strided, transposed, or not aligned.
     let wanted = dtype::<T>(py);
-    let copy = py.import("numpy")?.call_method1("ascontiguousarray", (array, wanted))?;
+    let copy = py.import("numpy")?.call_method1("require", (array, wanted, ["C", "A"]))?;
     Ok(typed(copy.cast::<PyUntypedArray>()?))
 }
 
@@ -86,7 +94,9 @@ pub(crate) fn floats<'py>(
 pub(crate) fn matrix<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
     let array = as_array(object, what)?;
     check_axes(&array, what, 2)?;
-    if let Some(array) = typed(&array) {
+    if is_regular(&array, size_of::<f32>())?
+        && let Some(array) = typed(&array)
+    {
         return Ok(array);
     }
     contiguous(&array)?.ok_or_else(|| wrong_dtype(&array, what, "float32", "float32"))

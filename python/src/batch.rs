@@ -7,12 +7,12 @@ use std::path::PathBuf;
 use numpy::{Element, PyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use surefix::descriptor::describe_all;
-use surefix::{Floor, Recipe, match_descriptors};
+use pyo3::types::{PyDict, PyList, PyTuple};
+use surefix::descriptor::{Progress, describe_all};
+use surefix::{Floor, Recipe, View, match_descriptors};
 
-use crate::arrays::{Numbers, as_array, flags, matrix};
-use crate::error::{OrRaise as _, to_py};
+use crate::arrays::{Numbers, as_array, flags, matrix, shape_of};
+use crate::error::{OrRaise as _, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
 use crate::map::Map;
@@ -247,30 +247,58 @@ pub(crate) fn match_(
     let config = config(py, options, Floor::Running)?;
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
     let map = &map.0;
-    let matched = |queries: &surefix::Values| match_descriptors(map, queries, &config, trusted.as_deref());
+    let matched = |queries: View<'_>, progress: Progress<'_>| {
+        match_descriptors(map, queries, &config, trusted.as_deref(), progress)
+    };
+    let stacked = stacked(queries)?;
+    let queries = stacked.as_ref().unwrap_or(queries);
     let array = if is_images(queries) { None } else { as_array(queries, "queries").ok() };
-    if let Some(array) = array.filter(|array| array.ndim() == 2) {
+    if let Some(array) = array.as_ref().filter(|array| array.ndim() == 2) {
         if array.shape()[1] != map.dim() {
             let (expected, got) = (map.dim(), array.shape()[1]);
             return Err(to_py(py, &surefix::Error::Length { what: "queries: each row", expected, got }));
         }
-        let numbers = Numbers::new(&array, "queries")?;
-        let values = numbers.view()?.to_values();
-        return Ok(Run(py.detach(|| matched(&values)).or_raise(py)?));
+        let numbers = Numbers::new(array, "queries")?;
+        let view = numbers.view()?;
+        let callback = progress_callback(py, progress, "Matching")?;
+        let run = with_progress(py, callback.as_ref(), |progress| Ok(py.detach(|| matched(view, progress))));
+        return Ok(Run(run?));
     }
-    let Recipe::Sad(sad) = map.recipe() else { return Err(to_py(py, &surefix::Error::NoDescriptor)) };
+    let Recipe::Sad(sad) = map.recipe() else {
+        let expected = format!("descriptors (m, {}), as this map was made of ready ones", map.dim());
+        let got = match &array {
+            Some(array) => shape_of(array),
+            None => "images".to_owned(),
+        };
+        return Err(value(py, format!("queries: expected {expected}, got {got}")));
+    };
     let images = Images::new(queries)?;
     let callback = progress_callback(py, progress, "Describing")?;
     let values = with_progress(py, callback.as_ref(), |progress| {
         images.with_source(py, |source| describe_all(&sad, source, progress))
     })?;
-    Ok(Run(py.detach(|| matched(&values)).or_raise(py)?))
+    let run = with_progress(py, None, |progress| Ok(py.detach(|| matched(values.view(), progress))));
+    Ok(Run(run?))
+}
+
+/// A list of descriptors as one array of rows; nothing for anything else.
+fn stacked<'py>(queries: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let listed = queries.is_instance_of::<PyList>() || queries.is_instance_of::<PyTuple>();
+    let Some(first) = (listed && queries.len()? > 0).then(|| queries.get_item(0)).transpose()? else {
+        return Ok(None);
+    };
+    if path_of(&first).is_some() || as_array(&first, "queries").map_or(true, |first| first.ndim() != 1) {
+        return Ok(None);
+    }
+    let py = queries.py();
+    let stacked = py.import("numpy")?.call_method1("stack", (queries,));
+    Ok(Some(stacked.map_err(|e| value(py, format!("queries: {}", e.value(py))))?))
 }
 
 /// Whether the queries can only be images: paths, a generated traverse, or a list (of arrays).
 fn is_images(queries: &Bound<'_, PyAny>) -> bool {
     path_of(queries).is_some()
         || queries.is_instance_of::<Traverse>()
-        || queries.is_instance_of::<pyo3::types::PyList>()
-        || queries.is_instance_of::<pyo3::types::PyTuple>()
+        || queries.is_instance_of::<PyList>()
+        || queries.is_instance_of::<PyTuple>()
 }

@@ -33,8 +33,8 @@ fn python_bool(flag: bool) -> &'static str {
 /// >>> fix = matcher.push(np.array([0.9, 0.1, 0.8, 0.9], np.float32))
 /// >>> fix.place, fix.trusted, fix.sequence.anchors
 /// (1, True, 1)
-#[pyclass(frozen, module = "surefix")]
-#[derive(Clone, Copy)]
+#[pyclass(frozen, eq, module = "surefix")]
+#[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Fix(pub(crate) surefix::Fix);
 
 #[pymethods]
@@ -79,13 +79,11 @@ impl Fix {
             warming
         )
     }
-    fn __eq__(&self, other: &Self) -> bool {
-        self.0 == other.0
-    }
 }
 
 /// The best match of one query alone: the smallest distance (Eq. 2). Ties go to the lowest place.
-#[pyclass(frozen, module = "surefix")]
+#[pyclass(frozen, eq, module = "surefix")]
+#[derive(PartialEq)]
 pub(crate) struct Single(surefix::Single);
 
 #[pymethods]
@@ -106,7 +104,8 @@ impl Single {
 /// Where the enhanced gradient peaks (Eq. 1 and the 3 x 3 kernel).
 ///
 /// ``place`` is the place whose distance dips most sharply; ``value`` the enhanced gradient there, in units of distance.
-#[pyclass(frozen, module = "surefix")]
+#[pyclass(frozen, eq, module = "surefix")]
+#[derive(PartialEq)]
 pub(crate) struct Peak(surefix::Peak);
 
 #[pymethods]
@@ -128,7 +127,8 @@ impl Peak {
 ///
 /// ``place`` is the current query's place; ``score`` the mean of the weighted distances along the diagonal that ends
 /// there; ``anchors`` how many trusted matches lie on it; ``speed`` its slope, in places a query.
-#[pyclass(frozen, module = "surefix")]
+#[pyclass(frozen, eq, module = "surefix")]
+#[derive(PartialEq)]
 pub(crate) struct Sequence(surefix::Sequence);
 
 #[pymethods]

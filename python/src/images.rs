@@ -1,13 +1,14 @@
 //! Images from Python: arrays, files, folders, and anything that yields them.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use pyo3::types::PyString;
+use pyo3::types::{PyList, PyString, PyTuple};
 use surefix::{Channels, Error, Image, ImageFiles, ImageSource, ImageView};
 
-use crate::arrays::{as_array, contiguous, rows_to_py, shape_of, wrong_dtype};
+use crate::arrays::{as_array, contiguous, dtype_of, rows_to_py, shape_of};
 use crate::error::{OrRaise as _, to_py, value};
 use crate::simulate::Traverse;
 
@@ -32,7 +33,7 @@ impl<'py> Pixels<'py> {
                 ));
             }
         };
-        let array = contiguous(array)?.ok_or_else(|| wrong_dtype(array, what, "uint8", "uint8"))?;
+        let array = contiguous(array)?.ok_or_else(|| not_bytes(array, what))?;
         Ok(Self { array, width, height, channels })
     }
 
@@ -41,16 +42,28 @@ impl<'py> Pixels<'py> {
     }
 }
 
+/// The refusal of pixels that are no bytes, which says how to make them bytes.
+fn not_bytes(array: &Bound<'_, PyUntypedArray>, what: &str) -> PyErr {
+    let got = dtype_of(array);
+    let how = match got.as_str() {
+        "uint16" => "(image >> 8).astype(np.uint8)",
+        "bool" | "float16" | "float32" | "float64" => "(255 * image).astype(np.uint8), if 1 is white",
+        _ => "image.astype(np.uint8), if 255 is white",
+    };
+    value(array.py(), format!("{what}: expected uint8, got {got}; convert it with {how}"))
+}
+
 /// A traverse's images, wherever they come from.
 pub(crate) enum Images<'py> {
     Files(ImageFiles),
     Arrays(Vec<Pixels<'py>>),
+    Sequence(Sequence),
     Traverse(surefix::simulate::Traverse),
 }
 
 impl<'py> Images<'py> {
-    /// A folder or a pattern; a generated traverse; an array (n, H, W) or (n, H, W, 3); or an iterable of paths or of
-    /// arrays.
+    /// A folder or a pattern; a generated traverse; an array (n, H, W) or (n, H, W, 3); an iterable of paths or of arrays;
+    /// or any other sequence of arrays, each of which is asked for when it is its turn.
     pub(crate) fn new(object: &Bound<'py, PyAny>) -> PyResult<Self> {
         let py = object.py();
         if let Ok(traverse) = object.cast::<Traverse>() {
@@ -59,7 +72,27 @@ impl<'py> Images<'py> {
         if let Some(place) = path_of(object) {
             return Ok(Self::Files(ImageFiles::find(place).or_raise(py)?));
         }
-        let items: Vec<Bound<'py, PyAny>> = object.try_iter()?.collect::<PyResult<_>>()?;
+        let in_memory = object.is_instance_of::<PyList>()
+            || object.is_instance_of::<PyTuple>()
+            || object.is_instance_of::<PyUntypedArray>();
+        if !in_memory && object.hasattr("__len__")? && object.hasattr("__getitem__")? {
+            return Ok(Self::Sequence(Sequence { items: object.clone().unbind(), count: object.len()? }));
+        }
+        if let Ok(array) = object.cast::<PyUntypedArray>()
+            && (array.ndim() < 3 || (array.ndim() == 3 && array.shape()[2] == 3))
+        {
+            let (expected, got) = ("(n, H, W) or (n, H, W, 3), one image a place", shape_of(array));
+            return Err(value(py, format!("images: expected {expected}, got the shape {got}")));
+        }
+        let not_images = |_| {
+            let kind = object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+            value(
+                py,
+                format!("images: expected a folder, a pattern, or a sequence of images or paths, got {kind}"),
+            )
+        };
+        let items: Vec<Bound<'py, PyAny>> =
+            object.try_iter().map_err(not_images)?.collect::<PyResult<_>>()?;
         if !items.is_empty() && items.iter().all(|item| path_of(item).is_some()) {
             return Ok(Self::Files(ImageFiles::list(items.iter().filter_map(path_of).collect())));
         }
@@ -79,6 +112,7 @@ impl<'py> Images<'py> {
         Ok(match self {
             Self::Files(files) => py.detach(|| work(files)),
             Self::Traverse(traverse) => py.detach(|| work(traverse)),
+            Self::Sequence(sequence) => py.detach(|| work(sequence)),
             Self::Arrays(arrays) => {
                 let views = arrays.iter().map(|array| array.view(py)).collect::<PyResult<Vec<_>>>()?;
                 py.detach(|| work(&Views(views)))
@@ -98,6 +132,34 @@ impl ImageSource for Views<'_> {
     fn load(&self, index: usize) -> Result<Image, Error> {
         let view = self.0[index];
         Image::new(view.width(), view.height(), view.channels(), view.pixels().to_vec())
+    }
+}
+
+/// A Python sequence of arrays, such as a data set's images.
+pub(crate) struct Sequence {
+    items: Py<PyAny>,
+    count: usize,
+}
+
+impl ImageSource for Sequence {
+    fn len(&self) -> usize {
+        self.count
+    }
+
+    fn load(&self, index: usize) -> Result<Image, Error> {
+        let load = |py: Python<'_>| -> PyResult<Image> {
+            let what = format!("image {index}");
+            let item = self.items.bind(py).get_item(index)?;
+            let pixels = Pixels::new(&as_array(&item, &what)?, &what)?;
+            let view = pixels.view(py)?;
+            Image::new(view.width(), view.height(), view.channels(), view.pixels().to_vec()).or_raise(py)
+        };
+        Python::attach(|py| {
+            load(py).map_err(|error| {
+                let reason = error.value(py).to_string();
+                Error::Image { name: index.to_string(), reason }
+            })
+        })
     }
 }
 
@@ -146,9 +208,9 @@ pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
 /// SurefixValueError
 ///     Where it holds no images.
 #[pyfunction]
-pub(crate) fn find_images(py: Python<'_>, place: PathBuf) -> PyResult<Vec<String>> {
+pub(crate) fn find_images(py: Python<'_>, place: PathBuf) -> PyResult<Vec<OsString>> {
     let files = py.detach(|| ImageFiles::find(place)).or_raise(py)?;
-    Ok(files.paths().iter().map(|path| path.to_string_lossy().into_owned()).collect())
+    Ok(files.paths().iter().map(|path| path.as_os_str().to_owned()).collect())
 }
 
 pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyAny>> {

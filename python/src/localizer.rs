@@ -2,7 +2,7 @@
 
 use numpy::{PyArray1, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyIterator};
 use surefix::Floor;
 
 use crate::arrays::{Numbers, as_array};
@@ -76,7 +76,7 @@ impl Localizer {
             let localizer = &mut this.0;
             let fix = py.detach(|| {
                 let image = surefix::read_image(path)?;
-                localizer.step_image(image.view(), trusted)
+                localizer.push_image_with_trust(image.view(), trusted)
             });
             return Ok(Fix(fix.or_raise(py)?));
         }
@@ -86,13 +86,13 @@ impl Localizer {
             let view = numbers.view()?;
             let mut this = locked()?;
             let localizer = &mut this.0;
-            py.detach(|| localizer.step_descriptor(view, trusted))
+            py.detach(|| localizer.push_descriptor_with_trust(view, trusted))
         } else {
             let pixels = Pixels::new(&array, "image")?;
             let view = pixels.view(py)?;
             let mut this = locked()?;
             let localizer = &mut this.0;
-            py.detach(|| localizer.step_image(view, trusted))
+            py.detach(|| localizer.push_image_with_trust(view, trusted))
         };
         Ok(Fix(fix.or_raise(py)?))
     }
@@ -113,13 +113,13 @@ impl Localizer {
             Some(place) => crate::images::find_images(py, place)?.into_pyobject(py)?.try_iter()?,
             None => frames.try_iter()?,
         };
-        Ok(FixStream { localizer: slf.clone().unbind(), frames: frames.into_any().unbind() })
+        Ok(FixStream { localizer: slf.clone().unbind(), frames: frames.unbind() })
     }
 
-    /// The distances from the newest frame to every place, a copy: shape (n,), float32.
+    /// The distances from the newest frame to every place, a copy: shape (n,), float32; zeros before the first.
     #[getter]
-    fn distances<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        PyArray1::from_slice(py, self.0.distances())
+    fn distances<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        Ok(PyArray1::from_slice(slf.py(), shared(slf)?.0.distances()))
     }
 
     /// Forgets all frames: the next one is frame 0.
@@ -129,8 +129,10 @@ impl Localizer {
     }
 
     /// The state as bytes, without the map; ``Localizer.restore`` goes on from it bit-identically.
-    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let localizer = &self.0;
+    fn snapshot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyBytes>> {
+        let py = slf.py();
+        let this = shared(slf)?;
+        let localizer = &this.0;
         let blob = py.detach(|| localizer.snapshot()).or_raise(py)?;
         Ok(PyBytes::new(py, &blob))
     }
@@ -178,20 +180,27 @@ impl Localizer {
 
     /// The map that it localizes on.
     #[getter]
-    fn map(&self) -> Map {
-        Map(self.0.map().clone())
+    fn map(slf: &Bound<'_, Self>) -> PyResult<Map> {
+        Ok(Map(shared(slf)?.0.map().clone()))
     }
 
-    fn __repr__(&self) -> String {
-        format!("Localizer({}, frames={})", self.map().__repr__(), self.0.matcher().frames())
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let this = shared(slf)?;
+        let map = Map(this.0.map().clone());
+        Ok(format!("Localizer({}, frames={})", map.__repr__(), this.0.matcher().frames()))
     }
+}
+
+/// The localizer for a look, unless another thread is changing it.
+fn shared<'py>(localizer: &Bound<'py, Localizer>) -> PyResult<PyRef<'py, Localizer>> {
+    localizer.try_borrow().map_err(|_| busy(localizer.py(), "Localizer"))
 }
 
 /// The fixes of ``Localizer.stream``, one a frame.
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct FixStream {
     localizer: Py<Localizer>,
-    frames: Py<PyAny>,
+    frames: Py<PyIterator>,
 }
 
 #[pymethods]
@@ -201,7 +210,7 @@ impl FixStream {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Fix>> {
-        let next = self.frames.bind(py).try_iter()?.next();
+        let next = self.frames.bind(py).clone().next();
         next.map(|frame| Localizer::push(self.localizer.bind(py), &frame?, None)).transpose()
     }
 }

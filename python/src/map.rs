@@ -34,9 +34,9 @@ impl Map {
     ///
     /// Parameters
     /// ----------
-    /// images : str, path, iterable of paths, iterable of uint8 arrays, array (n, H, W) or (n, H, W, 3), or Traverse
+    /// images : str, path, iterable of paths, iterable or sequence of uint8 arrays, array (n, H, W) or (n, H, W, 3)
     ///     A folder or a pattern like ``"route/*.png"`` is sorted as a person would: ``frame10`` follows ``frame9``.
-    ///     All images have one size.
+    ///     Files, and the items of a sequence that is no list, are read when it is their turn. All images have one size.
     /// descriptor : Sad, optional
     ///     The recipe; ``Sad()`` by default.
     /// positions : array, shape (n, 2) or (n, 3), optional
@@ -106,15 +106,18 @@ impl Map {
     ///     For fewer than two rows, another type, a NaN or an infinity (the error names its row), a row of zeros under
     ///     the cosine, or another number of positions or names than of rows.
     #[staticmethod]
-    #[pyo3(signature = (descriptors, metric="cosine", positions=None, names=None))]
+    #[pyo3(
+        signature = (descriptors, metric=None, positions=None, names=None),
+        text_signature = "(descriptors, metric='cosine', positions=None, names=None)"
+    )]
     fn from_descriptors(
         py: Python<'_>,
         descriptors: &Bound<'_, PyAny>,
-        metric: &str,
+        metric: Option<&Bound<'_, PyAny>>,
         positions: Option<&Bound<'_, PyAny>>,
-        names: Option<Vec<String>>,
+        names: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let metric = metric.parse().or_raise(py)?;
+        let metric = metric.map_or_else(|| "cosine".to_owned(), ToString::to_string).parse().or_raise(py)?;
         let array = as_array(descriptors, "descriptors")?;
         check_axes(&array, "descriptors", 2)?;
         let (places, dim) = (array.shape()[0], array.shape()[1]);
@@ -125,7 +128,7 @@ impl Map {
         let rows = numbers.view()?;
         let map = py.detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric)).or_raise(py)?;
         let map = match names {
-            Some(names) => map.with_names(names).or_raise(py)?,
+            Some(names) => map.with_names(strings(names)?).or_raise(py)?,
             None => map,
         };
         with_positions(py, map, positions)
@@ -240,6 +243,12 @@ impl Map {
         let bytes = self.0.descriptors().len() * dtype.size();
         format!("Map({places} places x {dim} {dtype}, {metric}, {:.1} MB)", bytes as f64 / 1e6)
     }
+}
+
+/// A name for each place.
+fn strings(names: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    let each = names.try_iter().and_then(|each| each.map(|name| name?.extract()).collect());
+    each.map_err(|_| value(names.py(), "names: expected a sequence of strings, one a place".to_owned()))
 }
 
 fn with_positions(py: Python<'_>, map: surefix::Map, positions: Option<&Bound<'_, PyAny>>) -> PyResult<Map> {

@@ -104,8 +104,10 @@ impl Matcher {
     /// >>> blob = surefix.Matcher(places=4).snapshot()
     /// >>> surefix.Matcher.restore(blob).places
     /// 4
-    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let matcher = &self.0;
+    fn snapshot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyBytes>> {
+        let py = slf.py();
+        let this = slf.try_borrow().map_err(|_| busy(py, "Matcher"))?;
+        let matcher = &this.0;
         let blob = py.detach(|| matcher.snapshot()).or_raise(py)?;
         Ok(PyBytes::new(py, &blob))
     }

@@ -36,6 +36,15 @@ pub(crate) fn whole(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<us
     given.extract().or_else(|_| refuse(name, "a whole number of 0 or more", given))
 }
 
+/// Two whole numbers: width and height.
+pub(crate) fn size(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<(usize, usize)> {
+    let sides: Vec<usize> = given.extract().unwrap_or_default();
+    match sides.as_slice() {
+        [width, height] => Ok((*width, *height)),
+        _ => refuse(name, "a width and a height, two whole numbers of 0 or more", given),
+    }
+}
+
 fn number(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<f64> {
     given.extract().or_else(|_| refuse(name, "a number", given))
 }
@@ -62,5 +71,6 @@ fn floor_of(given: &Bound<'_, PyAny>) -> PyResult<Floor> {
 }
 
 fn speeds(given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-    given.extract().or_else(|_| refuse("speeds", "a sequence of numbers, in places a query", given))
+    let each = given.try_iter().and_then(|each| each.map(|speed| speed?.extract()).collect());
+    each.or_else(|_| refuse("speeds", "a sequence of numbers, in places a query", given))
 }

@@ -6,6 +6,7 @@ use surefix::{Dtype, Error};
 use crate::arrays::{as_array, rows_to_py};
 use crate::error::OrRaise as _;
 use crate::images::{Pixels, image_to_py};
+use crate::options::{self, whole};
 
 /// The SAD descriptor: an image in grey, made small, normalised patch by patch.
 ///
@@ -35,14 +36,17 @@ pub(crate) struct Sad(pub(crate) surefix::Sad);
 #[pymethods]
 impl Sad {
     #[new]
-    #[pyo3(signature = (size=(64, 32), patch=8, dtype=None), text_signature = "(size=(64, 32), patch=8, dtype='u8')")]
+    #[pyo3(signature = (size=None, patch=None, dtype=None), text_signature = "(size=(64, 32), patch=8, dtype='u8')")]
     fn new(
         py: Python<'_>,
-        size: (usize, usize),
-        patch: usize,
+        size: Option<&Bound<'_, PyAny>>,
+        patch: Option<&Bound<'_, PyAny>>,
         dtype: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let dtype = dtype.map_or(Ok(Dtype::U8), dtype_named)?;
+        let default = surefix::Sad::default();
+        let size = size.map_or(Ok(default.size()), |given| options::size("size", given))?;
+        let patch = patch.map_or(Ok(default.patch()), |given| whole("patch", given))?;
+        let dtype = dtype.map_or(Ok(default.dtype()), dtype_named)?;
         Ok(Self(surefix::Sad::new(size, patch, dtype).or_raise(py)?))
     }
 
@@ -67,7 +71,7 @@ impl Sad {
         rows_to_py(py, values.view(), &[values.len()])
     }
 
-    /// What the descriptor sees before it is normalised: the image in grey, made small (equal to Pillow's
+    /// What the descriptor sees before it is normalised: the image in grey, made small (as Pillow's
     /// ``convert("L").resize(size, BILINEAR)``).
     ///
     /// Parameters

@@ -8,6 +8,7 @@ use surefix::simulate::{Conditions, RouteConfig};
 
 use crate::error::{OrRaise as _, value};
 use crate::images::image_to_py;
+use crate::options::{self, whole};
 
 /// A generated route: a drive past structured scenery, the same for the same seed on every machine.
 ///
@@ -41,11 +42,26 @@ pub(crate) struct Route(surefix::simulate::Route);
 impl Route {
     #[new]
     #[pyo3(
-        signature = (places=1000, size=(320, 160), spacing=3.0, seed=1),
+        signature = (places=None, size=None, spacing=3.0, seed=None),
         text_signature = "(places=1000, size=(320, 160), spacing=3.0, seed=1)"
     )]
-    fn new(py: Python<'_>, places: usize, size: (usize, usize), spacing: f64, seed: u64) -> PyResult<Self> {
-        let config = RouteConfig { places, width: size.0, height: size.1, spacing, seed };
+    fn new(
+        py: Python<'_>,
+        places: Option<&Bound<'_, PyAny>>,
+        size: Option<&Bound<'_, PyAny>>,
+        spacing: f64,
+        seed: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let mut config = RouteConfig { spacing, ..RouteConfig::default() };
+        if let Some(given) = places {
+            config.places = whole("places", given)?;
+        }
+        if let Some(given) = size {
+            (config.width, config.height) = options::size("size", given)?;
+        }
+        if let Some(given) = seed {
+            config.seed = whole("seed", given)? as u64;
+        }
         Ok(Self(surefix::simulate::Route::new(config).or_raise(py)?))
     }
 
@@ -109,7 +125,7 @@ fn changed(mut conditions: Conditions, given: Option<&Bound<'_, PyDict>>) -> PyR
             "occluders" => &mut conditions.occluders,
             "noise" => &mut conditions.noise,
             "seed" => {
-                conditions.seed = given.extract()?;
+                conditions.seed = whole("seed", &given)? as u64;
                 continue;
             }
             _ => {

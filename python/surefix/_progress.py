@@ -8,7 +8,7 @@ __all__ = ["terminal_bar"]
 
 def terminal_bar(label: str) -> Callable[[int, int], None] | None:
     """A callback ``(done, total)`` that draws a bar on stderr; None where stderr is no terminal."""
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         return None
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn

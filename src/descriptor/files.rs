@@ -1,6 +1,7 @@
 //! Images from files: a folder, a pattern or a list, in the order that a person would count them.
 
 use std::fs;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use super::image::{Channels, Image};
@@ -99,7 +100,8 @@ impl ImageSource for ImageFiles {
     }
 }
 
-/// Reads one image file: grey ones as grey, all others as RGB, 8 bits a channel.
+/// Reads one image file: grey ones as grey, all others as RGB, 8 bits a channel. Deeper ones are scaled to 8 bits;
+/// transparency and EXIF orientation are ignored.
 ///
 /// # Errors
 /// [`Error::Io`] where the file cannot be opened, [`Error::Image`] where it is not an image that can be decoded.
@@ -107,7 +109,11 @@ pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
     let path = path.as_ref();
     let io = |source| Error::Io { path: path.to_owned(), action: "read the image", source };
     let unreadable = |reason: String| Error::Image { name: path.display().to_string(), reason };
-    let reader = image::ImageReader::open(path).map_err(io)?.with_guessed_format().map_err(io)?;
+    let bytes = fs::read(path).map_err(io)?;
+    if is_cut_short(&bytes) {
+        return Err(unreadable("a truncated JPEG: its end marker is missing".to_owned()));
+    }
+    let reader = image::ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(io)?;
     let decoded = reader.decode().map_err(|e| unreadable(e.to_string()))?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let (channels, pixels) = if decoded.color().has_color() {
@@ -116,4 +122,21 @@ pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
         (Channels::Grey, decoded.into_luma8().into_raw())
     };
     Image::new(width, height, channels, pixels).map_err(|e| unreadable(e.to_string()))
+}
+
+/// Whether these are the bytes of a JPEG without its end marker: decoders fill in grey what is missing.
+fn is_cut_short(bytes: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xDA;
+    let Some(mut rest) = bytes.strip_prefix(&[0xFF, 0xD8]) else { return false };
+    // The segments before the picture, each with its length: a thumbnail in one of them has an end marker of its own.
+    while let [0xFF, marker, high, low, ..] = rest {
+        if *marker == START_OF_SCAN {
+            return !rest.windows(2).any(|pair| pair == [0xFF, 0xD9]);
+        }
+        let length = usize::from(u16::from_be_bytes([*high, *low]));
+        let Some(next) = rest.get(2 + length..) else { return true };
+        rest = next;
+    }
+    // Fill bytes, or something odd: the decoder decides.
+    rest.len() < 4
 }

@@ -111,7 +111,10 @@ impl<'a> ImageView<'a> {
         if width == 0 || height == 0 || bytes != Some(pixels.len()) {
             return Err(Error::Shape {
                 what: "image",
-                expected: format!("{width} x {height} {channels} pixels, at least one, in as many bytes"),
+                expected: format!(
+                    "at least one pixel, and {} byte(s) for each of {width} x {height} ({channels})",
+                    channels.count()
+                ),
                 got: format!("{} bytes", pixels.len()),
             });
         }

@@ -1,4 +1,4 @@
-//! Antialiased bilinear resizing of grey images, equal to Pillow's to the last bit.
+//! Antialiased bilinear resizing of grey images as Pillow does it: rows first, then columns, in fixed point.
 //!
 //! It is our own because `push` may not allocate, and resize libraries compute their tables anew for each
 //! image: here they are kept for as long as the camera does not change its image size.

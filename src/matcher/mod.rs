@@ -95,7 +95,11 @@ impl Matcher {
             // A gradient older than the route is long has no place left on the diagonal.
             gradients: Ring::new(config.smoothing.min(places), places)?,
             anchors: vec![nothing; length],
-            diagonals: config.speeds.iter().map(|&speed| Diagonal::new(speed, length)).collect(),
+            diagonals: config
+                .speeds
+                .iter()
+                .map(|&speed| Diagonal::new(speed, length))
+                .collect::<Result<_, _>>()?,
             frames: 0,
             lowest: f32::INFINITY,
             places,
@@ -186,6 +190,11 @@ impl Matcher {
     pub(crate) fn begin_at(&mut self, frame: usize, lowest: f32) {
         self.frames = frame as u64;
         self.lowest = lowest;
+    }
+
+    /// The newest query's distances; nothing before the first.
+    pub(crate) fn newest(&self) -> Option<&[f32]> {
+        (self.columns.len() > 0).then(|| self.columns.column(0))
     }
 
     /// How many queries it has taken since the start or the last reset.

@@ -4,6 +4,7 @@ use super::consensus::Single;
 use super::extreme::{extreme, first_equal};
 use super::ring::Ring;
 use crate::config::reach;
+use crate::error::Error;
 
 /// The best match of the last `L` queries together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,8 +34,11 @@ pub(super) struct Diagonal {
 }
 
 impl Diagonal {
-    pub(super) fn new(speed: f64, length: usize) -> Self {
-        Self { speed, back: (0..length).map(|age| reach(speed, age) as usize).collect() }
+    pub(super) fn new(speed: f64, length: usize) -> Result<Self, Error> {
+        let mut back = Vec::new();
+        back.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
+        back.extend((0..length).map(|age| reach(speed, age) as usize));
+        Ok(Self { speed, back })
     }
 
     /// Eq. 6: the place where the sum along this diagonal, and so the mean, is smallest, the first of equals, and that

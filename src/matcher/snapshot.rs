@@ -114,8 +114,7 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     if let Some(expected) = expected
         && *expected != header.config
     {
-        let got = header.config;
-        return Err(refused(&format!("taken under other options: expected {expected:?}, got {got:?}")));
+        return Err(refused(&format!("taken under other options: {}", expected.differences(&header.config))));
     }
 
     // The shapes first: a forged size must not take memory.

@@ -162,7 +162,7 @@ proptest! {
         let anchors = cells.filter(|(a, back)| a.trusted && a.single.place + back == place).count();
 
         let mut columns = ring(&raw, before);
-        let diagonals: Vec<Diagonal> = speeds.iter().map(|&speed| Diagonal::new(speed, length)).collect();
+        let diagonals: Vec<Diagonal> = speeds.iter().map(|&speed| Diagonal::new(speed, length).unwrap()).collect();
         let got = best_sequence(&mut columns, anchor, &diagonals, weight, floor).unwrap();
         prop_assert_eq!((got.place, got.speed, got.anchors), (place, speed, anchors));
         prop_assert_eq!(got.score, (sum / length as f64) as f32);

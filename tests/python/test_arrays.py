@@ -48,6 +48,20 @@ def test_anything_that_is_an_array_inside_is_one(wrap: Any) -> None:
     np.testing.assert_array_equal(expected.score, got.score)
 
 
+def test_fields_of_packed_structures_and_unaligned_memory_are_read_right() -> None:
+    packed = np.zeros((6, 9), dtype=[("d", "f4"), ("x", "u1")])
+    packed["d"] = RNG.random((6, 9), np.float32)
+    plain = packed["d"].copy()
+    unaligned = np.frombuffer(b"." + plain.tobytes(), np.float32, offset=1).reshape(6, 9)
+    turned = packed["d"][::-1, ::-1]
+    for odd, even in ((packed["d"], plain), (turned, turned.copy()), (unaligned, plain)):
+        got, expected = surefix.match_distances(odd), surefix.match_distances(even)
+        np.testing.assert_array_equal(got.score, expected.score)
+        np.testing.assert_array_equal(surefix.Map.from_descriptors(odd).descriptors, even)
+        matcher = surefix.Matcher(6)
+        assert matcher.push(odd[:, 2]) == surefix.Matcher(6).push(even[:, 2])
+
+
 def test_torch_tensors_are_arrays() -> None:
     torch = pytest.importorskip("torch", reason="torch is not installed")
     plain = surefix.Map.from_descriptors(ROWS, metric="cosine")
@@ -145,6 +159,21 @@ def test_the_gil_is_released_while_rust_works() -> None:
     assert after - before > 10
 
 
+def test_a_list_of_descriptors_is_an_array_of_them() -> None:
+    route = surefix.Map.from_descriptors(ROWS)
+    assert surefix.match(route, list(ROWS)).place.tolist() == surefix.match(route, ROWS).place.tolist()
+
+
+def test_a_restored_localizer_has_the_newest_distances() -> None:
+    route = surefix.Map.from_descriptors(ROWS)
+    localizer = surefix.Localizer(route)
+    localizer.push(ROWS[3])
+    again = surefix.Localizer.restore(route, localizer.snapshot())
+    np.testing.assert_array_equal(again.distances, localizer.distances)
+    again.reset()
+    assert not again.distances.any()
+
+
 def test_one_map_serves_many_threads() -> None:
     route = surefix.Map.from_descriptors(ROWS)
     expected = surefix.match(route, ROWS).place.tolist()
@@ -160,3 +189,33 @@ def test_one_map_serves_many_threads() -> None:
     for thread in threads:
         thread.join()
     assert results == [expected] * 8
+
+
+class Lazy:
+    """A sequence that makes its images when asked, and remembers how many were alive at a time."""
+
+    def __init__(self, frames: np.ndarray[Any, Any]) -> None:
+        self.frames = frames
+        self.asked: list[int] = []
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, index: int) -> np.ndarray[Any, Any]:
+        if index == 13 and len(self.frames) == 14:
+            raise RuntimeError("the disk is gone")
+        self.asked.append(index)
+        return self.frames[index]
+
+
+def test_a_sequence_is_asked_for_one_image_at_a_time() -> None:
+    frames = RNG.integers(0, 255, (200, 16, 32), np.uint8)
+    lazy = Lazy(frames)
+    seen: list[int] = []
+    route = surefix.Map.from_images(lazy, progress=lambda done, total: seen.append(len(lazy.asked)) is None)
+    np.testing.assert_array_equal(route.descriptors, surefix.Map.from_images(frames).descriptors)
+    assert set(lazy.asked) == set(range(200))
+    # The first image tells the size; then batches, not all at once.
+    assert seen[1] < 100
+    with pytest.raises(surefix.SurefixValueError, match=r"image 13: the disk is gone"):
+        surefix.Map.from_images(Lazy(frames[:14]))

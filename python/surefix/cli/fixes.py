@@ -131,7 +131,7 @@ class LiveFixes(_Writer):
             anchors = "warming up" if fix.sequence is None else str(fix.sequence.anchors)
             table.add_row(
                 str(fix.frame),
-                row.query,
+                Text(row.query),
                 str(fix.place),
                 Text(row.place_name or "", "dim"),
                 f"{fix.score:.3f}",

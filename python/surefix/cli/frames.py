@@ -22,6 +22,7 @@ class Frames:
     """
 
     def __init__(self, place: str) -> None:
+        self.place = place
         self.paths: list[str] | None = None
         self.array: npt.NDArray[Any] | None = None
         if Path(place).suffix == ".npy":
@@ -30,6 +31,7 @@ class Frames:
             self.paths = find_images(place)
 
     def __len__(self) -> int:
+        """How many frames."""
         return len(self.paths) if self.paths is not None else len(self._rows)
 
     def __iter__(self) -> Iterator[tuple[str, npt.NDArray[Any]]]:
@@ -40,6 +42,11 @@ class Frames:
         else:
             for index, row in enumerate(self._rows):
                 yield str(index), row
+
+    def holds(self, file: Path) -> bool:
+        """Whether ``file`` is one of those that the frames are read from."""
+        sources = [self.place] if self.paths is None else self.paths
+        return file.exists() and any(Path(source).exists() and file.samefile(source) for source in sources)
 
     @property
     def _rows(self) -> npt.NDArray[Any]:
@@ -59,11 +66,13 @@ class Frames:
 
 def _load(place: str) -> npt.NDArray[Any]:
     try:
-        array: npt.NDArray[Any] = np.load(place, mmap_mode="r", allow_pickle=False)
+        array: npt.NDArray[Any] = np.load(place, allow_pickle=False)
     except OSError as error:
         raise SurefixFileError(f"{place}: cannot read the array: {error.strerror or error}") from None
     except (ValueError, EOFError) as error:
         raise SurefixValueError(f"{place}: not a .npy array, or a truncated one ({error})") from None
+    if not isinstance(array, np.ndarray):
+        raise SurefixValueError(f"{place}: expected one array (.npy), got an archive of several (.npz)")
     image = array.dtype == np.uint8 and (array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3))
     if array.ndim != 2 and not image:
         raise SurefixValueError(

@@ -6,13 +6,14 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix.cli.frames import Frames
+from surefix.cli.positions import read_positions
 
 __all__ = ["build", "info"]
 
@@ -56,7 +57,11 @@ def build(
     """Make a map of a route from its reference images, or from ready descriptors."""
     start = time.perf_counter()
     frames = Frames(references)
-    where = None if positions is None else _positions(positions)
+    if frames.holds(out):
+        raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
+    if not out.absolute().parent.is_dir():
+        raise SurefixFileError(f"{out}: cannot write the map: there is no folder {out.absolute().parent}")
+    where = None if positions is None else read_positions(positions)
     if frames.descriptors is not None:
         route = Map.from_descriptors(frames.descriptors, metric.value, positions=where)
     else:
@@ -102,16 +107,5 @@ def info(
             "names": f"{names[0]} to {names[-1]}" if names else "none",
             "positions": "none" if where is None else f"{where.shape[1]} coordinates a place, in metres",
         }.get(name, str(value))
-        table.add_row(name, shown)
+        table.add_row(name, Text(shown))
     Console(highlight=False, soft_wrap=True).print(table)
-
-
-def _positions(file: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    try:
-        if file.suffix == ".npy":
-            return np.asarray(np.load(file, allow_pickle=False), np.float64)
-        return np.loadtxt(file, delimiter=",", ndmin=2)
-    except OSError as error:
-        raise SurefixFileError(f"{file}: cannot read the positions: {error.strerror or error}") from None
-    except (ValueError, EOFError) as error:
-        raise SurefixValueError(f"{file}: expected a row of 2 or 3 numbers a place ({error})") from None

@@ -85,6 +85,8 @@ def run(
         )
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
+    if out is not None and (frames.holds(out) or (out.exists() and out.samefile(route))):
+        raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
     names = places.names
     rows: list[FixRow] = []
     file = None if out is None else _create(out)

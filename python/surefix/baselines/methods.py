@@ -1,0 +1,198 @@
+"""Every method by its name, as the command line and the report choose them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy.typing as npt
+
+from surefix.baselines.distances import Distances, Flags
+from surefix.baselines.predictors import perfect_predictor
+from surefix.baselines.ratio import ratio_test
+from surefix.baselines.sequence import plain_sequence, weighted_sequence
+from surefix.baselines.single import masked_single_frame, maximum_gradient, single_frame
+from surefix.baselines.spread import spread
+from surefix.baselines.supervised import SupervisedPredictor
+from surefix.baselines.truth import Truth
+from surefix.errors import SurefixError, SurefixValueError
+from surefix.matches import Matches
+
+__all__ = ["METHODS", "Context", "Method", "run_method"]
+
+# OpenSeqSLAM's slopes.
+SEQSLAM_SPEEDS = (0.8, 0.9, 1.0, 1.1, 1.2)
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """What methods may need beside the distances. Each takes what concerns it.
+
+    Parameters
+    ----------
+    sequence_length, weight, floor, tolerance, smoothing, gradient
+        As for ``surefix.match_distances``.
+    speeds : sequence of float, optional
+        Slopes that a sequence may have, in places a query. By default 1, and 0.8 to 1.2 for ``seqslam``.
+    contrast : int
+        The window of ``seqslam``'s contrast enhancement, in places.
+    exclude : int
+        Places this near the best are not what ``ratio`` compares it to.
+    top : int
+        How many places ``spread`` looks at.
+    positions : array, shape (n,) or (n, k), optional
+        Where the places are, in planar metres, for ``spread``; by default their index.
+    truth, truth_tolerance
+        As for ``surefix.evaluate``, for the perfect predictor and for the calibration.
+    calibration : (distances, truth), optional
+        A pair of drives with known truth, for the supervised predictor.
+    """
+
+    sequence_length: int = 2
+    weight: float = 0.99
+    floor: str | float = "global"
+    tolerance: int = 1
+    smoothing: int = 3
+    gradient: str = "halved"
+    speeds: Sequence[float] | None = None
+    contrast: int = 10
+    exclude: int = 1
+    top: int = 10
+    positions: npt.ArrayLike | None = None
+    truth: Truth | None = None
+    truth_tolerance: float = 1
+    calibration: tuple[Distances, Truth] | None = None
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method in one line, how to call it, and which field of the ``Context`` it cannot do without."""
+
+    description: str
+    call: Callable[[Distances, Context], Matches]
+    needs: str | None = None
+
+
+NEEDS = {
+    "truth": "the truth of the queries: Context(truth=...)",
+    "calibration": "a pair of drives with known truth to learn from: Context(calibration=(distances, truth))",
+}
+
+
+def run_method(name: str, D: Distances, context: Context | None = None) -> Matches:
+    """Match by the method of this name, a key of ``METHODS``.
+
+    Parameters
+    ----------
+    name : str
+    D : array of float32, shape (n, m)
+    context : Context, optional
+
+    Returns
+    -------
+    Matches
+
+    Raises
+    ------
+    SurefixValueError
+        For a name that is none, and what the method itself raises.
+    SurefixError
+        Where the context lacks what the method needs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix import baselines
+    >>> D = 1 - np.eye(5, dtype=np.float32)
+    >>> baselines.run_method("sequence", D, baselines.Context(sequence_length=3)).place
+    array([0, 1, 2, 3, 4])
+    """
+    method = METHODS.get(name)
+    if method is None:
+        raise SurefixValueError(f"method: expected one of {', '.join(METHODS)}, got {name!r}")
+    context = Context() if context is None else context
+    if method.needs is not None and getattr(context, method.needs) is None:
+        raise SurefixError(f"method {name}: needs {NEEDS[method.needs]}")
+    return method.call(D, context)
+
+
+def _masked(D: Distances, context: Context, trusted: Flags | None = None) -> Matches:
+    return masked_single_frame(
+        D, tolerance=context.tolerance, smoothing=context.smoothing, gradient=context.gradient, trusted=trusted
+    )
+
+
+def _weighted(D: Distances, context: Context, trusted: Flags | None = None) -> Matches:
+    return weighted_sequence(
+        D,
+        sequence_length=context.sequence_length,
+        weight=context.weight,
+        floor=context.floor,
+        trusted=trusted,
+        tolerance=context.tolerance,
+        smoothing=context.smoothing,
+        gradient=context.gradient,
+        speeds=(1.0,) if context.speeds is None else context.speeds,
+    )
+
+
+def _sequence(D: Distances, context: Context) -> Matches:
+    speeds = (1.0,) if context.speeds is None else context.speeds
+    return plain_sequence(D, sequence_length=context.sequence_length, speeds=speeds)
+
+
+def _seqslam(D: Distances, context: Context) -> Matches:
+    speeds = SEQSLAM_SPEEDS if context.speeds is None else context.speeds
+    return plain_sequence(D, sequence_length=context.sequence_length, contrast=context.contrast, speeds=speeds)
+
+
+def _perfect(D: Distances, context: Context) -> Flags:
+    assert context.truth is not None
+    return perfect_predictor(D, context.truth, context.truth_tolerance)
+
+
+def _supervised(D: Distances, context: Context) -> Flags:
+    assert context.calibration is not None
+    return SupervisedPredictor().fit(*context.calibration, context.truth_tolerance).predict(D)
+
+
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        "single": Method("single frames by their distance", lambda D, _: single_frame(D)),
+        "masked": Method("single frames, refused where the prediction does not trust them", _masked),
+        "gradient": Method(
+            "single frames by the greatest gradient",
+            lambda D, c: maximum_gradient(D, smoothing=c.smoothing, gradient=c.gradient),
+        ),
+        "sequence": Method("unweighted sequences", _sequence),
+        "weighted": Method("sequences weighted by the prediction: the paper", _weighted),
+        "supervised-masked": Method(
+            "single frames, masked by a support vector machine that learned from another drive",
+            lambda D, c: _masked(D, c, _supervised(D, c)),
+            needs="calibration",
+        ),
+        "supervised-weighted": Method(
+            "sequences weighted by a support vector machine that learned from another drive",
+            lambda D, c: _weighted(D, c, _supervised(D, c)),
+            needs="calibration",
+        ),
+        "perfect-masked": Method(
+            "single frames, masked by the truth: the bound for a mask",
+            lambda D, c: _masked(D, c, _perfect(D, c)),
+            needs="truth",
+        ),
+        "perfect-weighted": Method(
+            "sequences weighted by the truth: the bound for weights",
+            lambda D, c: _weighted(D, c, _perfect(D, c)),
+            needs="truth",
+        ),
+        "ratio": Method(
+            "single frames by the ratio to the best distance elsewhere",
+            lambda D, c: ratio_test(D, exclude=c.exclude),
+        ),
+        "spread": Method(
+            "single frames by the spread of the most alike places on the map (SUE)",
+            lambda D, c: spread(D, c.positions, top=c.top),
+        ),
+        "seqslam": Method("unweighted sequences on enhanced contrast, over several speeds", _seqslam),
+    }
+)

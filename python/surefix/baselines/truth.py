@@ -1,0 +1,77 @@
+"""Which matches are right, by the same three kinds of truth as ``surefix.evaluate``."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix.baselines.distances import Flags, Places
+from surefix.baselines.options import number, whole
+from surefix.errors import SurefixValueError
+
+__all__ = ["Truth", "right_matches"]
+
+Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.ArrayLike]
+
+
+def right_matches(place: Places, places: int, truth: Truth, tolerance: float) -> tuple[Flags, Flags]:
+    """Is each match right, (m,), and does the truth say, (m,)? Where it does not, the match is not right."""
+    if isinstance(truth, tuple) and len(truth) == 2 and not isinstance(truth[0], int):
+        return by_position(place, places, truth, number("tolerance", tolerance, 0.0))
+    frames = whole("tolerance", tolerance, 0) if not isinstance(tolerance, float) else whole_float(tolerance)
+    array = np.asarray(truth)
+    kinds = f"a place a query ({len(place)},), a matrix ({places}, {len(place)}) or a pair of positions"
+    if array.size == 0:
+        array = array.astype(np.int64)
+    if array.shape == place.shape and array.dtype.kind in "iu":
+        return by_place(place, array.astype(np.int64), frames)
+    if array.shape == (places, len(place)) and array.dtype.kind in "biu":
+        return by_cell(place, array, frames)
+    raise SurefixValueError(f"truth: expected {kinds}, got {array.dtype} {array.shape}")
+
+
+def whole_float(tolerance: float) -> int:
+    """A tolerance in places that came as a float, as from the command line."""
+    if not tolerance.is_integer():
+        raise SurefixValueError(
+            "option `tolerance`: expected a whole number of places, 0 or more (metres only where the truth is "
+            f"positions), got {tolerance}"
+        )
+    return whole("tolerance", int(tolerance), 0)
+
+
+def by_place(place: Places, truth: Places, tolerance: int) -> tuple[Flags, Flags]:
+    """The true place, or -1 where there is none and every match is wrong."""
+    if (truth < -1).any():
+        query = int(np.argmax(truth < -1))
+        got = f"got {truth[query]} for query {query}"
+        raise SurefixValueError(f"truth: expected a place, or -1 where there is none, {got}")
+    return (truth >= 0) & (np.abs(place - truth) <= tolerance), np.ones(len(place), bool)
+
+
+def by_cell(place: Places, cells: npt.NDArray[Any], tolerance: int) -> tuple[Flags, Flags]:
+    """A matrix of 1 (the same place), 0 (not) and -1 (ignored): right within the tolerance of a 1."""
+    cells = cells.astype(np.int64)
+    if cells.size and not np.isin(cells, (-1, 0, 1)).all():
+        row, query = np.argwhere(~np.isin(cells, (-1, 0, 1)))[0]
+        cell = f"{cells[row, query]} at place {row}, query {query}"
+        raise SurefixValueError(f"truth: expected cells of 1 (the same place), 0 (not) or -1 (ignored), got {cell}")
+    queries = np.arange(len(place))
+    right = np.zeros(len(place), bool)
+    for step in range(-min(tolerance, len(cells)), min(tolerance, len(cells)) + 1):
+        right |= cells[np.clip(place + step, 0, len(cells) - 1), queries] == 1
+    return right, right | (cells[place, queries] != -1)
+
+
+def by_position(
+    place: Places, places: int, truth: tuple[npt.ArrayLike, npt.ArrayLike], metres: float
+) -> tuple[Flags, Flags]:
+    """A pair of positions, of the places and of the queries: right within so many metres."""
+    there, here = (np.asarray(positions, np.float64) for positions in truth)
+    if there.ndim != 2 or here.ndim != 2 or there.shape[1] != here.shape[1]:
+        raise SurefixValueError(f"truth: expected positions (n, k) and (m, k), got {there.shape} and {here.shape}")
+    if len(there) != places or len(here) != len(place):
+        expected = f"{places} positions of places and {len(place)} of queries"
+        raise SurefixValueError(f"truth: expected {expected}, got {len(there)} and {len(here)}")
+    apart = np.sqrt(((there[place] - here) ** 2).sum(axis=1))
+    return apart <= metres, np.ones(len(place), bool)

@@ -1,0 +1,110 @@
+"""Public data sets in the layout their publishers ship, and your own: two traverses of a route and the truth.
+
+>>> from surefix import datasets
+>>> pair = datasets.gardens_point("data/gardens_point")                                         # doctest: +SKIP
+>>> route = surefix.Map.from_images(pair.references.paths)                                      # doctest: +SKIP
+>>> run = surefix.match(route, pair.queries.paths)                                              # doctest: +SKIP
+>>> surefix.evaluate(run, pair.truth)                                                           # doctest: +SKIP
+
+Nothing is downloaded. A loader reads the small tables at once and the images when they are asked for. Where a file is
+missing, the error names it, what it is for, and where to obtain the data set under what licence.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from types import MappingProxyType
+from typing import Any
+
+from surefix.datasets.bayer import demosaic
+from surefix.datasets.folders import FOLDERS, folders
+from surefix.datasets.four_seasons import FOUR_SEASONS, OFFICE_LOOP, four_seasons
+from surefix.datasets.gardens_point import GARDENS_POINT, gardens_point
+from surefix.datasets.images import BayerFiles, ImageArray, ImageFiles, Images
+from surefix.datasets.nordland import NORDLAND, nordland
+from surefix.datasets.origin import Origin
+from surefix.datasets.pair import Pair
+from surefix.datasets.positions import local_metres, pair_by_position, subsample
+from surefix.datasets.robotcar import ROBOTCAR, robotcar
+from surefix.errors import SurefixValueError
+
+__all__ = [
+    "DATASETS",
+    "OFFICE_LOOP",
+    "BayerFiles",
+    "Dataset",
+    "ImageArray",
+    "ImageFiles",
+    "Images",
+    "Origin",
+    "Pair",
+    "demosaic",
+    "folders",
+    "four_seasons",
+    "gardens_point",
+    "load",
+    "local_metres",
+    "nordland",
+    "pair_by_position",
+    "robotcar",
+    "subsample",
+]
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A data set by name: its loader, and where it comes from."""
+
+    load: Callable[..., Pair]
+    origin: Origin
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The loader's options with their defaults; ``root`` is not among them."""
+        parameters = list(inspect.signature(self.load).parameters.values())[1:]
+        return {parameter.name: parameter.default for parameter in parameters}
+
+
+DATASETS: Mapping[str, Dataset] = MappingProxyType(
+    {
+        "gardens_point": Dataset(gardens_point, GARDENS_POINT),
+        "nordland": Dataset(nordland, NORDLAND),
+        "four_seasons": Dataset(four_seasons, FOUR_SEASONS),
+        "robotcar": Dataset(robotcar, ROBOTCAR),
+        "folders": Dataset(folders, FOLDERS),
+    }
+)
+
+
+def load(name: str, root: str | PathLike[str], **options: Any) -> Pair:
+    """A data set by its name, for the command line.
+
+    Parameters
+    ----------
+    name : str
+        One of ``DATASETS``; ``-`` reads as ``_``.
+    root : str or path
+        The folder that the data set lies in.
+    **options
+        Of that data set's own function.
+
+    Raises
+    ------
+    SurefixValueError
+        For an unknown name or option, and as that function says.
+    SurefixFileError
+        For a file that is not there.
+
+    Examples
+    --------
+    >>> load("gardens_point", "data/gardens_point", query="night_right")                       # doctest: +SKIP
+    Pair('Gardens Point day_left / night_right': 200 references, 200 queries, 200 with a true place)
+    """
+    dataset = DATASETS.get(name.replace("-", "_"))
+    if dataset is None:
+        raise SurefixValueError(f"data set: expected one of {', '.join(DATASETS)}, got {name!r}")
+    for option in options:
+        if option not in dataset.options:
+            raise SurefixValueError(f"{name}: expected the options {', '.join(dataset.options)}, got {option!r}")
+    return dataset.load(root, **options)

@@ -1,0 +1,67 @@
+"""Gardens Point Walking: a walk across a campus, by day on the left and right of the path, and by night."""
+
+from os import PathLike
+from pathlib import Path
+
+from surefix.datasets.images import Images, open_images
+from surefix.datasets.origin import Origin
+from surefix.datasets.pair import Pair, check_same_names, identity
+from surefix.errors import SurefixValueError
+
+__all__ = ["GARDENS_POINT", "gardens_point"]
+
+GARDENS_POINT = Origin(
+    "Gardens Point Walking",
+    "https://zenodo.org/record/4590133 (A. Glover, Queensland University of Technology)",
+    "stated on that page; not established by surefix",
+)
+TRAVERSES = ("day_left", "day_right", "night_right")
+
+
+def gardens_point(root: str | PathLike[str], *, reference: str = "day_left", query: str = "day_right") -> Pair:
+    """Two walks of Gardens Point Walking. Query ``i`` shows the place of reference ``i``.
+
+    Layout::
+
+        root/day_left/Image000.jpg, Image001.jpg ...
+        root/day_right/...
+        root/night_right/...
+
+    The publisher has 200 images a walk; any number is taken, with the same names in both.
+
+    Parameters
+    ----------
+    root : str or path
+    reference, query : {"day_left", "day_right", "night_right"}
+
+    Returns
+    -------
+    Pair
+        With the identity as the truth, and no positions.
+
+    Raises
+    ------
+    SurefixFileError
+        For a walk that is not there.
+    SurefixValueError
+        For an unknown walk, one without images, or an image that only one of the two has.
+    """
+    for option, traverse in (("reference", reference), ("query", query)):
+        if traverse not in TRAVERSES:
+            raise SurefixValueError(f"{option}: expected one of {', '.join(TRAVERSES)}, got {traverse!r}")
+    name = f"Gardens Point {reference} / {query}"
+    references, queries = _walk(root, reference), _walk(root, query)
+    check_same_names(name, references, queries)
+    return Pair(
+        name,
+        references,
+        queries,
+        identity(name, references, queries),
+        source=GARDENS_POINT.source,
+        licence=GARDENS_POINT.licence,
+    )
+
+
+def _walk(root: str | PathLike[str], traverse: str) -> Images:
+    GARDENS_POINT.folder(root, "with the folders day_left, day_right, night_right")
+    return open_images(GARDENS_POINT.folder(Path(root) / traverse, f"the images of the walk {traverse}"))

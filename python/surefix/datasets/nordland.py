@@ -1,0 +1,92 @@
+"""Nordland: a railway line filmed in four seasons, as partitioned by Olid, Facil and Civera (2018)."""
+
+from os import PathLike
+from pathlib import Path
+from typing import Literal
+
+from surefix.datasets.images import Images, open_images
+from surefix.datasets.origin import Origin
+from surefix.datasets.pair import Pair, check_same_names, identity
+from surefix.errors import SurefixValueError
+
+__all__ = ["NORDLAND", "nordland"]
+
+NORDLAND = Origin(
+    "Nordland, partitioned",
+    "https://webdiis.unizar.es/~jmfacil/pr-nordland/ (D. Olid, J. M. Facil, J. Civera; film by NRK)",
+    "the film is under a Creative Commons licence of NRK; which one, see that page",
+)
+SEASONS = ("summer", "winter", "fall", "spring")
+SECTIONS = {"test": (1, 2, 3), "train": (1, 2)}
+_INSIDE = ("", "Dataset_images", "Partitioned_Nordland_Dataset/Dataset_images",
+           "Partitioned_Nordland_Dataset_lowres/Dataset_images")  # fmt: skip
+
+
+def nordland(
+    root: str | PathLike[str],
+    *,
+    reference: str = "summer",
+    query: str = "winter",
+    split: Literal["test", "train"] = "test",
+    section: int = 2,
+) -> Pair:
+    """Two seasons of a section of the partitioned Nordland set. Query ``i`` shows the place of reference ``i``.
+
+    Layout, with ``root`` any folder on the way down to ``test``::
+
+        Partitioned_Nordland_Dataset/Dataset_images/test/summer_images_test/section2/1150.png ...
+
+    The file's name is the frame's number, the same in all seasons; frames are in the order of their numbers. A test
+    section has 1150, tunnels and stops left out. A folder with one array of images a season, ``summer_*.npy`` uint8
+    (n, H, W) or (n, H, W, 3), is taken too; its section is what it was made of.
+
+    Parameters
+    ----------
+    root : str or path
+    reference, query : {"summer", "winter", "fall", "spring"}
+    split : {"test", "train"}
+    section : int
+        1 to 3 of ``test``, 1 or 2 of ``train``.
+
+    Returns
+    -------
+    Pair
+        With the identity as the truth, and no positions.
+
+    Raises
+    ------
+    SurefixFileError
+        For a season or section that is not there.
+    SurefixValueError
+        For an unknown season or section, one without images, or a frame that only one of the two has.
+    """
+    for option, season in (("reference", reference), ("query", query)):
+        if season not in SEASONS:
+            raise SurefixValueError(f"{option}: expected one of {', '.join(SEASONS)}, got {season!r}")
+    if section not in SECTIONS.get(split, ()):
+        known = ", ".join(f"{part} {list(numbers)}" for part, numbers in SECTIONS.items())
+        raise SurefixValueError(f"section: expected one of {known}, got {split} {section}")
+    folder = NORDLAND.folder(root, "with the folder test or train of the partitioned set")
+    name = f"Nordland {split} {section} {reference} / {query}"
+    references, queries = (_season(folder, season, split, section) for season in (reference, query))
+    if references.paths is not None and queries.paths is not None:
+        check_same_names(name, references, queries)
+    return Pair(
+        name,
+        references,
+        queries,
+        identity(name, references, queries),
+        source=NORDLAND.source,
+        licence=NORDLAND.licence,
+    )
+
+
+def _season(root: Path, season: str, split: str, section: int) -> Images:
+    arrays = sorted(root.glob(f"{season}_*.npy"))
+    if len(arrays) > 1:
+        raise SurefixValueError(f"{root}: expected one {season}_*.npy, got {', '.join(path.name for path in arrays)}")
+    if arrays:
+        return open_images(arrays[0])
+    within = Path(split, f"{season}_images_{split}", f"section{section}")
+    found = [root / inside / within for inside in _INSIDE if (root / inside / within).is_dir()]
+    return open_images(NORDLAND.folder(found[0] if found else root / within, f"the images of {season}"))

@@ -1,0 +1,118 @@
+"""From images and a track, each with its own times, to images with positions, a frame every so many metres."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix.datasets.origin import Origin
+from surefix.datasets.positions import interpolate, subsample
+from surefix.errors import SurefixFileError, SurefixValueError
+
+__all__ = ["Placed", "Track", "choose_traverses", "place_images"]
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where the vehicle was, and when: ``stamps`` (n,) ascending, ``positions`` (n, d) in metres."""
+
+    path: Path
+    stamps: npt.NDArray[np.int64]
+    positions: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """The images that are kept, in the order of their times, and where each was taken."""
+
+    files: list[Path]
+    positions: npt.NDArray[np.float64]
+    notes: tuple[str, ...]
+
+
+def place_images(
+    files: Sequence[Path],
+    stamps: npt.NDArray[np.int64],
+    track: Track,
+    *,
+    origin: Origin,
+    listed_in: Path,
+    ticks_a_second: int,
+    longest_gap: float,
+    spacing: float | None,
+    incomplete: Literal["drop", "error"],
+) -> Placed:
+    """Gives each image the position of its time, and keeps one every ``spacing`` metres.
+
+    An image that is listed but not on the disk, or whose time is outside the track or in a gap of it longer than
+    ``longest_gap`` seconds, is left out and counted in the notes; or it is an error, where ``incomplete`` says so.
+
+    Raises
+    ------
+    SurefixFileError
+        Where no image is on the disk, or one is not that must be.
+    SurefixValueError
+        Where no image has a position, or one has none that must.
+    """
+    if incomplete not in ("drop", "error"):
+        raise SurefixValueError(f"incomplete: expected 'drop' or 'error', got {incomplete!r}")
+    if not longest_gap > 0:
+        raise SurefixValueError(f"longest_gap: expected seconds, more than 0, got {longest_gap}")
+    if spacing is not None and not (np.isfinite(spacing) and spacing > 0):
+        raise SurefixValueError(f"spacing: expected metres, more than 0, or None for every image, got {spacing}")
+    try:
+        present = {path.name for folder in {file.parent for file in files} for path in folder.iterdir()}
+    except OSError as error:
+        raise SurefixFileError(f"{error.filename}: cannot list the images: {error.strerror}") from None
+    on_disk = np.array([file.name in present for file in files], dtype=np.bool_)
+    gap = int(min(longest_gap * ticks_a_second, 2.0**62))
+    positions, known = interpolate(stamps, track.stamps, track.positions, gap)
+    notes = []
+    if not on_disk.all():
+        first = files[int(np.argmin(on_disk))]
+        counted = f"{int((~on_disk).sum())} of the {len(files)} images that {listed_in} lists are not there"
+        if incomplete == "error" or not on_disk.any():
+            raise origin.missing(first, "no such image", counted)
+        notes.append(f"Left out: {counted}, the first is {first.name}")
+    placeless = on_disk & ~known
+    if placeless.any():
+        first = files[int(np.argmax(placeless))]
+        counted = f"{int(placeless.sum())} of the {int(on_disk.sum())} images in {first.parent} have no position"
+        where = f"in {track.path} around their time, the first is {first.name}"
+        if incomplete == "error" or not known[on_disk].any():
+            raise SurefixValueError(f"{counted} {where}")
+        notes.append(f"Left out: {counted} {where}")
+    kept = np.flatnonzero(on_disk & known)
+    if spacing is not None:
+        kept = kept[subsample(positions[kept], spacing)]
+    return Placed([files[i] for i in kept.tolist()], positions[kept], tuple(notes))
+
+
+def choose_traverses(
+    origin: Origin, root: Path, pattern: str, what: str, reference: str | None, query: str | None
+) -> tuple[Path, Path]:
+    """The folders of two traverses: as named, or of exactly two that are there, the older as the reference.
+
+    Raises
+    ------
+    SurefixFileError
+        For a traverse that is not there, or where there is none.
+    SurefixValueError
+        Where one is not named and there are not exactly two.
+    """
+    origin.folder(root, f"with a folder for each {what}")
+    if reference is None or query is None:
+        found = sorted(path.name for path in root.glob(pattern) if path.is_dir())
+        if len(found) != 2 or reference is not None or query is not None:
+            if not found:
+                raise origin.missing(root / pattern, "no such folder", f"at least two of them, each a {what}")
+            listed = ", ".join(found)
+            raise SurefixValueError(
+                f"{root}: expected reference and query, each a {what} by name, or exactly two of them; found {listed}"
+            )
+        reference, query = found
+    first = origin.folder(root / reference, f"the {what} of the references")
+    return first, origin.folder(root / query, f"the {what} of the queries")
