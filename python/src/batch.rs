@@ -23,6 +23,15 @@ use crate::simulate::Traverse;
 ///
 /// ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the warm-up, where ``anchors`` is 0
 /// and ``speed`` is NaN.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> run = surefix.match_distances(1 - np.eye(4, dtype=np.float32))
+/// >>> run.ready.tolist(), run.anchors.tolist()
+/// ([False, True, True, True], [0, 2, 2, 2])
+/// >>> run[3]
+/// Fix(frame=3, place=3, score=0, trusted=True)
 #[pyclass(frozen, sequence, module = "surefix")]
 pub(crate) struct Run(pub(crate) surefix::Run);
 

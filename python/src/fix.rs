@@ -39,30 +39,37 @@ pub(crate) struct Fix(pub(crate) surefix::Fix);
 
 #[pymethods]
 impl Fix {
+    /// Which query this is, counted from 0.
     #[getter]
     fn frame(&self) -> u64 {
         self.0.frame
     }
+    /// Whether the single match is trusted.
     #[getter]
     fn trusted(&self) -> bool {
         self.0.trusted
     }
+    /// The sequence's place once it is ready, else the single match's.
     #[getter]
     fn place(&self) -> usize {
         self.0.place
     }
+    /// The sequence's score once it is ready, else the single match's distance. Less is better.
     #[getter]
     fn score(&self) -> f32 {
         self.0.score
     }
+    /// The best match of this query alone.
     #[getter]
     fn single(&self) -> Single {
         Single(self.0.single)
     }
+    /// Where the enhanced gradient peaks.
     #[getter]
     fn gradient(&self) -> Peak {
         Peak(self.0.gradient)
     }
+    /// The sequence's match; None while the matcher warms up.
     #[getter]
     fn sequence(&self) -> Option<Sequence> {
         self.0.sequence.map(Sequence)

@@ -27,8 +27,8 @@ from surefix._core import (
     read_image,
     recall_at,
 )
-from surefix.matches import Matches
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
+from surefix.matches import Matches
 
 __all__ = [
     "Evaluation",

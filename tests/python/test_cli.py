@@ -211,6 +211,45 @@ def test_a_reader_that_has_seen_enough_is_no_error(drives: Path) -> None:
     assert "Error" not in done.stderr
 
 
+def test_the_input_is_never_the_output(drives: Path, tmp_path: Path) -> None:
+    queries = tmp_path / "queries.npy"
+    np.save(queries, np.zeros((70, 48, 96), np.uint8))
+    route = tmp_path / "route.safetensors"
+    route.write_bytes((drives / "route.safetensors").read_bytes())
+    before = {path: path.read_bytes() for path in (queries, route)}
+    surefix_("run", route, queries, "-o", queries, code=2)
+    surefix_("run", route, queries, "-o", route, code=2)
+    surefix_("run", route, drives / "winter", "-o", drives / "winter" / "frame3.png", code=2)
+    surefix_("map", "build", queries, "-o", queries, code=2)
+    assert before == {path: path.read_bytes() for path in (queries, route)}
+
+
+@pytest.mark.parametrize("streams", [">&-", "> /dev/full", "2>&-", ">&- 2>&-", "-o /dev/full"])
+def test_streams_that_refuse_are_no_traceback(drives: Path, streams: str) -> None:
+    run = f"'{sys.executable}' -m surefix run {drives}/route.safetensors {drives}/winter {streams}"
+    done = subprocess.run(["bash", "-c", run], capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+    assert done.returncode == (1 if "full" in streams else 0), done.stderr
+    assert ("No space left" in done.stderr) == ("full" in streams)
+
+
+def test_names_are_text_not_markup(drives: Path, tmp_path: Path) -> None:
+    for index in range(3):
+        Image.new("L", (20, 10), index).save(tmp_path / f"[bold]é{index}.png")
+    surefix_("map", "build", tmp_path, "-o", tmp_path / "route.safetensors")
+    assert "[bold]é0.png to [bold]é2.png" in surefix_("map", "info", tmp_path / "route.safetensors").stdout
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
+    command = [sys.executable, "-m", "surefix", "map", "info", str(tmp_path / "route.safetensors")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=ascii_only)
+    assert "\\xe90.png" in done.stdout
+
+
+def test_an_archive_is_not_an_array(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", a=np.zeros(3))
+    (tmp_path / "a.npz").rename(tmp_path / "a.npy")
+    assert "archive" in surefix_("map", "build", tmp_path / "a.npy", code=1).stderr
+
+
 def test_every_command_has_help_with_an_example() -> None:
     for command in ([], ["map"], ["map", "build"], ["map", "info"], ["run"], ["demo"]):
         text = surefix_(*command, "--help").stdout

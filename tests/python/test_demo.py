@@ -20,7 +20,7 @@ pytest.importorskip("matplotlib")
 from PIL import Image
 
 from html_reader import read
-from surefix.report import Outcome
+from surefix.plot import Outcome
 from surefix.report.drive_report import FILES
 
 PLACES, SIZE, SEED = 120, (96, 48), 3

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import oracle
 import pytest
 from sklearn import metrics
 
+import oracle
 import surefix
 
 CASES = 300

@@ -11,13 +11,13 @@ from surefix.simulate import Route
 pytest.importorskip("matplotlib")
 
 from html_reader import read
-from surefix.report import Outcome, outcomes
+from surefix.plot import Outcome, outcomes
+from surefix.plot.montage import spread
+from surefix.plot.outcome import longest_gap
+from surefix.plot.strip import _spans
 from surefix.report.drive import Drive
 from surefix.report.drive_report import write_report
-from surefix.report.montage import spread
-from surefix.report.outcome import longest_gap
 from surefix.report.page import Picture, Section, Tile, page
-from surefix.report.strip import _spans
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """The command line: ``surefix``."""
 
+import io
 import os
 import sys
 from typing import Annotated
@@ -8,7 +9,9 @@ import typer
 
 from surefix import SurefixError, __version__
 from surefix.cli.demo import demo
+from surefix.cli.eval import eval_
 from surefix.cli.map import build, info
+from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
 
 __all__ = ["app", "main"]
@@ -28,6 +31,8 @@ maps.command(epilog="Example: surefix map build photos/ -o route.safetensors")(b
 maps.command(epilog="Example: surefix map info route.safetensors")(info)
 app.add_typer(maps, name="map")
 app.command(epilog="Example: surefix run route.safetensors todays_photos/ -o fixes.csv")(run)
+app.command("eval", epilog="Example: surefix eval route.safetensors todays_photos/ --truth identity -o report/")(eval_)
+app.command(epilog="Example: surefix reproduce --data data/ -o report/")(reproduce)
 app.command(epilog="Example: surefix demo --out out/demo")(demo)
 
 
@@ -48,8 +53,12 @@ def _root(
 
 def main() -> None:
     """Run the command line. Exit codes: 0, 1 (it failed), 2 (bad usage), 130 (Ctrl-C)."""
+    _prepare_streams()
     try:
-        app(prog_name="surefix")
+        try:
+            app(prog_name="surefix")
+        finally:
+            sys.stdout.flush()
     except SystemExit as end:
         if end.code == INTERRUPTED:
             print("surefix: interrupted", file=sys.stderr)
@@ -57,7 +66,20 @@ def main() -> None:
     except SurefixError as error:
         print(f"surefix: {error}", file=sys.stderr)
         sys.exit(1)
-    except BrokenPipeError:
-        # The reader, such as `head`, has seen enough. Python would complain once more when it flushes at exit.
+    except OSError as error:
+        # The reader, such as `head`, has seen enough; any other refusal, such as a full disk, is said.
+        if not isinstance(error, BrokenPipeError):
+            print(f"surefix: cannot write: {error.strerror or error}", file=sys.stderr)
+        # Python would complain once more when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+
+
+def _prepare_streams() -> None:
+    """A closed stream swallows what is written to it; a name that the stream's encoding lacks is escaped."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 (open until the process ends)
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")

@@ -19,7 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from surefix import Fix
-from surefix.report.outcome import Outcome
+from surefix.plot.outcome import Outcome
 from surefix.simulate import Traverse
 
 __all__ = ["Dashboard"]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Evaluation, Run, evaluate
-from surefix.report.outcome import Gap, Outcome, is_right, longest_gap, outcomes
+from surefix.plot.outcome import Gap, Outcome, is_right, longest_gap, outcomes
 from surefix.simulate import Traverse
 
 __all__ = ["Drive"]

@@ -7,14 +7,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.image import imsave
 
-from surefix.report.curves import precision_recall
+from surefix.plot.curves import precision_recall
+from surefix.plot.matrix import busiest_window, distance_matrix
+from surefix.plot.montage import Column, Image, Pair, montage, montage_height, spread
+from surefix.plot.outcome import Outcome
+from surefix.plot.strip import route_strip
+from surefix.plot.theme import DARK, LIGHT, Theme, png
 from surefix.report.drive import Drive
-from surefix.report.matrix import busiest_window, distance_matrix
-from surefix.report.montage import Column, Image, Pair, montage, montage_height, spread
-from surefix.report.outcome import Outcome
 from surefix.report.page import Picture
-from surefix.report.strip import route_strip
-from surefix.report.theme import DARK, LIGHT, Theme, png
 
 __all__ = ["close_up", "curves", "matrix", "pairs", "photograph", "strip"]
 
@@ -120,8 +120,8 @@ def _matrix(ax: Axes, drive: Drive, theme: Theme, *, close: bool) -> None:
         drive.distances,
         drive.run.place,
         drive.run.trusted,
-        drive.truth,
-        tolerance=drive.tolerance,
+        drive.right,
+        truth=drive.truth,
         queries=queries if close else None,
         places=places if close else None,
         outline=None if close else (queries, places),
@@ -132,7 +132,7 @@ def _matrix(ax: Axes, drive: Drive, theme: Theme, *, close: bool) -> None:
 
 def _window(drive: Drive) -> tuple[tuple[int, int], tuple[int, int]]:
     count = max(12, min(44, len(drive.run) // 6))
-    return busiest_window(drive.run.place, drive.run.trusted, drive.truth, tolerance=drive.tolerance, count=count)
+    return busiest_window(drive.run.place, drive.run.trusted, drive.right, drive.truth, count=count)
 
 
 def _pair(drive: Drive, query: int) -> Pair:

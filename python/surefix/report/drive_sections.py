@@ -1,7 +1,7 @@
 """A plain word about each picture of a drive, with its numbers."""
 
+from surefix.plot.outcome import Outcome
 from surefix.report.drive import Drive
-from surefix.report.outcome import Outcome
 from surefix.report.page import Picture, Section
 
 __all__ = ["curves", "matrix", "meaning", "pairs", "route"]

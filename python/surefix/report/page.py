@@ -10,7 +10,7 @@ from importlib.resources import files
 # Pillow comes with matplotlib.
 from PIL import Image
 
-__all__ = ["Picture", "Section", "Tile", "page"]
+__all__ = ["Picture", "Section", "Table", "Tile", "page"]
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,28 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Numbers with a heading for each column; the first cell of a row names it. ``name`` becomes the element's id."""
+
+    name: str
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def __post_init__(self) -> None:
+        assert all(len(row) == len(self.header) for row in self.rows), self.name
+
+
+@dataclass(frozen=True)
 class Section:
-    """A heading, some paragraphs, and pictures below them, side by side where there is room."""
+    """A heading, some paragraphs, pictures below them, side by side where there is room, and tables."""
 
     title: str
     paragraphs: Sequence[str]
     pictures: Sequence[Picture] = ()
     rows: Sequence[tuple[str, str]] = ()
+    tables: Sequence[Table] = ()
+    points: Sequence[str] = ()
 
 
 def page(
@@ -79,7 +94,7 @@ def page(
 <h1>{escape(title)}</h1>
 {paragraphs}
 </header>
-{_pictures(hero, "hero")}
+{_pictures(hero, "hero") if hero else ""}
 <dl class="tiles">
 {"".join(map(_tile, tiles))}</dl>
 {"".join(map(_section, sections))}</main>
@@ -99,8 +114,10 @@ def _tile(tile: Tile) -> str:
 def _section(section: Section) -> str:
     paragraphs = "\n".join(f"<p>{escape(text)}</p>" for text in section.paragraphs)
     pictures = _pictures(section.pictures, "pictures") if section.pictures else ""
-    title, table = escape(section.title), _table(section.rows)
-    return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{pictures}{table}</section>\n"
+    points = "".join(f"<li>{escape(text)}</li>\n" for text in section.points)
+    points = f"<ul>\n{points}</ul>\n" if points else ""
+    tables = "".join(map(_numbers, section.tables)) + _table(section.rows)
+    return f"<section>\n<h2>{escape(section.title)}</h2>\n{paragraphs}\n{points}{pictures}{tables}</section>\n"
 
 
 def _pictures(pictures: Sequence[Picture], kind: str) -> str:
@@ -127,6 +144,18 @@ def _table(rows: Sequence[tuple[str, str]]) -> str:
         return ""
     body = "".join(f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>\n' for name, value in rows)
     return f"<table>\n<tbody>\n{body}</tbody>\n</table>\n"
+
+
+def _numbers(table: Table) -> str:
+    header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
+    body = "".join(
+        f'<tr><th scope="row">{escape(row[0])}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in row[1:])}</tr>\n'
+        for row in table.rows
+    )
+    return (
+        f'<div class="numbers"><table id="{escape(table.name)}">\n<caption>{escape(table.caption)}</caption>\n'
+        f"<thead>\n<tr>{header}</tr>\n</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+    )
 
 
 def _embedded(image: bytes, textured: bool) -> str:

@@ -8,12 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from surefix.report.outcome import Outcome
-from surefix.report.theme import LIGHT, Theme
+from surefix.plot.outcome import Outcome
+from surefix.plot.theme import LIGHT, Theme
 
-__all__ = ["Column", "Pair", "montage", "montage_height", "spread"]
+__all__ = ["Box", "Column", "Image", "Pair", "montage", "montage_height", "photo", "spread"]
 
 Image = NDArray[np.uint8]
+Box = tuple[float, float, float, float]
 
 # In widths of a picture: between columns, between the two pictures of a pair, below a pair, and above all.
 ACROSS, BETWEEN, CAPTION, HEADER = 0.07, 0.012, 0.2, 0.27
@@ -45,6 +46,11 @@ def spread(queries: NDArray[np.int64], count: int) -> list[int]:
     return [int(queries[(2 * k + 1) * len(queries) // (2 * count)]) for k in range(count)]
 
 
+def photo(ax: Axes, image: Image, box: Box) -> None:
+    """Draws an image, uint8 (H, W) or (H, W, 3), into ``box``: left, right, bottom, top."""
+    ax.imshow(image, extent=box, interpolation="antialiased", cmap="gray", vmin=0, vmax=255, zorder=2)
+
+
 def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme = LIGHT) -> Axes:
     """Draws a column for each outcome: the query above, the matched place below, ``rows`` pairs in each.
 
@@ -68,7 +74,7 @@ def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme 
             top = -r * step
             middle = top - height - BETWEEN
             for image, upper in ((pair.query, top), (pair.matched, middle)):
-                ax.imshow(image, extent=(left, left + 1, upper - height, upper), interpolation="antialiased")
+                photo(ax, image, (left, left + 1, upper - height, upper))
             text = top - 2 * height - BETWEEN - 0.035
             ax.text(left, text, pair.caption, fontsize=8, va="top", color=theme.muted)
         if not column.pairs:

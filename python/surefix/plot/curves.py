@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from surefix import Evaluation
-from surefix.report.theme import LIGHT, Theme
+from surefix.plot.lines import looks
+from surefix.plot.theme import LIGHT, Theme
 
 __all__ = ["precision_recall"]
 
@@ -25,13 +26,18 @@ def precision_recall(
     Parameters
     ----------
     curves : mapping of a name to an ``Evaluation``
-        Up to four; the first is drawn boldest.
+        Up to eight; the first is drawn boldest.
     trusted : (recall, precision), optional
         The point that accepts just the trusted fixes: a star.
     upto : float
         The areas named in the legend are up to this recall; it is shaded.
     recall : {"correct", "place_exists", "rejected"}
         The convention that the curves were made with: it names the axis.
+
+    Raises
+    ------
+    SurefixValueError
+        For more than eight curves: they could not be told apart.
     """
     share = {
         "correct": "share of the correct matches that are accepted",
@@ -39,24 +45,16 @@ def precision_recall(
         "rejected": "share of correct and of rejected matches",
     }[recall]
     ax.axvspan(0, upto, color=theme.grid, alpha=0.55, linewidth=0)
-    looks = (
-        (theme.trusted_right, "-", 2.4),
-        (theme.trusted_wrong, (0, (5, 2)), 1.6),
-        (theme.ink, (0, (1, 1.5)), 1.6),
-        (theme.muted, "-.", 1.6),
-    )
-    for layer, ((name, curve), (colour, dashes, width)) in enumerate(zip(curves.items(), looks, strict=False)):
-        if len(curve.precision) == 0:
-            continue
+    for layer, ((name, curve), look) in enumerate(zip(curves.items(), looks(theme, len(curves)), strict=True)):
+        label = f"{name}: area up to recall {upto:g} is {curve.auc(upto):.2f}"
+        if curve.max_recall < upto:
+            label += f", it ends at recall {curve.max_recall:.2f}"
+        # Where nothing was accepted there is no line, but its name stays in the legend.
         ax.plot(
-            np.concatenate(([0.0], curve.recall)),
+            np.concatenate(([0.0], curve.recall)) if len(curve.recall) else [],
             np.concatenate((curve.precision[:1], curve.precision)),
-            color=colour,
-            linestyle=dashes,
-            linewidth=width,
-            zorder=4 - layer,
-            clip_on=False,
-            label=f"{name}: area up to recall {upto:g} is {curve.auc(upto):.2f}",
+            label=label,
+            **look.line(len(curve.recall) + 1, layer),
         )
     if trusted is not None:
         ax.plot(

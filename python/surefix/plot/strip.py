@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from surefix.report.theme import LIGHT, Theme
+from surefix.plot.theme import LIGHT, Theme
 
 __all__ = ["Band", "route_strip"]
 
@@ -22,6 +22,8 @@ def route_strip(
     bands: Sequence[Band],
     *,
     gap: tuple[float, float] | None = None,
+    along: str = "position along the route (m)",
+    unit: str = "m",
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws a band for each way of matching: right upwards, wrong downwards, nothing where none is shown.
@@ -29,14 +31,20 @@ def route_strip(
     Parameters
     ----------
     positions : array of float, shape (m,)
-        How far along the route each query was taken, in metres.
+        How far along the route each query was taken, ascending.
     bands : sequence of (name, right, shown)
         From the top down.
     gap : (from, to), optional
-        A stretch in metres to bracket under the last band: the longest without a right fix in it.
+        A stretch to bracket under the last band: the longest without a right fix in it.
+    along, unit : str
+        What ``positions`` are, the name of the axis; and the unit of the stretch.
     """
     middles = (positions[:-1] + positions[1:]) / 2
     edges = np.concatenate((positions[:1], middles, positions[-1:]))
+    if edges[0] == edges[-1]:
+        # A single query, or a robot that never moved.
+        edges = edges[0] + np.linspace(-0.5, 0.5, len(edges))
+    first, last = float(edges[0]), float(edges[-1])
     for row, (name, right, shown) in enumerate(bands):
         middle = -row * PITCH
         for mask, height, colour in (
@@ -47,7 +55,7 @@ def route_strip(
             ax.broken_barh(spans, (middle, height), facecolors=colour, linewidth=0)
         ax.axhline(middle, color=theme.muted, linewidth=0.7)
         share = f"{int((right & shown).sum())} right, {int((~right & shown).sum())} wrong"
-        ax.text(0, middle + 0.42, f"{name}: {share}", va="bottom", ha="left", fontsize=9.5, color=theme.ink)
+        ax.text(first, middle + 0.42, f"{name}: {share}", va="bottom", ha="left", fontsize=9.5, color=theme.ink)
     bottom = -(len(bands) - 1) * PITCH - 0.5
     if gap is not None:
         start, stop = gap
@@ -59,22 +67,22 @@ def route_strip(
             "shrinkB": 0,
         }
         ax.annotate("", (start, level), (stop, level), arrowprops=bracket)
-        left = (start + stop) / 2 < (positions[0] + positions[-1]) / 2
+        left = (start + stop) / 2 < (first + last) / 2
         ax.text(
             start if left else stop,
             level - 0.1,
-            f"longest stretch without a right one: {stop - start:.0f} m",
+            f"longest stretch without a right one: {stop - start:.0f} {unit}",
             ha="left" if left else "right",
             va="top",
             fontsize=8.5,
             color=theme.ink,
         )
         bottom -= 0.45
-    ax.set_xlim(float(positions[0]), float(positions[-1]))
+    ax.set_xlim(first, last)
     ax.set_ylim(bottom, 0.66)
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)
-    ax.set_xlabel("position along the route (m);  up: right,  down: wrong,  empty: no trusted fix")
+    ax.set_xlabel(f"{along};  up: right,  down: wrong,  empty: none accepted")
     return ax
 
 

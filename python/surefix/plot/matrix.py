@@ -8,8 +8,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from surefix.report.outcome import Outcome, is_right, outcomes
-from surefix.report.theme import LIGHT, MARKS, Theme
+from surefix.plot.outcome import Outcome, outcomes
+from surefix.plot.theme import LIGHT, MARKS, Theme
 
 __all__ = ["Window", "busiest_window", "distance_matrix"]
 
@@ -27,9 +27,10 @@ def distance_matrix(
     distances: NDArray[np.float32],
     place: NDArray[np.int64],
     trusted: NDArray[np.bool_],
-    truth: NDArray[np.int64],
+    right: NDArray[np.bool_],
     *,
-    tolerance: int = 1,
+    truth: NDArray[np.int64] | None = None,
+    judged: NDArray[np.bool_] | None = None,
     queries: Window | None = None,
     places: Window | None = None,
     outline: tuple[Window, Window] | None = None,
@@ -44,10 +45,12 @@ def distance_matrix(
         ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
     place, trusted : arrays, shape (m,)
         The matches, as of a ``surefix.Run``.
-    truth : array of int, shape (m,)
-        Where each query really was; -1 where it was off the map.
-    tolerance : int
-        How many places from the truth still count as right.
+    right : array of bool, shape (m,)
+        Which of them are right, as of ``is_right``.
+    truth : array of int, shape (m,), optional
+        Where each query really was, -1 where it was off the map: the true path, a line in a close-up.
+    judged : array of bool, shape (m,), optional
+        False for queries of which the truth is not known: their matches are not drawn. All by default.
     queries, places : (first, count), optional
         A close-up of these rather than the whole matrix, with larger marks and a line for the true path.
     outline : (queries, places), optional
@@ -59,6 +62,8 @@ def distance_matrix(
     first_query, query_count = queries or (0, distances.shape[1])
     first_place, place_count = places or (0, distances.shape[0])
     nearest, furthest = np.percentile(distances, TONES)
+    if furthest <= nearest:
+        furthest = nearest + 1.0
     cell = 0.5
     tones = ax.imshow(
         distances,
@@ -66,12 +71,13 @@ def distance_matrix(
         vmin=float(nearest),
         vmax=float(furthest),
         origin="lower",
-        aspect="equal",
+        # A square cell says that queries and places are counted alike, where there is room for it.
+        aspect="equal" if 1 / 3 < query_count / place_count < 3 else "auto",
         interpolation="nearest" if close else "antialiased",
     )
-    right = is_right(place, truth, tolerance)
     shown = np.arange(len(place))
-    inside = (shown >= first_query) & (shown < first_query + query_count)
+    seen = np.ones(len(place), np.bool_) if judged is None else judged
+    inside = seen & (shown >= first_query) & (shown < first_query + query_count)
     inside &= (place >= first_place) & (place < first_place + place_count)
     # The rare and the trusted on top.
     order = (Outcome.UNTRUSTED_WRONG, Outcome.UNTRUSTED_RIGHT, Outcome.TRUSTED_RIGHT, Outcome.TRUSTED_WRONG)
@@ -91,8 +97,9 @@ def distance_matrix(
             **_paint(outcome, colour, theme),
         )
     if close:
-        known = np.where(truth >= 0, truth, np.nan)
-        ax.plot(shown, known, color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
+        if truth is not None:
+            known = np.where(truth >= 0, truth, np.nan)
+            ax.plot(shown, known, color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
         figure = ax.get_figure(root=True)
         if figure is not None:
             bar = figure.colorbar(tones, ax=ax, location="top", shrink=0.6, aspect=32, pad=0.02, extend="both")
@@ -108,7 +115,7 @@ def distance_matrix(
     ax.set_ylabel("place (frame of the map)")
     if not close:
         ax.legend(
-            handles=[_legend_entry(outcome, int(masks[outcome].sum()), theme) for outcome in Outcome],
+            handles=[_legend_entry(outcome, int((masks[outcome] & seen).sum()), theme) for outcome in Outcome],
             loc="lower center",
             bbox_to_anchor=(0.5, 1.0),
             ncols=2,
@@ -121,9 +128,9 @@ def distance_matrix(
 def busiest_window(
     place: NDArray[np.int64],
     trusted: NDArray[np.bool_],
+    right: NDArray[np.bool_],
     truth: NDArray[np.int64],
     *,
-    tolerance: int = 1,
     count: int = 60,
 ) -> tuple[Window, Window]:
     """The square on the true path that shows rare outcomes best: (queries, places), each ``count`` long.
@@ -132,10 +139,11 @@ def busiest_window(
     """
     m, n = len(place), int(max(place.max(), truth.max())) + 1
     side = min(count, m, n)
-    masks = outcomes(is_right(place, truth, tolerance), trusted)
+    masks = outcomes(right, trusted)
     best, window = -1, ((0, side), (0, side))
     for start in range(0, m - side + 1, max(1, side // 10)):
-        middle = int(np.median(truth[start : start + side]))
+        path = truth[start : start + side]
+        middle = int(np.median(path[path >= 0])) if (path >= 0).any() else 0
         low = int(np.clip(middle - side // 2, 0, n - side))
         inside = np.zeros(m, np.bool_)
         inside[start : start + side] = True

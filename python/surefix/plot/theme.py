@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from surefix.report.outcome import Outcome
+from surefix.plot.outcome import Outcome
 
 __all__ = ["DARK", "LIGHT", "MARKS", "Mark", "Theme", "png"]
 
@@ -41,7 +41,7 @@ MARKS = {
 
 @dataclass(frozen=True)
 class Theme:
-    """The colours of a picture. The four outcome colours are from the Okabe-Ito set, or near it."""
+    """The colours of a picture. Those of outcomes, and two more for lines, are from the Okabe-Ito set, or near it."""
 
     paper: str
     ink: str
@@ -52,6 +52,8 @@ class Theme:
     trusted_wrong: str
     untrusted_right: str
     untrusted_wrong: str
+    fifth: str
+    sixth: str
 
     def colour(self, outcome: Outcome) -> str:
         """The colour of an outcome."""
@@ -100,6 +102,8 @@ LIGHT = Theme(
     trusted_wrong="#d55e00",
     untrusted_right="#56b4e9",
     untrusted_wrong="#e69f00",
+    fifth="#009e73",
+    sixth="#a8548a",
 )
 
 DARK = Theme(
@@ -112,6 +116,8 @@ DARK = Theme(
     trusted_wrong="#ff7a2f",
     untrusted_right="#3484b5",
     untrusted_wrong="#b58117",
+    fifth="#2fbf95",
+    sixth="#cc79a7",
 )
 
 

@@ -1,0 +1,144 @@
+"""``surefix reproduce``: the paper's table and figures, on the data that is there."""
+
+import shlex
+import sys
+import time
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+
+from surefix import SurefixError, SurefixFileError
+
+if TYPE_CHECKING:
+    from surefix.reproduce import Case, Settings
+
+__all__ = ["reproduce"]
+
+
+class Recall(StrEnum):
+    """What recall is a share of."""
+
+    correct = "correct"
+    place_exists = "place_exists"
+    rejected = "rejected"
+
+
+def reproduce(
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="The folder to write; an earlier report's files in it are replaced.")
+    ] = Path("out/reproduce"),
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            "--data",
+            help="A folder with data sets as their publishers ship them: Gardens Point, Nordland, 4Seasons, RobotCar, "
+            "or reference/ and query/ with ground_truth.csv and matrices/.",
+        ),
+    ] = None,
+    matrix: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--matrix",
+            metavar="NAME=FILE.npy[,TRUTH.npy]",
+            help="Ready distances of any technique, a row a place and a column a query; NAME as DATASET/TECHNIQUE. "
+            "May be given again.",
+        ),
+    ] = None,
+    similarity: Annotated[
+        bool, typer.Option("--similarity", help="The matrices of --matrix hold similarities: distance is 1 - that.")
+    ] = False,
+    paper: Annotated[
+        Path | None,
+        typer.Option(
+            "--paper", help="The paper's own numbers, for the table: a CSV with dataset,technique,baseline,weighted."
+        ),
+    ] = None,
+    recall: Annotated[Recall, typer.Option("--recall", help="What recall is a share of.")] = Recall.correct,
+    quick: Annotated[bool, typer.Option("--quick", help="Few samples and steps: to see that it works.")] = False,
+) -> None:
+    """Make the paper's table and figures again: on your data, or on a generated route."""
+    begin = time.perf_counter()
+    try:
+        # Not at the top: matplotlib is an extra, and slow to import.
+        from surefix.reproduce import Settings, comparisons, read_paper, write_report
+        from surefix.reproduce.report import STEPS
+    except ModuleNotFoundError as error:
+        raise SurefixError(str(error)) from None
+    settings = Settings(recall.value, quick)
+    numbers = None if paper is None else read_paper(paper)
+    with _progress() as progress:
+        task = progress.add_task("Looking for data", total=STEPS)
+        cases, problems = _cases(
+            data, matrix or [], similarity, settings, lambda text: progress.update(task, description=text)
+        )
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SurefixFileError(f"{out}: cannot make the output folder: {error.strerror or error}") from None
+        made = []
+        progress.update(task, description="Comparing")
+        for step, comparison in enumerate(comparisons(cases, settings, numbers), 1):
+            print(f"{step} of {STEPS}: {comparison.title}", flush=True)
+            made.append(comparison)
+            progress.update(task, completed=step)
+        progress.update(task, description="Writing the report")
+        try:
+            report = write_report(out, made, cases, settings, problems=problems, command=_command())
+        except OSError as error:
+            if isinstance(error, SurefixError):
+                raise
+            raise SurefixFileError(f"{out}: cannot write the report: {error.strerror or error}") from None
+    for point in made[0].points:
+        print(point)
+    pictures = sum(len(comparison.pictures) for comparison in made)
+    print(
+        f"Made {report}, with {pictures} pictures and {len(made)} tables beside it, from {len(cases)} cases, "
+        f"in {time.perf_counter() - begin:.1f} s"
+    )
+
+
+def _cases(
+    data: Path | None, matrices: list[str], similarity: bool, settings: "Settings", say: Callable[[str], None]
+) -> tuple[list["Case"], list[str]]:
+    """What there is to compare, and what could not be used; each is said as it comes."""
+    from surefix.reproduce import find_datasets, generated_cases, load_cases, matrix_case
+
+    cases: list[Case] = [matrix_case(text, similarity=similarity) for text in matrices]
+    problems: list[str] = []
+    if data is not None:
+        found = find_datasets(data)
+        if not found:
+            problems.append(f"{data}: no data set of the paper in it, nor a folder with reference/ and query/")
+        for one in found:
+            say(f"{one.title}: reading {one.folder}")
+            loaded, wrong = load_cases(one)
+            cases += loaded
+            problems += wrong
+    for problem in problems:
+        print(f"Not used: {problem}", file=sys.stderr)
+    if not cases:
+        say("Driving the generated route")
+        cases += generated_cases(settings)
+        print("No real data: this is the generated route, a drawn world", flush=True)
+    for case in cases:
+        places, queries = case.D.shape
+        print(f"{case.name}: {places} places, {queries} queries", flush=True)
+    return cases, problems
+
+
+def _progress() -> Progress:
+    """A bar on a terminal, nothing in a pipe."""
+    console = Console(stderr=True, force_terminal=sys.stderr.isatty())
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
+    # Lines printed meanwhile go above the bar, unless they go elsewhere.
+    above, silent = sys.stdout.isatty(), not console.is_terminal
+    return Progress(*columns, console=console, transient=True, redirect_stdout=above, disable=silent)
+
+
+def _command() -> str:
+    return shlex.join(["surefix", *sys.argv[1:]])

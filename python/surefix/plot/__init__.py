@@ -1,0 +1,55 @@
+"""Every figure as a function that takes a matplotlib axis, draws on it and returns it.
+
+They take plain data: curves of ``surefix.evaluate``, runs, arrays. ``png`` draws one without a display. ``LIGHT`` and
+``DARK`` are the papers; nothing in a figure hangs on colour alone.
+"""
+
+try:
+    import matplotlib as _matplotlib  # noqa: F401
+except ModuleNotFoundError as error:
+    if error.name != "matplotlib":
+        raise
+    message = "surefix.plot draws with matplotlib, which is not installed: pip install 'surefix[plot]'"
+    raise ModuleNotFoundError(message, name="matplotlib") from None
+
+from surefix.plot.bars import false_positives
+from surefix.plot.curves import precision_recall
+from surefix.plot.examples import Example, examples, examples_height
+from surefix.plot.intervals import Estimate, auc_intervals
+from surefix.plot.matrix import busiest_window, distance_matrix
+from surefix.plot.montage import Column, Pair, montage, montage_height
+from surefix.plot.outcome import Outcome, is_right, outcomes
+from surefix.plot.strip import Band, route_strip
+from surefix.plot.sweep import ablation, weight_sweep
+from surefix.plot.theme import DARK, LIGHT, Theme, png
+from surefix.plot.timing import execution_time
+from surefix.plot.trust import trust_table
+
+__all__ = [
+    "DARK",
+    "LIGHT",
+    "Band",
+    "Column",
+    "Estimate",
+    "Example",
+    "Outcome",
+    "Pair",
+    "Theme",
+    "ablation",
+    "auc_intervals",
+    "busiest_window",
+    "distance_matrix",
+    "examples",
+    "examples_height",
+    "execution_time",
+    "false_positives",
+    "is_right",
+    "montage",
+    "montage_height",
+    "outcomes",
+    "png",
+    "precision_recall",
+    "route_strip",
+    "trust_table",
+    "weight_sweep",
+]

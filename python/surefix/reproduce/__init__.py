@@ -1,0 +1,28 @@
+"""The paper made again: its table and figures, on whatever of its data is there, and on a generated route.
+
+Carson, Ford and Milford, *Unsupervised Quality Prediction for Improved Single-Frame and Weighted Sequential Visual
+Place Recognition*, ICRA 2023 (arXiv 2307.01464). A file for each comparison.
+"""
+
+from surefix.reproduce.case import Case, Settings
+from surefix.reproduce.comparison import Comparison
+from surefix.reproduce.found import Found, find_datasets, load_cases
+from surefix.reproduce.images import generated_cases
+from surefix.reproduce.matrices import matrix_case
+from surefix.reproduce.paper import PaperRow, read_paper
+from surefix.reproduce.report import comparisons, write_report
+
+__all__ = [
+    "Case",
+    "Comparison",
+    "Found",
+    "PaperRow",
+    "Settings",
+    "comparisons",
+    "find_datasets",
+    "generated_cases",
+    "load_cases",
+    "matrix_case",
+    "read_paper",
+    "write_report",
+]

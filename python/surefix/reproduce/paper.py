@@ -1,0 +1,73 @@
+"""The paper's own numbers, as a user gives them: surefix has none, and makes none up."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+from surefix.errors import SurefixFileError, SurefixValueError
+
+__all__ = ["PaperRow", "read_paper"]
+
+COLUMNS = ("dataset", "technique", "baseline", "weighted")
+
+
+@dataclass(frozen=True)
+class PaperRow:
+    """A row of the paper's Table I; None where it has no number."""
+
+    dataset: str
+    technique: str
+    baseline: float | None
+    weighted: float | None
+
+    def is_for(self, dataset: str, technique: str) -> bool:
+        """Whether it is about these, whatever the case of the letters."""
+        return (self.dataset.casefold(), self.technique.casefold()) == (dataset.casefold(), technique.casefold())
+
+
+def read_paper(path: Path) -> list[PaperRow]:
+    """Reads a CSV with the columns dataset, technique, baseline, weighted.
+
+    Raises
+    ------
+    SurefixFileError
+        Where it cannot be read.
+    SurefixValueError
+        For other columns, or a number that is none or not from 0 to 1.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = [[cell.strip() for cell in line] for line in csv.reader(file)]
+    except OSError as error:
+        raise SurefixFileError(f"{path}: cannot read the paper's numbers: {error.strerror or error}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SurefixValueError(f"{path}: expected a CSV file in UTF-8, got {error}") from None
+    header = [name.lower() for name in lines[0]] if lines else []
+    if set(COLUMNS) - set(header):
+        raise SurefixValueError(f"{path}, row 1: expected the columns {','.join(COLUMNS)}, got {','.join(header)}")
+    rows: list[PaperRow] = []
+    for number, line in enumerate(lines[1:], 2):
+        if not any(line):
+            continue
+        if len(line) != len(header):
+            raise SurefixValueError(f"{path}, row {number}: expected {len(header)} cells, got {len(line)}")
+        cells = dict(zip(header, line, strict=True))
+        areas = [_area(cells[name], f"{path}, row {number}, {name}") for name in ("baseline", "weighted")]
+        row = PaperRow(cells["dataset"], cells["technique"], *areas)
+        if any(row.is_for(other.dataset, other.technique) for other in rows):
+            name = f"{row.dataset}, {row.technique}"
+            raise SurefixValueError(f"{path}, row {number}: expected each case once, got {name} twice")
+        rows.append(row)
+    return rows
+
+
+def _area(text: str, where: str) -> float | None:
+    if not text:
+        return None
+    try:
+        area = float(text)
+    except ValueError:
+        area = -1.0
+    if not 0 <= area <= 1:
+        raise SurefixValueError(f"{where}: expected an area from 0 to 1, or nothing, got {text!r}")
+    return area

@@ -1,0 +1,110 @@
+"""How long a push takes, against the number of places, with the two contributions apart."""
+
+import gc
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from surefix import plot
+from surefix._core import Matcher
+from surefix.baselines.distances import Floats
+from surefix.plot.theme import Theme
+from surefix.report.page import Table
+from surefix.reproduce.case import WEIGHT, Settings
+from surefix.reproduce.comparison import Comparison, drawn, shown
+
+__all__ = ["compare", "measure"]
+
+LENGTH = 2
+COLUMNS = 8
+WARM_UP = 20
+# Pushes on small maps, and at least so many on large ones.
+MOST, LEAST = 2000, 200
+
+
+def measure(places: int, pushes: int) -> tuple[Floats, Floats]:
+    """Microseconds of each push: of the prediction alone (L = 1, w = 0), and of the whole method. By turns."""
+    rng = np.random.default_rng(places)
+    columns = [rng.random(places, np.float32) for _ in range(COLUMNS)]
+    matchers = (
+        Matcher(places, sequence_length=1, weight=0.0),
+        Matcher(places, sequence_length=LENGTH, weight=WEIGHT),
+    )
+    took = np.empty((2, WARM_UP + pushes))
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        for push in range(WARM_UP + pushes):
+            column = columns[push % COLUMNS]
+            # Each goes first half of the time: the second finds the column in the cache.
+            for which in (0, 1) if push % 2 else (1, 0):
+                start = time.perf_counter_ns()
+                matchers[which].push(column)
+                took[which, push] = time.perf_counter_ns() - start
+    finally:
+        if collecting:
+            gc.enable()
+    prediction, whole = took[:, WARM_UP:] / 1000
+    return prediction, whole
+
+
+def compare(machine: str, settings: Settings) -> Comparison:
+    """The times on this machine."""
+    sizes = (100, 1000, 10_000) if settings.quick else (100, 300, 1000, 3000, 10_000, 30_000, 100_000)
+    rows: list[tuple[float, ...]] = []
+    # The processor has to wake up first, or the smallest map looks slow.
+    measure(sizes[-1], LEAST)
+    for places in sizes:
+        pushes = 50 if settings.quick else max(LEAST, min(MOST, 2_000_000 // places))
+        prediction, whole = measure(places, pushes)
+        medians = float(np.median(prediction)), float(np.median(whole))
+        rows.append((places, pushes, *medians, medians[1] - medians[0], float(prediction.mean()), float(whole.mean())))
+    return Comparison(
+        "execution_time",
+        "Execution time",
+        (
+            "What Matcher.push takes from Python, the distances being there already: getting them, from images or "
+            "descriptors, is not in it. Random distances, on one thread of this machine: "
+            f"{machine}. Medians of at least {int(min(row[1] for row in rows))} pushes, by turns.",
+            "Prediction: a matcher with L = 1 and w = 0, which still finds the nearest place, the gradient and the "
+            f"consensus. Whole: L = {LENGTH} and w = {WEIGHT:g}. Weighted sequence: the difference of the two medians; "
+            "where that is lost in the noise, or in what a call from Python costs, it has no point in the picture.",
+            _said(rows),
+        ),
+        (
+            "places", "pushes", "prediction_median_us", "whole_median_us", "sequence_us", "prediction_mean_us",
+            "whole_mean_us",
+        ),
+        rows,
+        {"execution_time": drawn(lambda ax, theme: _draw(ax, rows, theme), f"Time by number of places. {_said(rows)}")},
+        (_table(rows),),
+    )  # fmt: skip
+
+
+def _said(rows: Sequence[Sequence[float]]) -> str:
+    last = rows[-1]
+    return (
+        f"With {int(last[0]):,} places the whole takes {last[3]:.0f} microseconds, {last[2]:.0f} of them for the "
+        f"prediction: {1000 * (last[3] - rows[0][3]) / (last[0] - rows[0][0]):.2f} nanoseconds for each place more."
+    )
+
+
+def _table(rows: Sequence[Sequence[float]]) -> Table:
+    header = ("places", "prediction", "weighted sequence", "whole")
+    lines = [(f"{int(row[0]):,}", *(shown(row[k], 2) for k in (2, 4, 3))) for row in rows]
+    return Table("execution-time", "Microseconds for a push, medians", header, lines)
+
+
+def _draw(ax: Axes, rows: Sequence[Sequence[float]], theme: Theme) -> Axes:
+    table = np.array(rows)
+    sequence = np.where(table[:, 4] > 0, table[:, 4], np.nan)
+    times = {
+        "whole": table[:, 3],
+        "prediction (gradient and consensus)": table[:, 2],
+        "weighted sequence (the difference)": sequence,
+    }
+    plot.execution_time(ax, table[:, 0], times, theme=theme)
+    ax.set_ylabel("median time for a push (microseconds)")
+    return ax
