@@ -1,7 +1,5 @@
 """The report of a drive: one page, its pictures, and what they were made from."""
 
-import os
-import platform
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from surefix.plot.outcome import Outcome
 from surefix.report import drive_pictures as pictures
 from surefix.report import drive_sections as sections
 from surefix.report.drive import Drive
+from surefix.report.machine import machine
 from surefix.report.page import Picture, Section, Tile, page
 
 __all__ = ["write_report"]
@@ -125,7 +124,6 @@ def _made(drive: Drive, command: str, seconds: Sequence[tuple[str, float]]) -> S
     median, p99, slowest = np.quantile(drive.latency, (0.5, 0.99, 1.0)) * 1000
     width, height = drive.size
     spacing = float(np.median(np.diff(drive.reference.positions)))
-    machine = f"{_processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
     quantiles = f"{median:.2f} ms median, {p99:.2f} ms 99th percentile, {slowest:.2f} ms slowest"
     matching = f"sequence length {drive.sequence_length}, weight 0.99, floor: the smallest distance so far"
     rows = (
@@ -136,7 +134,7 @@ def _made(drive: Drive, command: str, seconds: Sequence[tuple[str, float]]) -> S
         ("Matching", matching),
         ("Right means", f"within {drive.tolerance} place of the true one"),
         ("A fix took", f"{quantiles}, from the image to the place"),
-        ("On", machine),
+        ("On", machine()),
         ("Took", ", ".join(f"{name} {duration:.1f} s" for name, duration in seconds)),
         *FILES.items(),
     )
@@ -152,13 +150,3 @@ def _how_far(drive: Drive) -> str:
     if len(off) == 0:
         return "on this drive"
     return f"{off.min():.0f} to {off.max():.0f} m off" if len(off) > 1 else f"{off[0]:.0f} m off"
-
-
-def _processor() -> str:
-    """The processor's name, where the system tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError):
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return next(filter(None, [*names, platform.processor(), platform.machine()]), "an unnamed processor")

@@ -1,12 +1,11 @@
 """All comparisons, one after the other, and the page that holds them."""
 
-import os
-import platform
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from surefix import __version__
 from surefix.errors import SurefixValueError
+from surefix.report.machine import machine
 from surefix.report.page import Section, Tile, page
 from surefix.reproduce import ablation, break_even, curves, false_positives, sweep, table, timing
 from surefix.reproduce.case import Case, Settings
@@ -84,11 +83,6 @@ def write_report(
     report = folder / "report.html"
     report.write_text(text, encoding="utf-8")
     return report
-
-
-def machine() -> str:
-    """What this runs on, in a few words."""
-    return f"{_processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
 
 
 def _check_distinct(cases: Sequence[Case]) -> None:
@@ -169,13 +163,3 @@ def _made(settings: Settings, command: str) -> Section:
         ("on", machine()),
     )  # fmt: skip
     return Section("How this was made", ("Beside this page: a PNG of each picture, a CSV of each section.",), rows=rows)
-
-
-def _processor() -> str:
-    """The processor's name, where the system tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError):
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return next(filter(None, [*names, platform.processor(), platform.machine()]), "an unnamed processor")
