@@ -17,6 +17,8 @@ use crate::parallel::each;
 pub struct Run {
     /// One fix a query.
     pub fixes: Vec<Fix>,
+    /// How many places the route has.
+    pub places: usize,
 }
 
 impl Run {
@@ -103,7 +105,7 @@ pub fn match_distances(
             Ok(fixes)
         },
     ))?;
-    Ok(Run { fixes })
+    Ok(Run { fixes, places })
 }
 
 /// Matches many descriptors, one after the other in `queries`, against a map: the distances on all cores, the answers
@@ -162,7 +164,7 @@ pub fn match_descriptors<'a>(
         Ok(())
     })?;
     report(total)?;
-    Ok(Run { fixes })
+    Ok(Run { fixes, places: map.places() })
 }
 
 /// How many queries are matched between two reports of progress.

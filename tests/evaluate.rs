@@ -22,7 +22,8 @@ fn fix(place: usize, score: f32, ready: bool) -> Fix {
 }
 
 fn curve(queries: &[Query], tolerance: usize, recall: Recall) -> Curve {
-    let run = Run { fixes: queries.iter().map(|&(place, score, _)| fix(place, score, true)).collect() };
+    let run =
+        Run { fixes: queries.iter().map(|&(place, score, _)| fix(place, score, true)).collect(), places: 10 };
     let truth: Vec<Option<usize>> = queries.iter().map(|query| query.2).collect();
     evaluate(&run.matches(), &Truth::places(truth, tolerance), recall).unwrap()
 }
@@ -177,11 +178,11 @@ fn every_corner_gives_numbers() {
 
 #[test]
 fn the_warm_up_is_left_out() {
-    let run = Run { fixes: vec![fix(0, 0.0, false), fix(3, 1.0, true)] };
+    let run = Run { fixes: vec![fix(0, 0.0, false), fix(3, 1.0, true)], places: 10 };
     let curve = evaluate(&run.matches(), &Truth::places(vec![Some(9), Some(3)], 0), Recall::Correct).unwrap();
     assert_eq!(curve.points().len(), 1);
     assert_eq!(curve.points()[0].precision, 1.0);
-    let warming = Run { fixes: vec![fix(0, 0.0, false)] };
+    let warming = Run { fixes: vec![fix(0, 0.0, false)], places: 10 };
     assert!(
         evaluate(&warming.matches(), &Truth::places(vec![Some(0)], 0), Recall::Correct)
             .unwrap()
@@ -192,7 +193,7 @@ fn the_warm_up_is_left_out() {
 
 #[test]
 fn a_truth_of_another_length_and_an_unknown_recall_are_refused() {
-    let run = Run { fixes: vec![fix(0, 0.0, true); 3] };
+    let run = Run { fixes: vec![fix(0, 0.0, true); 3], places: 10 };
     let refused = evaluate(&run.matches(), &Truth::places(vec![None], 0), Recall::Correct).unwrap_err();
     assert!(matches!(refused, Error::Length { expected: 3, got: 1, .. }));
     assert_eq!(refused.to_string(), "truth: expected 3 values, got 1");

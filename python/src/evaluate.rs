@@ -2,11 +2,13 @@
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use surefix::Error;
 use surefix::evaluate::{Bootstrap, Curve, Match, Point, Recall, TrustTable};
 
 use crate::arrays::{flags, floats, matrix, whole_numbers};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
+use crate::options::whole;
 use crate::truth::truth_of;
 
 /// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal ones together. A
@@ -55,8 +57,11 @@ pub(crate) fn evaluate(
     recall: &str,
 ) -> PyResult<Evaluation> {
     let recall: Recall = recall.parse().or_raise(py)?;
-    let matches = matches_of(matches)?;
     let truth = truth_of(truth, tolerance)?;
+    if let Ok(run) = matches.cast::<Run>() {
+        truth.check_places(run.get().0.places).or_raise(py)?;
+    }
+    let matches = matches_of(matches)?;
     let curve = py.detach(|| surefix::evaluate::evaluate(&matches, &truth, recall));
     Ok(Evaluation(curve.or_raise(py)?))
 }
@@ -122,6 +127,15 @@ impl Evaluation {
     }
 }
 
+/// A recall is a share.
+fn check_upto(py: Python<'_>, upto: f64) -> PyResult<()> {
+    if (0.0..=1.0).contains(&upto) {
+        return Ok(());
+    }
+    let expected = "a recall from 0 to 1".to_owned();
+    Err(Error::Option { name: "upto", expected, got: upto.to_string() }).or_raise(py)
+}
+
 fn bootstrap(level: f64, samples: usize, block: Option<usize>, seed: u64) -> Bootstrap {
     Bootstrap { samples, block, level, seed }
 }
@@ -153,8 +167,9 @@ impl Evaluation {
     /// Trapezoids between the lowest precisions at each recall; in the segment that ``upto`` cuts, the sweep's own line, which
     /// leads to the highest precision at the next recall. The first precision is held back to recall 0. A curve that ends
     /// before adds nothing beyond its end: read it beside ``max_recall``.
-    fn auc(&self, upto: f64) -> f64 {
-        self.0.auc(upto)
+    fn auc(&self, py: Python<'_>, upto: f64) -> PyResult<f64> {
+        check_upto(py, upto)?;
+        Ok(self.0.auc(upto))
     }
     /// An interval for ``auc(upto)``, by a bootstrap over blocks of consecutive queries, as neighbours are not independent.
     ///
@@ -183,6 +198,7 @@ impl Evaluation {
         block: Option<usize>,
         seed: u64,
     ) -> PyResult<(f64, f64)> {
+        check_upto(py, upto)?;
         let bootstrap = bootstrap(level, samples, block, seed);
         let interval = py.detach(|| self.0.auc_interval(upto, &bootstrap)).or_raise(py)?;
         Ok((interval.low, interval.high))
@@ -212,6 +228,7 @@ impl Evaluation {
         block: Option<usize>,
         seed: u64,
     ) -> PyResult<(f64, f64)> {
+        check_upto(py, upto)?;
         let bootstrap = bootstrap(level, samples, block, seed);
         let interval =
             py.detach(|| self.0.auc_difference_interval(&other.0, upto, &bootstrap)).or_raise(py)?;
@@ -382,12 +399,15 @@ pub(crate) fn recall_at(
     py: Python<'_>,
     distances: &Bound<'_, PyAny>,
     truth: &Bound<'_, PyAny>,
-    ks: Option<Vec<usize>>,
+    ks: Option<&Bound<'_, PyAny>>,
     tolerance: f64,
 ) -> PyResult<Vec<f64>> {
     let matrix = matrix(distances, "distances")?;
     let truth = truth_of(truth, tolerance)?;
     let view = matrix.as_array().into_dimensionality().map_err(|e| value(py, e.to_string()))?;
-    let ks = ks.unwrap_or_else(|| vec![1, 5, 10]);
+    let ks = match ks {
+        None => vec![1, 5, 10],
+        Some(ks) => ks.try_iter()?.map(|k| whole("ks", &k?)).collect::<PyResult<_>>()?,
+    };
     py.detach(|| surefix::evaluate::recall_at(&view, &truth, &ks)).or_raise(py)
 }

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from surefix.errors import SurefixValueError
+
 __all__ = ["Matches"]
 
 
@@ -41,17 +43,21 @@ class Matches:
     accepted: npt.NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        place = np.asarray(self.place)
-        count = len(place)
-        fields: dict[str, Any] = {"place": place.astype(np.int64), "score": np.asarray(self.score, np.float32)}
+        place, score = np.asarray(self.place), np.asarray(self.score)
+        if place.ndim != 1 or (place.size and place.dtype.kind not in "iu"):
+            raise SurefixValueError(f"place: expected whole numbers, one a query, got {place.dtype} {place.shape}")
+        if score.dtype.kind not in "fiu":
+            raise SurefixValueError(f"score: expected numbers, one a query, got {score.dtype}")
+        fields: dict[str, Any] = {"place": place.astype(np.int64), "score": score.astype(np.float32)}
         for name in ("ready", "accepted"):
             flags = getattr(self, name)
-            fields[name] = np.ones(count, bool) if flags is None else np.asarray(flags, bool)
+            fields[name] = np.ones(len(place), bool) if flags is None else np.asarray(flags)
+            if fields[name].dtype != np.bool_:
+                raise SurefixValueError(f"{name}: expected bool, one a query, got {fields[name].dtype}")
         for name, array in fields.items():
-            if array.shape != (count,):
-                from surefix.errors import SurefixValueError
-
-                raise SurefixValueError(f"{name}: expected one number a query, ({count},), got the shape {array.shape}")
+            if array.shape != place.shape:
+                expected = f"expected one number a query, {place.shape}"
+                raise SurefixValueError(f"{name}: {expected}, got the shape {array.shape}")
             object.__setattr__(self, name, array)
 
     def __len__(self) -> int:

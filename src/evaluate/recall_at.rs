@@ -13,12 +13,17 @@ use crate::parallel::each;
 /// Ties go to the lowest place; 0 where no query has a true place.
 ///
 /// # Errors
-/// [`Error::Length`] where the truth speaks of another number of queries than the matrix (places by queries) has columns;
+/// [`Error::Length`] where the truth speaks of another number of queries than the matrix (places by queries) has columns, or
+/// of another route (see [`Truth::check_places`]); [`Error::Option`] for a K of 0;
 /// [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity.
 pub fn recall_at(distances: &ArrayView2<'_, f32>, truth: &Truth, ks: &[usize]) -> Result<Vec<f64>, Error> {
     let (places, queries) = distances.dim();
     if truth.len() != queries {
         return Err(Error::Length { what: "truth", expected: queries, got: truth.len() });
+    }
+    truth.check_places(places)?;
+    if ks.contains(&0) {
+        return Err(Error::Option { name: "ks", expected: "numbers from 1".to_owned(), got: "0".to_owned() });
     }
     // How many places come before the nearest true one; nothing where the query has none.
     let rank = |query: usize| -> Result<Option<usize>, Error> {
@@ -40,7 +45,7 @@ pub fn recall_at(distances: &ArrayView2<'_, f32>, truth: &Truth, ks: &[usize]) -
     };
     let ranks: Vec<Option<usize>> =
         each(0..queries, || (), |(), query| rank(query)).into_iter().collect::<Result<_, _>>()?;
-    let found = ranks.iter().flatten().count().max(1);
-    let share = |&k: &usize| ranks.iter().flatten().filter(|&&rank| rank < k).count() as f64 / found as f64;
+    let known = (0..queries).filter(|&query| truth.exists(query)).count().max(1);
+    let share = |&k: &usize| ranks.iter().flatten().filter(|&&rank| rank < k).count() as f64 / known as f64;
     Ok(ks.iter().map(share).collect())
 }

@@ -48,11 +48,12 @@ fn share(part: usize, whole: usize) -> f64 {
 /// left out.
 ///
 /// # Errors
-/// [`Error::Length`] where the truth speaks of another number of queries.
+/// [`Error::Length`] where the truth speaks of another number of queries or, like [`Error::Option`], of another route.
 pub fn evaluate_trust(run: &Run, truth: &Truth) -> Result<TrustTable, Error> {
     if truth.len() != run.fixes.len() {
         return Err(Error::Length { what: "truth", expected: run.fixes.len(), got: truth.len() });
     }
+    truth.check_places(run.places)?;
     let mut table = TrustTable::default();
     for (query, fix) in run.fixes.iter().enumerate() {
         let cell = match (truth.judge(query, fix.single.place), fix.trusted) {

@@ -90,6 +90,30 @@ impl Truth {
         self.len() == 0
     }
 
+    /// Refuses a truth that speaks of another route than one of `places` places.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for a true place past the end, [`Error::Length`] for a matrix or positions of other places.
+    pub fn check_places(&self, places: usize) -> Result<(), Error> {
+        let length = |got| {
+            if got == places {
+                return Ok(());
+            }
+            Err(Error::Length { what: "truth: the route", expected: places, got })
+        };
+        match &self.0 {
+            Kind::Places { truth, .. } => {
+                let beyond =
+                    truth.iter().enumerate().find(|(_, place)| place.is_some_and(|place| place >= places));
+                let Some((query, Some(place))) = beyond else { return Ok(()) };
+                let expected = format!("places below {places}, or none");
+                Err(Error::Option { name: "truth", expected, got: format!("{place} for query {query}") })
+            }
+            Kind::Cells { columns, .. } => columns.first().map_or(Ok(()), |column| length(column.len())),
+            Kind::Positions { places: positions, .. } => length(positions.len()),
+        }
+    }
+
     /// Whether query `query` has a true place at all. A query past the end has none.
     pub fn exists(&self, query: usize) -> bool {
         match &self.0 {

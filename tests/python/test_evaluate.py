@@ -250,6 +250,21 @@ def test_refusals_say_what_came() -> None:
         (lambda: surefix.evaluate(found, [0, 1]).auc_interval(0.2, level=1.5), "level"),
         (lambda: surefix.evaluate(found, [0, 1]).auc_interval(0.2, block=0), "block"),
         (lambda: surefix.recall_at(np.ones((3, 2), np.float32), [0]), "expected 2 values, got 1"),
+        (lambda: surefix.recall_at(np.ones((3, 2), np.float32), [0, 3]), "places below 3.*got 3 for query 1"),
+        (lambda: surefix.recall_at(np.ones((3, 2), np.float32), np.eye(2, dtype=bool)), "expected 3 values, got 2"),
+        (lambda: surefix.recall_at(np.ones((3, 2), np.float32), [0, 1], ks=[-1]), "ks"),
+        (lambda: surefix.recall_at(np.ones((3, 2), np.float32), [0, 1], ks=[0]), "ks"),
+        (lambda: surefix.evaluate(surefix.match_distances(np.ones((3, 2), np.float32)), [0, 7]), "got 7 for query 1"),
+        (
+            lambda: surefix.evaluate_trust(surefix.match_distances(np.ones((3, 2), np.float32)), np.eye(2, dtype=int)),
+            "expected 3 values, got 2",
+        ),
+        (lambda: surefix.evaluate(found, [0, 1]).auc(float("nan")), "upto.*NaN"),
+        (lambda: surefix.evaluate(found, [0, 1]).auc(2.0), "upto.*from 0 to 1, got 2"),
+        (lambda: surefix.Matches([0.5, 1.7], [0.1, 0.2]), "whole numbers.*float64"),
+        (lambda: surefix.Matches(["a"], [0.1]), "place: expected whole numbers"),
+        (lambda: surefix.Matches(3, 1), "place: expected whole numbers"),
+        (lambda: surefix.Matches([0], [0.1], ready=[1]), "ready: expected bool"),
     ]
     for act, words in refused:
         with pytest.raises(surefix.SurefixValueError, match=words):
