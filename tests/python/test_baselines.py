@@ -257,6 +257,10 @@ def test_the_truth_has_the_same_kinds_as_in_evaluate() -> None:
     for truth, tolerance in ((places, 1), (cells, 1), ((route, here), 5.0)):
         judged = surefix.evaluate(baselines.single_frame(D), truth, tolerance)
         assert judged.correct == baselines.perfect_predictor(D, truth, tolerance).sum()
+    two = np.arange(2) + 3
+    for pair in (tuple(two), tuple(two.tolist())):
+        right = baselines.perfect_predictor(D[:, :2], pair, 4)
+        np.testing.assert_array_equal(right, baselines.perfect_predictor(D[:, :2], two, 4))
 
 
 def test_the_ends_of_a_route_are_not_neighbours() -> None:
@@ -308,6 +312,10 @@ WRONG: dict[str, tuple[Any, list[str]]] = {
     "positions in words": (lambda: baselines.spread(GOOD, ["here"] * 9), ["positions", "numbers"]),
     "a truth too short": (lambda: baselines.perfect_predictor(GOOD, [0, 1]), ["truth", "(17,)", "(2,)"]),
     "a truth of floats": (lambda: baselines.perfect_predictor(GOOD, np.zeros(17)), ["truth", "float64"]),
+    "a truth off the map": (
+        lambda: baselines.perfect_predictor(GOOD, [0] * 16 + [9]),
+        ["from 0 to 8", "9 for query 16"],
+    ),
     "a truth below -1": (lambda: baselines.perfect_predictor(GOOD, [-2] * 17), ["truth", "-2", "query 0"]),
     "a cell of 2": (
         lambda: baselines.perfect_predictor(GOOD, np.full((9, 17), 2)),

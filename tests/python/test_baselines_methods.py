@@ -55,6 +55,7 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         truth=truth,
         truth_tolerance=0,
         calibration=calibration,
+        calibration_tolerance=3,
     )
     prediction: dict[str, Any] = {"tolerance": 2, "smoothing": 1, "gradient": "unhalved"}
     weighting: dict[str, Any] = {
@@ -65,7 +66,7 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         **prediction,
     }
     right = baselines.perfect_predictor(D, truth, 0)
-    taught = baselines.SupervisedPredictor().fit(*calibration, 0).predict(D)
+    taught = baselines.SupervisedPredictor().fit(*calibration, 3).predict(D)
     expected = {
         "single": baselines.single_frame(D),
         "masked": baselines.masked_single_frame(D, **prediction),

@@ -11,6 +11,7 @@ pytest.importorskip("matplotlib")
 from html_reader import Reader, read
 from real_data import folder as real_data
 from surefix.baselines import Context
+from surefix.report import comparison_pictures
 from surefix.report.comparison import Comparison, compare
 from surefix.report.comparison_report import FILES, write_comparison
 from surefix.report.verdict import outcome, verdict
@@ -61,6 +62,17 @@ def test_an_older_report_in_the_folder_leaves_nothing_that_looks_new(tmp_path: P
         (tmp_path / name).write_bytes(b"old")
     written(tmp_path, RANDOM, np.arange(9))
     assert {file.name for file in tmp_path.glob("*.png")} == {n for n in FILES if n.endswith(".png")} | {"mine.png"}
+
+
+def test_a_report_that_was_stopped_leaves_no_older_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    written(tmp_path, RANDOM, np.arange(9))
+    monkeypatch.setattr(comparison_pictures, "curves", stop)
+    with pytest.raises(KeyboardInterrupt):
+        written(tmp_path, RANDOM, np.arange(9) % 3)
+    assert not (tmp_path / "report.html").exists()
 
 
 def comparison(seed: int, weighted: float) -> Comparison:

@@ -339,6 +339,27 @@ class TestRegistry:
         assert len(datasets.load("gardens-point", gardens, query="night_right").queries) == 12
         assert datasets.DATASETS["gardens_point"].options == {"reference": "day_left", "query": "day_right"}
 
+    def test_the_traverses_that_are_there_are_listed_the_one_for_the_map_first(
+        self, gardens: Path, tmp_path_factory: pytest.TempPathFactory
+    ) -> None:
+        assert datasets.traverses("gardens-point", gardens) == ["day_left", "day_right", "night_right"]
+        (gardens / "day_left").rename(gardens / "elsewhere")
+        assert datasets.traverses("gardens_point", gardens) == ["day_right", "night_right"]
+        assert datasets.traverses("folders", gardens) == []
+        arrays = tmp_path_factory.mktemp("arrays")
+        for season in ("spring", "winter", "summer"):
+            np.save(arrays / f"{season}_thumbnails.npy", np.zeros((2, 4, 6), np.uint8))
+        assert datasets.traverses("nordland", arrays) == ["summer", "winter", "spring"]
+        with pytest.raises(surefix.SurefixValueError, match="'kitti'"):
+            datasets.traverses("kitti", gardens)
+        with pytest.raises(surefix.SurefixFileError, match=r"nowhere: no such folder.*unizar"):
+            datasets.traverses("nordland", gardens / "nowhere")
+
+    @pytest.mark.parametrize("inside", ["", "Dataset_images"])
+    def test_the_seasons_of_the_images_are_listed(self, railway: Path, inside: str) -> None:
+        (railway / "Dataset_images/test/fall_images_test").rename(railway / "elsewhere")
+        assert datasets.traverses("nordland", railway / inside) == ["summer", "winter", "spring"]
+
     def test_unknown_names_and_options_list_the_known_ones(self, gardens: Path) -> None:
         with pytest.raises(surefix.SurefixValueError, match=r"gardens_point, nordland.*'kitti'"):
             datasets.load("kitti", gardens)

@@ -196,6 +196,7 @@ class TestRobotCar:
 
     def test_which_traverses_is_asked_unless_there_are_two(self, oxford: Path) -> None:
         drive(oxford / "2015-08-12-15-04-18", speed=10)
+        assert datasets.traverses("robotcar", oxford) == [OLDER, NEWER, "2015-08-12-15-04-18"]
         with pytest.raises(surefix.SurefixValueError, match=f"{OLDER}, {NEWER}, 2015-08-12"):
             datasets.robotcar(oxford)
         with pytest.raises(surefix.SurefixValueError, match="expected reference and query"):
@@ -390,6 +391,26 @@ def munich(tmp_path: Path) -> Path:
 
 
 class TestFourSeasons:
+    def test_the_report_pairs_the_oldest_of_three_recordings_with_each_other(self, munich: Path) -> None:
+        pytest.importorskip("matplotlib")
+        from surefix.reproduce import find_datasets, load_cases
+
+        third = "recording_2021-02-25_13-51-57"
+        (munich / third).symlink_to(munich / WINTER)
+        (munich / "notes").mkdir()
+        assert datasets.traverses("four_seasons", munich) == [SPRING, WINTER, third]
+        found = find_datasets(munich)
+        assert [(one.dataset, one.pairs) for one in found] == [("four_seasons", [(SPRING, WINTER), (SPRING, third)])]
+        cases, problems = load_cases(found[0])
+        assert problems == []
+        assert [case.dataset for case in cases] == [
+            "4Seasons, 2020-03-24_17-36-22 to 2021-01-07_12-04-03",
+            "4Seasons, 2020-03-24_17-36-22 to 2021-02-25_13-51-57",
+        ]
+        assert [case.name for case in load_cases(found[0], [(WINTER, SPRING)])[0]] == [
+            "4Seasons, 2021-01-07_12-04-03 to 2020-03-24_17-36-22, SAD"
+        ]
+
     def test_both_recordings_are_on_the_plane_of_the_reference(self, munich: Path) -> None:
         pair = datasets.four_seasons(munich, spacing=None, tolerance=3.5)
         assert pair.name == "4Seasons 2020-03-24_17-36-22 / 2021-01-07_12-04-03"

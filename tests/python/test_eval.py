@@ -18,7 +18,7 @@ pytest.importorskip("matplotlib")
 from PIL import Image
 
 from html_reader import Reader, read
-from surefix import cli
+from surefix import baselines, cli
 from surefix.report.comparison_report import FILES
 
 PLACES = 70
@@ -223,3 +223,48 @@ def test_positions_are_a_truth_in_metres(
     assert made.method("single")["right"].tolist() == right.tolist()
     assert "within 4.5 m of the true position" in made.page.text
     assert "way along the drive (m)" not in capsys.readouterr().err
+
+
+def test_the_spread_is_of_the_positions_given(
+    drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    uneven = np.c_[np.cumsum(np.arange(PLACES) % 7), np.zeros(PLACES)].astype(float)
+    np.save(drives / "uneven.npy", uneven)
+    options = ("--positions", "uneven.npy", "--query-positions", "uneven.npy", "--tolerance", "3")
+    want = baselines.spread(np.load(drives / "D.npy"), uneven).score
+    for route in (["D.npy"], ["route.safetensors", "winter.npy"]):
+        assert run(monkeypatch, drives, *route, *options, "--method", "spread", "-o", str(tmp_path)) == 0
+        np.testing.assert_allclose(Report(tmp_path, "").method("spread")["score"], want, rtol=1e-6)
+    capsys.readouterr()
+
+
+def test_metres_are_not_the_tolerance_of_the_calibration(
+    drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("sklearn")
+    D, truth = np.load(drives / "D.npy"), np.load(drives / "truth.npy")
+    learn = ("--calibration", "D.npy", "--calibration-truth", "truth.npy", "--method", "supervised-masked")
+    options = ("--positions", "reference.csv", "--query-positions", "query.csv", "--tolerance", "4.5", *learn)
+    for places, more in ((1, ()), (5, ("--calibration-tolerance", "5"))):
+        assert run(monkeypatch, drives, "D.npy", *options, *more, "-o", str(tmp_path)) == 0
+        trusted = baselines.SupervisedPredictor().fit(D, truth, places).predict(D)
+        assert Report(tmp_path, "").method("supervised-masked")["accepted"].tolist() == trusted.tolist()
+    capsys.readouterr()
+
+
+def test_a_line_warns_of_similarities_and_of_queries_that_nobody_judged(
+    drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.save(drives / "start.npy", np.load(drives / "D.npy")[:, :9])
+    np.save(drives / "nine.npy", np.load(drives / "truth.npy")[:9])
+    out = ("--method", "sequence", "-o", str(tmp_path))
+    for arguments, words in (
+        (("S.npy", "--truth", "truth.npy"), "are these similarities? Then use --similarity"),
+        (("start.npy", "--truth", "nine.npy", "-L", "20"), "no query was judged for sequence: a sequence takes 20"),
+        (("S.npy", "--truth", "truth.npy", "--similarity"), ""),
+        (("D.npy", "--truth", "truth.npy"), ""),
+    ):
+        assert run(monkeypatch, drives, *arguments, *out) == 0
+        said = capsys.readouterr().err
+        assert words in said
+        assert said.count("Warning: ") == (words != "")

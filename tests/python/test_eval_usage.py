@@ -11,9 +11,22 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
+import surefix
 from surefix import cli
 
-TABLES = {"far": "0,1\n1,2\n2,70\n", "late": "query,reference\n70,0\n", "wide": "1,2,3\n", "named": "a,b\n"}
+TABLES = {
+    "far": "0,1\n1,2\n2,70\n",
+    "late": "query,reference\n70,0\n",
+    "wide": "1,2,3\n",
+    "named": "a,b\n",
+    "two": "0,3\n1,4\n0,5\n",
+    "part": "query,reference\n0,3\n2,-1\n",
+    "bare": "51.76,-1.26\n51.761,-1.261\n",
+    "globe": "lat,lon\n51.76,-1.26\n51.761,-1.261\n",
+    "plane": "x,y\n0,0\n0,0.5\n",
+    "off": "latitude,longitude\n51,0\n91,0\n",
+    "odd": "lat,y\n1,2\n",
+}
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +54,7 @@ def run(monkeypatch: pytest.MonkeyPatch, where: Path, *arguments: str) -> int:
     return int(end.value.code or 0)
 
 
+BY_POSITION = ("--tolerance", "9", "--query-positions")
 MISTAKES: dict[str, tuple[list[str], int, str]] = {
     "no truth": (["D.npy"], 2, "--truth: expected it, or --query-positions; got neither"),
     "two truths": (["D.npy", "--truth", "identity", "--query-positions", "query.csv"], 2, "got both"),
@@ -65,6 +79,18 @@ MISTAKES: dict[str, tuple[list[str], int, str]] = {
     "a query off the table": (["D.npy", "--truth", "late.csv"], 1, "late.csv, row 2, column query: expected a whole"),
     "three columns": (["D.npy", "--truth", "wide.csv"], 1, "wide.csv, row 1: expected 2 values"),
     "other columns": (["D.npy", "--truth", "named.csv"], 1, "named.csv, row 1: expected the columns query,reference"),
+    "a query twice": (["D.npy", "--truth", "two.csv"], 1, "two.csv, row 3: expected one reference a query, got 5 for"),
+    "a query without a row": (["D.npy", "--truth", "part.csv"], 1, "each of the 70 queries"),
+    "similarities of a map": (["route.safetensors", "winter.npy", "--truth", "identity", "--similarity"], 2, "a map"),
+    "degrees that do not say so": (["D.npy", *BY_POSITION, "bare.csv", "--positions", "bare.csv"], 1, "latitude,longi"),
+    "degrees and metres": (["D.npy", *BY_POSITION, "plane.csv", "--positions", "globe.csv"], 1, "share no plane"),
+    "degrees off the globe": (["D.npy", *BY_POSITION, "off.csv", "--positions", "globe.csv"], 1, "off.csv: latitude"),
+    "half a header": (
+        ["D.npy", *BY_POSITION, "odd.csv", "--positions", "globe.csv"],
+        1,
+        "odd.csv, row 1: expected the",
+    ),
+    "too few positions": (["D.npy", *BY_POSITION, "globe.csv", "--positions", "globe.csv"], 1, "expected 70 rows"),
     "a hole": (
         ["hole.npy", "--truth", "identity"],
         1,
@@ -88,19 +114,33 @@ def test_a_mistake_gets_one_clear_message(
     assert said.out == ""
 
 
-def test_a_table_may_leave_queries_out_and_give_a_query_several_places(tmp_path: Path) -> None:
+def test_a_table_has_a_row_a_query_in_any_order(tmp_path: Path) -> None:
     from surefix.cli.truth import read_truth
 
     file = tmp_path / "truth.csv"
-    file.write_text("# mine\n0,3\n2,\n3,-1\n")
-    assert read_truth(str(file), 5, 5).tolist() == [3, -1, -1, -1, -1]
-    file.write_text("query,reference\n0,3\n0,4\n1,1\n")
-    assert np.argwhere(read_truth(str(file), 5, 2)).tolist() == [[1, 1], [3, 0], [4, 0]]
+    file.write_text("# mine\n3,-1\n0,3\n2,\n1,4\n0,3\n")
+    assert read_truth(str(file), 5, 4).tolist() == [3, 4, -1, -1]
 
 
-def test_without_matplotlib_one_line_says_how_to_install_it(drives: Path, tmp_path: Path) -> None:
-    missing = 'raise ModuleNotFoundError("No module named \'matplotlib\'", name="matplotlib")\n'
-    (tmp_path / "matplotlib.py").write_text(missing)
+def test_degrees_of_both_drives_become_metres_about_one_origin(tmp_path: Path) -> None:
+    from surefix.cli.positions import on_one_plane, read_either, read_positions
+
+    names = [tmp_path / f"{name}.csv" for name in ("references", "queries", "plane")]
+    names[0].write_text("time,lat,lon\n1,51.76,179.999\n2,51.761,179.999\n")
+    names[1].write_text("Latitude,Longitude\n51.761,-179.999\n")
+    names[2].write_text("x,y\n0,0\n0,0.5\n")
+    places, queries = on_one_plane(read_either(names[0]), read_either(names[1]))
+    assert np.linalg.norm(places[1] - places[0]) == pytest.approx(111.26, abs=0.01)
+    # Across the date line: 0.002 degrees, each 111.32 km times the cosine of the latitude, and a little for the globe.
+    assert queries[0] - places[1] == pytest.approx([0.002 * 111_320 * np.cos(np.radians(51.761)), 0], rel=3e-3)
+    assert read_positions(names[2]).tolist() == [[0, 0], [0, 0.5]]
+    with pytest.raises(surefix.SurefixValueError, match=r"references.csv: expected metres, as a map holds no degrees"):
+        read_positions(names[0])
+
+
+@pytest.mark.parametrize("module", ["matplotlib", "PIL"])
+def test_without_what_draws_one_line_says_how_to_install_it(module: str, drives: Path, tmp_path: Path) -> None:
+    (tmp_path / f"{module}.py").write_text(f"raise ModuleNotFoundError(name={module!r})\n")
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     command = [sys.executable, "-m", "surefix", "eval"]
     for arguments, code in ((["D.npy", "--truth", "identity"], 1), (["--help"], 0)):

@@ -24,11 +24,13 @@ from surefix.reproduce import (
     Settings,
     ablation,
     break_even,
+    comparisons,
     curves,
     find_datasets,
     generated_cases,
     load_cases,
     matrix_case,
+    read_pairs,
     read_paper,
     table,
 )
@@ -155,8 +157,12 @@ def test_the_lengths_the_false_positives_and_the_curves_agree_with_the_table(rep
 
 def test_the_two_contributions_make_up_the_time(report) -> None:
     for line in rows(report[0], "execution_time"):
-        parts = float(line["prediction_median_us"]) + float(line["sequence_us"])
-        assert parts == pytest.approx(float(line["whole_median_us"]))
+        for which, sequence in (("median", "sequence_us"), ("mean", "sequence_mean_us")):
+            parts = float(line[f"prediction_{which}_us"]) + float(line[sequence])
+            assert parts == pytest.approx(float(line[f"whole_{which}_us"]))
+    text = read((report[0] / "report.html").read_text(encoding="utf-8")).text
+    for words in ("mean: prediction", "mean: weighted sequence", "mean: whole", "median: whole", "shows medians"):
+        assert words in text
 
 
 def test_a_drawn_predictor_has_the_consensuss_rate_and_more_wrong_trust_never_helps_in_the_end(
@@ -207,7 +213,7 @@ def test_ready_matrices_and_folders_fill_their_rows_beside_the_papers_numbers_an
     out = tmp_path / "out"
     said = reproduce(
         "--quick", "--similarity", "-o", str(out), "--paper", str(tmp_path / "paper.csv"), "--data", str(two_drives),
-        "--matrix", f"here/netvlad={tmp_path / 'net.npy'}",
+        "--pair", "nordland=summer/fall", "--matrix", f"here/netvlad={tmp_path / 'net.npy'}",
         "--matrix", f"off={tmp_path / 'off.npy'},{tmp_path / 'truth.npy'}",
     )  # fmt: skip
     assert said.returncode == 0, said.stderr
@@ -225,9 +231,131 @@ def test_ready_matrices_and_folders_fill_their_rows_beside_the_papers_numbers_an
     text = read((out / "report.html").read_text(encoding="utf-8")).text
     assert "No truth was given: query i is taken to show place i" in text
     assert "generated route" not in text
-    assert [line.partition(":")[0] for line in said.stderr.splitlines()] == ["Not used"] * 2
+    assert [line.partition(":")[0] for line in said.stderr.splitlines()] == ["Not used"] * 3
+    assert f"--pair nordland: no such data set in {two_drives}" in text
     assert "unnamed.npy: expected NAME_similarity*.npy" in text
     assert str(two_drives / "gardens_point" / "day_left") in text
+
+
+def walks(folder: Path, *names: str, images: int = 12) -> Path:
+    """A folder of walks, each of images of noise."""
+    rng = np.random.default_rng(len(names))
+    for name in names:
+        (folder / name).mkdir(parents=True)
+        for frame in range(images):
+            Image.fromarray(rng.integers(0, 256, (32, 64), np.uint8)).save(folder / name / f"Image{frame:03d}.jpg")
+    return folder
+
+
+def matrices(folder: Path, *names: str, shape: tuple[int, int] = (12, 12)) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        np.save(folder / f"{name}.npy", np.random.default_rng(0).random(shape))
+
+
+GARDENS = "Gardens Point Walking"
+
+
+def test_every_pair_that_is_there_is_a_case_and_matrices_say_which_they_are_of(tmp_path: Path) -> None:
+    walks(tmp_path, "day_left", "day_right", "night_right")
+    matrices(tmp_path / "matrices", "Net_distance", "SAD_similarity")
+    matrices(tmp_path / "matrices" / "day_left_to_night_right", "Net_distance")
+    (found,) = find_datasets(tmp_path)
+    cases, problems = load_cases(found)
+    assert problems == []
+    assert [(case.dataset, case.technique) for case in cases] == [
+        (f"{GARDENS}, day_left to day_right", "SAD"),
+        (f"{GARDENS}, day_left to day_right", "Net"),
+        (f"{GARDENS}, day_left to day_right", "SAD_similarity"),
+        (f"{GARDENS}, day_left to night_right", "SAD"),
+        (f"{GARDENS}, day_left to night_right", "Net"),
+    ]
+    assert "taken to be of day_left to day_right" in cases[1].notes[0]
+    assert (cases[4].notes, cases[4].aliases) == ((), ("gardens_point, day_left to night_right",))
+    chosen = read_pairs(["gardens-point=night_right/day_left"])["gardens_point"]
+    alone, *_ = load_cases(found, chosen)[0]
+    assert alone.dataset == f"{GARDENS}, night_right to day_left"
+    assert {GARDENS, "gardens_point"} <= set(alone.aliases)
+
+
+def test_one_pair_keeps_the_short_name_and_seasons_are_paired_with_summer(tmp_path: Path) -> None:
+    for season in ("winter", "summer"):
+        np.save(tmp_path / f"{season}_0.npy", np.random.default_rng(0).integers(0, 256, (12, 32, 64), np.uint8))
+    assert [case.dataset for case in load_cases(find_datasets(tmp_path)[0])[0]] == ["Nordland"]
+    np.save(tmp_path / "fall_0.npy", np.random.default_rng(0).integers(0, 256, (12, 32, 64), np.uint8))
+    names = [case.dataset for case in load_cases(find_datasets(tmp_path)[0])[0]]
+    assert names == ["Nordland, summer to winter", "Nordland, summer to fall"]
+
+
+def test_two_folders_of_one_data_set_are_told_apart(tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        walks(tmp_path / name, "day_left", "day_right")
+    for name in ("a-b", "a b"):
+        matrices(tmp_path / name / "matrices", "Net_distance")
+    cases = [case for found in find_datasets(tmp_path) for case in load_cases(found)[0]]
+    assert [case.dataset for case in cases] == ["a b", "a-b 2", f"{GARDENS} (first)", f"{GARDENS} (second)"]
+    assert cases[2].aliases[0] == "gardens_point (first)"
+    assert next(comparisons(cases, QUICK)).rows
+
+
+def test_matrices_need_no_images(tmp_path: Path) -> None:
+    matrices(tmp_path / "square" / "matrices", "Net_distance")
+    matrices(tmp_path / "long" / "matrices", "Net_distance", shape=(20, 12))
+    matrices(tmp_path / "told" / "matrices", "Net_distance", shape=(20, 12))
+    matrices(walks(tmp_path / "walk", "day_left", "day_right") / "matrices", "Net_distance")
+    (tmp_path / "walk" / "day_right" / "Image003.jpg").write_bytes(b"no image")
+    matrices(walks(tmp_path / "half", "reference") / "matrices", "Net_distance")
+    # The top's own matrices do not hide what lies below.
+    matrices(tmp_path / "matrices", "Top_distance")
+    lines = ["query,reference", *(f"{query},{query + 8}" for query in range(12))]
+    (tmp_path / "told" / "ground_truth.csv").write_text("\n".join(lines), encoding="utf-8")
+    cases, problems = {}, []
+    for found in find_datasets(tmp_path):
+        loaded, wrong = load_cases(found)
+        cases |= {case.dataset: case for case in loaded}
+        problems += wrong
+    assert list(cases) == [tmp_path.name, "half", "square", "told", GARDENS]
+    assert {case.technique for case in cases.values()} == {"Net", "Top"}
+    assert cases["square"].notes == ("No truth was given: query i is taken to show place i.",)
+    np.testing.assert_array_equal(cases["told"].truth, np.arange(12) + 8)
+    half, long, walk = problems
+    assert f"{tmp_path / 'half' / 'query'}: no such folder" in half
+    assert f"{tmp_path / 'long' / 'ground_truth.csv'}, as 20 places and 12 queries" in long
+    assert "Image003" in walk
+
+
+def test_a_truth_of_another_map_is_refused() -> None:
+    D = np.random.default_rng(0).random((12, 12), np.float32)
+    with pytest.raises(surefix.SurefixValueError, match="expected places from 0 to 11, or -1, got 12 for query 11"):
+        Case("here", "Net", D, np.arange(12) + 1)
+    with pytest.raises(surefix.SurefixValueError, match="a row for each of the 12 places, got 13"):
+        Case("here", "Net", D, (np.zeros((13, 2)), np.zeros((12, 2))))
+
+
+def test_the_papers_rows_are_found_by_the_registrys_names_and_others_are_told_the_names(tmp_path: Path) -> None:
+    D = np.random.default_rng(0).random((12, 12), np.float32)
+    case = Case(GARDENS, "Net", D, np.arange(12), aliases=("gardens_point",))
+    (tmp_path / "paper.csv").write_text(
+        "dataset,technique,baseline,weighted\nGardens_Point,NET,0.25,0.5\nGardens,Net,0.5,0.75\n", encoding="utf-8"
+    )
+    comparison = next(comparisons([case], QUICK, read_paper(tmp_path / "paper.csv")))
+    assert [row[-2:] for row in comparison.rows] == [(0.25, 0.5), (0.5, 0.75)]
+    said = " ".join(comparison.paragraphs)
+    assert (
+        f"2 rows, of which 1 were not run here. A row is matched by its names. The data sets here: {GARDENS}; " in said
+    )
+    assert "gardens_point. The techniques: Net." in said
+
+
+@pytest.mark.parametrize("module", ["matplotlib", "PIL"])
+def test_without_the_extra_it_is_one_line_with_the_command(tmp_path: Path, module: str) -> None:
+    code = f"import sys; sys.modules[{module!r}] = None; from surefix.cli import main; main()"
+    command = [sys.executable, "-c", code, "reproduce", "-o", str(tmp_path / "out")]
+    said = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
+    assert said.returncode == 1
+    assert said.stderr.startswith("surefix: surefix.plot draws with matplotlib, ")
+    assert said.stderr.endswith("is not installed: pip install 'surefix[plot]'\n")
+    assert said.stderr.count("\n") == 1
 
 
 def test_two_cases_of_one_name_are_refused(tmp_path: Path, generated: list[Case]) -> None:
@@ -280,6 +408,9 @@ def test_the_supervised_curve_is_of_queries_that_it_did_not_learn_from(generated
     ("options", "says"),
     [
         (["--data", "nowhere"], "nowhere: no such folder"),
+        (["--pair", "nordland=summer/winter"], "--pair: expected --data with it"),
+        (["--pair", "nordland=summer"], "--pair: expected DATASET=REFERENCE/QUERY, two traverses, got"),
+        (["--pair", "folders=a/b"], "--pair: expected one of gardens_point, nordland, four_seasons, robotcar before"),
         (["--paper", "nowhere.csv"], "nowhere.csv: cannot read the paper's numbers"),
         (["--matrix", "NetVLAD"], "--matrix: expected NAME=FILE.npy"),
         (["--matrix", "NetVLAD=nowhere.npy"], "nowhere.npy: cannot read the matrix"),

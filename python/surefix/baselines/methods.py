@@ -42,9 +42,11 @@ class Context:
     positions : array, shape (n,) or (n, k), optional
         Where the places are, in planar metres, for ``spread``; by default their index.
     truth, truth_tolerance
-        As for ``surefix.evaluate``, for the perfect predictor and for the calibration.
+        As for ``surefix.evaluate``, for the perfect predictor.
     calibration : (distances, truth), optional
         A pair of drives with known truth, for the supervised predictor.
+    calibration_tolerance : int
+        That truth's, in places; in metres where it is positions.
     """
 
     sequence_length: int = 2
@@ -61,6 +63,7 @@ class Context:
     truth: Truth | None = None
     truth_tolerance: float = 1
     calibration: tuple[Distances, Truth] | None = None
+    calibration_tolerance: int = 1
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,7 @@ def _perfect(D: Distances, context: Context) -> Flags:
 
 def _supervised(D: Distances, context: Context) -> Flags:
     assert context.calibration is not None
-    return SupervisedPredictor().fit(*context.calibration, context.truth_tolerance).predict(D)
+    return SupervisedPredictor().fit(*context.calibration, context.calibration_tolerance).predict(D)
 
 
 METHODS: Mapping[str, Method] = MappingProxyType(

@@ -1,6 +1,6 @@
 """Which matches are right, by the same three kinds of truth as ``surefix.evaluate``."""
 
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -9,14 +9,14 @@ from surefix.baselines.distances import Flags, Places
 from surefix.baselines.options import number, whole
 from surefix.errors import SurefixValueError
 
-__all__ = ["Truth", "right_matches"]
+__all__ = ["Truth", "by_metres", "right_matches"]
 
 Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.ArrayLike]
 
 
 def right_matches(place: Places, places: int, truth: Truth, tolerance: float) -> tuple[Flags, Flags]:
     """Is each match right, (m,), and does the truth say, (m,)? Where it does not, the match is not right."""
-    if isinstance(truth, tuple) and len(truth) == 2 and not isinstance(truth[0], int):
+    if by_metres(truth):
         return by_position(place, places, truth, number("tolerance", tolerance, 0.0))
     frames = whole("tolerance", tolerance, 0) if not isinstance(tolerance, float) else whole_float(tolerance)
     array = np.asarray(truth)
@@ -24,10 +24,15 @@ def right_matches(place: Places, places: int, truth: Truth, tolerance: float) ->
     if array.size == 0:
         array = array.astype(np.int64)
     if array.shape == place.shape and array.dtype.kind in "iu":
-        return by_place(place, array.astype(np.int64), frames)
+        return by_place(place, places, array.astype(np.int64), frames)
     if array.shape == (places, len(place)) and array.dtype.kind in "biu":
         return by_cell(place, array, frames)
     raise SurefixValueError(f"truth: expected {kinds}, got {array.dtype} {array.shape}")
+
+
+def by_metres(truth: Truth) -> TypeGuard[tuple[npt.ArrayLike, npt.ArrayLike]]:
+    """Whether the truth is a pair of positions; a tuple of two numbers is the places of two queries."""
+    return isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
 
 
 def whole_float(tolerance: float) -> int:
@@ -40,12 +45,16 @@ def whole_float(tolerance: float) -> int:
     return whole("tolerance", int(tolerance), 0)
 
 
-def by_place(place: Places, truth: Places, tolerance: int) -> tuple[Flags, Flags]:
+def by_place(place: Places, places: int, truth: Places, tolerance: int) -> tuple[Flags, Flags]:
     """The true place, or -1 where there is none and every match is wrong."""
     if (truth < -1).any():
         query = int(np.argmax(truth < -1))
         got = f"got {truth[query]} for query {query}"
         raise SurefixValueError(f"truth: expected a place, or -1 where there is none, {got}")
+    if (truth >= places).any():
+        query = int(np.argmax(truth >= places))
+        expected = f"places from 0 to {places - 1}, or -1 where there is none"
+        raise SurefixValueError(f"truth: expected {expected}, got {truth[query]} for query {query}")
     return (truth >= 0) & (np.abs(place - truth) <= tolerance), np.ones(len(place), bool)
 
 

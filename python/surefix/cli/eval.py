@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+import numpy.typing as npt
 import typer
 from rich.console import Console
 
 from surefix import SurefixError, SurefixFileError, SurefixValueError, match_distances
 from surefix.baselines import METHODS, Context
-from surefix.baselines.truth import Truth
+from surefix.baselines.truth import Truth, right_matches
 from surefix.cli.drives import Drives, open_drives, read_matrix, reference_images
-from surefix.cli.positions import read_positions
+from surefix.cli.positions import Positions, on_one_plane, read_either
 from surefix.cli.truth import read_truth, truth_by_position
 
 if TYPE_CHECKING:
@@ -66,14 +67,18 @@ def eval_(
         str | None,
         typer.Option(
             help='"identity" (query i is place i); a .npy of places (m,), -1 for none, or of a matrix (n, m); or a '
-            ".csv with the columns query,reference."
+            ".csv with the columns query,reference, a row a query."
         ),
     ] = None,
     positions: Annotated[
-        Path | None, typer.Option(help="In place of --truth: metres of each place, .npy or .csv; the map's by default.")
+        Path | None,
+        typer.Option(
+            help="In place of --truth: metres of each place, .npy or .csv; or a .csv with the header "
+            "latitude,longitude. The map's by default."
+        ),
     ] = None,
     query_positions: Annotated[
-        Path | None, typer.Option(help="In place of --truth: metres of each query, .npy or .csv.")
+        Path | None, typer.Option(help="In place of --truth: those of each query, as for --positions.")
     ] = None,
     tolerance: Annotated[
         float | None,
@@ -110,6 +115,7 @@ def eval_(
     calibration_truth: Annotated[
         str | None, typer.Option(help="That drive's truth, as for --truth, in places.")
     ] = None,
+    calibration_tolerance: Annotated[int, typer.Option(min=0, help="How far from that truth is right, in places.")] = 1,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one report."""
     begin = time.perf_counter()
@@ -120,7 +126,10 @@ def eval_(
         floor=_floor(floor),
         tolerance=agreement,
         smoothing=smoothing,
+        calibration_tolerance=calibration_tolerance,
     )
+    if similarity and Path(route).suffix != ".npy" and calibration is None:
+        raise typer.BadParameter("--similarity: expected a .npy of similarities to read, got a map, which has none")
     _check_usage(route, queries, truth, positions, query_positions, tolerance, calibration, calibration_truth, names)
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
@@ -131,8 +140,9 @@ def eval_(
     drives = open_drives(route, queries, similarity)
     known = _truth(drives, truth, positions, query_positions)
     context = replace(context, truth=known, truth_tolerance=_tolerance(tolerance, known))
-    if drives.positions is not None:
-        context = replace(context, positions=drives.positions)
+    where = known[0] if isinstance(known, tuple) else drives.positions
+    if where is not None:
+        context = replace(context, positions=where)
     if calibration is not None:
         learned = read_matrix(calibration, similarity)
         assert calibration_truth is not None
@@ -147,6 +157,8 @@ def eval_(
     start = time.perf_counter()
     D = drives.distances()
     print(f"Distances: {drives.places} places x {drives.queries} queries, in {time.perf_counter() - start:.1f} s")
+    if drives.matrix is not None and not similarity:
+        _warn_of_similarities(D, context)
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Comparing the methods") as status:
         comparison = compare(
@@ -155,6 +167,7 @@ def eval_(
     for result in comparison.results:
         print(_account(result))
     print(_trust(comparison))
+    _warn_of_none_judged(comparison)
     along = None
     if isinstance(known, tuple):
         steps = np.linalg.norm(np.diff(np.asarray(known[1]), axis=0), axis=1)
@@ -231,10 +244,13 @@ def _truth(drives: Drives, truth: str | None, positions: Path | None, query_posi
     if truth is not None:
         return read_truth(truth, drives.places, drives.queries)
     assert query_positions is not None
-    where = drives.positions if positions is None else read_positions(positions)
-    if where is None:
+    if positions is not None:
+        there = read_either(positions)
+    elif drives.positions is not None:
+        there = Positions("the map", drives.positions)
+    else:
         raise typer.BadParameter("--positions: expected those of the places, as the map has none")
-    return truth_by_position(where, read_positions(query_positions), drives.places, drives.queries)
+    return truth_by_position(*on_one_plane(there, read_either(query_positions)), drives.places, drives.queries)
 
 
 def _tolerance(given: float | None, truth: Truth) -> float:
@@ -254,3 +270,31 @@ def _trust(comparison: "Comparison") -> str:
     t = comparison.trust
     trusted = t.true_positives + t.false_positives
     return f"Trusted single matches: {t.true_positives} of {trusted} right, {t.false_positives} wrong"
+
+
+def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
+    """A line where the places of greatest distance are the right ones."""
+    assert context.truth is not None
+    near, far = (
+        int(right_matches(best(D, axis=0), len(D), context.truth, context.truth_tolerance)[0].sum())
+        for best in (np.argmin, np.argmax)
+    )
+    if far > 2 * near and far >= near + 5:
+        print(
+            f"Warning: of the places at the greatest distance {far} are right, of the nearest {near}: "
+            "are these similarities? Then use --similarity",
+            file=sys.stderr,
+        )
+
+
+def _warn_of_none_judged(comparison: "Comparison") -> None:
+    """A line where no query of a method could be held against the truth."""
+    names = [result.name for result in comparison.results if not result.judged.any()]
+    if not names:
+        return
+    length, queries = comparison.context.sequence_length, len(comparison)
+    if length > queries:
+        why = f"a sequence takes {length} queries, and the drive has {queries}"
+    else:
+        why = "the truth says nothing about any match"
+    print(f"Warning: no query was judged for {', '.join(names)}: {why}", file=sys.stderr)

@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
-from surefix import SurefixError, SurefixFileError
+from surefix import SurefixError, SurefixFileError, SurefixValueError
 
 if TYPE_CHECKING:
     from surefix.reproduce import Case, Settings
@@ -37,7 +37,17 @@ def reproduce(
         typer.Option(
             "--data",
             help="A folder with data sets as their publishers ship them: Gardens Point, Nordland, 4Seasons, RobotCar, "
-            "or reference/ and query/ with ground_truth.csv and matrices/.",
+            "or reference/ and query/ with ground_truth.csv and matrices/. Each is run on every pair that is there: "
+            "its first traverse against each other.",
+        ),
+    ] = None,
+    pair: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--pair",
+            metavar="DATASET=REFERENCE/QUERY",
+            help="Of a data set in --data only this pair of traverses, as gardens_point=day_left/night_right. "
+            "May be given again.",
         ),
     ] = None,
     matrix: Annotated[
@@ -55,7 +65,9 @@ def reproduce(
     paper: Annotated[
         Path | None,
         typer.Option(
-            "--paper", help="The paper's own numbers, for the table: a CSV with dataset,technique,baseline,weighted."
+            "--paper",
+            help="The paper's own numbers, for the table: a CSV with dataset,technique,baseline,weighted; dataset as "
+            "the table names it, or gardens_point, nordland, four_seasons, robotcar.",
         ),
     ] = None,
     recall: Annotated[Recall, typer.Option("--recall", help="What recall is a share of.")] = Recall.correct,
@@ -65,16 +77,19 @@ def reproduce(
     begin = time.perf_counter()
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.reproduce import Settings, comparisons, read_paper, write_report
+        from surefix.reproduce import Settings, comparisons, read_pairs, read_paper, write_report
         from surefix.reproduce.report import STEPS
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
     settings = Settings(recall.value, quick)
     numbers = None if paper is None else read_paper(paper)
+    pairs = read_pairs(pair or [])
+    if pairs and data is None:
+        raise SurefixValueError("--pair: expected --data with it, the folder with the data sets, got none")
     with _progress() as progress:
         task = progress.add_task("Looking for data", total=STEPS)
         cases, problems = _cases(
-            data, matrix or [], similarity, settings, lambda text: progress.update(task, description=text)
+            data, pairs, matrix or [], similarity, settings, lambda text: progress.update(task, description=text)
         )
         try:
             out.mkdir(parents=True, exist_ok=True)
@@ -103,7 +118,12 @@ def reproduce(
 
 
 def _cases(
-    data: Path | None, matrices: list[str], similarity: bool, settings: "Settings", say: Callable[[str], None]
+    data: Path | None,
+    pairs: dict[str, list[tuple[str, str]]],
+    matrices: list[str],
+    similarity: bool,
+    settings: "Settings",
+    say: Callable[[str], None],
 ) -> tuple[list["Case"], list[str]]:
     """What there is to compare, and what could not be used; each is said as it comes."""
     from surefix.reproduce import find_datasets, generated_cases, load_cases, matrix_case
@@ -114,9 +134,11 @@ def _cases(
         found = find_datasets(data)
         if not found:
             problems.append(f"{data}: no data set of the paper in it, nor a folder with reference/ and query/")
+        there = [one.dataset for one in found]
+        problems += [f"--pair {name}: no such data set in {data}" for name in pairs if name not in there]
         for one in found:
             say(f"{one.title}: reading {one.folder}")
-            loaded, wrong = load_cases(one)
+            loaded, wrong = load_cases(one, pairs.get(one.dataset, ()))
             cases += loaded
             problems += wrong
     for problem in problems:

@@ -18,7 +18,8 @@ def read_truth(text: str, places: int, queries: int) -> npt.NDArray[Any]:
     Parameters
     ----------
     text : str
-        "identity", a ``.npy`` of places (m,) or of a matrix (n, m), or a ``.csv`` with the columns query and reference.
+        "identity", a ``.npy`` of places (m,) or of a matrix (n, m), or a ``.csv`` with the columns query and reference,
+        a row a query; -1 or empty where there is no place.
     places, queries : int
         How many there are.
 
@@ -91,9 +92,9 @@ def _check_places(file: Path, truth: npt.NDArray[np.int64], places: int) -> None
         raise SurefixValueError(f"{file}: expected places from 0 to {places - 1}, or -1 where there is none, got {got}")
 
 
-def _table(file: Path, places: int, queries: int) -> npt.NDArray[Any]:
-    """Places (m,); a matrix where a query has several."""
-    found: list[tuple[int, int]] = []
+def _table(file: Path, places: int, queries: int) -> npt.NDArray[np.int64]:
+    """Places (m,), one row a query."""
+    found: dict[int, tuple[int, int]] = {}
     for count, (row, cells) in enumerate(rows(file, ",")):
         if count == 0 and len(cells) == 2 and not any(_whole(cell) for cell in cells):
             if [cell.lower() for cell in cells] != ["query", "reference"]:
@@ -105,19 +106,21 @@ def _table(file: Path, places: int, queries: int) -> npt.NDArray[Any]:
             raise SurefixValueError(f"{file}, row {row}: expected 2 values, query,reference, got {len(cells)}")
         query = _cell(file, row, "query", cells[0], 0, queries)
         place = -1 if cells[1] == "" else _cell(file, row, "reference", cells[1], -1, places)
-        found.append((query, place))
+        before, at = found.setdefault(query, (place, row))
+        if before != place:
+            raise SurefixValueError(
+                f"{file}, row {row}: expected one reference a query, got {place} for query {query}, which has {before} "
+                f"in row {at}; several places a query are a matrix, a .npy ({places}, {queries})"
+            )
     if not found:
         raise SurefixValueError(f"{file}: expected rows of query,reference, got none")
-    truth = np.full(queries, -1, np.int64)
-    pairs = sorted({(query, place) for query, place in found if place >= 0})
-    for query, place in pairs:
-        truth[query] = place
-    if len({query for query, _ in pairs}) == len(pairs):
-        return truth
-    matrix = np.zeros((places, queries), np.bool_)
-    for query, place in pairs:
-        matrix[place, query] = True
-    return matrix
+    missing = [query for query in range(queries) if query not in found]
+    if missing:
+        raise SurefixValueError(
+            f"{file}: expected a row for each of the {queries} queries (reference -1 or empty where there is none), "
+            f"got {len(found)}; the first that lacks one is {missing[0]}"
+        )
+    return np.array([found[query][0] for query in range(queries)], np.int64)
 
 
 def _whole(cell: str) -> bool:

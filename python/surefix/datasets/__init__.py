@@ -14,19 +14,20 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from surefix.datasets.bayer import demosaic
-from surefix.datasets.folders import FOLDERS, folders
-from surefix.datasets.four_seasons import FOUR_SEASONS, OFFICE_LOOP, four_seasons
-from surefix.datasets.gardens_point import GARDENS_POINT, gardens_point
+from surefix.datasets.folders import FOLDERS, both, folders
+from surefix.datasets.four_seasons import FOUR_SEASONS, OFFICE_LOOP, four_seasons, recordings
+from surefix.datasets.gardens_point import GARDENS_POINT, gardens_point, walks
 from surefix.datasets.images import BayerFiles, ImageArray, ImageFiles, Images
-from surefix.datasets.nordland import NORDLAND, nordland
+from surefix.datasets.nordland import NORDLAND, nordland, seasons
 from surefix.datasets.origin import Origin
 from surefix.datasets.pair import Pair
 from surefix.datasets.positions import local_metres, pair_by_position, subsample
-from surefix.datasets.robotcar import ROBOTCAR, robotcar
+from surefix.datasets.robotcar import ROBOTCAR, drives, robotcar
 from surefix.errors import SurefixValueError
 
 __all__ = [
@@ -49,14 +50,16 @@ __all__ = [
     "pair_by_position",
     "robotcar",
     "subsample",
+    "traverses",
 ]
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """A data set by name: its loader, and where it comes from."""
+    """A data set by name: its loader, what of it lies in a folder, and where it comes from."""
 
     load: Callable[..., Pair]
+    traverses: Callable[[Path], list[str]]
     origin: Origin
 
     @property
@@ -68,11 +71,11 @@ class Dataset:
 
 DATASETS: Mapping[str, Dataset] = MappingProxyType(
     {
-        "gardens_point": Dataset(gardens_point, GARDENS_POINT),
-        "nordland": Dataset(nordland, NORDLAND),
-        "four_seasons": Dataset(four_seasons, FOUR_SEASONS),
-        "robotcar": Dataset(robotcar, ROBOTCAR),
-        "folders": Dataset(folders, FOLDERS),
+        "gardens_point": Dataset(gardens_point, walks, GARDENS_POINT),
+        "nordland": Dataset(nordland, seasons, NORDLAND),
+        "four_seasons": Dataset(four_seasons, recordings, FOUR_SEASONS),
+        "robotcar": Dataset(robotcar, drives, ROBOTCAR),
+        "folders": Dataset(folders, both, FOLDERS),
     }
 )
 
@@ -101,10 +104,44 @@ def load(name: str, root: str | PathLike[str], **options: Any) -> Pair:
     >>> load("gardens_point", "data/gardens_point", query="night_right")                       # doctest: +SKIP
     Pair('Gardens Point day_left / night_right': 200 references, 200 queries, 200 with a true place)
     """
-    dataset = DATASETS.get(name.replace("-", "_"))
-    if dataset is None:
-        raise SurefixValueError(f"data set: expected one of {', '.join(DATASETS)}, got {name!r}")
+    dataset = _named(name)
     for option in options:
         if option not in dataset.options:
             raise SurefixValueError(f"{name}: expected the options {', '.join(dataset.options)}, got {option!r}")
     return dataset.load(root, **options)
+
+
+def traverses(name: str, root: str | PathLike[str]) -> list[str]:
+    """The traverses of a data set that are there, as its loader's ``reference`` and ``query`` name them.
+
+    The first is the one to make the map of: by day on the left, summer, or the oldest. Only folders are looked at, and
+    not what is in them.
+
+    Parameters
+    ----------
+    name : str
+        One of ``DATASETS``; ``-`` reads as ``_``.
+    root : str or path
+        The folder that the data set lies in.
+
+    Raises
+    ------
+    SurefixValueError
+        For an unknown name.
+    SurefixFileError
+        Where the folder is not there.
+
+    Examples
+    --------
+    >>> traverses("gardens_point", "data/gardens_point")                                        # doctest: +SKIP
+    ['day_left', 'day_right', 'night_right']
+    """
+    dataset = _named(name)
+    return dataset.traverses(dataset.origin.folder(root, "the folder that the data set lies in"))
+
+
+def _named(name: str) -> Dataset:
+    dataset = DATASETS.get(name.replace("-", "_"))
+    if dataset is None:
+        raise SurefixValueError(f"data set: expected one of {', '.join(DATASETS)}, got {name!r}")
+    return dataset

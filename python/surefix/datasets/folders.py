@@ -14,7 +14,7 @@ from surefix.datasets.positions import local_metres, pair_by_position
 from surefix.datasets.rows import decimal, header_and_rows, whole
 from surefix.errors import SurefixFileError, SurefixValueError
 
-__all__ = ["FOLDERS", "folders"]
+__all__ = ["FOLDERS", "both", "folders", "read_truth"]
 
 FOLDERS = Origin("Two folders", "your own images", "yours")
 _PLANES = (("x", "y"), ("easting", "northing"), ("east", "north"))
@@ -83,10 +83,15 @@ def folders(
     if truth == "identity":
         known = identity(name, mapped, driven)
     elif truth is not None:
-        known = _truth(origin.file(base / truth, "the true place of each query"), len(mapped), len(driven))
+        known = read_truth(origin.file(base / truth, "the true place of each query"), len(mapped), len(driven))
     elif metres[0] is not None and metres[1] is not None:
         known = pair_by_position(metres[0], metres[1], tolerance)
     return Pair(name, mapped, driven, known, metres[0], metres[1], source, licence)
+
+
+def both(root: Path) -> list[str]:
+    """The folders ``reference`` and ``query``, where they are there."""
+    return [name for name in ("reference", "query") if (root / name).is_dir()]
 
 
 def _images(origin: Origin, place: Path, purpose: str) -> Images:
@@ -97,7 +102,16 @@ def _images(origin: Origin, place: Path, purpose: str) -> Images:
     return open_images(place)
 
 
-def _truth(path: Path, places: int, queries: int) -> npt.NDArray[np.int64]:
+def read_truth(path: Path, places: int, queries: int) -> npt.NDArray[np.int64]:
+    """The true place of each query, -1 for none, from a CSV or a ``.npy`` as ``folders`` takes it.
+
+    Raises
+    ------
+    SurefixFileError
+        Where it cannot be read.
+    SurefixValueError
+        For a malformed row, or a query without one.
+    """
     if path.suffix == ".npy":
         return _truth_array(path, queries)
     header, numbered = header_and_rows(path, "query,reference")

@@ -12,10 +12,10 @@ from surefix.datasets.origin import Origin
 from surefix.datasets.pair import Pair
 from surefix.datasets.positions import pair_by_position
 from surefix.datasets.rows import ascending, decimal, rows, whole
-from surefix.datasets.traverse import Placed, Track, choose_traverses, place_images
+from surefix.datasets.traverse import Placed, Track, choose_traverses, named_folders, place_images
 from surefix.errors import SurefixFileError, SurefixValueError
 
-__all__ = ["FOUR_SEASONS", "OFFICE_LOOP", "four_seasons"]
+__all__ = ["FOUR_SEASONS", "OFFICE_LOOP", "four_seasons", "recordings"]
 
 FOUR_SEASONS = Origin(
     "4Seasons",
@@ -30,6 +30,7 @@ OFFICE_LOOP = (
     "recording_2021-01-07_12-04-03",
     "recording_2021-02-25_13-51-57",
 )
+_FOLDERS = "recording_*"
 _NANOSECONDS = 1_000_000_000
 
 
@@ -83,7 +84,7 @@ def four_seasons(
     SurefixValueError
         For a malformed row, timestamps that do not ascend, or no image with a position.
     """
-    folders = choose_traverses(FOUR_SEASONS, Path(root), "recording_*", "recording", reference, query)
+    folders = choose_traverses(FOUR_SEASONS, Path(root), _FOLDERS, "recording", reference, query)
     plane = _Transformations(folders[0]).earth
     first, second = (_recording(folder, images, poses, plane, spacing, longest_gap, incomplete) for folder in folders)
     return Pair(
@@ -97,6 +98,11 @@ def four_seasons(
         FOUR_SEASONS.licence,
         first.notes + second.notes,
     )
+
+
+def recordings(root: Path) -> list[str]:
+    """The recordings that are there, the oldest first."""
+    return named_folders(root, _FOLDERS)
 
 
 def _recording(

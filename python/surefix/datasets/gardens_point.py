@@ -8,7 +8,7 @@ from surefix.datasets.origin import Origin
 from surefix.datasets.pair import Pair, check_same_names, identity
 from surefix.errors import SurefixValueError
 
-__all__ = ["GARDENS_POINT", "gardens_point"]
+__all__ = ["GARDENS_POINT", "gardens_point", "walks"]
 
 GARDENS_POINT = Origin(
     "Gardens Point Walking",
@@ -60,6 +60,11 @@ def gardens_point(root: str | PathLike[str], *, reference: str = "day_left", que
         source=GARDENS_POINT.source,
         licence=GARDENS_POINT.licence,
     )
+
+
+def walks(root: Path) -> list[str]:
+    """The walks that are there, by day on the left first."""
+    return [walk for walk in TRAVERSES if (root / walk).is_dir()]
 
 
 def _walk(root: str | PathLike[str], traverse: str) -> Images:

@@ -9,7 +9,7 @@ from surefix.datasets.origin import Origin
 from surefix.datasets.pair import Pair, check_same_names, identity
 from surefix.errors import SurefixValueError
 
-__all__ = ["NORDLAND", "nordland"]
+__all__ = ["NORDLAND", "nordland", "seasons"]
 
 NORDLAND = Origin(
     "Nordland, partitioned",
@@ -79,6 +79,16 @@ def nordland(
         source=NORDLAND.source,
         licence=NORDLAND.licence,
     )
+
+
+def seasons(root: Path) -> list[str]:
+    """The seasons that are there, as arrays or in the folder ``test``, summer first."""
+    folders = [root / inside / "test" for inside in _INSIDE]
+    return [
+        season
+        for season in SEASONS
+        if any(root.glob(f"{season}_*.npy")) or any((test / f"{season}_images_test").is_dir() for test in folders)
+    ]
 
 
 def _season(root: Path, season: str, split: str, section: int) -> Images:

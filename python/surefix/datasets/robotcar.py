@@ -12,10 +12,10 @@ from surefix.datasets.origin import Origin
 from surefix.datasets.pair import Pair
 from surefix.datasets.positions import pair_by_position
 from surefix.datasets.rows import ascending, decimal, header_and_rows, rows, whole
-from surefix.datasets.traverse import Placed, Track, choose_traverses, place_images
+from surefix.datasets.traverse import Placed, Track, choose_traverses, named_folders, place_images
 from surefix.errors import SurefixValueError
 
-__all__ = ["ROBOTCAR", "robotcar"]
+__all__ = ["ROBOTCAR", "drives", "robotcar"]
 
 ROBOTCAR = Origin(
     "Oxford RobotCar",
@@ -31,6 +31,7 @@ CAMERAS: dict[str, Pattern] = {
     "mono_rear": "rggb",
 }
 _POSITION_FILES = {"ins": "gps/ins.csv", "rtk": "gps/rtk.csv"}
+_FOLDERS = "20??-??-??-??-??-??*"
 _MICROSECONDS = 1_000_000
 
 
@@ -93,7 +94,7 @@ def robotcar(
         raise SurefixValueError(f"camera: expected one of {', '.join(CAMERAS)}, got {camera!r}")
     if demosaic not in ("superpixel", "bilinear"):
         raise SurefixValueError(f"demosaic: expected one of superpixel, bilinear, got {demosaic!r}")
-    folders = choose_traverses(ROBOTCAR, Path(root), "20??-??-??-??-??-??*", "traverse", reference, query)
+    folders = choose_traverses(ROBOTCAR, Path(root), _FOLDERS, "traverse", reference, query)
     tracks = [_track(folder, _POSITION_FILES.get(positions, positions)) for folder in folders]
     zones = [zone for _, zone in tracks]
     if None not in zones and zones[0] != zones[1]:
@@ -114,6 +115,11 @@ def robotcar(
         ROBOTCAR.licence,
         first.notes + second.notes,
     )
+
+
+def drives(root: Path) -> list[str]:
+    """The traverses that are there, the oldest first."""
+    return named_folders(root, _FOLDERS)
 
 
 def _traverse(

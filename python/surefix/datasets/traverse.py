@@ -12,7 +12,7 @@ from surefix.datasets.origin import Origin
 from surefix.datasets.positions import interpolate, subsample
 from surefix.errors import SurefixFileError, SurefixValueError
 
-__all__ = ["Placed", "Track", "choose_traverses", "place_images"]
+__all__ = ["Placed", "Track", "choose_traverses", "named_folders", "place_images"]
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,11 @@ def place_images(
     return Placed([files[i] for i in kept.tolist()], positions[kept], tuple(notes))
 
 
+def named_folders(root: Path, pattern: str) -> list[str]:
+    """The names of the folders of this pattern: each is a time, so the oldest is the first."""
+    return sorted(path.name for path in root.glob(pattern) if path.is_dir())
+
+
 def choose_traverses(
     origin: Origin, root: Path, pattern: str, what: str, reference: str | None, query: str | None
 ) -> tuple[Path, Path]:
@@ -105,7 +110,7 @@ def choose_traverses(
     """
     origin.folder(root, f"with a folder for each {what}")
     if reference is None or query is None:
-        found = sorted(path.name for path in root.glob(pattern) if path.is_dir())
+        found = named_folders(root, pattern)
         if len(found) != 2 or reference is not None or query is not None:
             if not found:
                 raise origin.missing(root / pattern, "no such folder", f"at least two of them, each a {what}")

@@ -7,10 +7,12 @@ They take plain data: curves of ``surefix.evaluate``, runs, arrays. ``png`` draw
 try:
     import matplotlib as _matplotlib  # noqa: F401
 except ModuleNotFoundError as error:
-    if error.name != "matplotlib":
+    # matplotlib brings Pillow, and needs it.
+    if error.name not in ("matplotlib", "PIL"):
         raise
-    message = "surefix.plot draws with matplotlib, which is not installed: pip install 'surefix[plot]'"
-    raise ModuleNotFoundError(message, name="matplotlib") from None
+    missing = "which is not installed" if error.name == "matplotlib" else "and that with Pillow, which is not installed"
+    message = f"surefix.plot draws with matplotlib, {missing}: pip install 'surefix[plot]'"
+    raise ModuleNotFoundError(message, name=error.name) from None
 
 from surefix.plot.bars import false_positives
 from surefix.plot.curves import precision_recall

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from surefix import Evaluation, Matches, Run, Trust, evaluate, evaluate_trust, match_distances, recall_at
 from surefix.baselines import METHODS, Context, run_method
-from surefix.baselines.truth import Truth, right_matches
+from surefix.baselines.truth import Truth, by_metres, right_matches
 from surefix.plot.intervals import Estimate
 
 __all__ = ["BASELINE", "KS", "UPTO", "Comparison", "Result", "compare"]
@@ -101,7 +101,7 @@ class Comparison:
     @property
     def by_position(self) -> bool:
         """Whether the truth is positions in metres."""
-        return isinstance(self.truth, tuple)
+        return by_metres(self.truth)
 
     @cached_property
     def single_right(self) -> NDArray[np.bool_]:
@@ -116,7 +116,7 @@ class Comparison:
     @cached_property
     def true_place(self) -> NDArray[np.int64]:
         """A true place of each query, shape (m,): the nearest or the first where there are several, -1 where none."""
-        if isinstance(self.truth, tuple):
+        if by_metres(self.truth):
             places, queries = (np.asarray(positions, np.float64) for positions in self.truth)
             found = np.full(len(queries), -1, np.int64)
             for query, here in enumerate(queries):
@@ -132,7 +132,7 @@ class Comparison:
 
     def off(self, query: int, place: int) -> str:
         """How far a match is from the truth, in words."""
-        if isinstance(self.truth, tuple):
+        if by_metres(self.truth):
             places, queries = (np.asarray(positions, np.float64) for positions in self.truth)
             return f"{float(np.linalg.norm(places[place] - queries[query])):.0f} m off"
         true = int(self.true_place[query])

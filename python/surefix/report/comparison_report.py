@@ -60,6 +60,9 @@ def write_comparison(
     OSError
         Where a file cannot be written.
     """
+    report = folder / "report.html"
+    # First, so that none of an earlier comparison stays beside the tables of this where something stops it.
+    report.unlink(missing_ok=True)
     tables.write_methods(comparison, folder / "methods.csv")
     tables.write_curves(comparison, folder / "curves.csv")
     tables.write_fixes(comparison, folder / "fixes.csv", query_names)
@@ -102,7 +105,6 @@ def write_comparison(
             _made(comparison, command, files),
         ),
     )
-    report = folder / "report.html"
     report.write_text(text, encoding="utf-8")
     return report
 

@@ -70,6 +70,8 @@ class Case:
         What was left out or assumed.
     generated : bool
         No camera took these images.
+    aliases : tuple of str
+        Other names of the data set, as the paper's own numbers may call it.
     """
 
     dataset: str
@@ -80,6 +82,7 @@ class Case:
     source: str = ""
     notes: tuple[str, ...] = ()
     generated: bool = False
+    aliases: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         places, queries = self.D.shape
@@ -87,6 +90,7 @@ class Case:
             raise SurefixValueError(
                 f"{self.name}: expected at least 10 places and 10 queries, got {places} and {queries}"
             )
+        _check_places(self.name, self.truth, places)
         # Says at once whether the distances are numbers and the truth fits them.
         evaluate(match_distances(self.D), self.truth, self.tolerance)
 
@@ -129,6 +133,18 @@ class Case:
     def truth_before(self, query: int) -> Truth:
         """The truth of the queries before this one."""
         return sliced(self.truth, slice(0, query))
+
+
+def _check_places(name: str, truth: Truth, places: int) -> None:
+    """A pair of positions or a matrix has a row a place; a place a query must be one of them."""
+    array: npt.NDArray[np.int64] = np.asarray(truth[0] if isinstance(truth, tuple) else truth)
+    if (isinstance(truth, tuple) or array.ndim == 2) and len(array) != places:
+        raise SurefixValueError(f"{name}, truth: expected a row for each of the {places} places, got {len(array)}")
+    if not isinstance(truth, tuple) and array.ndim == 1 and (array >= places).any():
+        query = int(np.argmax(array >= places))
+        raise SurefixValueError(
+            f"{name}, truth: expected places from 0 to {places - 1}, or -1, got {array[query]} for query {query}"
+        )
 
 
 def sliced(truth: Truth, queries: slice) -> Truth:

@@ -1,12 +1,13 @@
 """How many wrong matches are accepted by 20 % recall."""
 
 from collections.abc import Sequence
+from textwrap import fill
 
 from surefix import plot
 from surefix.report.page import Picture
 from surefix.reproduce.case import UPTO, Settings
 from surefix.reproduce.comparison import Comparison, drawn
-from surefix.reproduce.table import LENGTH, Row
+from surefix.reproduce.table import LABEL, LENGTH, Row
 
 __all__ = ["compare"]
 
@@ -53,8 +54,9 @@ def _picture(counts: Sequence[tuple[Row, int | None, int | None]]) -> Picture:
     for row, before, after in counts:
         bars[f"{row.case.name}: unweighted"], bars[f"{row.case.name}: weighted"] = before, after
     text = ", ".join(f"{name} {_count(count)}" for name, count in bars.items())
+    lines = {fill(name, LABEL): count for name, count in bars.items()}
     return drawn(
-        lambda ax, theme: plot.false_positives(ax, bars, recall=UPTO, theme=theme),
+        lambda ax, theme: plot.false_positives(ax, lines, recall=UPTO, theme=theme),
         f"Wrong matches accepted by recall {UPTO:g}: {text}.",
         size=(8.6, 1.0 + 0.36 * len(bars)),
     )

@@ -1,20 +1,31 @@
 """What of the paper's data lies in a folder, and what is wrong with what does not load."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from surefix import datasets
+from surefix.baselines.distances import Distances
 from surefix.baselines.truth import Truth
-from surefix.errors import SurefixError, SurefixFileError
+from surefix.datasets.folders import read_truth
+from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.reproduce.case import Case
+from surefix.reproduce.comparison import stem
 from surefix.reproduce.images import SAD, sad_distances
 from surefix.reproduce.matrices import as_distances, kind, read_matrix
 
-__all__ = ["METRES", "Found", "find_datasets", "load_cases"]
+__all__ = ["METRES", "Found", "find_datasets", "load_cases", "read_pairs"]
 
 # How near is correct where a data set has positions; its loader's own tolerance.
 METRES = 10.0
+
+# A folder of ready matrices, without images.
+MATRICES = "matrices"
+
+# Whose traverses correspond by position only, not image by image.
+BY_POSITION = ("four_seasons", "robotcar")
 
 # What a data set's folder has in it: any of these patterns.
 SIGNS = {
@@ -22,29 +33,73 @@ SIGNS = {
     "nordland": (
         "summer_*.npy",
         "winter_*.npy",
+        "fall_*.npy",
+        "spring_*.npy",
         "test/*_images_test",
         "Dataset_images/test",
         "Partitioned_Nordland_Dataset*",
     ),
     "four_seasons": ("recording_*",),
-    "robotcar": ("20??-??-??-??-??-??",),
+    "robotcar": ("20??-??-??-??-??-??*",),
     "folders": ("reference",),
+    MATRICES: ("matrices/*.npy",),
 }
 
 
 @dataclass(frozen=True)
 class Found:
-    """A folder that looks like a data set."""
+    """A folder that looks like a data set; ``label`` tells it from another of the same."""
 
     dataset: str
     folder: Path
+    label: str = ""
 
     @property
     def title(self) -> str:
         """Its name in the tables: the data set's, or its own folder's."""
-        if self.dataset == "folders":
-            return self.folder.name
-        return datasets.DATASETS[self.dataset].origin.title.partition(",")[0]
+        if self._own:
+            return self.folder.name + self.label
+        return datasets.DATASETS[self.dataset].origin.title.partition(",")[0] + self.label
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The title, and what else the paper's own numbers may call it."""
+        return (self.title,) if self._own else (self.title, self.dataset + self.label)
+
+    @property
+    def pairs(self) -> list[tuple[str, str]]:
+        """The first of its traverses against each other; none where it has no choice, or not two traverses."""
+        if self._own:
+            return []
+        first, *others = datasets.traverses(self.dataset, self.folder) or [""]
+        return [(first, other) for other in others]
+
+    @property
+    def _own(self) -> bool:
+        return self.dataset in ("folders", MATRICES)
+
+
+def read_pairs(texts: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
+    """The pairs of traverses that ``DATASET=REFERENCE/QUERY`` asks for, by data set.
+
+    Raises
+    ------
+    SurefixValueError
+        For another form, or a data set whose traverses cannot be chosen.
+    """
+    known = [name for name, dataset in datasets.DATASETS.items() if {"reference", "query"} <= set(dataset.options)]
+    chosen: dict[str, list[tuple[str, str]]] = {}
+    for text in texts:
+        name, _, pair = text.partition("=")
+        dataset = name.strip().lower().replace("-", "_")
+        reference, _, query = pair.partition("/")
+        if not reference or not query or "/" in query or reference == query:
+            raise SurefixValueError(f"--pair: expected DATASET=REFERENCE/QUERY, two traverses, got {text!r}")
+        if dataset not in known:
+            raise SurefixValueError(f"--pair: expected one of {', '.join(known)} before the =, got {name!r}")
+        if (reference, query) not in chosen.setdefault(dataset, []):
+            chosen[dataset].append((reference, query))
+    return chosen
 
 
 def find_datasets(folder: Path) -> list[Found]:
@@ -59,49 +114,143 @@ def find_datasets(folder: Path) -> list[Found]:
         raise SurefixFileError(f"{folder}: no such folder (--data: the folder with the data sets)")
     try:
         below = sorted(path for path in folder.iterdir() if path.is_dir())
-        candidates = [found for place in (folder, *below) if (found := _looks_like(place)) is not None]
+        top = _looks_like(folder)
+        # A data set found at the top is not found once more in its own parts; matrices have none.
+        if top is not None and top.dataset != MATRICES:
+            return [top]
+        candidates = [*([top] if top else []), *(found for place in below if (found := _looks_like(place)) is not None)]
     except OSError as error:
         raise SurefixFileError(f"{error.filename}: cannot list the folder: {error.strerror}") from None
-    # A data set found at the top is not found once more in its own parts.
-    return candidates[:1] if candidates and candidates[0].folder == folder else candidates
+    return _told_apart(candidates)
 
 
-def load_cases(found: Found) -> tuple[Sequence[Case], Sequence[str]]:
-    """Its cases, SAD first and then its ready matrices; and what could not be used, and why."""
-    options = {}
-    if found.dataset == "folders":
-        known = (found.folder / "ground_truth.csv").is_file()
-        options = {"truth": "ground_truth.csv" if known else "identity"}
+def _told_apart(candidates: Sequence[Found]) -> list[Found]:
+    """With a title of its own for each, from its folder's name, and a number where that does not tell."""
+    titles = [stem(found.title) for found in candidates]
+    told: list[Found] = []
+    for found, title in zip(candidates, titles, strict=True):
+        several = titles.count(title) > 1 and found.title != found.folder.name
+        label = f" ({found.folder.name})" if several else ""
+        one, number = replace(found, label=label), 1
+        while stem(one.title) in [stem(other.title) for other in told]:
+            number += 1
+            one = replace(found, label=f"{label} {number}")
+        told.append(one)
+    return told
+
+
+def load_cases(found: Found, chosen: Sequence[tuple[str, str]] = ()) -> tuple[Sequence[Case], Sequence[str]]:
+    """The cases of each pair of its traverses, SAD first and then its ready matrices; and what could not be used, why.
+
+    Matrices are in ``matrices/``, or those of one of several pairs in ``matrices/REFERENCE_to_QUERY/``.
+
+    Parameters
+    ----------
+    found : Found
+    chosen : sequence of (reference, query)
+        These pairs alone; by default the first traverse against each other.
+    """
     try:
-        pair = datasets.load(found.dataset, found.folder, **options)
-        truth, tolerance = _truth(pair)
-        notes = tuple(pair.notes)
-        source = f"images in {found.folder}"
-        D = sad_distances(pair.references, pair.queries)
-        cases = [Case(found.title, SAD, D, truth, tolerance, source=source, notes=notes)]
-    except SurefixError as error:
+        pairs = list(chosen) or found.pairs
+    except OSError as error:
         return [], [str(error)]
-    problems = []
-    for path in sorted((found.folder / "matrices").glob("*.npy")):
-        try:
-            cases.append(_matrix(found, path, truth, tolerance))
-        except SurefixError as error:
-            problems.append(str(error))
+    if not pairs:
+        # Its loader says what is missing, if anything is.
+        return _load(found, found.names, {}, [found.folder / "matrices"])
+    cases: list[Case] = []
+    problems: list[str] = []
+    for number, (reference, query) in enumerate(pairs):
+        which = f"{reference.removeprefix('recording_')} to {query.removeprefix('recording_')}"
+        names = tuple(f"{name}, {which}" for name in found.names)
+        if len(pairs) == 1:
+            names = names + found.names if chosen else found.names + names
+        ready = [found.folder / "matrices" / f"{reference}_to_{query}"]
+        notes: tuple[str, ...] = ()
+        if number == 0:
+            ready.insert(0, found.folder / "matrices")
+            notes = () if len(pairs) == 1 else (f"The matrix lies in matrices/ itself: taken to be of {which}.",)
+        loaded, wrong = _load(found, names, {"reference": reference, "query": query}, ready, notes)
+        cases += loaded
+        problems += wrong
     return cases, problems
 
 
-def _matrix(found: Found, path: Path, truth: Truth, tolerance: float) -> Case:
+def _load(
+    found: Found,
+    names: tuple[str, ...],
+    options: dict[str, str],
+    ready: Sequence[Path],
+    first_notes: tuple[str, ...] = (),
+) -> tuple[list[Case], list[str]]:
+    """The cases of one pair. Where its images fail, its matrices need a truth of their own."""
+    cases: list[Case] = []
+    problems: list[str] = []
+    known: tuple[Truth, float] | None = None
+    if found.dataset == "folders":
+        options = {"truth": "ground_truth.csv" if (found.folder / "ground_truth.csv").is_file() else "identity"}
+    if found.dataset != MATRICES:
+        try:
+            pair = datasets.load(found.dataset, found.folder, **options)
+            truth, tolerance = known = _truth(pair)
+            D = sad_distances(pair.references, pair.queries)
+            source = f"images in {found.folder}"
+            cases.append(Case(names[0], SAD, D, truth, tolerance, source, tuple(pair.notes), aliases=names[1:]))
+        except SurefixError as error:
+            problems.append(str(error))
+    for number, place in enumerate(ready):
+        for path in sorted(place.glob("*.npy")):
+            notes = () if number else first_notes
+            try:
+                cases.append(_matrix(found, path, names, known, notes, [case.technique for case in cases]))
+            except SurefixError as error:
+                problems.append(str(error))
+    return cases, list(dict.fromkeys(problems))
+
+
+def _matrix(
+    found: Found,
+    path: Path,
+    names: tuple[str, ...],
+    known: tuple[Truth, float] | None,
+    notes: tuple[str, ...],
+    taken: Sequence[str],
+) -> Case:
     for word in ("similarity", "distance"):
         technique, separator, _ = path.stem.partition(f"_{word}")
         if separator:
+            if stem(technique) in map(stem, taken):
+                technique = path.stem
+            if stem(technique) in map(stem, taken):
+                raise SurefixValueError(f"{path}: expected names that differ in letters or digits, got another such")
             similarity = word == "similarity"
             D = as_distances(read_matrix(path), similarity, path)
+            if known is None:
+                beside, assumed = _truth_beside(found, path, D)
+                known, notes = (beside, 1), notes + assumed
+            truth, tolerance = known
             source = f"ready {kind(similarity)}, {path}"
-            return Case(found.title, technique, D, truth, tolerance, source=source)
+            return Case(names[0], technique, D, truth, tolerance, source, notes, aliases=names[1:])
     raise SurefixFileError(f"{path}: expected NAME_similarity*.npy or NAME_distance*.npy, to tell which it holds")
 
 
+def _truth_beside(found: Found, path: Path, D: Distances) -> tuple[Truth, tuple[str, ...]]:
+    """The truth of a matrix without images: of ``ground_truth.csv``, or the identity where it is square."""
+    places, queries = D.shape
+    file = found.folder / "ground_truth.csv"
+    if file.is_file():
+        return read_truth(file, places, queries), ()
+    if found.dataset in BY_POSITION:
+        raise SurefixFileError(f"{path}: expected {file}, as without the images' positions there is no truth")
+    if places != queries:
+        raise SurefixFileError(
+            f"{path}: expected {file}, as {places} places and {queries} queries cannot be paired one to one"
+        )
+    return np.arange(queries, dtype=np.int64), ("No truth was given: query i is taken to show place i.",)
+
+
 def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
+    if pair.truth is not None and not (pair.truth >= 0).any():
+        raise SurefixValueError(f"{pair.name}: expected a query with a true place, got {len(pair.truth)} without")
     if pair.reference_positions is not None and pair.query_positions is not None:
         return (pair.reference_positions, pair.query_positions), METRES
     if pair.truth is None:

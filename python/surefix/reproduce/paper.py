@@ -20,9 +20,10 @@ class PaperRow:
     baseline: float | None
     weighted: float | None
 
-    def is_for(self, dataset: str, technique: str) -> bool:
-        """Whether it is about these, whatever the case of the letters."""
-        return (self.dataset.casefold(), self.technique.casefold()) == (dataset.casefold(), technique.casefold())
+    def is_for(self, technique: str, *datasets: str) -> bool:
+        """Whether it is about this technique on a data set of these names, whatever the case of the letters."""
+        named = self.dataset.casefold() in map(str.casefold, datasets)
+        return named and self.technique.casefold() == technique.casefold()
 
 
 def read_paper(path: Path) -> list[PaperRow]:
@@ -54,7 +55,7 @@ def read_paper(path: Path) -> list[PaperRow]:
         cells = dict(zip(header, line, strict=True))
         areas = [_area(cells[name], f"{path}, row {number}, {name}") for name in ("baseline", "weighted")]
         row = PaperRow(cells["dataset"], cells["technique"], *areas)
-        if any(row.is_for(other.dataset, other.technique) for other in rows):
+        if any(row.is_for(other.technique, other.dataset) for other in rows):
             name = f"{row.dataset}, {row.technique}"
             raise SurefixValueError(f"{path}, row {number}: expected each case once, got {name} twice")
         rows.append(row)

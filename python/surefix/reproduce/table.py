@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from textwrap import fill
 
 from surefix import plot
 from surefix._core import Evaluation
@@ -12,11 +13,13 @@ from surefix.reproduce.case import UPTO, WEIGHT, Case, Settings
 from surefix.reproduce.comparison import Comparison, drawn, listed, shown
 from surefix.reproduce.paper import PaperRow
 
-__all__ = ["Row", "compare", "measure"]
+__all__ = ["LABEL", "LENGTH", "Row", "compare", "measure"]
 
 LENGTH = 2
 # More in one picture cannot be read.
 ROWS_A_PICTURE = 8
+# Letters in a line of a label: a longer one leaves the picture no room.
+LABEL = 48
 HEADER = (
     "dataset", "technique", "places", "queries", "correct_unweighted", "correct_weighted", "baseline", "weighted",
     "difference", "low", "high", "reached_recall_baseline", "reached_recall_weighted", "verdict", "paper_baseline",
@@ -117,7 +120,7 @@ def compare(rows: Sequence[Row], paper: Sequence[PaperRow] | None, settings: Set
 
 
 def _paper_row(case: Case, paper: Sequence[PaperRow] | None) -> PaperRow | None:
-    return next((row for row in paper or () if row.is_for(case.dataset, case.technique)), None)
+    return next((row for row in paper or () if row.is_for(case.technique, case.dataset, *case.aliases)), None)
 
 
 def _paragraphs(
@@ -134,6 +137,13 @@ def _paragraphs(
             f"The paper's column is what the file given as --paper holds: {len(paper)} rows, of which "
             f"{len(absent)} were not run here."
         )
+        if absent:
+            names = dict.fromkeys(name for row in rows for name in (row.case.dataset, *row.case.aliases))
+            techniques = dict.fromkeys(row.case.technique for row in rows)
+            own += (
+                f" A row is matched by its names. The data sets here: {'; '.join(names)}. The techniques: "
+                f"{'; '.join(techniques)}. Small and large letters are the same."
+            )
     return (
         f"The area under the precision-recall curve up to recall {UPTO:g}, divided by it: 1 is flawless. Baseline: "
         f"the unweighted sequence of L = {LENGTH} queries. Weighted: the same, with trusted matches weighted, "
@@ -212,7 +222,7 @@ def _picture(rows: Sequence[Row]) -> Picture:
         for name, area, interval in zip(
             ("unweighted", "weighted"), (row.baseline_area, row.weighted_area), row.intervals, strict=True
         ):
-            estimates[f"{row.case.name}: {name}"] = (area, *interval)
+            estimates[fill(f"{row.case.name}: {name}", LABEL)] = (area, *interval)
     return drawn(
         lambda ax, theme: plot.auc_intervals(ax, estimates, upto=UPTO, theme=theme),
         f"Areas with their intervals: {'; '.join(map(str, rows))}.",
