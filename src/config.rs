@@ -9,7 +9,7 @@ const MAX_SMOOTHING: usize = 65_536;
 /// The most speeds that are accepted: `push` sums a diagonal for each.
 const MAX_SPEEDS: usize = 1024;
 
-/// Which second difference the consensus looks at (DESIGN 1.1, Eq. 1).
+/// Which second difference the consensus looks at (method 1.1, Eq. 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Gradient {

@@ -34,6 +34,8 @@
 //! Data runs one way: [`descriptor`] (an image becomes a vector), [`distance`] (a vector and the map's rows become
 //! distances), the matcher (distances become places), [`evaluate`] (places and the truth become curves).
 //!
+//! Comments that say "method 1.3" mean a section of `docs/method.md` in the repository: the mathematics, exactly.
+//!
 //! # Features
 //!
 //! Both are on by default, and need no C compiler.

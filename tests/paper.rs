@@ -1,4 +1,4 @@
-//! The matcher is section 1 of the design: whole matrices, written as the paper writes them, give the same fixes.
+//! The matcher is docs/method.md: whole matrices, written as the paper writes them, give the same fixes.
 
 mod cases;
 

@@ -1,4 +1,4 @@
-//! From images to descriptors (DESIGN 1.7).
+//! From images to descriptors (method 1.7).
 
 #[cfg(feature = "image")]
 mod files;

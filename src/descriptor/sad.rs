@@ -1,4 +1,4 @@
-//! The SAD descriptor: small, patch-normalised, grey (DESIGN 1.7).
+//! The SAD descriptor: small, patch-normalised, grey (method 1.7).
 
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,7 @@ const MIDDLE: f64 = 128.0;
 /// The longest side that is accepted: sums over a patch stay exact.
 const MAX_SIDE: usize = 4096;
 
-/// The recipe of the SAD descriptor: grey, resize, normalise patch by patch (DESIGN 1.7).
+/// The recipe of the SAD descriptor: grey, resize, normalise patch by patch (method 1.7).
 ///
 /// ```
 /// use surefix::{Channels, ImageView, Sad};

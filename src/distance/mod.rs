@@ -1,4 +1,4 @@
-//! Distances between a query's descriptor and every row of a map (DESIGN 1.6).
+//! Distances between a query's descriptor and every row of a map (method 1.6).
 //!
 //! Manhattan and euclidean distances are computed by direct differences: the expansion
 //! `|a|^2 + |b|^2 - 2ab` loses its digits exactly where a match is found, near zero.
@@ -18,7 +18,7 @@ pub use element::{Dtype, Values, View};
 pub(crate) use element::{each_type, first_not_finite};
 pub(crate) use scalar::norm;
 
-/// How two descriptors are compared (DESIGN 1.6). Less is more alike.
+/// How two descriptors are compared (method 1.6). Less is more alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Metric {

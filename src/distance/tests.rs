@@ -163,7 +163,7 @@ fn nothing_is_nearer_than_itself() {
     }
 }
 
-/// The reason for direct differences (DESIGN 1.6): two numbers that agree in six digits of seven.
+/// The reason for direct differences (method 1.6): two numbers that agree in six digits of seven.
 #[test]
 fn near_zero_no_digit_is_lost() {
     let a = vec![1000.0_f32; 128];

@@ -216,7 +216,7 @@ impl Map {
     }
 
     /// The distances from a descriptor to every place: one number a place, in route order.
-    /// SAD distances are in units of `z`, whatever the type that they are stored in (DESIGN 1.7).
+    /// SAD distances are in units of `z`, whatever the type that they are stored in (method 1.7).
     ///
     /// # Errors
     /// As for [`distances_into`](Self::distances_into).

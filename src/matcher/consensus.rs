@@ -1,4 +1,4 @@
-//! The best single match, and whether to trust it (DESIGN 1.3, Eqs. 2 and 3).
+//! The best single match, and whether to trust it (method 1.3, Eqs. 2 and 3).
 
 use super::extreme::{extreme, first_equal};
 use super::gradient::Peak;

@@ -1,4 +1,4 @@
-//! The gradient of a distance vector and its enhancement along the route (DESIGN 1.1 and 1.2, Eq. 1).
+//! The gradient of a distance vector and its enhancement along the route (method 1.1 and 1.2, Eq. 1).
 
 use super::extreme::{extreme, first_equal};
 use super::ring::Ring;
@@ -37,7 +37,7 @@ pub(super) fn missing_gradient(d: &[f32], kind: Gradient) -> f32 {
     }
 }
 
-/// DESIGN 1.2: the peak of `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms in this order, over all places.
+/// Method 1.2: the peak of `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms in this order, over all places.
 ///
 /// `gradients` holds the newest gradients, the current one first; `missing` replaces those it does not hold.
 pub(super) fn enhanced_peak(gradients: &Ring, smoothing: usize, missing: f32) -> Peak {

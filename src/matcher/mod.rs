@@ -1,4 +1,4 @@
-//! The paper: from distance vectors to trusted places, one query at a time (DESIGN 1.1 to 1.5).
+//! The paper: from distance vectors to trusted places, one query at a time (method 1.1 to 1.5).
 
 mod consensus;
 mod extreme;
@@ -124,7 +124,7 @@ impl Matcher {
         self.step(distances, Some(trusted))
     }
 
-    /// DESIGN section 1, in its order.
+    /// The method (docs/method.md), in its order.
     pub(crate) fn step(&mut self, distances: &[f32], external: Option<bool>) -> Result<Fix, Error> {
         // Nothing is kept of a vector that does not pass.
         check(distances, self.places)?;

@@ -1,4 +1,4 @@
-//! Weighted sequence matching (DESIGN 1.4 and 1.5, Eqs. 4 to 6).
+//! Weighted sequence matching (method 1.4 and 1.5, Eqs. 4 to 6).
 
 use super::consensus::Single;
 use super::extreme::{extreme, first_equal};

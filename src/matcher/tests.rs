@@ -107,7 +107,7 @@ proptest! {
         let mut g = vec![0.0; d.len()];
         gradient(&d, kind, &mut g);
         let mean = g.iter().map(|&x| f64::from(x)).sum::<f64>() / g.len() as f64;
-        // Unhalved, the inside counts twice, so that the sum is less the two ends: the design's 0 stands in for it.
+        // Unhalved, the inside counts twice, so that the sum is less the two ends: the method's 0 stands in for it.
         let expected = if kind == Gradient::Halved { mean } else { 0.0 };
         prop_assert!((f64::from(missing_gradient(&d, kind)) - expected).abs() < 1e-6);
     }

@@ -1,8 +1,8 @@
-"""The oracle: section 1 of DESIGN.md in plain NumPy, whole matrices at a time, slow and obvious.
+"""The oracle: docs/method.md in plain NumPy, whole matrices at a time, slow and obvious.
 
 It shares nothing with the library: no stream, no ring, no state, only matrices `D[i, j]` (place
-`i`, query `j`) and their shifted copies. Section numbers are those of DESIGN.md, equation numbers
-those of Carson, Ford, Milford, ICRA 2023.
+`i`, query `j`) and their shifted copies. Section numbers are that page's, equation
+numbers those of Carson, Ford, Milford, ICRA 2023.
 
 Read into the text where it is silent: `D` is float32; ties go to the lowest index; gradients are
 float32 in the written order of operations; diagonal sums are float64.
