@@ -14,6 +14,7 @@ mod matcher;
 mod options;
 mod sad;
 mod simulate;
+mod trust;
 mod truth;
 
 use pyo3::prelude::*;
@@ -23,7 +24,7 @@ mod _core {
     #[pymodule_export]
     use crate::batch::{Run, match_, match_distances};
     #[pymodule_export]
-    use crate::evaluate::{Evaluation, Trust, evaluate, evaluate_trust, recall_at};
+    use crate::evaluate::{Evaluation, evaluate, recall_at};
     #[pymodule_export]
     use crate::fix::{Fix, Peak, Sequence, Single};
     #[pymodule_export]
@@ -38,6 +39,8 @@ mod _core {
     use crate::sad::Sad;
     #[pymodule_export]
     use crate::simulate::{Route, Traverse};
+    #[pymodule_export]
+    use crate::trust::{Trust, evaluate_trust};
 
     use super::{Bound, PyModule, PyModuleMethods as _, PyResult};
 
