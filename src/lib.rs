@@ -48,6 +48,7 @@
 mod batch;
 mod config;
 mod error;
+mod isa;
 mod localizer;
 mod map;
 mod matcher;
@@ -65,6 +66,7 @@ pub use descriptor::{Channels, Image, ImageSource, ImageView, Sad};
 pub use descriptor::{ImageFiles, read_image};
 pub use distance::{Dtype, Metric, Values, View};
 pub use error::Error;
+pub use isa::Isa;
 pub use localizer::Localizer;
 pub use map::{Map, Positions, Recipe};
 pub use matcher::{Fix, Matcher, Peak, Sequence, Single};
