@@ -155,6 +155,17 @@ pub enum Error {
         supported: u64,
     },
 
+    /// Places that cannot follow those of a map.
+    #[error("{map}: cannot append: expected {expected}, got {got}")]
+    Append {
+        /// The map's file, or "the map".
+        map: String,
+        /// What the map has.
+        expected: String,
+        /// What the places that come have.
+        got: String,
+    },
+
     /// A snapshot that does not fit: damaged, of another map, or of another configuration.
     #[error("snapshot: {reason}")]
     Snapshot {

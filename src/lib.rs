@@ -38,9 +38,10 @@
 //!
 //! # Features
 //!
-//! Both are on by default, and need no C compiler.
+//! All are on by default, and need no C compiler.
 //!
 //! - `image`: read images from files (`ImageFiles`, `read_image`).
+//! - `mmap`: map a large map's file into memory instead of reading it (`Map::open_mapped`).
 //! - `rayon`: build maps and match batches on all cores; without it the same answers come from one.
 
 #![cfg_attr(docsrs, feature(doc_cfg))]

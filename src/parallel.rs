@@ -43,3 +43,39 @@ fn one_by_one<S, R>(
     let mut state = state();
     indices.map(|index| work(&mut state, index)).collect()
 }
+
+/// `work` on every row of `width` bytes, with its index, on all cores; the results in order.
+#[cfg(feature = "rayon")]
+pub(crate) fn each_row<R: Send>(
+    rows: &mut [u8],
+    width: usize,
+    work: impl Fn(usize, &mut [u8]) -> R + Sync + Send,
+) -> Vec<R> {
+    use rayon::prelude::*;
+    if is_forked() {
+        return row_by_row(rows, width, work);
+    }
+    rows.par_chunks_exact_mut(width).enumerate().map(|(index, row)| work(index, row)).collect()
+}
+
+/// `work` on every row of `width` bytes, with its index, one after the other.
+#[cfg(not(feature = "rayon"))]
+pub(crate) fn each_row<R>(rows: &mut [u8], width: usize, work: impl Fn(usize, &mut [u8]) -> R) -> Vec<R> {
+    row_by_row(rows, width, work)
+}
+
+fn row_by_row<R>(rows: &mut [u8], width: usize, work: impl Fn(usize, &mut [u8]) -> R) -> Vec<R> {
+    rows.chunks_exact_mut(width).enumerate().map(|(index, row)| work(index, row)).collect()
+}
+
+/// How many threads share the work.
+#[cfg(feature = "rayon")]
+pub(crate) fn threads() -> usize {
+    if is_forked() { 1 } else { rayon::current_num_threads() }
+}
+
+/// One thread does the work.
+#[cfg(not(feature = "rayon"))]
+pub(crate) fn threads() -> usize {
+    1
+}

@@ -14,3 +14,4 @@ pub use files::{ImageFiles, read_image};
 pub use image::{Channels, Image, ImageView};
 pub use sad::{Describer, Sad};
 pub use source::{ImageSource, Progress, describe_all};
+pub(crate) use source::{describe_each, describe_into, go_on};

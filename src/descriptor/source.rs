@@ -1,12 +1,13 @@
 //! Many images from wherever they are: a list, files, the generated route.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
+use std::sync::{Mutex, PoisonError};
 
 use super::image::Image;
 use super::sad::{Describer, Sad};
 use crate::distance::Values;
 use crate::error::Error;
-use crate::parallel::each;
+use crate::parallel::{each_row, threads};
 
 /// A traverse's images, in route order, each loaded when it is needed.
 pub trait ImageSource: Sync {
@@ -53,8 +54,8 @@ impl ImageSource for Vec<Image> {
 /// Hears how many images of how many are done, on the calling thread; `Break` stops the work.
 pub type Progress<'a> = &'a mut (dyn FnMut(usize, usize) -> ControlFlow<()> + Send);
 
-/// How many images are described between two reports of progress.
-const BATCH: usize = 64;
+/// How many images each thread describes between two reports of progress.
+const BATCH: usize = 32;
 
 /// The descriptors of all images, one after the other, on all cores (feature `rayon`).
 ///
@@ -66,34 +67,109 @@ pub fn describe_all(
     images: &(impl ImageSource + ?Sized),
     progress: Progress<'_>,
 ) -> Result<Values, Error> {
-    let (total, dim) = (images.len(), sad.dim());
-    let mut all = Values::zeros(sad.dtype(), 0);
-    let Some(first) = (total > 0).then(|| images.load(0)).transpose()? else { return Ok(all) };
-    let size = (first.width(), first.height());
-    let describe = |describer: &mut Describer, index: usize| -> Result<Values, Error> {
-        let image = images.load(index)?;
-        let got = (image.width(), image.height());
-        if got != size {
-            return Err(Error::ImageSize { name: images.name(index), expected: size, got });
-        }
-        let mut values = Values::zeros(sad.dtype(), dim);
-        describer.describe(image.view(), &mut values)?;
-        Ok(values)
-    };
-    for start in (0..total).step_by(BATCH) {
-        if progress(start, total).is_break() {
-            return Err(Error::Interrupted { done: start, total });
-        }
-        for values in each(start..total.min(start + BATCH), || Describer::new(*sad), describe) {
-            match (&mut all, values?) {
-                (Values::U8(all), Values::U8(more)) => all.extend(more),
-                (Values::F32(all), Values::F32(more)) => all.extend(more),
-                _ => {}
-            }
-        }
-    }
-    if progress(total, total).is_break() {
-        return Err(Error::Interrupted { done: total, total });
+    let mut all = Values::zeros(sad.dtype(), images.len() * sad.dim());
+    if !all.is_empty() {
+        describe_into(sad, images, progress, all.bytes_mut())?;
     }
     Ok(all)
+}
+
+/// The same, straight into `memory`, which has room for the descriptors of all images; there is at least one.
+pub(crate) fn describe_into(
+    sad: &Sad,
+    images: &(impl ImageSource + ?Sized),
+    progress: Progress<'_>,
+    memory: &mut [u8],
+) -> Result<(), Error> {
+    let crew = Crew::new(sad, images)?;
+    let width = crew.width();
+    in_batches(images.len(), progress, |batch| {
+        crew.describe(batch.start, &mut memory[batch.start * width..batch.end * width])
+    })
+}
+
+/// The same, batch by batch in one small piece of memory: `take` is handed each batch's descriptors, in route order.
+pub(crate) fn describe_each(
+    sad: &Sad,
+    images: &(impl ImageSource + ?Sized),
+    progress: Progress<'_>,
+    mut take: impl FnMut(&mut [u8]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let crew = Crew::new(sad, images)?;
+    let width = crew.width();
+    let mut memory = Values::zeros(sad.dtype(), images.len().min(batch_size()) * sad.dim());
+    in_batches(images.len(), progress, |batch| {
+        let rows = &mut memory.bytes_mut()[..batch.len() * width];
+        crew.describe(batch.start, rows)?;
+        take(rows)
+    })
+}
+
+fn batch_size() -> usize {
+    BATCH * threads()
+}
+
+/// `work` on batch after batch of `total` images, each told to `progress` before it.
+fn in_batches(
+    total: usize,
+    progress: Progress<'_>,
+    mut work: impl FnMut(Range<usize>) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let mut report = |done| go_on(progress(done, total), done, total);
+    for start in (0..total).step_by(batch_size()) {
+        report(start)?;
+        work(start..total.min(start + batch_size()))?;
+    }
+    report(total)
+}
+
+/// What `progress` has answered, as a result.
+pub(crate) fn go_on(answer: ControlFlow<()>, done: usize, total: usize) -> Result<(), Error> {
+    if answer.is_break() { Err(Error::Interrupted { done, total }) } else { Ok(()) }
+}
+
+/// Describers, as many as there are threads at work, and the images that they describe. An image is in memory only while
+/// it is described.
+struct Crew<'a, I: ?Sized> {
+    sad: &'a Sad,
+    images: &'a I,
+    /// Width and height of the first image, and so of all.
+    size: (usize, usize),
+    /// Those without work just now, each with room for a descriptor.
+    idle: Mutex<Vec<(Describer, Values)>>,
+}
+
+impl<'a, I: ImageSource + ?Sized> Crew<'a, I> {
+    fn new(sad: &'a Sad, images: &'a I) -> Result<Self, Error> {
+        let first = images.load(0)?;
+        let size = (first.width(), first.height());
+        Ok(Self { sad, images, size, idle: Mutex::default() })
+    }
+
+    /// Bytes of a descriptor.
+    fn width(&self) -> usize {
+        self.sad.dim() * self.sad.dtype().size()
+    }
+
+    /// Describes the images from `start` on into `rows`, as many as there are rows.
+    fn describe(&self, start: usize, rows: &mut [u8]) -> Result<(), Error> {
+        let done = each_row(rows, self.width(), |row, memory| self.describe_one(start + row, memory));
+        done.into_iter().collect()
+    }
+
+    fn describe_one(&self, index: usize, row: &mut [u8]) -> Result<(), Error> {
+        let image = self.images.load(index)?;
+        let (expected, got) = (self.size, (image.width(), image.height()));
+        if got != expected {
+            return Err(Error::ImageSize { name: self.images.name(index), expected, got });
+        }
+        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = idle().pop();
+        let (mut describer, mut values) = free
+            .unwrap_or_else(|| (Describer::new(*self.sad), Values::zeros(self.sad.dtype(), self.sad.dim())));
+        let described = describer.describe(image.view(), &mut values);
+        row.copy_from_slice(values.view().bytes());
+        idle().push((describer, values));
+        described
+    }
 }

@@ -110,6 +110,11 @@ impl Values {
         }
     }
 
+    /// The memory of the numbers, to be written.
+    pub(crate) fn bytes_mut(&mut self) -> &mut [u8] {
+        each_type!(Self, self, v => bytemuck::must_cast_slice_mut(v.as_mut_slice()))
+    }
+
     /// How many numbers.
     pub fn len(&self) -> usize {
         self.view().len()

@@ -1,6 +1,14 @@
 //! The reference map: one descriptor a place, in route order, and all that is needed to use them.
 
+mod append;
+mod beside;
+mod build;
 mod file;
+mod layout;
+mod names;
+mod parts;
+mod positions;
+mod storage;
 
 use std::hash::Hasher as _;
 use std::sync::OnceLock;
@@ -8,9 +16,12 @@ use std::sync::OnceLock;
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
-use crate::descriptor::{ImageSource, Progress, Sad, describe_all};
+use crate::descriptor::Sad;
 use crate::distance::{self, Dtype, Metric, Rows, Values, View, norm};
 use crate::error::Error;
+use names::Names;
+pub use positions::Positions;
+use storage::Storage;
 
 /// How the map's descriptors were made, so that a query can be described the same way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,64 +46,16 @@ pub enum Recipe {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Map {
-    rows: Values,
+    rows: Storage,
     places: usize,
     dim: usize,
     metric: Metric,
     recipe: Recipe,
     /// Each row's length, for the cosine; else empty.
     norms: Vec<f64>,
-    names: Option<Vec<String>>,
+    names: Option<Names>,
     positions: Option<Positions>,
     fingerprint: OnceLock<u64>,
-}
-
-/// Where each place is: planar metres, two or three coordinates a place.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Positions {
-    metres: Vec<f64>,
-    axes: usize,
-}
-
-impl Positions {
-    /// Positions of `axes` (2 or 3) coordinates each, place by place, in metres.
-    ///
-    /// # Errors
-    /// [`Error::Shape`] for other axes or a count that they do not divide, [`Error::NotFinite`] for a NaN or an infinity.
-    pub fn new(metres: Vec<f64>, axes: usize) -> Result<Self, Error> {
-        if !matches!(axes, 2 | 3) || !metres.len().is_multiple_of(axes) {
-            return Err(Error::Shape {
-                what: "positions",
-                expected: "2 or 3 coordinates a place, in metres".to_owned(),
-                got: format!("{} numbers for {axes} coordinates", metres.len()),
-            });
-        }
-        if let Some(at) = metres.iter().position(|x| !x.is_finite()) {
-            let (row, value) = (Some(at / axes), metres[at] as f32);
-            return Err(Error::NotFinite { what: "positions", row, index: at % axes, value });
-        }
-        Ok(Self { metres, axes })
-    }
-
-    /// All coordinates, place by place, in metres.
-    pub fn metres(&self) -> &[f64] {
-        &self.metres
-    }
-
-    /// Coordinates a place: 2 or 3.
-    pub fn axes(&self) -> usize {
-        self.axes
-    }
-
-    /// How many places have a position.
-    pub fn len(&self) -> usize {
-        self.metres.len() / self.axes
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.metres.is_empty()
-    }
 }
 
 impl Map {
@@ -102,62 +65,41 @@ impl Map {
     /// [`Error::Shape`] where `dim` does not divide the numbers, [`Error::TooFewPlaces`] below two rows,
     /// [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a row of zeros under the cosine.
     pub fn from_descriptors(rows: impl Into<Values>, dim: usize, metric: Metric) -> Result<Self, Error> {
-        Self::assemble(rows.into(), dim, metric, Recipe::Ready)
+        Self::assemble(Storage::from(rows.into()), dim, metric, Recipe::Ready)
     }
 
-    /// A map of the SAD descriptors of a traverse's images, described on all cores (feature `rayon`).
-    /// Places are named as the images are. `progress` hears of images done and to do; `Break` from it stops the work.
-    ///
-    /// # Errors
-    /// [`Error::Image`] or [`Error::Io`] for an image that cannot be read, [`Error::ImageSize`] for one of another
-    /// size, [`Error::TooFewPlaces`] below two images, [`Error::Interrupted`] where `progress` breaks.
-    pub fn from_images(
-        images: &(impl ImageSource + ?Sized),
-        sad: Sad,
-        progress: Progress<'_>,
-    ) -> Result<Self, Error> {
-        if images.len() < 2 {
-            return Err(Error::TooFewPlaces { what: "map", got: images.len() });
-        }
-        let rows = describe_all(&sad, images, progress)?;
-        let names = (0..images.len()).map(|index| images.name(index)).collect();
-        Self::assemble(rows, sad.dim(), Metric::Manhattan, Recipe::Sad(sad))?.with_names(names)
-    }
-
-    fn assemble(rows: Values, dim: usize, metric: Metric, recipe: Recipe) -> Result<Self, Error> {
-        let what = "map";
-        if dim == 0 || !rows.len().is_multiple_of(dim) {
-            let expected = "rows of at least one number, all of one length".to_owned();
-            let got = format!("{} numbers in rows of {dim}", rows.len());
-            return Err(Error::Shape { what, expected, got });
-        }
-        let places = rows.len() / dim;
-        if places < 2 {
-            return Err(Error::TooFewPlaces { what, got: places });
-        }
+    /// A map of rows that are all looked at: none of their numbers is a NaN or an infinity.
+    fn assemble(rows: Storage, dim: usize, metric: Metric, recipe: Recipe) -> Result<Self, Error> {
+        let places = count_places(rows.view().len(), dim)?;
         rows.view().check_finite("descriptors", dim)?;
-        let norms: Vec<f64> = match metric {
-            Metric::Cosine => (0..places).filter_map(|i| rows.view().row(i, dim)).map(norm).collect(),
-            Metric::Manhattan | Metric::Euclidean => Vec::new(),
-        };
-        if let Some(row) = norms.iter().position(|&norm| norm == 0.0) {
-            return Err(Error::NoDirection { what: "descriptors", row: Some(row) });
-        }
+        let norms = lengths(rows.view(), dim, metric)?;
+        Ok(Self::of_parts(rows, places, dim, metric, recipe, norms))
+    }
+
+    /// A map of parts that have been checked.
+    fn of_parts(
+        rows: Storage,
+        places: usize,
+        dim: usize,
+        metric: Metric,
+        recipe: Recipe,
+        norms: Vec<f64>,
+    ) -> Self {
         let fingerprint = OnceLock::new();
-        Ok(Self { rows, places, dim, metric, recipe, norms, names: None, positions: None, fingerprint })
+        Self { rows, places, dim, metric, recipe, norms, names: None, positions: None, fingerprint }
     }
 
     /// The same map with a name for each place, such as its image's file name.
     ///
     /// # Errors
     /// [`Error::Length`] unless there are as many names as places, [`Error::Option`] for a name with a NUL.
-    pub fn with_names(mut self, names: Vec<String>) -> Result<Self, Error> {
+    pub fn with_names(self, names: Vec<String>) -> Result<Self, Error> {
+        self.named(Names::new(names)?)
+    }
+
+    fn named(mut self, names: Names) -> Result<Self, Error> {
         if names.len() != self.places {
             return Err(Error::Length { what: "names", expected: self.places, got: names.len() });
-        }
-        if let Some(bad) = names.iter().find(|name| name.contains('\0')) {
-            let expected = "names without NUL characters".to_owned();
-            return Err(Error::Option { name: "names", expected, got: format!("{bad:?}") });
         }
         self.names = Some(names);
         Ok(self)
@@ -187,7 +129,7 @@ impl Map {
 
     /// The type of the descriptors' numbers.
     pub fn dtype(&self) -> Dtype {
-        self.rows.dtype()
+        self.rows.view().dtype()
     }
 
     /// How descriptors are compared.
@@ -205,9 +147,9 @@ impl Map {
         self.rows.view()
     }
 
-    /// A name for each place, where the map has names.
+    /// A name for each place, where the map has names. The list is made when it is first asked for.
     pub fn names(&self) -> Option<&[String]> {
-        self.names.as_deref()
+        self.names.as_ref().map(Names::list)
     }
 
     /// A position for each place, where the map has positions.
@@ -265,5 +207,31 @@ impl Map {
             hash.write(self.rows.view().bytes());
             hash.finish()
         })
+    }
+}
+
+/// How many places numbers in rows of `dim` are of.
+fn count_places(numbers: usize, dim: usize) -> Result<usize, Error> {
+    let what = "map";
+    if dim == 0 || !numbers.is_multiple_of(dim) {
+        let expected = "rows of at least one number, all of one length".to_owned();
+        return Err(Error::Shape { what, expected, got: format!("{numbers} numbers in rows of {dim}") });
+    }
+    let places = numbers / dim;
+    if places < 2 {
+        return Err(Error::TooFewPlaces { what, got: places });
+    }
+    Ok(places)
+}
+
+/// Each row's length where the metric needs it, else nothing.
+fn lengths(rows: View<'_>, dim: usize, metric: Metric) -> Result<Vec<f64>, Error> {
+    let norms: Vec<f64> = match metric {
+        Metric::Cosine => (0..rows.len() / dim).filter_map(|i| rows.row(i, dim)).map(norm).collect(),
+        Metric::Manhattan | Metric::Euclidean => Vec::new(),
+    };
+    match norms.iter().position(|&norm| norm == 0.0) {
+        Some(row) => Err(Error::NoDirection { what: "descriptors", row: Some(row) }),
+        None => Ok(norms),
     }
 }

@@ -1,0 +1,89 @@
+//! The parts of a map's file, and what is read of them beside the rows.
+
+use std::ops::Range;
+
+use super::layout::{Layout, Refusal};
+use super::names::Names;
+use super::{Map, Positions};
+use crate::error::Error;
+
+/// A part of the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    Positions,
+    Norms,
+    Rows,
+    Names,
+}
+
+impl Layout {
+    /// The parts that there are with their places in the file, in the order in which they lie there.
+    pub(super) fn parts(&self) -> Vec<(Part, Range<usize>)> {
+        let each = [
+            (Part::Positions, self.positions.clone()),
+            (Part::Norms, self.norms.clone()),
+            (Part::Rows, Some(self.rows.clone())),
+            (Part::Names, self.names.clone()),
+        ];
+        let mut parts: Vec<_> =
+            each.into_iter().filter_map(|(part, span)| span.map(|span| (part, span))).collect();
+        parts.sort_by_key(|(_, span)| (span.start, span.end));
+        parts
+    }
+}
+
+/// All that a file holds but for the rows: small beside them.
+#[derive(Default)]
+pub(super) struct Small {
+    pub(super) positions: Option<Positions>,
+    pub(super) norms: Option<Vec<f64>>,
+    pub(super) names: Option<Names>,
+}
+
+impl Small {
+    /// Takes a part's bytes.
+    pub(super) fn take(&mut self, layout: &Layout, part: Part, bytes: Vec<u8>) -> Result<(), Refusal> {
+        match part {
+            Part::Positions => self.positions = Some(Positions::new(floats(&bytes), layout.axes)?),
+            Part::Norms => self.norms = Some(checked_norms(floats(&bytes))?),
+            Part::Names => {
+                let count = bytes.len();
+                let refused = || Error::Shape {
+                    what: "names",
+                    expected: "UTF-8 text".to_owned(),
+                    got: format!("{count} bytes that are none"),
+                };
+                let names = Names::from_bytes(bytes).ok_or_else(refused)?;
+                if names.len() != layout.places {
+                    let (expected, got) = (layout.places, names.len());
+                    return Err(Error::Length { what: "names", expected, got }.into());
+                }
+                self.names = Some(names);
+            }
+            Part::Rows => {}
+        }
+        Ok(())
+    }
+
+    /// The map with its names and positions.
+    pub(super) fn finish(self, mut map: Map) -> Map {
+        map.positions = self.positions;
+        map.names = self.names;
+        map
+    }
+}
+
+/// The lengths of rows, which are no lengths where a row holds a NaN or only zeros.
+pub(super) fn checked_norms(norms: Vec<f64>) -> Result<Vec<f64>, Refusal> {
+    match norms.iter().position(|norm| !(norm.is_finite() && *norm > 0.0)) {
+        None => Ok(norms),
+        Some(row) => {
+            let got = norms[row];
+            Err(Refusal::Foreign(format!("norms: expected finite numbers above 0, got {got} at row {row}")))
+        }
+    }
+}
+
+fn floats(bytes: &[u8]) -> Vec<f64> {
+    bytes.as_chunks().0.iter().map(|x| f64::from_le_bytes(*x)).collect()
+}

@@ -1,0 +1,56 @@
+//! Where the places are.
+
+use crate::error::Error;
+
+/// Where each place is: planar metres, two or three coordinates a place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Positions {
+    metres: Vec<f64>,
+    axes: usize,
+}
+
+impl Positions {
+    /// Positions of `axes` (2 or 3) coordinates each, place by place, in metres.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for other axes or a count that they do not divide, [`Error::NotFinite`] for a NaN or an infinity.
+    pub fn new(metres: Vec<f64>, axes: usize) -> Result<Self, Error> {
+        if !matches!(axes, 2 | 3) || !metres.len().is_multiple_of(axes) {
+            return Err(Error::Shape {
+                what: "positions",
+                expected: "2 or 3 coordinates a place, in metres".to_owned(),
+                got: format!("{} numbers for {axes} coordinates", metres.len()),
+            });
+        }
+        if let Some(at) = metres.iter().position(|x| !x.is_finite()) {
+            let (row, value) = (Some(at / axes), metres[at] as f32);
+            return Err(Error::NotFinite { what: "positions", row, index: at % axes, value });
+        }
+        Ok(Self { metres, axes })
+    }
+
+    /// All coordinates, place by place, in metres.
+    pub fn metres(&self) -> &[f64] {
+        &self.metres
+    }
+
+    /// Coordinates a place: 2 or 3.
+    pub fn axes(&self) -> usize {
+        self.axes
+    }
+
+    /// How many places have a position.
+    pub fn len(&self) -> usize {
+        self.metres.len() / self.axes
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.metres.is_empty()
+    }
+
+    /// These, and then those, which have as many axes.
+    pub(super) fn followed_by(&self, more: &Self) -> Self {
+        Self { metres: [self.metres(), more.metres()].concat(), axes: self.axes }
+    }
+}
