@@ -12,6 +12,7 @@ mod localizer;
 mod map;
 mod matcher;
 mod options;
+mod places;
 mod sad;
 mod simulate;
 mod trust;

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use surefix::{Positions, Recipe};
+use surefix::Recipe;
 
-use crate::arrays::{Numbers, as_array, check_axes, coordinates, rows_to_py};
+use crate::arrays::{Numbers, as_array, check_axes, rows_to_py};
 use crate::error::{OrRaise as _, value};
 use crate::images::{Images, progress_callback, with_progress};
+use crate::places::{self, with_positions};
 use crate::sad::Sad;
 
 /// A known route: one descriptor a place, in route order, and all that is needed to use them.
@@ -70,17 +71,139 @@ impl Map {
         positions: Option<&Bound<'_, PyAny>>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let sad = match descriptor.map(Bound::cast::<Sad>) {
-            None => surefix::Sad::default(),
-            Some(Ok(sad)) => sad.get().0,
-            Some(Err(_)) => return Err(value(py, "descriptor: expected a surefix.Sad".to_owned())),
-        };
+        let sad = places::recipe(py, descriptor)?;
+        let positions = places::positions(positions)?;
         let images = Images::new(images)?;
         let callback = progress_callback(py, progress, "Mapping")?;
         let map = with_progress(py, callback.as_ref(), |progress| {
             images.with_source(py, |source| surefix::Map::from_images(source, sad, progress))
         })?;
-        with_positions(py, map, positions)
+        Ok(Self(Arc::new(with_positions(map, positions).or_raise(py)?)))
+    }
+
+    /// Makes the map of a traverse's images straight into a file, on all cores: the file that ``from_images(...).save(path)`` would
+    /// write, in the memory of one image a core. Open it afterwards.
+    ///
+    /// The file is written beside its place and then renamed. Where it fails, or is stopped, nothing is left of it.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or path
+    ///     The file to write.
+    /// images, descriptor, positions, progress
+    ///     As for ``from_images``. A list of arrays, or an array, is in memory anyway; files, and sequences such as a data set's, are not.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     As for ``from_images``.
+    /// SurefixFileError
+    ///     Where there is no such folder, or the file cannot be written.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile, surefix.simulate
+    /// >>> drive = surefix.simulate.Route(places=30, size=(64, 32)).reference()
+    /// >>> path = pathlib.Path(tempfile.mkdtemp()) / "route.safetensors"
+    /// >>> surefix.Map.build(path, drive)
+    /// >>> surefix.Map.append(path, drive)
+    /// >>> len(surefix.Map.open(path, mmap=True))
+    /// 60
+    #[staticmethod]
+    #[pyo3(signature = (path, images, descriptor=None, *, positions=None, progress=None))]
+    fn build(
+        py: Python<'_>,
+        path: PathBuf,
+        images: &Bound<'_, PyAny>,
+        descriptor: Option<&Bound<'_, PyAny>>,
+        positions: Option<&Bound<'_, PyAny>>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let sad = places::recipe(py, descriptor)?;
+        let positions = places::positions(positions)?;
+        let images = Images::new(images)?;
+        let callback = progress_callback(py, progress, "Mapping")?;
+        with_progress(py, callback.as_ref(), |progress| {
+            images.with_source(py, |source| {
+                surefix::Map::build(path, source, sad, positions.as_ref(), progress)
+            })
+        })
+    }
+
+    /// Makes the map in a file longer, without reading its rows into memory. The longer file is written beside the old one and then
+    /// renamed: where it fails, or is stopped, the old one stays. It is the file that all places at once would have made.
+    ///
+    /// Maps that are open stay as they are; a snapshot of a localizer is of the map that it was taken on.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or path
+    ///     The file of a map.
+    /// more : Map, or images as for ``from_images``
+    ///     The places that follow: a map of the same kind, or the images of a drive that goes on, where the map was made of images.
+    ///     They are described as those were. Images in arrays are numbered on.
+    /// positions : array, shape (m, 2) or (m, 3), optional
+    ///     Where the images' places are, in planar metres; needed where the map has positions.
+    /// progress : callable, optional
+    ///     As for ``from_images``.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     Where the file is not a map, or the places differ from its own in type, length, metric or recipe, or one has names or positions
+    ///     and the other has none; and as for ``from_images``.
+    /// SurefixFileError
+    ///     Where the file cannot be read or written.
+    #[staticmethod]
+    #[pyo3(signature = (path, more, *, positions=None, progress=None))]
+    fn append(
+        py: Python<'_>,
+        path: PathBuf,
+        more: &Bound<'_, PyAny>,
+        positions: Option<&Bound<'_, PyAny>>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let positions = places::positions(positions)?;
+        if let Ok(more) = more.cast::<Self>() {
+            if positions.is_some() {
+                return Err(value(py, "positions: expected none beside a map, which has its own".to_owned()));
+            }
+            let more = &more.get().0;
+            return py.detach(|| surefix::Map::append(path, more)).or_raise(py);
+        }
+        let images = Images::new(more)?;
+        let callback = progress_callback(py, progress, "Mapping")?;
+        with_progress(py, callback.as_ref(), |progress| {
+            images.with_source(py, |source| {
+                surefix::Map::append_images(path, source, positions.as_ref(), progress)
+            })
+        })
+    }
+
+    /// This map and then ``more``, as one: the map that all their descriptors at once would have made. Neither changes.
+    ///
+    /// Parameters
+    /// ----------
+    /// more : Map
+    ///     A map of the same kind, with names and positions where this one has them.
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     Where they differ in type, length, metric or recipe, or one has names or positions and the other has none.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> half = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32))
+    /// >>> len(half.extended(half))
+    /// 6
+    fn extended(&self, py: Python<'_>, more: &Self) -> PyResult<Self> {
+        Ok(Self(Arc::new(py.detach(|| self.0.extended(&more.0)).or_raise(py)?)))
     }
 
     /// A map of ready descriptors, from any technique.
@@ -118,6 +241,7 @@ impl Map {
         names: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let metric = metric.map_or_else(|| "cosine".to_owned(), ToString::to_string).parse().or_raise(py)?;
+        let positions = places::positions(positions)?;
         let array = as_array(descriptors, "descriptors")?;
         check_axes(&array, "descriptors", 2)?;
         let (places, dim) = (array.shape()[0], array.shape()[1]);
@@ -128,13 +252,27 @@ impl Map {
         let rows = numbers.view()?;
         let map = py.detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric)).or_raise(py)?;
         let map = match names {
-            Some(names) => map.with_names(strings(names)?).or_raise(py)?,
+            Some(names) => map.with_names(places::names(names)?).or_raise(py)?,
             None => map,
         };
-        with_positions(py, map, positions)
+        Ok(Self(Arc::new(with_positions(map, positions).or_raise(py)?)))
     }
 
-    /// Opens a map that ``save`` wrote: reads it whole into memory.
+    /// Opens a map that ``save`` or ``build`` wrote.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or path
+    /// mmap : bool
+    ///     By default the file is read whole into memory. True maps it instead: a map of gigabytes is open in milliseconds, what is used
+    ///     is read when it is used, and processes share the memory. The danger: as long as the map lives, nobody may
+    ///     change the file in place or make it shorter, or the program ends (SIGBUS) or sees other numbers. To replace the file, as ``save``,
+    ///     ``build`` and ``append`` do, is safe. A NaN in it is found when a frame is pushed, not here; the first ``snapshot`` of
+    ///     a localizer reads the whole file once.
+    ///
+    /// Returns
+    /// -------
+    /// Map
     ///
     /// Raises
     /// ------
@@ -143,8 +281,18 @@ impl Map {
     /// SurefixValueError
     ///     Where it is truncated, damaged, not a map, or of a newer version.
     #[staticmethod]
-    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Ok(Self(Arc::new(py.detach(|| surefix::Map::open(path)).or_raise(py)?)))
+    #[pyo3(signature = (path, mmap=false))]
+    #[allow(unsafe_code)]
+    fn open(py: Python<'_>, path: PathBuf, mmap: bool) -> PyResult<Self> {
+        let map = py.detach(|| {
+            if mmap {
+                // SAFETY: whoever asks for it has been told above to leave the file alone.
+                unsafe { surefix::Map::open_mapped(path) }
+            } else {
+                surefix::Map::open(path)
+            }
+        });
+        Ok(Self(Arc::new(map.or_raise(py)?)))
     }
 
     /// Saves the map as one safetensors file with all that is needed to use it. It is written beside its place and then
@@ -243,19 +391,4 @@ impl Map {
         let bytes = self.0.descriptors().len() * dtype.size();
         format!("Map({places} places x {dim} {dtype}, {metric}, {:.1} MB)", bytes as f64 / 1e6)
     }
-}
-
-/// A name for each place.
-fn strings(names: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    let each = names.try_iter().and_then(|each| each.map(|name| name?.extract()).collect());
-    each.map_err(|_| value(names.py(), "names: expected a sequence of strings, one a place".to_owned()))
-}
-
-fn with_positions(py: Python<'_>, map: surefix::Map, positions: Option<&Bound<'_, PyAny>>) -> PyResult<Map> {
-    let Some(positions) = positions.filter(|positions| !positions.is_none()) else {
-        return Ok(Map(Arc::new(map)));
-    };
-    let (metres, axes) = coordinates(positions, "positions")?;
-    let map = Positions::new(metres, axes).and_then(|positions| map.with_positions(positions));
-    Ok(Map(Arc::new(map.or_raise(py)?)))
 }

@@ -50,6 +50,35 @@ def test_build_says_what_it_made_and_where(drives: Path, tmp_path: Path) -> None
     assert surefix.Map.open(out).names == [f"frame{index}.png" for index in range(PLACES)]
 
 
+def test_append_says_what_it_added_and_makes_the_map_of_all_images(drives: Path, tmp_path: Path) -> None:
+    first, rest, out = tmp_path / "first", tmp_path / "rest", tmp_path / "route.safetensors"
+    for index in range(PLACES):
+        folder = first if index < 20 else rest
+        folder.mkdir(exist_ok=True)
+        (folder / f"frame{index}.png").symlink_to(drives / "summer" / f"frame{index}.png")
+    surefix_("map", "build", first, "-o", out)
+    done = surefix_("map", "append", out, rest)
+    said = rf"Added 40 places to {re.escape(str(out))}: now 60 places x 2048 uint8, 0\.1 MB, in [\d.]+ s\n"
+    assert re.fullmatch(said, done.stdout)
+    assert out.read_bytes() == (drives / "route.safetensors").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["first", "rest", "route.safetensors"]
+
+
+def test_ready_descriptors_are_appended_with_their_positions(tmp_path: Path) -> None:
+    rows = np.random.default_rng(0).normal(size=(9, 5)).astype(np.float32)
+    where = np.arange(18.0).reshape(9, 2)
+    for name, part in (("whole", slice(0, 9)), ("first", slice(0, 4)), ("rest", slice(4, 9))):
+        np.save(tmp_path / f"{name}.npy", rows[part])
+        np.save(tmp_path / f"{name}_at.npy", where[part])
+    for name in ("whole", "first"):
+        positions = tmp_path / f"{name}_at.npy"
+        surefix_("map", "build", tmp_path / f"{name}.npy", "-o", tmp_path / name, "--positions", positions)
+    surefix_("map", "append", tmp_path / "first", tmp_path / "rest.npy", "--positions", tmp_path / "rest_at.npy")
+    assert (tmp_path / "first").read_bytes() == (tmp_path / "whole").read_bytes()
+    refused = surefix_("map", "append", tmp_path / "first", tmp_path / "rest.npy", code=1).stderr
+    assert f"{tmp_path / 'first'}: cannot append: expected positions of 2 coordinates, got no positions" in refused
+
+
 def test_info(drives: Path) -> None:
     file = drives / "route.safetensors"
     facts = json.loads(surefix_("map", "info", file, "--json").stdout)
@@ -173,6 +202,15 @@ MISTAKES = {
     "a folder that cannot be written": (["map", "build", "@summer", "-o", "/nowhere/x"], 1, "/nowhere/x"),
     "a text as an array": (["map", "build", "@text.npy"], 1, "text.npy"),
     "an array of one dimension": (["map", "build", "@flat.npy"], 1, "(5,)"),
+    "appending to nothing": (["map", "append", "nowhere.safetensors", "@summer"], 1, "nowhere.safetensors"),
+    "appending to an image": (["map", "append", "@winter/frame3.png", "@summer"], 1, "frame3.png: not a usable"),
+    "appending nothing": (["map", "append", "@route.safetensors", "."], 1, "found none"),
+    "appending other descriptors": (
+        ["map", "append", "@route.safetensors", "@wide.npy"],
+        1,
+        "route.safetensors: cannot append: expected SAD descriptors of 64 x 32 x uint8, patch 8, got ready descriptors",
+    ),
+    "appending a map to itself": (["map", "append", "@wide.npy", "@wide.npy"], 1, "wide.npy: not a usable"),
     "positions of words": (["map", "build", "@summer", "--positions", "@summer/notes.txt"], 1, "notes.txt"),
 }
 
@@ -184,6 +222,7 @@ def test_a_mistake_gets_one_clear_message(
     monkeypatch.chdir(tmp_path)
     (drives / "text.npy").write_text("hello")
     np.save(drives / "flat.npy", np.zeros(5))
+    np.save(drives / "wide.npy", np.ones((3, 7), np.float32))
     arguments, code, words = MISTAKES[name]
     done = surefix_(*(a.replace("@", f"{drives}/") for a in arguments), code=code)
     assert words in re.sub(r"[\s│]+", " ", done.stderr), done.stderr
@@ -251,7 +290,7 @@ def test_an_archive_is_not_an_array(tmp_path: Path) -> None:
 
 
 def test_every_command_has_help_with_an_example() -> None:
-    for command in ([], ["map"], ["map", "build"], ["map", "info"], ["run"], ["demo"]):
+    for command in ([], ["map"], ["map", "build"], ["map", "append"], ["map", "info"], ["run"], ["demo"]):
         text = surefix_(*command, "--help").stdout
         assert "Usage:" in text
         if len(command) == 2 or command in (["run"], ["demo"]):

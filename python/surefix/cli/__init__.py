@@ -10,7 +10,7 @@ import typer
 from surefix import SurefixError, __version__
 from surefix.cli.demo import demo
 from surefix.cli.eval import eval_
-from surefix.cli.map import build, info
+from surefix.cli.map import append, build, info
 from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
 
@@ -26,8 +26,9 @@ app = typer.Typer(
     add_completion=False,
     epilog="Start with: surefix demo",
 )
-maps = typer.Typer(no_args_is_help=True, help="Make a map of a route, or look at one.")
+maps = typer.Typer(no_args_is_help=True, help="Make a map of a route, make it longer, or look at one.")
 maps.command(epilog="Example: surefix map build photos/ -o route.safetensors")(build)
+maps.command(epilog="Example: surefix map append route.safetensors more_photos/")(append)
 maps.command(epilog="Example: surefix map info route.safetensors")(info)
 app.add_typer(maps, name="map")
 app.command(epilog="Example: surefix run route.safetensors todays_photos/ -o fixes.csv")(run)

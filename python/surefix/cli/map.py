@@ -1,4 +1,4 @@
-"""``surefix map``: make a map of a route, or look at one."""
+"""``surefix map``: make a map of a route, make it longer, or look at one."""
 
 import json
 import time
@@ -15,7 +15,7 @@ from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix.cli.frames import Frames
 from surefix.cli.positions import read_positions
 
-__all__ = ["build", "info"]
+__all__ = ["append", "build", "info"]
 
 
 class Metric(StrEnum):
@@ -63,17 +63,42 @@ def build(
         raise SurefixFileError(f"{out}: cannot write the map: there is no folder {out.absolute().parent}")
     where = None if positions is None else read_positions(positions)
     if frames.descriptors is not None:
-        route = Map.from_descriptors(frames.descriptors, metric.value, positions=where)
+        Map.from_descriptors(frames.descriptors, metric.value, positions=where).save(out)
     else:
         try:
             sad = Sad(_size(size), patch, dtype.value)
         except SurefixValueError as error:
             raise typer.BadParameter(str(error)) from None
-        route = Map.from_images(frames.images, sad, positions=where)
-    route.save(out)
+        Map.build(out, frames.images, sad, positions=where)
+    print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
+
+
+def append(
+    file: Annotated[Path, typer.Argument(help="The map that becomes longer.")],
+    references: Annotated[
+        str,
+        typer.Argument(help='The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.'),
+    ],
+    positions: Annotated[
+        Path | None, typer.Option(help="A .npy or .csv of each new place's position, where the map has positions.")
+    ] = None,
+) -> None:
+    """Make a map longer: images are described as its own were; ready descriptors must be of its own kind.
+
+    The map's rows are copied, never read into memory, and an old map stays until the new one is whole.
+    """
+    start = time.perf_counter()
+    metric = _look(file).metric
+    frames = Frames(references)
+    if frames.holds(file):
+        raise typer.BadParameter(f"REFERENCES: {references} is the map itself")
+    where = None if positions is None else read_positions(positions)
+    if frames.descriptors is not None:
+        Map.append(file, Map.from_descriptors(frames.descriptors, metric, positions=where))
+    else:
+        Map.append(file, frames.images, positions=where)
     seconds = time.perf_counter() - start
-    made = f"{len(route)} places x {route.dim} {route.dtype}, {out.stat().st_size / 1e6:.1f} MB, in {seconds:.1f} s"
-    print(f"Made {out}: {made}")
+    print(f"Added {len(frames)} places to {file}: now {_size_of(file)}, in {seconds:.1f} s")
 
 
 def info(
@@ -81,7 +106,7 @@ def info(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object instead of a table.")] = False,
 ) -> None:
     """Say what a map holds."""
-    route = Map.open(file)
+    route = _look(file)
     names, where = route.names, route.positions
     facts = {
         "file": str(file),
@@ -109,3 +134,13 @@ def info(
         }.get(name, str(value))
         table.add_row(name, Text(shown))
     Console(highlight=False, soft_wrap=True).print(table)
+
+
+def _look(file: Path) -> Map:
+    """The map, without reading its rows: a file of gigabytes takes no longer than a small one."""
+    return Map.open(file, mmap=file.is_file())
+
+
+def _size_of(file: Path) -> str:
+    route = _look(file)
+    return f"{len(route)} places x {route.dim} {route.dtype}, {file.stat().st_size / 1e6:.1f} MB"

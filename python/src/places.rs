@@ -1,0 +1,40 @@
+//! What comes with a map's descriptors: their recipe, the places' names and positions.
+
+use pyo3::prelude::*;
+use surefix::Positions;
+
+use crate::arrays::coordinates;
+use crate::error::{OrRaise as _, value};
+use crate::sad::Sad;
+
+/// The recipe of a `descriptor` argument.
+pub(crate) fn recipe(py: Python<'_>, descriptor: Option<&Bound<'_, PyAny>>) -> PyResult<surefix::Sad> {
+    match descriptor.filter(|given| !given.is_none()).map(Bound::cast::<Sad>) {
+        None => Ok(surefix::Sad::default()),
+        Some(Ok(sad)) => Ok(sad.get().0),
+        Some(Err(_)) => Err(value(py, "descriptor: expected a surefix.Sad".to_owned())),
+    }
+}
+
+/// A name for each place.
+pub(crate) fn names(names: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    let each = names.try_iter().and_then(|each| each.map(|name| name?.extract()).collect());
+    each.map_err(|_| value(names.py(), "names: expected a sequence of strings, one a place".to_owned()))
+}
+
+/// The positions of a `positions` argument.
+pub(crate) fn positions(given: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Positions>> {
+    let Some(given) = given.filter(|given| !given.is_none()) else { return Ok(None) };
+    let (metres, axes) = coordinates(given, "positions")?;
+    Positions::new(metres, axes).or_raise(given.py()).map(Some)
+}
+
+pub(crate) fn with_positions(
+    map: surefix::Map,
+    given: Option<Positions>,
+) -> Result<surefix::Map, surefix::Error> {
+    match given {
+        Some(positions) => map.with_positions(positions),
+        None => Ok(map),
+    }
+}
