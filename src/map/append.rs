@@ -166,7 +166,7 @@ impl<'a> Old<'a> {
             for (part, span) in old.layout.parts() {
                 if part != Part::Rows {
                     let bytes = old.bytes(span)?;
-                    old.small.take(&old.layout, part, bytes)?;
+                    old.small.take(&old.layout, part, bytes.into())?;
                 }
             }
             Ok(old)

@@ -1,5 +1,7 @@
 //! Saving a map, and opening one: read into memory, or mapped.
 
+#[cfg(feature = "mmap")]
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Cursor, Read};
 use std::path::Path;
@@ -104,7 +106,7 @@ fn read(mut from: impl Read, length: u64) -> Result<Map, Refusal> {
             part => {
                 let mut bytes = vec![0; span.len()];
                 from.read_exact(&mut bytes)?;
-                small.take(&layout, part, bytes)?;
+                small.take(&layout, part, bytes.into())?;
             }
         }
         at = span.end;
@@ -142,7 +144,7 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
     let mut small = Small::default();
     for (part, span) in layout.parts() {
         if part != Part::Rows {
-            small.take(&layout, part, mapping[start + span.start..start + span.end].to_vec())?;
+            small.take(&layout, part, Cow::Borrowed(&mapping[start + span.start..start + span.end]))?;
         }
     }
     let (from, to) = (start + layout.rows.start, start + layout.rows.end);

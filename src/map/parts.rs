@@ -1,5 +1,6 @@
 //! The parts of a map's file, and what is read of them beside the rows.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use super::layout::{Layout, Refusal};
@@ -42,7 +43,7 @@ pub(super) struct Small {
 
 impl Small {
     /// Takes a part's bytes.
-    pub(super) fn take(&mut self, layout: &Layout, part: Part, bytes: Vec<u8>) -> Result<(), Refusal> {
+    pub(super) fn take(&mut self, layout: &Layout, part: Part, bytes: Cow<'_, [u8]>) -> Result<(), Refusal> {
         match part {
             Part::Positions => self.positions = Some(Positions::new(floats(&bytes), layout.axes)?),
             Part::Norms => self.norms = Some(checked_norms(floats(&bytes))?),
@@ -53,7 +54,7 @@ impl Small {
                     expected: "UTF-8 text".to_owned(),
                     got: format!("{count} bytes that are none"),
                 };
-                let names = Names::from_bytes(bytes).ok_or_else(refused)?;
+                let names = Names::from_bytes(bytes.into_owned()).ok_or_else(refused)?;
                 if names.len() != layout.places {
                     let (expected, got) = (layout.places, names.len());
                     return Err(Error::Length { what: "names", expected, got }.into());
