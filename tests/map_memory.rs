@@ -114,22 +114,24 @@ fn opening_and_appending_hold_no_second_copy_of_the_rows() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("route.safetensors");
     let slack = 2 << 20;
-    let rows: Vec<f32> = (0..ROWS / 4).map(|i| 1.0 + (i % 13) as f32).collect();
+    let numbers: Vec<f32> = (0..ROWS / 4).map(|i| 1.0 + (i % 13) as f32).collect();
     let mut map = None;
-    let taken_over = peak(|| map = Some(Map::from_descriptors(rows, DIM, Metric::Cosine).unwrap()));
+    let taken_over = peak(|| map = Some(Map::from_descriptors(numbers, DIM, Metric::Cosine).unwrap()));
     assert!(taken_over < slack, "{taken_over} bytes more than the vector had");
     let map = map.unwrap();
     let saved = peak(|| map.save(&path).unwrap());
     assert!(saved < slack, "{saved} bytes");
+    // With `mmap` large rows lie in pages of their own, which the allocator does not see.
+    let rows = if cfg!(feature = "mmap") { 0 } else { ROWS };
     let opened = peak(|| drop(Map::open(&path).unwrap()));
-    assert!((ROWS..ROWS + slack).contains(&opened), "{opened} bytes for {ROWS}");
+    assert!(opened < rows + slack, "{opened} bytes for {ROWS}");
     let appended = peak(|| Map::append(&path, &map).unwrap());
     assert!(appended < slack, "{appended} bytes");
     assert!(fs::metadata(&path).unwrap().len() as usize > 2 * ROWS);
     let extended = peak(|| drop(map.extended(&map).unwrap()));
-    assert!((2 * ROWS..2 * ROWS + slack).contains(&extended), "{extended} bytes");
+    assert!(extended < 2 * rows + slack, "{extended} bytes");
     let cloned = peak(|| drop(map.clone()));
-    assert!((ROWS..ROWS + slack).contains(&cloned), "{cloned} bytes");
+    assert!(cloned < rows + slack, "{cloned} bytes");
     #[cfg(feature = "mmap")]
     {
         // SAFETY: nobody else knows the file.

@@ -127,10 +127,8 @@ fn read(mut from: impl Read, length: u64) -> Result<Map, Refusal> {
 
 /// Room for the rows, or the system's word that there is none.
 fn zeros(layout: &Layout) -> Result<Storage, Refusal> {
-    let mut probe = Vec::<u8>::new();
-    probe.try_reserve_exact(layout.rows.len()).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
-    drop(probe);
-    Ok(Storage::zeros(layout.dtype, layout.places * layout.dim))
+    let zeros = Storage::try_zeros(layout.dtype, layout.places * layout.dim);
+    zeros.ok_or_else(|| io::Error::from(io::ErrorKind::OutOfMemory).into())
 }
 
 #[cfg(feature = "mmap")]
