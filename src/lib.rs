@@ -47,6 +47,7 @@
 
 mod batch;
 mod config;
+mod crew;
 mod error;
 mod isa;
 mod localizer;
