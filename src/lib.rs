@@ -48,6 +48,7 @@
 
 mod batch;
 mod config;
+mod crew;
 mod error;
 mod isa;
 mod localizer;

@@ -3,16 +3,27 @@
 use std::sync::Arc;
 
 use crate::config::Config;
+use crate::crew::{Crew, threads_for};
 use crate::descriptor::{Describer, ImageView};
 use crate::distance::{Values, View};
 use crate::error::Error;
 use crate::map::{Map, Recipe};
 use crate::matcher::{Fix, Matcher, load};
 
+/// The most threads that are accepted.
+const MAX_THREADS: usize = 1024;
+
 /// Localizes along a map, one camera frame at a time.
 ///
 /// Many localizers can read one map at once. `push_descriptor` allocates nothing after construction;
 /// `push_image` allocates only when the camera's image size changes, so for the first image.
+///
+/// A map of 16 MB or more is scanned by several threads, one for every 8 MB, up to all cores; a smaller one by the caller
+/// alone. [`with_threads`](Self::with_threads) sets their number. The answers are the same to the last bit. The threads are
+/// started with the localizer, sleep between frames, and end with it. A push waits for none of them, whatever holds one up:
+/// what another thread has begun and not finished when the rest of the map is scanned, the caller does itself. With one
+/// thread, a push takes no lock and asks nothing of the operating system; with several, it tries locks (and goes on where
+/// one is taken) and asks the system to wake the others. In a process forked off this one, the caller scans alone.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -28,6 +39,8 @@ use crate::matcher::{Fix, Matcher, load};
 pub struct Localizer {
     map: Arc<Map>,
     matcher: Matcher,
+    /// Scans the map, where more than one thread does.
+    crew: Option<Crew>,
     /// Describes images the map's own way, where the map has one.
     describer: Option<(Describer, Values)>,
     /// The newest frame's distances.
@@ -46,13 +59,50 @@ impl Localizer {
         Ok(Self::with_matcher(map, matcher))
     }
 
+    /// The same localizer with `threads` threads to scan the map, the caller's own among them; with none given, as many as
+    /// suit the map's size, which is what a new one has.
+    ///
+    /// ```
+    /// # use std::sync::Arc;
+    /// # use surefix::{Config, Localizer, Map, Metric};
+    /// # let map = Arc::new(Map::from_descriptors(vec![1.0_f32, 0.0, 0.0, 1.0], 2, Metric::Euclidean)?);
+    /// let localizer = Localizer::new(map, Config::default())?.with_threads(Some(2))?;
+    /// assert_eq!(localizer.threads(), 2);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Option`] for no thread, for more than 1024, or for more than the system starts.
+    pub fn with_threads(mut self, threads: Option<usize>) -> Result<Self, Error> {
+        let refused = |got: String| {
+            let expected = format!("from 1 to {MAX_THREADS}, and no more than the system starts");
+            Error::Option { name: "threads", expected, got }
+        };
+        self.crew = match threads {
+            None => automatic(&self.map),
+            Some(1) => None,
+            Some(threads) if (2..=MAX_THREADS).contains(&threads) => {
+                let crew = Crew::new(&self.map, threads);
+                Some(crew.map_err(|why| refused(format!("{threads} ({why})")))?)
+            }
+            Some(other) => return Err(refused(other.to_string())),
+        };
+        Ok(self)
+    }
+
+    /// How many threads scan the map, the caller's own among them.
+    pub fn threads(&self) -> usize {
+        self.crew.as_ref().map_or(1, Crew::threads)
+    }
+
     fn with_matcher(map: Arc<Map>, matcher: Matcher) -> Self {
         let describer = match map.recipe() {
             Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
             Recipe::Ready => None,
         };
         let distances = vec![0.0; map.places()];
-        Self { matcher, describer, next: distances.clone(), distances, map }
+        let crew = automatic(&map);
+        Self { matcher, crew, describer, next: distances.clone(), distances, map }
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -82,7 +132,7 @@ impl Localizer {
     ) -> Result<Fix, Error> {
         let Some((describer, values)) = &mut self.describer else { return Err(Error::NoDescriptor) };
         describer.describe(image, values)?;
-        self.map.distances_into(values.view(), &mut self.next)?;
+        scan(&self.map, &mut self.crew, values.view(), &mut self.next)?;
         self.step(trusted)
     }
 
@@ -96,7 +146,7 @@ impl Localizer {
         descriptor: View<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
-        self.map.distances_into(descriptor, &mut self.next)?;
+        scan(&self.map, &mut self.crew, descriptor, &mut self.next)?;
         self.step(trusted)
     }
 
@@ -163,5 +213,18 @@ impl Localizer {
     /// The matcher behind it.
     pub fn matcher(&self) -> &Matcher {
         &self.matcher
+    }
+}
+
+/// As many threads as suit the map, where that is more than one.
+fn automatic(map: &Arc<Map>) -> Option<Crew> {
+    let threads = threads_for(map);
+    (threads > 1).then(|| Crew::at_most(map, threads))
+}
+
+fn scan(map: &Map, crew: &mut Option<Crew>, query: View<'_>, out: &mut [f32]) -> Result<(), Error> {
+    match crew {
+        Some(crew) => crew.distances_into(query, out),
+        None => map.distances_into(query, out),
     }
 }

@@ -10,7 +10,7 @@ use crate::error::{OrRaise as _, busy};
 use crate::fix::Fix;
 use crate::images::{Pixels, path_of};
 use crate::map::Map;
-use crate::options::config;
+use crate::options::{config, whole};
 
 /// Localizes along a map, one camera frame at a time.
 ///
@@ -18,6 +18,9 @@ use crate::options::config;
 /// ----------
 /// map : Map
 ///     The known route. Many localizers can share one.
+/// threads : int, optional
+///     How many threads scan the map, the caller's own among them. None for what suits the map: one for every 8 MB, up to
+///     all cores, so one for a map below 16 MB. The answers are the same to the last bit. A forked child has one.
 /// **options
 ///     As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds.
 ///
@@ -40,12 +43,19 @@ pub(crate) struct Localizer(surefix::Localizer);
 impl Localizer {
     #[new]
     #[pyo3(
-        signature = (map, **options),
-        text_signature = "(map, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+        signature = (map, *, threads=None, **options),
+        text_signature = "(map, *, threads=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
     )]
-    fn new(py: Python<'_>, map: &Map, options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        map: &Map,
+        threads: Option<&Bound<'_, PyAny>>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
         let config = config(py, options, Floor::Running)?;
-        Ok(Self(surefix::Localizer::new(map.0.clone(), config).or_raise(py)?))
+        let threads = threads.map(|given| whole("threads", given)).transpose()?;
+        let localizer = surefix::Localizer::new(map.0.clone(), config);
+        Ok(Self(localizer.and_then(|localizer| localizer.with_threads(threads)).or_raise(py)?))
     }
 
     /// Takes one camera frame, and says where the robot is.
@@ -145,6 +155,8 @@ impl Localizer {
     ///     The map that the snapshot was taken on.
     /// blob : bytes
     ///     From ``snapshot``.
+    /// threads : int, optional
+    ///     As for ``Localizer``.
     /// **options
     ///     Where given, as for ``Localizer``: the snapshot must have been taken under just these.
     ///
@@ -163,18 +175,21 @@ impl Localizer {
     /// Localizer(Map(4 places x 4 float32, cosine, 0.0 MB), frames=0)
     #[staticmethod]
     #[pyo3(
-        signature = (map, blob, **options),
-        text_signature = "(map, blob, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+        signature = (map, blob, *, threads=None, **options),
+        text_signature = "(map, blob, *, threads=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
     )]
     fn restore(
         py: Python<'_>,
         map: &Map,
         blob: &[u8],
+        threads: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        let threads = threads.map(|given| whole("threads", given)).transpose()?;
         let expected = options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
         let map = map.0.clone();
-        let localizer = py.detach(|| surefix::Localizer::restore(map, blob, expected.as_ref()));
+        let localizer =
+            py.detach(|| surefix::Localizer::restore(map, blob, expected.as_ref())?.with_threads(threads));
         Ok(Self(localizer.or_raise(py)?))
     }
 
@@ -182,6 +197,12 @@ impl Localizer {
     #[getter]
     fn map(slf: &Bound<'_, Self>) -> PyResult<Map> {
         Ok(Map(shared(slf)?.0.map().clone()))
+    }
+
+    /// How many threads scan the map, the caller's own among them.
+    #[getter]
+    fn threads(slf: &Bound<'_, Self>) -> PyResult<usize> {
+        Ok(shared(slf)?.0.threads())
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {

@@ -224,6 +224,7 @@ class Localizer:
         cls,
         map: Map,
         *,
+        threads: SupportsIndex | None = None,
         sequence_length: SupportsIndex = 2,
         weight: SupportsFloat = 0.99,
         tolerance: SupportsIndex = 1,
@@ -241,6 +242,7 @@ class Localizer:
         map: Map,
         blob: bytes,
         *,
+        threads: SupportsIndex | None = None,
         sequence_length: SupportsIndex = 2,
         weight: SupportsFloat = 0.99,
         tolerance: SupportsIndex = 1,
@@ -253,6 +255,8 @@ class Localizer:
     def distances(self) -> _Float32: ...
     @property
     def map(self) -> Map: ...
+    @property
+    def threads(self) -> int: ...
 
 @final
 class FixStream(Iterator[Fix]):

@@ -1,17 +1,25 @@
 //! From images to descriptors (method 1.7).
+#![allow(clippy::inline_always, reason = "what is not inlined is not compiled for the instruction set")]
 
+mod describer;
 #[cfg(feature = "image")]
 mod files;
+mod grey;
 mod image;
+#[cfg(test)]
+mod naive;
+mod patches;
 mod resize;
 mod sad;
 mod source;
 #[cfg(test)]
 mod tests;
+mod transpose;
 
+pub use describer::Describer;
 #[cfg(feature = "image")]
 pub use files::{ImageFiles, read_image};
 pub use image::{Channels, Image, ImageView};
-pub use sad::{Describer, Sad};
+pub use sad::Sad;
 pub use source::{ImageSource, Progress, describe_all};
 pub(crate) use source::{describe_each, describe_into, go_on};

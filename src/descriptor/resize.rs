@@ -1,18 +1,32 @@
-//! Antialiased bilinear resizing of grey images as Pillow does it: rows first, then columns, in fixed point.
+//! Antialiased bilinear resizing as Pillow does it: grey, then rows, then columns, in fixed point.
 //!
 //! It is our own because `push` may not allocate, and resize libraries compute their tables anew for each
 //! image: here they are kept for as long as the camera does not change its image size.
+//!
+//! A row's sums are a few dozen products each, at places that differ from sum to sum: little for a vector register to
+//! hold. So the rows are taken a block at a time and turned on their side: the same sum of all rows of a block then runs
+//! side by side. Everything is in whole numbers, so the order of additions makes no difference.
+
+use super::grey::brightness;
+use super::image::{Channels, ImageView};
+use super::transpose::{deinterleave, interleave};
 
 /// Bits behind the point of a weight: an 8-bit pixel times a weight, summed, fits 32 bits with a sign.
 const PRECISION: u32 = 32 - 8 - 2;
+/// Rows a block: as many 32-bit sums as the widest registers hold.
+const ROWS: usize = 16;
+/// Ends a target pixel's weights, none of which is negative.
+const END: i32 = -1;
 
 /// The weighted source pixels of each target pixel along one axis.
 #[derive(Clone, Debug, Default)]
 struct Axis {
     source: usize,
     target: usize,
-    /// For each target pixel: its first source pixel, and where its weights end in `weights`.
+    /// For each target pixel: its first source pixel, and where its weights begin in `weights`.
     taps: Vec<(usize, usize)>,
+    /// The weights of one target pixel after the other, each with an `END`. (A loop that ends at a mark is one that the
+    /// compiler leaves alone: with a count, it would vectorise along the weights, which are few, and not along the rows.)
     weights: Vec<i32>,
 }
 
@@ -38,27 +52,25 @@ impl Axis {
             };
             let total: f64 = (first..last).map(triangle).sum();
             let one = f64::from(1_u32 << PRECISION);
-            self.weights.extend((first..last).map(|pixel| (0.5 + triangle(pixel) / total * one) as i32));
             self.taps.push((first, self.weights.len()));
+            self.weights.extend((first..last).map(|pixel| (0.5 + triangle(pixel) / total * one) as i32));
+            self.weights.push(END);
         }
     }
 
-    /// For each target pixel: its first source pixel and its weights.
+    /// For each target pixel: its first source pixel, and the weights from there on, up to the first `END`.
+    #[inline(always)]
     fn each(&self) -> impl Iterator<Item = (usize, &[i32])> {
-        let mut start = 0;
-        self.taps.iter().map(move |&(first, end)| {
-            let weights = &self.weights[start..end];
-            start = end;
-            (first, weights)
-        })
+        self.taps.iter().map(|&(first, start)| (first, &self.weights[start..]))
     }
 }
 
-/// Resizes grey images, and remembers the tables and the memory of the last size.
+/// Makes images grey and small, and remembers the tables and the memory of the last size.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Resize {
     across: Axis,
     down: Axis,
+    block: Block,
     /// The image after the first pass: target width, source height.
     narrow: Vec<u8>,
     /// One row of sums.
@@ -66,25 +78,24 @@ pub(super) struct Resize {
 }
 
 impl Resize {
-    /// `grey` of `from` (width, height) into `out` of `to` (width, height), rows first, then columns, each rounded to
-    /// 8 bits.
-    pub(super) fn run(&mut self, grey: &[u8], from: (usize, usize), to: (usize, usize), out: &mut [u8]) {
-        self.across.prepare(from.0, to.0);
-        self.down.prepare(from.1, to.1);
-        let narrow = if from.0 == to.0 {
-            grey
-        } else {
-            self.narrow.resize(to.0 * from.1, 0);
-            let rows = self.narrow.chunks_exact_mut(to.0).zip(grey.chunks_exact(from.0));
-            for (narrow, row) in rows {
-                for (pixel, (first, weights)) in narrow.iter_mut().zip(self.across.each()) {
-                    let taps = row[first..first + weights.len()].iter().zip(weights);
-                    *pixel = rounded(taps.map(|(&p, &w)| i32::from(p) * w).sum());
-                }
-            }
+    /// `image` in grey into `out` of `to` (width, height), rows first, then columns, each rounded to 8 bits.
+    #[inline(always)]
+    pub(super) fn run(&mut self, image: ImageView<'_>, to: (usize, usize), out: &mut [u8]) {
+        let (width, height) = (image.width(), image.height());
+        self.across.prepare(width, to.0);
+        self.down.prepare(height, to.1);
+        let narrow = if width != to.0 {
+            self.narrow.resize(to.0 * height, 0);
+            self.block.run(image, &self.across, &mut self.narrow);
             &self.narrow
+        } else if image.channels() == Channels::Rgb {
+            self.narrow.resize(width * height, 0);
+            brightness(image.pixels(), &mut self.narrow);
+            &self.narrow
+        } else {
+            image.pixels()
         };
-        if from.1 == to.1 {
+        if height == to.1 {
             out.copy_from_slice(narrow);
             return;
         }
@@ -92,6 +103,9 @@ impl Resize {
         for (out, (first, weights)) in out.chunks_exact_mut(to.0).zip(self.down.each()) {
             self.sums.fill(0);
             for (row, &weight) in narrow[first * to.0..].chunks_exact(to.0).zip(weights) {
+                if weight == END {
+                    break;
+                }
                 self.sums.iter_mut().zip(row).for_each(|(sum, &p)| *sum += i32::from(p) * weight);
             }
             out.iter_mut().zip(&self.sums).for_each(|(pixel, &sum)| *pixel = rounded(sum));
@@ -99,6 +113,96 @@ impl Resize {
     }
 }
 
+/// The memory of the first pass, for `ROWS` rows. Four bytes of a column are a word, four words the column.
+#[derive(Clone, Debug, Default)]
+struct Block {
+    /// The rows in grey, one after the other.
+    grey: Vec<u8>,
+    /// The same, a word a column, rows 0 to 3 first.
+    words: [Vec<u32>; 4],
+    /// The same, column by column.
+    wide: Vec<[u32; 4]>,
+    /// The columns of the target.
+    narrow: Vec<[u32; 4]>,
+}
+
+impl Block {
+    /// The first pass: the rows of `image` in grey, each as wide as the target of `across`, into `out`.
+    #[inline(always)]
+    fn run(&mut self, image: ImageView<'_>, across: &Axis, out: &mut [u8]) {
+        let (wide, narrow, channels) = (across.source, across.target, image.channels());
+        self.grey.resize(wide * ROWS, 0);
+        self.wide.resize(wide, [0; 4]);
+        self.narrow.resize(narrow, [0; 4]);
+        self.words.iter_mut().for_each(|words| words.resize(wide.max(narrow), 0));
+
+        let blocks = image.pixels().chunks(wide * channels.count() * ROWS);
+        for (pixels, out) in blocks.zip(out.chunks_mut(narrow * ROWS)) {
+            // In the last block, what is left of the one before takes the place of missing rows.
+            match channels {
+                Channels::Grey => self.grey[..pixels.len()].copy_from_slice(pixels),
+                Channels::Rgb => brightness(pixels, &mut self.grey),
+            }
+            self.turn();
+            self.reduce(across);
+            self.turn_back(narrow, out);
+        }
+    }
+
+    /// The rows' columns.
+    #[inline(always)]
+    fn turn(&mut self) {
+        let width = self.wide.len();
+        for (rows, words) in self.grey.chunks_exact(4 * width).zip(&mut self.words) {
+            let row = |index: usize| &rows[index * width..][..width];
+            interleave([row(0), row(1), row(2), row(3)], bytemuck::must_cast_slice_mut(&mut words[..width]));
+        }
+        let [a, b, c, d] = &self.words;
+        interleave([a, b, c, d], &mut self.wide);
+    }
+
+    /// Each column of the target, from those of the source that have a weight.
+    #[inline(always)]
+    fn reduce(&mut self, across: &Axis) {
+        let wide: &[[u8; ROWS]] = bytemuck::must_cast_slice(&self.wide);
+        let narrow: &mut [[u8; ROWS]] = bytemuck::must_cast_slice_mut(&mut self.narrow);
+        for (narrow, (first, weights)) in narrow.iter_mut().zip(across.each()) {
+            let mut sums = [0; ROWS];
+            for (column, &weight) in wide[first..].iter().zip(weights) {
+                if weight == END {
+                    break;
+                }
+                for row in 0..ROWS {
+                    sums[row] += i32::from(column[row]) * weight;
+                }
+            }
+            *narrow = sums.map(rounded);
+        }
+    }
+
+    /// The target's columns as rows again, as many as there are in `out`.
+    #[inline(always)]
+    fn turn_back(&mut self, width: usize, out: &mut [u8]) {
+        let [a, b, c, d] = &mut self.words;
+        deinterleave(&self.narrow, [a, b, c, d]);
+        for (words, out) in self.words.iter().zip(out.chunks_mut(4 * width)) {
+            let columns: &[[u8; 4]] = bytemuck::must_cast_slice(&words[..width]);
+            if let Some((a, rest)) = out.split_at_mut_checked(width)
+                && let Some((b, rest)) = rest.split_at_mut_checked(width)
+                && let Some((c, d)) = rest.split_at_mut_checked(width)
+                && d.len() == width
+            {
+                deinterleave(columns, [a, b, c, d]);
+                continue;
+            }
+            for (index, row) in out.chunks_exact_mut(width).enumerate() {
+                row.iter_mut().zip(columns).for_each(|(pixel, column)| *pixel = column[index]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
 fn rounded(sum: i32) -> u8 {
     ((sum + (1 << (PRECISION - 1))) >> PRECISION).clamp(0, 255) as u8
 }

@@ -3,8 +3,9 @@
 use std::ops::{ControlFlow, Range};
 use std::sync::{Mutex, PoisonError};
 
+use super::describer::Describer;
 use super::image::Image;
-use super::sad::{Describer, Sad};
+use super::sad::Sad;
 use crate::distance::Values;
 use crate::error::Error;
 use crate::parallel::{each_row, threads};

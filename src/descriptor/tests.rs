@@ -176,9 +176,13 @@ fn brightness_is_pillows_luma() {
     }
 }
 
+fn view(grey: &[u8], (width, height): (usize, usize)) -> ImageView<'_> {
+    ImageView::new(width, height, Channels::Grey, grey).unwrap()
+}
+
 fn resize(grey: &[u8], from: (usize, usize), to: (usize, usize)) -> Vec<u8> {
     let mut out = vec![0; to.0 * to.1];
-    Resize::default().run(grey, from, to, &mut out);
+    Resize::default().run(view(grey, from), to, &mut out);
     out
 }
 
@@ -227,7 +231,7 @@ proptest! {
         for (from, to) in sizes {
             let grey: Vec<u8> = (0..from.0 * from.1).map(|i| (i * 37 % 256) as u8).collect();
             let mut out = vec![0; to.0 * to.1];
-            used.run(&grey, from, to, &mut out);
+            used.run(view(&grey, from), to, &mut out);
             prop_assert_eq!(out, resize(&grey, from, to));
         }
     }

@@ -11,13 +11,14 @@ mod positions;
 mod storage;
 
 use std::hash::Hasher as _;
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
 use crate::descriptor::Sad;
-use crate::distance::{self, Dtype, Metric, Rows, Values, View, norm};
+use crate::distance::{self, Dtype, Metric, Rows, Values, View, each_type, norm};
 use crate::error::Error;
 use names::Names;
 pub use positions::Positions;
@@ -175,11 +176,22 @@ impl Map {
     /// [`Error::Dtype`] unless it is of the map's own type, or float32 on a map of ready descriptors; [`Error::NotFinite`] for a NaN or an infinity;
     /// [`Error::NoDirection`] for zeros under the cosine. `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
+        self.distances_of(descriptor, 0..self.places, out)
+    }
+
+    /// Like [`distances_into`](Self::distances_into), to some of the places only, which must be there. Of none, the
+    /// descriptor is checked.
+    pub(crate) fn distances_of(
+        &self,
+        descriptor: View<'_>,
+        places: Range<usize>,
+        out: &mut [f32],
+    ) -> Result<(), Error> {
         if descriptor.len() != self.dim {
             return Err(Error::Length { what: "descriptor", expected: self.dim, got: descriptor.len() });
         }
-        if out.len() != self.places {
-            return Err(Error::Length { what: "distances", expected: self.places, got: out.len() });
+        if out.len() != places.len() {
+            return Err(Error::Length { what: "distances", expected: places.len(), got: out.len() });
         }
         // The numbers of SAD in float32 (z) are not those in uint8 (128 + 32 z): one is no query for the other.
         if let (Recipe::Sad(_), map, got) = (self.recipe, self.dtype(), descriptor.dtype())
@@ -187,7 +199,13 @@ impl Map {
         {
             return Err(Error::Dtype { what: "descriptor", map, or_float: false, got });
         }
-        distance::distances(descriptor, self.as_rows(), out)
+        let mut rows = self.as_rows();
+        let numbers = places.start * self.dim..places.end * self.dim;
+        rows.values = each_type!(View, rows.values, v => View::from(&v[numbers]));
+        if !rows.norms.is_empty() {
+            rows.norms = &rows.norms[places];
+        }
+        distance::distances(descriptor, rows, out)
     }
 
     fn as_rows(&self) -> Rows<'_> {

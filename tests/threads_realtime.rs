@@ -1,0 +1,59 @@
+//! A push with several threads allocates nothing, on none of them. (The counter is the whole process's: one test, by itself.)
+#![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
+mod cases;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use cases::{DTYPES, numbers};
+use surefix::{Config, Dtype, Localizer, Map, Metric};
+
+/// The system's allocator, counting what is asked of it by whom ever.
+struct Counting;
+
+static CALLS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every method hands its arguments on to `System` unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise is `System`'s.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise is `System`'s.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn a_crew_allocates_nothing_after_its_first_frame() {
+    const DIM: usize = 500;
+    for dtype in DTYPES {
+        let map = Map::from_descriptors(numbers(dtype, 1501 * DIM, 7), DIM, Metric::Cosine).unwrap();
+        let localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
+        let mut localizer = localizer.with_threads(Some(3)).unwrap();
+        let (own, float) = (numbers(dtype, DIM, 8), numbers(Dtype::F32, DIM, 9));
+        let spoilt = vec![f32::NAN; DIM];
+        let mut push = || {
+            localizer.push_descriptor(&own).unwrap();
+            localizer.push_descriptor(&float).unwrap();
+            assert!(localizer.push_descriptor(&spoilt).is_err());
+        };
+        push();
+        // A thread that is still being started allocates for itself: it has had its time.
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        push();
+        let before = CALLS.load(Ordering::Relaxed);
+        (0..20).for_each(|_| push());
+        assert_eq!(CALLS.load(Ordering::Relaxed) - before, 0, "{dtype}");
+    }
+}
