@@ -20,7 +20,10 @@ use crate::error::Error;
 use crate::map::Map;
 use desk::Desk;
 
-/// Bytes of rows for which a thread is started unasked.
+/// Bytes of rows for which a thread is started unasked: two for 16 MB. Two threads against one, whole pushes on a Xeon with
+/// 2 MB of cache a core, AVX-512, medians: 1.0 times as fast at 3.7 MB, 1.3 at 8 MB, 1.5 at 16 MB, 1.7 at 33 MB, 1.9 at
+/// 205 MB. On a machine whose cores are all taken, waking others gains nothing and can cost the caller its turn: small maps,
+/// which are scanned within one, are left alone.
 const BYTES_A_THREAD: usize = 8 << 20;
 /// Bytes of rows in a chunk, where the map is large enough: far more than its handling costs, and far less than a frame,
 /// for as much may be done twice.
