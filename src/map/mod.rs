@@ -11,6 +11,7 @@ use twox_hash::XxHash3_64;
 use crate::descriptor::{ImageSource, Progress, Sad, describe_all};
 use crate::distance::{self, Dtype, Metric, Rows, Values, View, norm};
 use crate::error::Error;
+use crate::isa::Isa;
 
 /// How the map's descriptors were made, so that a query can be described the same way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,6 +46,7 @@ pub struct Map {
     names: Option<Vec<String>>,
     positions: Option<Positions>,
     fingerprint: OnceLock<u64>,
+    isa: Isa,
 }
 
 /// Where each place is: planar metres, two or three coordinates a place.
@@ -143,8 +145,8 @@ impl Map {
         if let Some(row) = norms.iter().position(|&norm| norm == 0.0) {
             return Err(Error::NoDirection { what: "descriptors", row: Some(row) });
         }
-        let fingerprint = OnceLock::new();
-        Ok(Self { rows, places, dim, metric, recipe, norms, names: None, positions: None, fingerprint })
+        let (fingerprint, isa) = (OnceLock::new(), Isa::best());
+        Ok(Self { rows, places, dim, metric, recipe, norms, names: None, positions: None, fingerprint, isa })
     }
 
     /// The same map with a name for each place, such as its image's file name.
@@ -173,6 +175,29 @@ impl Map {
         }
         self.positions = Some(positions);
         Ok(self)
+    }
+
+    /// The same map, whose distances are computed with the given instruction set instead of [`Isa::best`].
+    /// It decides the speed; the distances are the same, to the last bit.
+    ///
+    /// ```
+    /// use surefix::{Isa, Map, Metric};
+    /// let map = Map::from_descriptors(vec![0_u8, 9, 1, 7], 2, Metric::Manhattan)?;
+    /// let plain = map.clone().with_isa(Isa::Scalar)?;
+    /// assert_eq!(plain.distances([3_u8, 3].as_slice())?, map.distances([3_u8, 3].as_slice())?);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Option`] for an instruction set that this processor lacks.
+    pub fn with_isa(mut self, isa: Isa) -> Result<Self, Error> {
+        self.isa = isa.checked()?;
+        Ok(self)
+    }
+
+    /// The instruction set that distances are computed with.
+    pub fn isa(&self) -> Isa {
+        self.isa
     }
 
     /// How many places the route has.
@@ -253,7 +278,14 @@ impl Map {
             Recipe::Sad(sad) => sad.unit(),
             Recipe::Ready => 1.0,
         };
-        Rows { values: self.rows.view(), dim: self.dim, metric: self.metric, unit, norms: &self.norms }
+        Rows {
+            values: self.rows.view(),
+            dim: self.dim,
+            metric: self.metric,
+            unit,
+            norms: &self.norms,
+            isa: self.isa,
+        }
     }
 
     /// A hash of all that decides a distance: a snapshot knows its map by it. Computed once, when first asked for.
