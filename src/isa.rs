@@ -15,7 +15,7 @@ use crate::error::Error;
 pub enum Isa {
     /// Nothing beyond what the compiler's target has: the oracle of the others.
     Scalar,
-    /// AVX2 on x86-64.
+    /// AVX2 on x86-64, with FMA and F16C: Haswell, Zen and later.
     Avx2,
     /// AVX-512 on x86-64, with F, BW, DQ, VL and VNNI: Ice Lake, Zen 4 and later.
     Avx512,
@@ -47,7 +47,11 @@ impl Isa {
         match self {
             Self::Scalar => true,
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => std::arch::is_x86_feature_detected!("avx2"),
+            Self::Avx2 => {
+                std::arch::is_x86_feature_detected!("avx2")
+                    && std::arch::is_x86_feature_detected!("fma")
+                    && std::arch::is_x86_feature_detected!("f16c")
+            }
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
                 Self::Avx2.is_available()

@@ -6,6 +6,7 @@ use half::f16;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
+use crate::isa::Isa;
 
 /// How many numbers are checked at a time.
 const BLOCK: usize = 1024;
@@ -188,7 +189,7 @@ impl<'a> View<'a> {
     pub(crate) fn check_finite(&self, what: &'static str, dim: usize) -> Result<(), Error> {
         let found = match self {
             Self::F32(v) => first_not_finite(v),
-            Self::F16(v) => v.iter().position(|x| !x.is_finite()).map(|i| (i, f32::from(v[i]))),
+            Self::F16(v) => first_spoilt(v, |x| !x.is_finite()).map(|i| (i, f32::from(v[i]))),
             Self::I8(_) | Self::U8(_) => None,
         };
         let Some((at, value)) = found else { return Ok(()) };
@@ -199,11 +200,15 @@ impl<'a> View<'a> {
 
 /// The first number that is a NaN or an infinity, with its index.
 pub(crate) fn first_not_finite(numbers: &[f32]) -> Option<(usize, f32)> {
+    first_spoilt(numbers, |x| !x.is_finite()).map(|index| (index, numbers[index]))
+}
+
+/// The index of the first number that is `bad`.
+fn first_spoilt<T: Copy>(numbers: &[T], bad: impl Fn(T) -> bool + Copy) -> Option<usize> {
     // Without a way out in the middle, the check of a block runs in vector registers.
-    let spoilt = |block: &[f32]| block.iter().fold(false, |spoilt, x| spoilt | !x.is_finite());
-    let start = numbers.chunks(BLOCK).position(spoilt)? * BLOCK;
-    let index = start + numbers[start..].iter().position(|x| !x.is_finite())?;
-    Some((index, numbers[index]))
+    let spoilt = |block: &[T]| block.iter().fold(false, |spoilt, &x| spoilt | bad(x));
+    let start = Isa::best().run(|| numbers.chunks(BLOCK).position(spoilt))? * BLOCK;
+    Some(start + numbers[start..].iter().position(|&x| bad(x))?)
 }
 
 macro_rules! from_slices {

@@ -1,11 +1,14 @@
 //! Every metric on every pair of types against a line of f64, over all lengths around the block sizes.
 
+mod kernels;
+
 use half::f16;
 use proptest::prelude::*;
 use proptest::sample::select;
 
 use super::{Dtype, Metric, Rows, Values, View, distances, norm};
 use crate::error::Error;
+use crate::isa::Isa;
 
 const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosine];
 const DTYPES: [Dtype; 4] = [Dtype::F32, Dtype::F16, Dtype::I8, Dtype::U8];
@@ -69,9 +72,24 @@ fn run(metric: Metric, query: View<'_>, values: View<'_>, unit: f64) -> Result<V
         Metric::Cosine => (0..values.len() / dim).map(|i| norm(values.row(i, dim).unwrap())).collect(),
         _ => Vec::new(),
     };
-    let mut out = vec![f32::NAN; values.len() / dim];
-    distances(query, Rows { values, dim, metric, unit, norms: &norms }, &mut out)?;
-    Ok(out)
+    let on = |isa| {
+        let mut out = vec![f32::NAN; values.len() / dim];
+        distances(query, Rows { values, dim, metric, unit, norms: &norms, isa }, &mut out)?;
+        Ok(out)
+    };
+    let plain = on(Isa::Scalar);
+    for isa in Isa::available() {
+        // Every bit: what is one unit off on one machine would be another answer there.
+        match (&plain, on(isa)) {
+            (Ok(plain), Ok(out)) => assert_eq!(bits(plain), bits(&out), "{isa}"),
+            (plain, out) => assert_eq!(format!("{plain:?}"), format!("{out:?}"), "{isa}"),
+        }
+    }
+    plain
+}
+
+fn bits(numbers: &[f32]) -> Vec<u32> {
+    numbers.iter().map(|x| x.to_bits()).collect()
 }
 
 /// Within one unit in the last place of the f64 result; the cosine loses what `1 - x` loses in f64.

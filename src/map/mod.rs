@@ -20,6 +20,7 @@ use twox_hash::XxHash3_64;
 use crate::descriptor::Sad;
 use crate::distance::{self, Dtype, Metric, Rows, Values, View, each_type, norm};
 use crate::error::Error;
+use crate::isa::Isa;
 use names::Names;
 pub use positions::Positions;
 use storage::Storage;
@@ -57,6 +58,7 @@ pub struct Map {
     names: Option<Names>,
     positions: Option<Positions>,
     fingerprint: OnceLock<u64>,
+    isa: Isa,
 }
 
 impl Map {
@@ -86,8 +88,8 @@ impl Map {
         recipe: Recipe,
         norms: Vec<f64>,
     ) -> Self {
-        let fingerprint = OnceLock::new();
-        Self { rows, places, dim, metric, recipe, norms, names: None, positions: None, fingerprint }
+        let (fingerprint, isa) = (OnceLock::new(), Isa::best());
+        Self { rows, places, dim, metric, recipe, norms, names: None, positions: None, fingerprint, isa }
     }
 
     /// The same map with a name for each place, such as its image's file name.
@@ -116,6 +118,29 @@ impl Map {
         }
         self.positions = Some(positions);
         Ok(self)
+    }
+
+    /// The same map, whose distances are computed with the given instruction set instead of [`Isa::best`].
+    /// It decides the speed; the distances are the same, to the last bit.
+    ///
+    /// ```
+    /// use surefix::{Isa, Map, Metric};
+    /// let map = Map::from_descriptors(vec![0_u8, 9, 1, 7], 2, Metric::Manhattan)?;
+    /// let plain = map.clone().with_isa(Isa::Scalar)?;
+    /// assert_eq!(plain.distances([3_u8, 3].as_slice())?, map.distances([3_u8, 3].as_slice())?);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Option`] for an instruction set that this processor lacks.
+    pub fn with_isa(mut self, isa: Isa) -> Result<Self, Error> {
+        self.isa = isa.checked()?;
+        Ok(self)
+    }
+
+    /// The instruction set that distances are computed with.
+    pub fn isa(&self) -> Isa {
+        self.isa
     }
 
     /// How many places the route has.
@@ -213,7 +238,14 @@ impl Map {
             Recipe::Sad(sad) => sad.unit(),
             Recipe::Ready => 1.0,
         };
-        Rows { values: self.rows.view(), dim: self.dim, metric: self.metric, unit, norms: &self.norms }
+        Rows {
+            values: self.rows.view(),
+            dim: self.dim,
+            metric: self.metric,
+            unit,
+            norms: &self.norms,
+            isa: self.isa,
+        }
     }
 
     /// A hash of all that decides a distance: a snapshot knows its map by it. Computed once, when first asked for.

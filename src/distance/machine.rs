@@ -1,0 +1,102 @@
+//! One instruction set's registers, as the scans use them, and the numbers that fill them.
+
+use bytemuck::Pod;
+use half::f16;
+
+use super::scalar::Widen;
+use super::scan::Work;
+
+/// How many f64 sums a row of floats has, on every machine (method 1.6).
+pub(super) const LANES: usize = 16;
+/// How many bytes are taken at a time, on every machine.
+pub(super) const BLOCK: usize = 64;
+
+/// One instruction set. The value is the proof that the processor has it, so that everything here is safe to call; loads take
+/// arrays, whose length the type knows.
+pub(super) trait Machine: Copy {
+    /// A register of f64.
+    type Wide: Copy;
+    /// [`LANES`] of f64: an array of registers.
+    type Lanes: Copy + AsRef<[Self::Wide]> + AsMut<[Self::Wide]>;
+    /// [`BLOCK`] bytes.
+    type Block: Copy;
+    /// Sums of whole numbers, of 32 bits or more.
+    type Counts: Copy;
+    /// What [`products_i8`](Self::products_i8) adds to each number of the row before it multiplies.
+    const OFFSET: i64;
+
+    /// Does the work in a function that is compiled for this instruction set.
+    fn run<W: Work>(self, work: W);
+
+    /// Sums of nothing.
+    fn lanes(self) -> Self::Lanes;
+    /// The numbers that stand in register `part` of [`Lanes`](Self::Lanes).
+    fn f32s(self, numbers: &[f32; LANES], part: usize) -> Self::Wide;
+    /// As [`f32s`](Self::f32s).
+    fn f16s(self, numbers: &[f16; LANES], part: usize) -> Self::Wide;
+    /// As [`f32s`](Self::f32s).
+    fn i8s(self, numbers: &[i8; LANES], part: usize) -> Self::Wide;
+    /// As [`f32s`](Self::f32s).
+    fn u8s(self, numbers: &[u8; LANES], part: usize) -> Self::Wide;
+    /// Asks for memory that will be read soon, where that is worth it. Any address will do.
+    fn fetch<T>(self, _ahead: *const T) {}
+    /// `sum + |a - b|`, rounded after each operation.
+    fn difference(self, sum: Self::Wide, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// `sum + (a - b)^2`, rounded after each operation.
+    fn square(self, sum: Self::Wide, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// `sum + a b`, fused or not: two numbers of 24 bits have a product of 48, which f64 holds without rounding.
+    fn product(self, sum: Self::Wide, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// The sixteen sums.
+    fn store(self, lanes: Self::Lanes) -> [f64; LANES];
+
+    /// Sums of nothing.
+    fn counts(self) -> Self::Counts;
+    /// The bytes, in a register or several.
+    fn block(self, bytes: &[u8; BLOCK]) -> Self::Block;
+    /// Signed bytes as unsigned ones that have the same differences.
+    fn flip(self, block: Self::Block) -> Self::Block;
+    /// For unsigned bytes, `sum + |a - b|`.
+    fn differences(self, sum: Self::Counts, a: Self::Block, b: Self::Block) -> Self::Counts;
+    /// For unsigned bytes, `sum + (a - b)^2`.
+    fn squares(self, sum: Self::Counts, a: Self::Block, b: Self::Block) -> Self::Counts;
+    /// For unsigned bytes, `sum + a b`.
+    fn products_u8(self, sum: Self::Counts, a: Self::Block, b: Self::Block) -> Self::Counts;
+    /// For signed bytes, `sum + query (row + OFFSET)`.
+    fn products_i8(self, sum: Self::Counts, query: Self::Block, row: Self::Block) -> Self::Counts;
+    /// What [`differences`](Self::differences) summed.
+    fn total_differences(self, sum: Self::Counts) -> i64;
+    /// What the others summed.
+    fn total(self, sum: Self::Counts) -> i64;
+}
+
+/// A number that is compared as a float.
+pub(super) trait Number: Widen + Default {
+    /// Those of one register.
+    fn load<M: Machine>(machine: M, numbers: &[Self; LANES], part: usize) -> M::Wide;
+}
+
+macro_rules! numbers {
+    ($($number:ty => $load:ident),*) => {$(
+        impl Number for $number {
+            #[inline(always)]
+            fn load<M: Machine>(machine: M, numbers: &[Self; LANES], part: usize) -> M::Wide {
+                machine.$load(numbers, part)
+            }
+        }
+    )*};
+}
+numbers!(f32 => f32s, f16 => f16s, i8 => i8s, u8 => u8s);
+
+/// A number that is compared as a whole one.
+pub(super) trait Byte: Pod + Into<i32> {
+    /// Whether it is an `i8`.
+    const SIGNED: bool;
+}
+
+impl Byte for u8 {
+    const SIGNED: bool = false;
+}
+
+impl Byte for i8 {
+    const SIGNED: bool = true;
+}

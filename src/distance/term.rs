@@ -1,0 +1,116 @@
+//! What is summed over a row: differences, squares or products, of floats or of bytes.
+
+use super::machine::{Byte, Machine};
+
+/// One of [`Differences`], [`Squares`] and [`Products`].
+pub(super) trait Term: Copy {
+    /// The term of two floats.
+    fn float(a: f64, b: f64) -> f64;
+    /// The term of two bytes.
+    fn byte(a: i32, b: i32) -> i32;
+    /// Adds the terms of a register of floats.
+    fn add<M: Machine>(machine: M, sum: M::Wide, a: M::Wide, b: M::Wide) -> M::Wide;
+    /// Adds the terms of a block of bytes.
+    fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts;
+    /// What [`count`](Self::count) summed.
+    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64;
+    /// By how much that is too large, for any row.
+    fn excess<M: Machine, B: Byte>(query: &[B]) -> i64;
+}
+
+/// Absolute differences, for the manhattan distance.
+#[derive(Clone, Copy)]
+pub(super) struct Differences;
+/// Squared differences, for the euclidean distance.
+#[derive(Clone, Copy)]
+pub(super) struct Squares;
+/// Products, for the cosine.
+#[derive(Clone, Copy)]
+pub(super) struct Products;
+
+/// Bytes whose differences are those of unsigned ones.
+#[inline(always)]
+fn unsigned<M: Machine, B: Byte>(machine: M, block: M::Block) -> M::Block {
+    if B::SIGNED { machine.flip(block) } else { block }
+}
+
+impl Term for Differences {
+    #[inline(always)]
+    fn float(a: f64, b: f64) -> f64 {
+        (a - b).abs()
+    }
+    #[inline(always)]
+    fn byte(a: i32, b: i32) -> i32 {
+        (a - b).abs()
+    }
+    #[inline(always)]
+    fn add<M: Machine>(machine: M, sum: M::Wide, a: M::Wide, b: M::Wide) -> M::Wide {
+        machine.difference(sum, a, b)
+    }
+    #[inline(always)]
+    fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {
+        machine.differences(sum, unsigned::<M, B>(machine, query), unsigned::<M, B>(machine, row))
+    }
+    #[inline(always)]
+    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
+        machine.total_differences(sum)
+    }
+    #[inline(always)]
+    fn excess<M: Machine, B: Byte>(_: &[B]) -> i64 {
+        0
+    }
+}
+
+impl Term for Squares {
+    #[inline(always)]
+    fn float(a: f64, b: f64) -> f64 {
+        (a - b) * (a - b)
+    }
+    #[inline(always)]
+    fn byte(a: i32, b: i32) -> i32 {
+        (a - b) * (a - b)
+    }
+    #[inline(always)]
+    fn add<M: Machine>(machine: M, sum: M::Wide, a: M::Wide, b: M::Wide) -> M::Wide {
+        machine.square(sum, a, b)
+    }
+    #[inline(always)]
+    fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {
+        machine.squares(sum, unsigned::<M, B>(machine, query), unsigned::<M, B>(machine, row))
+    }
+    #[inline(always)]
+    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
+        machine.total(sum)
+    }
+    #[inline(always)]
+    fn excess<M: Machine, B: Byte>(_: &[B]) -> i64 {
+        0
+    }
+}
+
+impl Term for Products {
+    #[inline(always)]
+    fn float(a: f64, b: f64) -> f64 {
+        a * b
+    }
+    #[inline(always)]
+    fn byte(a: i32, b: i32) -> i32 {
+        a * b
+    }
+    #[inline(always)]
+    fn add<M: Machine>(machine: M, sum: M::Wide, a: M::Wide, b: M::Wide) -> M::Wide {
+        machine.product(sum, a, b)
+    }
+    #[inline(always)]
+    fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {
+        if B::SIGNED { machine.products_i8(sum, query, row) } else { machine.products_u8(sum, query, row) }
+    }
+    #[inline(always)]
+    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
+        machine.total(sum)
+    }
+    #[inline(always)]
+    fn excess<M: Machine, B: Byte>(query: &[B]) -> i64 {
+        if B::SIGNED { M::OFFSET * query.iter().map(|&x| i64::from(x.into())).sum::<i64>() } else { 0 }
+    }
+}
