@@ -81,7 +81,6 @@ impl Isa {
     ///
     /// An instruction set that this processor lacks runs as [`Isa::Scalar`].
     #[inline]
-    #[allow(dead_code)]
     pub(crate) fn run<R>(self, work: impl FnOnce() -> R) -> R {
         match self {
             #[cfg(target_arch = "x86_64")]
@@ -95,7 +94,7 @@ impl Isa {
 
 /// Doors into code that is compiled for one instruction set. Each is called only where the processor has it.
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code, dead_code)]
+#[allow(unsafe_code)]
 mod x86 {
     pub(super) fn avx2<R>(work: impl FnOnce() -> R) -> R {
         #[target_feature(enable = "avx2")]

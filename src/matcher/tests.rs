@@ -9,7 +9,7 @@ use super::extreme::{extreme, first_equal};
 use super::gradient::{enhanced_peak, gradient, missing_gradient};
 use super::minimum;
 use super::ring::Ring;
-use super::sequence::{Anchor, Diagonal, best_sequence};
+use super::sequence::{Anchor, Anchors, Search, Window};
 use crate::config::Gradient;
 
 fn cases() -> ProptestConfig {
@@ -112,10 +112,13 @@ proptest! {
         prop_assert!((f64::from(missing_gradient(&d, kind)) - expected).abs() < 1e-6);
     }
 
+    /// Whether the older gradients are made of columns or were kept.
     #[test]
     fn enhanced_peak_adds_along_the_diagonal_in_order(
-        g in columns(2..140, 1..6), before in 0..4_usize, smoothing in 1..9_usize, missing in number(),
+        d in columns(2..600, 1..6), before in 0..4_usize, kept in 0..5_usize, smoothing in 1..9_usize, kind in kinds(),
     ) {
+        let g: Vec<Vec<f32>> = d.iter().map(|d| naive_gradient(d, kind)).collect();
+        let missing = missing_gradient(&d[0], kind);
         let enhanced = |i: usize| {
             let term = |k: usize| if k <= i { g.get(k).map_or(missing, |g| g[i - k]) } else { missing };
             (1..smoothing).fold(g[0][i], |sum, k| sum + term(k))
@@ -123,9 +126,14 @@ proptest! {
         let sums: Vec<f32> = (0..g[0].len()).map(enhanced).collect();
         let highest = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         let place = sums.iter().position(|&x| x == highest).unwrap();
-        let peak = enhanced_peak(&ring(&g, before), smoothing, missing);
-        prop_assert_eq!(peak.place, place);
-        prop_assert_eq!(peak.value, highest);
+        let (columns, kept) = d.split_at(d.len() - kept.min(d.len() - 1));
+        let earlier = if kept.is_empty() {
+            Ring::new(0, d[0].len()).unwrap()
+        } else {
+            ring(&g[columns.len()..], 0)
+        };
+        let peak = enhanced_peak(&ring(columns, before), &earlier, kind, smoothing);
+        prop_assert_eq!((peak.place, peak.value.to_bits()), (place, sums[place].to_bits()));
     }
 
     #[test]
@@ -161,15 +169,14 @@ proptest! {
         let cells = (0..length).map(|age| (anchor(age), back(speed, age)));
         let anchors = cells.filter(|(a, back)| a.trusted && a.single.place + back == place).count();
 
-        let mut columns = ring(&raw, before);
-        let diagonals: Vec<Diagonal> = speeds.iter().map(|&speed| Diagonal::new(speed, length).unwrap()).collect();
-        let got = best_sequence(&mut columns, anchor, &diagonals, weight, floor).unwrap();
+        let (columns, frame) = (ring(&raw, before), length as u64 + 6);
+        let mut ring = Anchors::new(length).unwrap();
+        (0..length).rev().for_each(|age| ring.push(anchor(age)));
+        let mut search = Search::new(&speeds, length, raw[0].len()).unwrap();
+        let window = Window { frame, columns: &columns, anchors: &ring, weight, floor };
+        let got = search.best(window).unwrap();
         prop_assert_eq!((got.place, got.speed, got.anchors), (place, speed, anchors));
         prop_assert_eq!(got.score, (sum / length as f64) as f32);
-        // The weights were for this query only.
-        for (age, raw) in raw.iter().enumerate() {
-            prop_assert!(same(columns.column(age), raw), "column {}", age);
-        }
     }
 
     #[test]

@@ -1,0 +1,58 @@
+//! The sums of short windows, and of diagonals of any slope: each distance is read where it lies.
+
+use super::order::Runs;
+use super::ring::Ring;
+
+/// How many sums are made at a time: they stay in the first-level cache.
+pub(super) const BLOCK: usize = 256;
+
+/// Writes to `sums`, at most [`BLOCK`], those of the diagonals that end in `start`, `start + 1`, ..., in the order of
+/// [`diagonal_sum`](super::order::diagonal_sum). A diagonal lies `back(age)` places back `age` queries ago; the caller
+/// sees to it that all of it is on the route.
+#[inline(always)]
+pub(super) fn direct_sums(
+    columns: &Ring,
+    runs: Runs,
+    back: impl Fn(usize) -> usize,
+    start: usize,
+    sums: &mut [f64],
+) {
+    let count = sums.len();
+    let terms = |age: usize| &columns.column(age)[start - back(age)..][..count];
+    let Runs { newest, full, rest } = runs;
+    total((0..newest).rev().map(terms), sums);
+    if full == 1 {
+        add(terms(newest), sums);
+    } else if full > 1 {
+        add_total((newest..newest + full).rev().map(terms), sums);
+    }
+    if rest == 1 {
+        add(terms(newest + full), sums);
+    } else if rest > 1 {
+        add_total((newest + full..newest + full + rest).map(terms), sums);
+    }
+}
+
+/// The sum of the columns, in their order.
+#[inline(always)]
+fn total<'a>(mut columns: impl Iterator<Item = &'a [f32]>, sums: &mut [f64]) {
+    if let Some(first) = columns.next() {
+        sums.iter_mut().zip(first).for_each(|(sum, &term)| *sum = f64::from(term));
+    }
+    for column in columns {
+        add(column, sums);
+    }
+}
+
+#[inline(always)]
+fn add(column: &[f32], sums: &mut [f64]) {
+    sums.iter_mut().zip(column).for_each(|(sum, &term)| *sum += f64::from(term));
+}
+
+#[inline(always)]
+fn add_total<'a>(columns: impl Iterator<Item = &'a [f32]>, sums: &mut [f64]) {
+    let mut part = [0.0_f64; BLOCK];
+    let part = &mut part[..sums.len()];
+    total(columns, part);
+    sums.iter_mut().zip(part).for_each(|(sum, part)| *sum += *part);
+}
