@@ -77,18 +77,37 @@ impl Isa {
         Err(Error::Option { name: "isa", expected, got: self.to_string() })
     }
 
-    /// Runs `work`, compiled for this instruction set: plain code in it uses the wider registers where it is inlined.
+    /// Runs `work`, compiled for this instruction set: plain code in it uses the wider registers where it is inlined. Of a
+    /// closure only a small one surely is; longer work is a type of its own, see [`Work`].
     ///
     /// An instruction set that this processor lacks runs as [`Isa::Scalar`].
     #[inline]
-    pub(crate) fn run<R>(self, work: impl FnOnce() -> R) -> R {
+    pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 if self.is_available() => x86::avx2(work),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 if self.is_available() => x86::avx512(work),
-            _ => work(),
+            _ => work.run(),
         }
+    }
+}
+
+/// What [`Isa::run`] can compile for each instruction set: a closure, or a type whose `run` is marked `#[inline(always)]`.
+/// The compiler may keep one copy of a longer closure, for the plainest instruction set, and call that from all of them.
+pub(crate) trait Work {
+    type Out;
+
+    fn run(self) -> Self::Out;
+}
+
+impl<R, F: FnOnce() -> R> Work for F {
+    type Out = R;
+
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "else the closure's copies are one")]
+    fn run(self) -> R {
+        self()
     }
 }
 
@@ -96,19 +115,21 @@ impl Isa {
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
 mod x86 {
-    pub(super) fn avx2<R>(work: impl FnOnce() -> R) -> R {
+    use super::Work;
+
+    pub(super) fn avx2<W: Work>(work: W) -> W::Out {
         #[target_feature(enable = "avx2")]
-        fn inside<R>(work: impl FnOnce() -> R) -> R {
-            work()
+        fn inside<W: Work>(work: W) -> W::Out {
+            work.run()
         }
         // SAFETY: `Isa::run`, the only caller, has just asked the processor.
         unsafe { inside(work) }
     }
 
-    pub(super) fn avx512<R>(work: impl FnOnce() -> R) -> R {
+    pub(super) fn avx512<W: Work>(work: W) -> W::Out {
         #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-        fn inside<R>(work: impl FnOnce() -> R) -> R {
-            work()
+        fn inside<W: Work>(work: W) -> W::Out {
+            work.run()
         }
         // SAFETY: `Isa::run`, the only caller, has just asked the processor.
         unsafe { inside(work) }

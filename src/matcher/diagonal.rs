@@ -10,6 +10,20 @@ use crate::error::Error;
 /// The longest window whose sums are made afresh for each query: as fast as keeping sums, in less memory.
 const DIRECT: usize = 8;
 
+/// What is done with the sums as they are made: a closure, or, so that it is compiled for each instruction set, a type whose
+/// method is marked `#[inline(always)]`.
+pub(crate) trait Visit {
+    /// The sums of the diagonals that end in `start`, `start + 1`, ...
+    fn visit(&mut self, start: usize, sums: &mut [f64]);
+}
+
+impl<F: FnMut(usize, &mut [f64])> Visit for F {
+    #[inline(always)]
+    fn visit(&mut self, start: usize, sums: &mut [f64]) {
+        self(start, sums);
+    }
+}
+
 /// A slope, and how many places back it lies `k` queries ago: `round(v k)`.
 #[derive(Clone, Debug)]
 pub(super) struct Diagonal {
@@ -45,7 +59,7 @@ impl Diagonal {
     /// `start + 1`, ... to `visit(start, sums)`, in the order of places and without a gap from [`first`](Self::first) to
     /// the last place; nothing before the first full window.
     #[inline(always)]
-    pub(super) fn sums(&mut self, columns: &Ring, frame: u64, mut visit: impl FnMut(usize, &mut [f64])) {
+    pub(super) fn sums(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit) {
         if let Some(sliding) = &mut self.sliding {
             return sliding.advance(columns, frame, visit);
         }
@@ -58,14 +72,14 @@ impl Diagonal {
         for start in (self.first()..places).step_by(BLOCK) {
             let sums = &mut sums[..BLOCK.min(places - start)];
             direct_sums(columns, runs, |age| self.back[age], start, sums);
-            visit(start, sums);
+            visit.visit(start, sums);
         }
     }
 
     /// Takes in the newest of `columns` and gives nothing.
     pub(super) fn catch_up(&mut self, columns: &Ring, frame: u64) {
         if let Some(sliding) = &mut self.sliding {
-            sliding.advance(columns, frame, |_, _| {});
+            sliding.advance(columns, frame, |_: usize, _: &mut [f64]| {});
         }
     }
 }
@@ -96,7 +110,7 @@ impl DiagonalSums {
     ///
     /// Queries follow each other: `frame` is one more than the last one's, or any number after [`clear`](Self::clear).
     #[inline(always)]
-    pub(crate) fn push(&mut self, frame: u64, column: &[f32], visit: impl FnMut(usize, &mut [f64])) {
+    pub(crate) fn push(&mut self, frame: u64, column: &[f32], visit: impl Visit) {
         self.columns.advance().copy_from_slice(column);
         self.diagonal.sums(&self.columns, frame, visit);
     }

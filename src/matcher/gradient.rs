@@ -1,6 +1,6 @@
 //! The gradient of a distance vector and its enhancement along the route (method 1.1 and 1.2, Eq. 1).
 
-use super::extreme::{extreme, first_equal};
+use super::extreme::{BLOCK, first_better};
 use super::ring::Ring;
 use crate::config::Gradient;
 
@@ -67,7 +67,6 @@ pub(super) fn missing_gradient(d: &[f32], kind: Gradient) -> f32 {
 /// current gradient stands in for what neither holds.
 #[inline(always)]
 pub(super) fn enhanced_peak(columns: &Ring, earlier: &Ring, kind: Gradient, smoothing: usize) -> Peak {
-    const BLOCK: usize = 256;
     let current = columns.column(0);
     let (n, missing) = (current.len(), missing_gradient(current, kind));
     let held = smoothing.min(columns.len() + earlier.len());
@@ -96,10 +95,8 @@ pub(super) fn enhanced_peak(columns: &Ring, earlier: &Ring, kind: Gradient, smoo
                 *sum += missing;
             }
         }
-        let highest = extreme(sums, f32::NEG_INFINITY, |a, b| if b > a { b } else { a });
-        if highest > peak.value {
-            let at = first_equal(sums, highest);
-            peak = Peak { place: start + at, value: sums[at] };
+        if let Some((at, value)) = first_better(sums, peak.value, |a, b| a > b) {
+            peak = Peak { place: start + at, value };
         }
     }
     // Sums can overflow where distances come near f32::MAX. A NaN is never the peak; where nothing else is, place 0 stays.

@@ -37,7 +37,7 @@ pub(crate) use snapshot::load;
 
 use crate::config::{Config, Floor};
 use crate::error::Error;
-use crate::isa::Isa;
+use crate::isa::{Isa, Work};
 
 /// Where the robot is, as far as one query tells, and whether to believe it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -149,7 +149,7 @@ impl Matcher {
     }
 
     pub(crate) fn step(&mut self, distances: &[f32], external: Option<bool>) -> Result<Fix, Error> {
-        self.isa.run(|| self.method(distances, external))
+        self.isa.run(Step { matcher: self, distances, external })
     }
 
     /// The method (docs/method.md), in its order. What works on all places is compiled for the instruction set.
@@ -234,5 +234,21 @@ impl Matcher {
     /// Its options.
     pub fn config(&self) -> &Config {
         &self.config
+    }
+}
+
+/// One query, compiled for each instruction set.
+struct Step<'a> {
+    matcher: &'a mut Matcher,
+    distances: &'a [f32],
+    external: Option<bool>,
+}
+
+impl Work for Step<'_> {
+    type Out = Result<Fix, Error>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Out {
+        self.matcher.method(self.distances, self.external)
     }
 }

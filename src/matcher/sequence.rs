@@ -1,8 +1,8 @@
 //! Weighted sequence matching (method 1.4 and 1.5, Eqs. 4 to 6).
 
 use super::consensus::Single;
-use super::diagonal::Diagonal;
-use super::extreme::{extreme, first_equal};
+use super::diagonal::{Diagonal, Visit};
+use super::extreme::first_better;
 use super::order::diagonal_sum;
 use super::ring::Ring;
 use crate::error::Error;
@@ -158,18 +158,32 @@ fn best_place(
     anchored: &mut Vec<(usize, f64)>,
 ) -> Option<(usize, f64)> {
     weigh_anchored(diagonal, window, anchored);
-    let mut anchored = anchored.iter().copied().peekable();
-    let mut best = None;
-    diagonal.sums(window.columns, window.frame, |start, sums| {
-        while let Some((place, sum)) = anchored.next_if(|&(place, _)| place < start + sums.len()) {
+    let mut least = Least { anchored, place: 0, sum: f64::INFINITY };
+    diagonal.sums(window.columns, window.frame, &mut least);
+    (window.columns.len() >= diagonal.back.len()).then_some((least.place, least.sum))
+}
+
+/// The smallest sum so far, and where it stands first.
+struct Least<'a> {
+    /// The diagonals with trusted cells that are still to come, each with its weighted sum.
+    anchored: &'a [(usize, f64)],
+    place: usize,
+    sum: f64,
+}
+
+impl Visit for &mut Least<'_> {
+    #[inline(always)]
+    fn visit(&mut self, start: usize, sums: &mut [f64]) {
+        while let Some((&(place, sum), later)) = self.anchored.split_first()
+            && place < start + sums.len()
+        {
             sums[place - start] = sum;
+            self.anchored = later;
         }
-        let smallest = extreme(sums, f64::INFINITY, |a, b| if b < a { b } else { a });
-        if best.is_none_or(|(_, least)| smallest < least) {
-            best = Some((start + first_equal(sums, smallest), smallest));
+        if let Some((at, sum)) = first_better(sums, self.sum, |a, b| a < b) {
+            (self.place, self.sum) = (start + at, sum);
         }
-    });
-    best
+    }
 }
 
 /// The diagonals that hold trusted cells, by the place where they end, in order, each with its weighted sum; none before

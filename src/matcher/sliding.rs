@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use super::diagonal::Visit;
 use super::order::{block, row};
 use super::ring::Ring;
 use crate::error::Error;
@@ -47,7 +48,7 @@ impl Sliding {
     /// `start + 1`, ... to `visit(start, sums)`, from the first place that has a full window on; nothing before the first
     /// full window.
     #[inline(always)]
-    pub(super) fn advance(&mut self, columns: &Ring, frame: u64, mut visit: impl FnMut(usize, &mut [f64])) {
+    pub(super) fn advance(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit) {
         let (length, places, block) = (self.length, self.places, block(self.length));
         let row = row(frame, length);
         if row == 0 {
@@ -62,26 +63,19 @@ impl Sliding {
         let mut prepared = row;
         let mut sums = [0.0_f64; BLOCK];
 
-        // Places where diagonals enter this block, of those that have not left the route yet.
-        let entered = places - row;
+        // Places where diagonals enter this block, of those that have not left the route yet. The first have no full window.
+        let (entered, first) = (places - row, if ready { length - 1 - row } else { places });
         for from in (0..entered).step_by(BLOCK) {
             let to = entered.min(from + BLOCK);
-            let running = &mut self.running[from..to];
-            if begins {
-                running.iter_mut().zip(&newest[from..to]).for_each(|(sum, &term)| *sum = f64::from(term));
-            } else {
-                running.iter_mut().zip(&newest[from..to]).for_each(|(sum, &term)| *sum += f64::from(term));
-            }
-            let from = from.max(length - 1 - row);
-            if ready && from < to {
-                let sums = &mut sums[..to - from];
-                let parts = self.running[from..to].iter().zip(&self.finished[from - block..to - block]);
-                sums.iter_mut().zip(parts).for_each(|(sum, (own, before))| *sum = own + before);
-                if let Some(slot) = slot {
-                    let end = &self.ends[slot * places..][from - block - 1..to - block - 1];
-                    sums.iter_mut().zip(end).for_each(|(sum, end)| *sum += end);
-                }
-                visit(from + row, sums);
+            let whole = first.clamp(from, to);
+            add(&mut self.running[from..whole], &newest[from..whole], begins);
+            if whole < to {
+                let sums = &mut sums[..to - whole];
+                let (running, newest) = (&mut self.running[whole..to], &newest[whole..to]);
+                let finished = &self.finished[whole - block..to - block];
+                let end = slot.map(|slot| &self.ends[slot * places..][whole - block - 1..to - block - 1]);
+                add_up(running, newest, begins, finished, end, sums);
+                visit.visit(whole + row, sums);
             }
             if let Some(slot) = slot
                 && next
@@ -127,6 +121,35 @@ impl Sliding {
         }
         let turned = (frame / block(self.length) as u64) % 2 == 1;
         Some(if turned { slots - 1 - row } else { row })
+    }
+}
+
+/// Goes on with the running sums, or begins with new ones.
+#[inline(always)]
+fn add(running: &mut [f64], newest: &[f32], begins: bool) {
+    let both = running.iter_mut().zip(newest);
+    if begins {
+        both.for_each(|(sum, &term)| *sum = f64::from(term));
+    } else {
+        both.for_each(|(sum, &term)| *sum += f64::from(term));
+    }
+}
+
+/// The same, and puts together the sums of the window. All slices are equally long.
+#[inline(always)]
+fn add_up(
+    running: &mut [f64],
+    newest: &[f32],
+    begins: bool,
+    finished: &[f64],
+    end: Option<&[f64]>,
+    sums: &mut [f64],
+) {
+    add(running, newest, begins);
+    let parts = sums.iter_mut().zip(running.iter().zip(finished));
+    match end {
+        Some(end) => parts.zip(end).for_each(|((sum, (own, before)), end)| *sum = own + before + end),
+        None => parts.for_each(|(sum, (own, before))| *sum = own + before),
     }
 }
 

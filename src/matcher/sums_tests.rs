@@ -95,7 +95,7 @@ proptest! {
                 for way in &mut ways {
                     let (back, first) = (way.back.clone(), way.first());
                     let mut got = Vec::new();
-                    isa.run(|| way.sums(&columns, frame, |start, sums| {
+                    isa.run(|| way.sums(&columns, frame, |start: usize, sums: &mut [f64]| {
                         assert_eq!(start, first + got.len(), "places come in order");
                         got.extend_from_slice(sums);
                     }));
