@@ -52,8 +52,18 @@ impl Anchors {
 
     /// That of `age` queries ago, below `length`.
     pub(super) fn get(&self, age: usize) -> Anchor {
-        let wraps = age > self.newest;
-        self.ring[if wraps { self.newest + self.ring.len() - age } else { self.newest - age }]
+        self.ring[self.turned(age)]
+    }
+
+    /// The age and the place of each trusted match, in any order; `length` queries must have been pushed.
+    fn trusted(&self) -> impl Iterator<Item = (usize, usize)> {
+        let trusted = self.ring.iter().enumerate().filter(|(_, anchor)| anchor.trusted);
+        trusted.map(|(slot, anchor)| (self.turned(slot), anchor.single.place))
+    }
+
+    /// The slot of an age, and the age of a slot.
+    fn turned(&self, slot: usize) -> usize {
+        if slot > self.newest { self.newest + self.ring.len() - slot } else { self.newest - slot }
     }
 }
 
@@ -92,11 +102,7 @@ impl Window<'_> {
 
     /// How many trusted cells lie on the diagonal that ends in `place`.
     fn count(&self, place: usize, back: &[usize]) -> usize {
-        let on = |&age: &usize| {
-            let anchor = self.anchors.get(age);
-            anchor.trusted && anchor.single.place + back[age] == place
-        };
-        (0..back.len()).filter(on).count()
+        self.anchors.trusted().filter(|&(age, at)| at + back[age] == place).count()
     }
 }
 
@@ -158,7 +164,7 @@ fn best_place(
     anchored: &mut Vec<(usize, f64)>,
 ) -> Option<(usize, f64)> {
     weigh_anchored(diagonal, window, anchored);
-    let mut least = Least { anchored, place: 0, sum: f64::INFINITY };
+    let mut least = Least { anchored, place: diagonal.first(), sum: f64::INFINITY };
     diagonal.sums(window.columns, window.frame, &mut least);
     (window.columns.len() >= diagonal.back.len()).then_some((least.place, least.sum))
 }
@@ -195,12 +201,11 @@ fn weigh_anchored(diagonal: &Diagonal, window: Window<'_>, anchored: &mut Vec<(u
         return;
     }
     let on_route = diagonal.first()..window.columns.height();
-    for (age, steps) in back.iter().enumerate() {
-        let anchor = window.anchors.get(age);
-        let place = anchor.single.place + steps;
+    for (age, at) in window.anchors.trusted() {
+        let place = at + back[age];
         // In a drive that is followed well, all lie on one diagonal.
         let known = anchored.last().is_some_and(|&(last, _)| last == place);
-        if anchor.trusted && on_route.contains(&place) && !known {
+        if on_route.contains(&place) && !known {
             anchored.push((place, 0.0));
         }
     }
