@@ -1,6 +1,6 @@
 //! The best single match, and whether to trust it (method 1.3, Eqs. 2 and 3).
 
-use super::extreme::{extreme, first_equal};
+use super::extreme::{BLOCK, any, first_better};
 use super::gradient::Peak;
 use crate::distance::first_not_finite;
 use crate::error::Error;
@@ -14,22 +14,41 @@ pub struct Single {
     pub distance: f32,
 }
 
-/// Checks a distance vector before anything is stored of it.
-pub(super) fn check(distances: &[f32], places: usize) -> Result<(), Error> {
+/// Eq. 2: the place of the smallest distance, the first of equals, of a vector that may be taken: one look finds both.
+///
+/// # Errors
+/// [`Error::Length`] unless there is one distance a place, [`Error::NotFinite`] for a NaN or an infinity.
+#[inline(always)]
+pub(super) fn checked_minimum(distances: &[f32], places: usize) -> Result<Single, Error> {
     let what = "distances";
     if distances.len() != places {
         return Err(Error::Length { what, expected: places, got: distances.len() });
     }
-    match first_not_finite(distances) {
-        Some((index, value)) => Err(Error::NotFinite { what, row: None, index, value }),
-        None => Ok(()),
+    let mut single = Single { place: 0, distance: f32::INFINITY };
+    for (index, block) in distances.chunks(BLOCK).enumerate() {
+        // Smaller than all before, or none that may be taken: a NaN is in no range.
+        let expected = single.distance..=f32::MAX;
+        if any(block, |x| !expected.contains(&x)) {
+            if let Some((at, value)) = first_not_finite(block) {
+                return Err(Error::NotFinite { what, row: None, index: index * BLOCK + at, value });
+            }
+            if let Some((at, distance)) = first_better(block, single.distance, |a, b| a < b) {
+                single = Single { place: index * BLOCK + at, distance };
+            }
+        }
     }
+    Ok(single)
 }
 
-/// Eq. 2: the place of the smallest distance, the first of equals.
+/// Eq. 2: the place of the smallest distance, the first of equals, of numbers that are finite.
 pub(crate) fn minimum(distances: &[f32]) -> Single {
-    let place = first_equal(distances, extreme(distances, f32::INFINITY, |a, b| if b < a { b } else { a }));
-    Single { place, distance: distances[place] }
+    let mut single = Single { place: 0, distance: f32::INFINITY };
+    for (index, block) in distances.chunks(BLOCK).enumerate() {
+        if let Some((at, distance)) = first_better(block, single.distance, |a, b| a < b) {
+            single = Single { place: index * BLOCK + at, distance };
+        }
+    }
+    single
 }
 
 /// Eq. 3: the minimum and the peak of the gradient fall on the same place, within `tolerance`.

@@ -1,29 +1,43 @@
 //! The smallest or largest of many numbers, fast, and where it stands first.
+//!
+//! Most numbers are no better than the best so far: that is all that is asked of a block of them, which takes a comparison
+//! each. The few blocks that hold something better are looked at again.
 
-/// How many extremes run side by side, so that the compiler can use vector registers.
-const LANES: usize = 16;
+/// How many numbers are asked at a time.
+pub(super) const BLOCK: usize = 256;
 
-/// The number that `better` prefers to all others, and to `worst`. `better(a, b)` returns `b` only where it is strictly
-/// better, so that a NaN never wins.
-pub(super) fn extreme<T: Copy>(numbers: &[T], worst: T, better: impl Fn(T, T) -> T) -> T {
+/// Whether `holds` of any of the numbers. Without a way out in the middle, it runs in vector registers.
+#[inline(always)]
+pub(super) fn any<T: Copy>(numbers: &[T], holds: impl Fn(T) -> bool) -> bool {
+    numbers.iter().fold(false, |any, &x| any | holds(x))
+}
+
+/// The best of the numbers and where it stands first, if it beats `best`. `beats(a, b)` is a strict comparison: a NaN never
+/// wins.
+#[inline(always)]
+pub(super) fn first_better<T: Copy + PartialEq>(
+    numbers: &[T],
+    best: T,
+    beats: impl Fn(T, T) -> bool,
+) -> Option<(usize, T)> {
+    if any(numbers, |x| beats(x, best)) { Some(first_best(numbers, best, beats)) } else { None }
+}
+
+/// The best of numbers of which one beats `worst`, and where it stands first.
+#[inline(always)]
+fn first_best<T: Copy + PartialEq>(numbers: &[T], worst: T, beats: impl Fn(T, T) -> bool) -> (usize, T) {
+    // Many side by side, so that the compiler can use vector registers.
+    const LANES: usize = 16;
+    let better = |a: T, b: T| if beats(b, a) { b } else { a };
     let mut lanes = [worst; LANES];
-    let blocks = numbers.chunks_exact(LANES);
-    for (lane, &x) in lanes.iter_mut().zip(blocks.remainder()) {
-        *lane = better(*lane, x);
-    }
-    for block in blocks {
+    for block in numbers.chunks(LANES) {
         for (lane, &x) in lanes.iter_mut().zip(block) {
             *lane = better(*lane, x);
         }
     }
-    lanes.iter().fold(worst, |best, &x| better(best, x))
-}
-
-/// The index of the first number that equals `wanted`; 0 where none does, as for a NaN.
-pub(super) fn first_equal<T: Copy + PartialEq>(numbers: &[T], wanted: T) -> usize {
-    const BLOCK: usize = 64;
-    let holds = |block: &[T]| block.iter().fold(false, |holds, &x| holds | (x == wanted));
-    let Some(block) = numbers.chunks(BLOCK).position(holds) else { return 0 };
-    let start = block * BLOCK;
-    start + numbers[start..].iter().position(|&x| x == wanted).unwrap_or(0)
+    let best = lanes.into_iter().fold(worst, better);
+    // Of the two zeros, the first.
+    let start = numbers.chunks(LANES).position(|block| any(block, |x| x == best)).unwrap_or(0) * LANES;
+    let place = start + numbers[start..].iter().position(|&x| x == best).unwrap_or(0);
+    (place, numbers[place])
 }

@@ -1,27 +1,43 @@
 //! The paper: from distance vectors to trusted places, one query at a time (method 1.1 to 1.5).
 
+#![allow(
+    clippy::inline_always,
+    reason = "what is inlined into `Isa::run` is compiled for the instruction set"
+)]
+
 mod consensus;
+mod diagonal;
+mod direct;
 mod extreme;
 mod gradient;
+mod order;
 mod ring;
 mod sequence;
+mod sliding;
 mod snapshot;
+#[cfg(test)]
+mod sums_tests;
 #[cfg(test)]
 mod tests;
 
-use consensus::{check, consensus};
-use gradient::{enhanced_peak, gradient, missing_gradient};
+use consensus::{checked_minimum, consensus};
+use gradient::enhanced_peak;
 use ring::Ring;
-use sequence::{Anchor, Diagonal, best_sequence};
+use sequence::{Anchor, Anchors, Search, Window};
 
 pub use consensus::Single;
 pub(crate) use consensus::minimum;
+#[allow(unused_imports, reason = "what a screened map needs")]
+pub(crate) use diagonal::DiagonalSums;
 pub use gradient::Peak;
+#[allow(unused_imports, reason = "what a screened map needs")]
+pub(crate) use order::diagonal_sum;
 pub use sequence::Sequence;
 pub(crate) use snapshot::load;
 
 use crate::config::{Config, Floor};
 use crate::error::Error;
+use crate::isa::{Isa, Work};
 
 /// Where the robot is, as far as one query tells, and whether to believe it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,8 +60,9 @@ pub struct Fix {
 
 /// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that yields distances.
 ///
-/// `push` allocates nothing, takes no lock and does not panic, whatever the data. The memory is set at construction:
-/// `(L + smoothing) * places` f32 numbers.
+/// `push` allocates nothing, takes no lock and does not panic, whatever the data, and costs the same for every query and,
+/// but for the shortest, for every `L`. The memory is set at construction: `max(L, smoothing)` f32 numbers a place, and, where
+/// `L` is more than 8, `L / 2 + 2` f64 numbers a place for the sums that slide along.
 ///
 /// ```
 /// use surefix::{Config, Matcher};
@@ -63,13 +80,14 @@ pub struct Matcher {
     frames: u64,
     /// The smallest distance of all queries so far.
     lowest: f32,
-    /// The newest `L` distance vectors, raw.
+    /// The newest distance vectors, raw: as many as the sequence and the smoothing need.
     columns: Ring,
-    /// The newest gradients: as many as the smoothing needs.
-    gradients: Ring,
-    /// The single match and the trust of each of the newest `L` queries: query `j` at `j % L`.
-    anchors: Vec<Anchor>,
-    diagonals: Vec<Diagonal>,
+    /// In a restored matcher, the gradients of queries before those of `columns`, newest first.
+    earlier: Ring,
+    /// The single match and the trust of each of the newest `L` queries.
+    anchors: Anchors,
+    search: Search,
+    isa: Isa,
 }
 
 impl Matcher {
@@ -89,22 +107,28 @@ impl Matcher {
             });
         }
         let length = config.sequence_length;
-        let nothing = Anchor { single: Single { place: 0, distance: 0.0 }, trusted: false };
+        // A gradient older than the route is long has no place left on the diagonal.
+        let columns = length.max(config.smoothing.min(places));
         Ok(Self {
-            columns: Ring::new(length, places)?,
-            // A gradient older than the route is long has no place left on the diagonal.
-            gradients: Ring::new(config.smoothing.min(places), places)?,
-            anchors: vec![nothing; length],
-            diagonals: config
-                .speeds
-                .iter()
-                .map(|&speed| Diagonal::new(speed, length))
-                .collect::<Result<_, _>>()?,
+            columns: Ring::new(columns, places)?,
+            earlier: Ring::new(0, places)?,
+            anchors: Anchors::new(length)?,
+            search: Search::new(&config.speeds, length, places)?,
+            isa: Isa::best(),
             frames: 0,
             lowest: f32::INFINITY,
             places,
             config,
         })
+    }
+
+    /// The same matcher on another instruction set than the best one; the answers are the same to the last bit.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for one that this processor lacks.
+    pub fn with_isa(mut self, isa: Isa) -> Result<Self, Error> {
+        self.isa = isa.checked()?;
+        Ok(self)
     }
 
     /// Takes the distances from the current query to every place, and says where the robot is.
@@ -124,39 +148,44 @@ impl Matcher {
         self.step(distances, Some(trusted))
     }
 
-    /// The method (docs/method.md), in its order.
     pub(crate) fn step(&mut self, distances: &[f32], external: Option<bool>) -> Result<Fix, Error> {
-        // Nothing is kept of a vector that does not pass.
-        check(distances, self.places)?;
+        self.isa.run(Step { matcher: self, distances, external })
+    }
 
-        // 1.1 The gradient (Eq. 1).
-        gradient(distances, self.config.gradient, self.gradients.advance());
+    /// The method (docs/method.md), in its order. What works on all places is compiled for the instruction set.
+    #[inline(always)]
+    fn method(&mut self, distances: &[f32], external: Option<bool>) -> Result<Fix, Error> {
+        // The single match (Eq. 2), found by the same look that refuses a vector. Nothing is kept of a refused one.
+        let single = checked_minimum(distances, self.places)?;
+        self.columns.advance().copy_from_slice(distances);
 
-        // 1.2 Its enhancement along the diagonal.
-        let missing = missing_gradient(distances, self.config.gradient);
-        let peak = enhanced_peak(&self.gradients, self.config.smoothing, missing);
+        // 1.1 and 1.2 The gradient (Eq. 1), its enhancement along the diagonal, and where that peaks.
+        let Config { gradient, smoothing, tolerance, weight, .. } = self.config;
+        let peak = enhanced_peak(&self.columns, &self.earlier, gradient, smoothing);
 
-        // 1.3 The single match, and whether to trust it (Eqs. 2 and 3).
-        let single = minimum(distances);
-        let trusted = external.unwrap_or_else(|| consensus(single, peak, self.config.tolerance));
+        // 1.3 Whether to trust the single match (Eq. 3).
+        let trusted = external.unwrap_or_else(|| consensus(single, peak, tolerance));
 
         // 1.4 What the trusted cells of the window are drawn towards (Eq. 4).
-        let frame = self.frames;
-        self.remember(distances, Anchor { single, trusted });
+        let frame = self.remember(Anchor { single, trusted });
         let floor = self.floor();
 
         // 1.5 The weighted sequence (Eqs. 5 and 6), once the window is full.
-        let sequence = self.sequence(floor);
+        let window = Window { frame, columns: &self.columns, anchors: &self.anchors, weight, floor };
+        let sequence = self.search.best(window);
 
         let (place, score) = sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
         Ok(Fix { frame, trusted, place, score, single, gradient: peak, sequence })
     }
 
-    fn remember(&mut self, distances: &[f32], anchor: Anchor) {
-        self.columns.advance().copy_from_slice(distances);
-        self.anchors[slot(self.frames, self.config.sequence_length)] = anchor;
-        self.lowest = self.lowest.min(anchor.single.distance);
+    /// Counts a query, and says which one it was.
+    fn remember(&mut self, anchor: Anchor) -> u64 {
+        self.anchors.push(anchor);
+        if anchor.single.distance < self.lowest {
+            self.lowest = anchor.single.distance;
+        }
         self.frames += 1;
+        self.frames - 1
     }
 
     fn floor(&self) -> f64 {
@@ -167,20 +196,10 @@ impl Matcher {
         }
     }
 
-    fn sequence(&mut self, floor: f64) -> Option<Sequence> {
-        let length = self.config.sequence_length;
-        if self.columns.len() < length {
-            return None;
-        }
-        let (anchors, newest) = (&self.anchors, self.frames - 1);
-        let anchor = |age: usize| anchors[slot(newest - age as u64, length)];
-        best_sequence(&mut self.columns, anchor, &self.diagonals, self.config.weight, floor)
-    }
-
     /// Forgets all queries: the next one is frame 0. Nothing is allocated.
     pub fn reset(&mut self) {
         self.columns.clear();
-        self.gradients.clear();
+        self.earlier.clear();
         self.frames = 0;
         self.lowest = f32::INFINITY;
     }
@@ -207,12 +226,29 @@ impl Matcher {
         self.places
     }
 
+    /// The instruction set that it runs on.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
     /// Its options.
     pub fn config(&self) -> &Config {
         &self.config
     }
 }
 
-fn slot(frame: u64, length: usize) -> usize {
-    (frame % length as u64) as usize
+/// One query, compiled for each instruction set.
+struct Step<'a> {
+    matcher: &'a mut Matcher,
+    distances: &'a [f32],
+    external: Option<bool>,
+}
+
+impl Work for Step<'_> {
+    type Out = Result<Fix, Error>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Out {
+        self.matcher.method(self.distances, self.external)
+    }
 }

@@ -53,11 +53,6 @@ impl Ring {
         &self.numbers[start..start + self.height]
     }
 
-    pub(super) fn column_mut(&mut self, age: usize) -> &mut [f32] {
-        let start = self.start(age);
-        &mut self.numbers[start..start + self.height]
-    }
-
     fn start(&self, age: usize) -> usize {
         debug_assert!(age < self.filled, "column {age} of {}", self.filled);
         let slot = if age <= self.newest { self.newest - age } else { self.newest + self.capacity - age };

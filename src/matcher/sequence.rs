@@ -1,9 +1,10 @@
 //! Weighted sequence matching (method 1.4 and 1.5, Eqs. 4 to 6).
 
 use super::consensus::Single;
-use super::extreme::{extreme, first_equal};
+use super::diagonal::{Diagonal, Visit};
+use super::extreme::first_better;
+use super::order::diagonal_sum;
 use super::ring::Ring;
-use crate::config::reach;
 use crate::error::Error;
 
 /// The best match of the last `L` queries together.
@@ -26,51 +27,43 @@ pub(super) struct Anchor {
     pub(super) trusted: bool,
 }
 
-/// A slope, and how many places back it lies `k` queries ago: `round(v k)`.
+/// The anchors of the newest queries.
 #[derive(Clone, Debug)]
-pub(super) struct Diagonal {
-    speed: f64,
-    back: Vec<usize>,
+pub(super) struct Anchors {
+    ring: Vec<Anchor>,
+    /// Where the newest lies.
+    newest: usize,
 }
 
-impl Diagonal {
-    pub(super) fn new(speed: f64, length: usize) -> Result<Self, Error> {
-        let mut back = Vec::new();
-        back.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
-        back.extend((0..length).map(|age| reach(speed, age) as usize));
-        Ok(Self { speed, back })
+impl Anchors {
+    /// Room for those of `length` queries.
+    pub(super) fn new(length: usize) -> Result<Self, Error> {
+        let nothing = Anchor { single: Single { place: 0, distance: 0.0 }, trusted: false };
+        let mut ring = Vec::new();
+        ring.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
+        ring.resize(length, nothing);
+        Ok(Self { ring, newest: 0 })
     }
 
-    /// Eq. 6: the place where the sum along this diagonal, and so the mean, is smallest, the first of equals, and that
-    /// sum. Only places far enough along the route have a full window.
-    fn best(&self, columns: &Ring) -> (usize, f64) {
-        const BLOCK: usize = 128;
-        let places = columns.column(0).len();
-        let first = self.back.last().copied().unwrap_or(0);
-        let mut best = (first, f64::INFINITY);
-        let mut sums = [0.0_f64; BLOCK];
-        for start in (first..places).step_by(BLOCK) {
-            let sums = &mut sums[..BLOCK.min(places - start)];
-            sums.fill(0.0);
-            for (age, back) in self.back.iter().enumerate() {
-                let terms = &columns.column(age)[start - back..start - back + sums.len()];
-                sums.iter_mut().zip(terms).for_each(|(sum, &term)| *sum += f64::from(term));
-            }
-            let smallest = extreme(sums, f64::INFINITY, |a, b| if b < a { b } else { a });
-            if smallest < best.1 {
-                best = (start + first_equal(sums, smallest), smallest);
-            }
-        }
-        best
+    pub(super) fn push(&mut self, anchor: Anchor) {
+        self.newest = if self.newest + 1 == self.ring.len() { 0 } else { self.newest + 1 };
+        self.ring[self.newest] = anchor;
     }
 
-    /// How many trusted cells lie on the diagonal that ends in `place`.
-    fn anchors(&self, place: usize, anchors: impl Iterator<Item = Anchor>) -> usize {
-        self.back
-            .iter()
-            .zip(anchors)
-            .filter(|(back, anchor)| anchor.trusted && anchor.single.place + **back == place)
-            .count()
+    /// That of `age` queries ago, below `length`.
+    pub(super) fn get(&self, age: usize) -> Anchor {
+        self.ring[self.turned(age)]
+    }
+
+    /// The age and the place of each trusted match, in any order; `length` queries must have been pushed.
+    fn trusted(&self) -> impl Iterator<Item = (usize, usize)> {
+        let trusted = self.ring.iter().enumerate().filter(|(_, anchor)| anchor.trusted);
+        trusted.map(|(slot, anchor)| (self.turned(slot), anchor.single.place))
+    }
+
+    /// The slot of an age, and the age of a slot.
+    fn turned(&self, slot: usize) -> usize {
+        if slot > self.newest { self.newest + self.ring.len() - slot } else { self.newest - slot }
     }
 }
 
@@ -80,37 +73,145 @@ fn weighted(distance: f32, weight: f64, floor: f64) -> f32 {
     (distance - weight * (distance - floor)) as f32
 }
 
-/// Eqs. 4 to 6 on full windows: weights the trusted cells of `columns` while it sums, and restores them.
-///
-/// The sums run in f64, where sums of f32 numbers of like size are exact: their order cannot change the answer.
-pub(super) fn best_sequence(
-    columns: &mut Ring,
-    anchors: impl Fn(usize) -> Anchor,
-    diagonals: &[Diagonal],
-    weight: f64,
-    floor: f64,
-) -> Option<Sequence> {
-    let length = columns.len();
-    let set_anchored_cells = |value: &dyn Fn(f32) -> f32, columns: &mut Ring| {
-        for (age, anchor) in (0..length).map(|age| (age, anchors(age))).filter(|(_, anchor)| anchor.trusted) {
-            columns.column_mut(age)[anchor.single.place] = value(anchor.single.distance);
+/// The window of the last queries as the search sees it.
+#[derive(Clone, Copy)]
+pub(super) struct Window<'a> {
+    /// The newest query's number.
+    pub(super) frame: u64,
+    /// The newest columns, raw, at least as many as the window has once it is full.
+    pub(super) columns: &'a Ring,
+    pub(super) anchors: &'a Anchors,
+    /// `w` of Eq. 4.
+    pub(super) weight: f64,
+    /// What trusted cells are drawn towards (Eq. 4).
+    pub(super) floor: f64,
+}
+
+impl Window<'_> {
+    /// Eqs. 4 and 6: the sum along the diagonal that ends in `place`, its trusted cells weighted.
+    fn weighted_sum(&self, place: usize, back: &[usize]) -> f64 {
+        diagonal_sum(self.frame, back.len(), |age| {
+            let (at, anchor) = (place - back[age], self.anchors.get(age));
+            f64::from(if anchor.trusted && anchor.single.place == at {
+                weighted(anchor.single.distance, self.weight, self.floor)
+            } else {
+                self.columns.column(age)[at]
+            })
+        })
+    }
+
+    /// How many trusted cells lie on the diagonal that ends in `place`.
+    fn count(&self, place: usize, back: &[usize]) -> usize {
+        self.anchors.trusted().filter(|&(age, at)| at + back[age] == place).count()
+    }
+}
+
+/// The search for the best diagonal of all slopes.
+#[derive(Clone, Debug)]
+pub(super) struct Search {
+    diagonals: Vec<Diagonal>,
+    /// Room for the diagonals with trusted cells.
+    anchored: Vec<(usize, f64)>,
+}
+
+impl Search {
+    pub(super) fn new(speeds: &[f64], length: usize, places: usize) -> Result<Self, Error> {
+        let mut diagonals: Vec<Diagonal> = Vec::with_capacity(speeds.len());
+        for &speed in speeds {
+            // Of equals the speed named first wins: a second one of the same name never does.
+            if diagonals.iter().all(|named| named.speed != speed) {
+                diagonals.push(Diagonal::new(speed, length, places)?);
+            }
         }
-    };
-    set_anchored_cells(&|distance| weighted(distance, weight, floor), columns);
-    let mut best: Option<(&Diagonal, (usize, f64))> = None;
-    for diagonal in diagonals {
-        let (place, sum) = diagonal.best(columns);
-        // The smallest sum; of equals the lowest place, then the speed named first.
-        let wins = best.is_none_or(|(_, (at, least))| sum < least || (sum == least && place < at));
-        if wins {
-            best = Some((diagonal, (place, sum)));
+        let mut anchored = Vec::new();
+        anchored.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
+        Ok(Self { diagonals, anchored })
+    }
+
+    /// Eqs. 4 to 6: the smallest mean of all diagonals of full windows; nothing before the first full window.
+    #[inline(always)]
+    pub(super) fn best(&mut self, window: Window<'_>) -> Option<Sequence> {
+        let mut best: Option<(usize, f64, &Diagonal)> = None;
+        for diagonal in &mut self.diagonals {
+            let Some((place, sum)) = best_place(diagonal, window, &mut self.anchored) else { continue };
+            // The smallest sum; of equals the lowest place, then the speed named first.
+            let wins = best.is_none_or(|(at, least, _)| sum < least || (sum == least && place < at));
+            if wins {
+                best = Some((place, sum, diagonal));
+            }
+        }
+        best.map(|(place, sum, Diagonal { speed, back, .. })| {
+            // A sum of negative zeros is zero.
+            let mean = (0.0 + sum) / back.len() as f64;
+            Sequence { place, score: mean as f32, anchors: window.count(place, back), speed: *speed }
+        })
+    }
+
+    /// Takes in the newest column without a search: a restored matcher goes through its columns again.
+    pub(super) fn catch_up(&mut self, columns: &Ring, frame: u64) {
+        for diagonal in &mut self.diagonals {
+            diagonal.catch_up(columns, frame);
         }
     }
-    set_anchored_cells(&|distance| distance, columns);
-    best.map(|(diagonal, (place, sum))| Sequence {
-        place,
-        score: (sum / length as f64) as f32,
-        anchors: diagonal.anchors(place, (0..length).map(&anchors)),
-        speed: diagonal.speed,
-    })
+}
+
+/// Eq. 6 for one slope: the first place where the sum is smallest, and that sum. The plain sums of all diagonals are made
+/// together; the few diagonals with trusted cells have sums of their own, with the weights of this query.
+#[inline(always)]
+fn best_place(
+    diagonal: &mut Diagonal,
+    window: Window<'_>,
+    anchored: &mut Vec<(usize, f64)>,
+) -> Option<(usize, f64)> {
+    weigh_anchored(diagonal, window, anchored);
+    let mut least = Least { anchored, place: diagonal.first(), sum: f64::INFINITY };
+    diagonal.sums(window.columns, window.frame, &mut least);
+    (window.columns.len() >= diagonal.back.len()).then_some((least.place, least.sum))
+}
+
+/// The smallest sum so far, and where it stands first.
+struct Least<'a> {
+    /// The diagonals with trusted cells that are still to come, each with its weighted sum.
+    anchored: &'a [(usize, f64)],
+    place: usize,
+    sum: f64,
+}
+
+impl Visit for &mut Least<'_> {
+    #[inline(always)]
+    fn visit(&mut self, start: usize, sums: &mut [f64]) {
+        while let Some((&(place, sum), later)) = self.anchored.split_first()
+            && place < start + sums.len()
+        {
+            sums[place - start] = sum;
+            self.anchored = later;
+        }
+        if let Some((at, sum)) = first_better(sums, self.sum, |a, b| a < b) {
+            (self.place, self.sum) = (start + at, sum);
+        }
+    }
+}
+
+/// The diagonals that hold trusted cells, by the place where they end, in order, each with its weighted sum; none before
+/// the first full window.
+fn weigh_anchored(diagonal: &Diagonal, window: Window<'_>, anchored: &mut Vec<(usize, f64)>) {
+    anchored.clear();
+    let back = &diagonal.back;
+    if window.columns.len() < back.len() {
+        return;
+    }
+    let on_route = diagonal.first()..window.columns.height();
+    for (age, at) in window.anchors.trusted() {
+        let place = at + back[age];
+        // In a drive that is followed well, all lie on one diagonal.
+        let known = anchored.last().is_some_and(|&(last, _)| last == place);
+        if on_route.contains(&place) && !known {
+            anchored.push((place, 0.0));
+        }
+    }
+    anchored.sort_unstable_by_key(|&(place, _)| place);
+    anchored.dedup_by_key(|&mut (place, _)| place);
+    for (place, sum) in anchored {
+        *sum = window.weighted_sum(*place, back);
+    }
 }

@@ -12,8 +12,9 @@ use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
 use super::consensus::Single;
+use super::gradient::gradient;
 use super::ring::Ring;
-use super::{Anchor, Matcher, slot};
+use super::{Anchor, Matcher};
 use crate::config::Config;
 use crate::error::Error;
 
@@ -66,7 +67,9 @@ impl Matcher {
 
     /// The state as bytes, marked with the fingerprint of the map that it belongs to.
     pub(crate) fn save(&self, map: Option<u64>) -> Result<Vec<u8>, Error> {
-        let (columns, gradients) = (newest_first(&self.columns), newest_first(&self.gradients));
+        let (window, smoothed) = (self.held(self.config.sequence_length), self.held(self.smoothed()));
+        let columns = bytes((0..window).flat_map(|age| self.columns.column(age).iter().copied()));
+        let gradients = bytes((0..smoothed).flat_map(|age| self.gradient(age)));
         let header = Header {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -75,23 +78,44 @@ impl Matcher {
             config: self.config.clone(),
             frames: self.frames,
             lowest: self.lowest.is_finite().then_some(self.lowest),
-            anchors: (0..self.columns.len()).map(|age| self.anchor(age)).collect(),
+            anchors: (0..window).map(|age| self.anchor(age)).collect(),
         };
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
-        let tensor = |bytes, ring: &Ring| {
-            TensorView::new(Dtype::F32, vec![ring.len(), self.places], bytes).map_err(|e| refused(&e))
+        let tensor = |bytes, count: usize| {
+            TensorView::new(Dtype::F32, vec![count, self.places], bytes).map_err(|e| refused(&e))
         };
         let checksum = checksum(&header, &columns, &gradients);
         let tensors = [
-            ("columns", tensor(&columns, &self.columns)?),
-            ("gradients", tensor(&gradients, &self.gradients)?),
+            ("columns", tensor(&columns, window)?),
+            ("gradients", tensor(&gradients, smoothed)?),
             ("checksum", TensorView::new(Dtype::U64, vec![1], &checksum).map_err(|e| refused(&e))?),
         ];
         serialize(tensors, Some(HashMap::from([(ENTRY.to_owned(), header)]))).map_err(|e| refused(&e))
     }
 
+    /// How many of the newest `capacity` columns or gradients there are yet.
+    fn held(&self, capacity: usize) -> usize {
+        (self.columns.len() + self.earlier.len()).min(capacity)
+    }
+
+    /// How many gradients a snapshot holds at most.
+    fn smoothed(&self) -> usize {
+        self.config.smoothing.min(self.places)
+    }
+
+    /// The gradient (Eq. 1) of `age` queries ago.
+    fn gradient(&self, age: usize) -> Vec<f32> {
+        let seen = self.columns.len();
+        if age >= seen {
+            return self.earlier.column(age - seen).to_vec();
+        }
+        let mut g = vec![0.0; self.places];
+        gradient(self.columns.column(age), self.config.gradient, &mut g);
+        g
+    }
+
     fn anchor(&self, age: usize) -> (usize, bool) {
-        let anchor = self.anchors[slot(self.frames - 1 - age as u64, self.config.sequence_length)];
+        let anchor = self.anchors.get(age);
         (anchor.single.place, anchor.trusted)
     }
 }
@@ -131,15 +155,33 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     }
 
     let mut matcher = Matcher::new(header.places, header.config).map_err(|e| damaged(&e))?;
-    fill(&mut matcher.columns, &columns);
-    fill(&mut matcher.gradients, &gradients);
-    matcher.frames = header.frames;
     matcher.lowest = header.lowest.unwrap_or(f32::INFINITY);
-    for (age, &(place, trusted)) in header.anchors.iter().enumerate() {
-        let distance = matcher.columns.column(age).get(place);
+    matcher.frames = header.frames - header.anchors.len() as u64;
+    for (column, &(place, trusted)) in
+        newest_last(columns.data(), header.places).zip(header.anchors.iter().rev())
+    {
+        for (number, x) in matcher.columns.advance().iter_mut().zip(floats(column)) {
+            *number = x;
+        }
+        let distance = matcher.columns.column(0).get(place);
         let distance = *distance.ok_or_else(|| damaged(&"an anchor off the route"))?;
-        let at = slot(header.frames - 1 - age as u64, length);
-        matcher.anchors[at] = Anchor { single: Single { place, distance }, trusted };
+        matcher.anchors.push(Anchor { single: Single { place, distance }, trusted });
+        matcher.search.catch_up(&matcher.columns, matcher.frames);
+        matcher.frames += 1;
+    }
+    // Where the smoothing reaches further back than the sequence, the gradients are all that is left of the older columns.
+    let older = gradients.shape()[0].saturating_sub(header.anchors.len());
+    matcher.earlier = Ring::new(older, header.places)?;
+    for gradient in newest_last(gradients.data(), header.places).take(older) {
+        for (number, x) in matcher.earlier.advance().iter_mut().zip(floats(gradient)) {
+            *number = x;
+        }
+    }
+    let made = (0..gradients.shape()[0]).flat_map(|age| matcher.gradient(age));
+    let mut pairs = made.zip(floats(gradients.data()));
+    // Processors differ in how they write a NaN, which is what an overflow can end in.
+    if !pairs.all(|(made, written)| made == written || (made.is_nan() && written.is_nan())) {
+        return Err(damaged(&"gradients of other columns than its own"));
     }
     Ok(Saved { matcher, map: header.map })
 }
@@ -160,9 +202,17 @@ fn check_version(header: &str) -> Result<(), Error> {
     }
 }
 
-fn newest_first(ring: &Ring) -> Vec<u8> {
-    let numbers = (0..ring.len()).flat_map(|age| ring.column(age));
-    numbers.flat_map(|x| x.to_le_bytes()).collect()
+fn bytes(numbers: impl Iterator<Item = f32>) -> Vec<u8> {
+    numbers.flat_map(f32::to_le_bytes).collect()
+}
+
+fn floats(bytes: &[u8]) -> impl Iterator<Item = f32> {
+    bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes))
+}
+
+/// The columns of a tensor, which are written newest first, from the oldest on.
+fn newest_last(tensor: &[u8], places: usize) -> impl Iterator<Item = &[u8]> {
+    tensor.chunks_exact(places * 4).rev()
 }
 
 fn check_shape(tensor: &TensorView<'_>, columns: usize, places: usize) -> Result<(), Error> {
@@ -171,14 +221,6 @@ fn check_shape(tensor: &TensorView<'_>, columns: usize, places: usize) -> Result
     }
     let expected = format!("expected float32 ({columns}, {places}), got {:?}", tensor.shape());
     Err(refused(&format!("damaged: a tensor of the wrong shape: {expected}")))
-}
-
-fn fill(ring: &mut Ring, tensor: &TensorView<'_>) {
-    for column in tensor.data().chunks_exact(ring.height() * 4).rev() {
-        for (number, bytes) in ring.advance().iter_mut().zip(column.as_chunks::<4>().0) {
-            *number = f32::from_le_bytes(*bytes);
-        }
-    }
 }
 
 /// A hash of all that a snapshot says, so that a flipped bit does not pass.

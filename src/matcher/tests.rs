@@ -4,13 +4,14 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::consensus::Single;
-use super::extreme::{extreme, first_equal};
+use super::consensus::{Single, checked_minimum};
+use super::extreme::first_better;
 use super::gradient::{enhanced_peak, gradient, missing_gradient};
 use super::minimum;
 use super::ring::Ring;
-use super::sequence::{Anchor, Diagonal, best_sequence};
+use super::sequence::{Anchor, Anchors, Search, Window};
 use crate::config::Gradient;
+use crate::error::Error;
 
 fn cases() -> ProptestConfig {
     ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() }
@@ -75,20 +76,41 @@ proptest! {
     #![proptest_config(cases())]
 
     #[test]
-    fn extreme_and_first_equal_are_argmin_and_argmax(numbers in numbers(1..200)) {
+    fn first_better_is_argmin_and_argmax_where_they_beat_the_best(numbers in numbers(1..200), best in number()) {
         let smallest = numbers.iter().copied().fold(f32::INFINITY, f32::min);
         let largest = numbers.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-        prop_assert_eq!(extreme(&numbers, f32::INFINITY, |a, b| if b < a { b } else { a }), smallest);
-        prop_assert_eq!(extreme(&numbers, f32::NEG_INFINITY, |a, b| if b > a { b } else { a }), largest);
-        for wanted in [smallest, largest, numbers[numbers.len() / 2]] {
-            let first = numbers.iter().position(|&x| x == wanted);
-            prop_assert_eq!(Some(first_equal(&numbers, wanted)), first);
+        let first = |wanted: f32| numbers.iter().position(|&x| x == wanted).map(|at| (at, numbers[at]));
+        let bits = |found: Option<(usize, f32)>| found.map(|(at, x)| (at, x.to_bits()));
+        for best in [f32::INFINITY, best, smallest] {
+            let expected = if smallest < best { first(smallest) } else { None };
+            prop_assert_eq!(bits(first_better(&numbers, best, |a, b| a < b)), bits(expected));
         }
-        prop_assert_eq!(first_equal(&numbers, f32::NAN), 0);
+        for best in [f32::NEG_INFINITY, best, largest] {
+            let expected = if largest > best { first(largest) } else { None };
+            prop_assert_eq!(bits(first_better(&numbers, best, |a, b| a > b)), bits(expected));
+        }
     }
 
     #[test]
-    fn minimum_is_the_first_of_the_smallest(numbers in numbers(1..200)) {
+    fn a_vector_that_may_not_be_taken_is_refused_at_its_first_number(
+        good in numbers(2..1200), spoilt in vec((any::<prop::sample::Index>(), 0..3_usize), 0..3),
+    ) {
+        let mut d = good.clone();
+        for (at, kind) in spoilt {
+            let at = at.index(d.len());
+            d[at] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][kind];
+        }
+        match (checked_minimum(&d, d.len()), d.iter().position(|x| !x.is_finite())) {
+            (Ok(single), None) => prop_assert_eq!(single, minimum(&good)),
+            (Err(Error::NotFinite { index, value, row: None, .. }), Some(first)) => {
+                prop_assert_eq!((index, value.to_bits()), (first, d[first].to_bits()));
+            }
+            other => prop_assert!(false, "{:?}", other),
+        }
+    }
+
+    #[test]
+    fn minimum_is_the_first_of_the_smallest(numbers in numbers(1..1200)) {
         let single = minimum(&numbers);
         prop_assert!(numbers.iter().all(|&x| x >= single.distance));
         prop_assert!(numbers[..single.place].iter().all(|&x| x > single.distance));
@@ -112,10 +134,13 @@ proptest! {
         prop_assert!((f64::from(missing_gradient(&d, kind)) - expected).abs() < 1e-6);
     }
 
+    /// Whether the older gradients are made of columns or were kept.
     #[test]
     fn enhanced_peak_adds_along_the_diagonal_in_order(
-        g in columns(2..140, 1..6), before in 0..4_usize, smoothing in 1..9_usize, missing in number(),
+        d in columns(2..600, 1..6), before in 0..4_usize, kept in 0..5_usize, smoothing in 1..9_usize, kind in kinds(),
     ) {
+        let g: Vec<Vec<f32>> = d.iter().map(|d| naive_gradient(d, kind)).collect();
+        let missing = missing_gradient(&d[0], kind);
         let enhanced = |i: usize| {
             let term = |k: usize| if k <= i { g.get(k).map_or(missing, |g| g[i - k]) } else { missing };
             (1..smoothing).fold(g[0][i], |sum, k| sum + term(k))
@@ -123,9 +148,14 @@ proptest! {
         let sums: Vec<f32> = (0..g[0].len()).map(enhanced).collect();
         let highest = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         let place = sums.iter().position(|&x| x == highest).unwrap();
-        let peak = enhanced_peak(&ring(&g, before), smoothing, missing);
-        prop_assert_eq!(peak.place, place);
-        prop_assert_eq!(peak.value, highest);
+        let (columns, kept) = d.split_at(d.len() - kept.min(d.len() - 1));
+        let earlier = if kept.is_empty() {
+            Ring::new(0, d[0].len()).unwrap()
+        } else {
+            ring(&g[columns.len()..], 0)
+        };
+        let peak = enhanced_peak(&ring(columns, before), &earlier, kind, smoothing);
+        prop_assert_eq!((peak.place, peak.value.to_bits()), (place, sums[place].to_bits()));
     }
 
     #[test]
@@ -161,15 +191,14 @@ proptest! {
         let cells = (0..length).map(|age| (anchor(age), back(speed, age)));
         let anchors = cells.filter(|(a, back)| a.trusted && a.single.place + back == place).count();
 
-        let mut columns = ring(&raw, before);
-        let diagonals: Vec<Diagonal> = speeds.iter().map(|&speed| Diagonal::new(speed, length).unwrap()).collect();
-        let got = best_sequence(&mut columns, anchor, &diagonals, weight, floor).unwrap();
+        let (columns, frame) = (ring(&raw, before), length as u64 + 6);
+        let mut ring = Anchors::new(length).unwrap();
+        (0..length).rev().for_each(|age| ring.push(anchor(age)));
+        let mut search = Search::new(&speeds, length, raw[0].len()).unwrap();
+        let window = Window { frame, columns: &columns, anchors: &ring, weight, floor };
+        let got = search.best(window).unwrap();
         prop_assert_eq!((got.place, got.speed, got.anchors), (place, speed, anchors));
         prop_assert_eq!(got.score, (sum / length as f64) as f32);
-        // The weights were for this query only.
-        for (age, raw) in raw.iter().enumerate() {
-            prop_assert!(same(columns.column(age), raw), "column {}", age);
-        }
     }
 
     #[test]

@@ -5,13 +5,14 @@ It shares nothing with the library: no stream, no ring, no state, only matrices 
 numbers those of Carson, Ford, Milford, ICRA 2023.
 
 Read into the text where it is silent: `D` is float32; ties go to the lowest index; gradients are
-float32 in the written order of operations; diagonal sums are float64.
+float32 in the written order of operations; diagonal sums are float64, in the order of 1.5.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -97,34 +98,44 @@ def steps_back(speed: float, k: int) -> int:
     return int(np.floor(speed * k + 0.5))
 
 
+def in_turn(j: int, length: int) -> list[list[int]]:
+    """1.5: the queries of the window that ends in `j`, in the order in which they are added.
+
+    Up to three lists, one for each block of queries that the window reaches; each is summed from
+    its first to its last, then the sums from the first list to the last. Blocks have
+    `max(1, length // 2)` queries, counted from query 0.
+    """
+    size = max(1, length // 2)
+    own, before, rest = [], [], []
+    for q in range(j - length + 1, j + 1):
+        blocks_ago = j // size - q // size
+        (own, before, rest)[blocks_ago].append(q)
+    return [part for part in (own, before, rest[::-1]) if part]
+
+
 def sequence(
     D: Array, i_d: Array, trusted: Array, floor: Array, w: float, length: int, speed: float = 1.0
 ) -> tuple[Array, Array]:
-    """Eqs. 5 and 6: `S` (n, m) float64, `inf` where undefined, and the anchors on each diagonal.
+    """Eqs. 5 and 6: `L S` (n, m) float64, `inf` where undefined, and the anchors on each diagonal.
 
-    Column `j` of `S` weights *every* column of its window by `floor[j]`, the floor in force at `j`.
-    Summed over `k = 0 .. L-1` in this order, then divided by `L`. Defined where `j >= L-1` and
-    `i >= round(v (L-1))`.
+    Column `j` weights *every* column of its window by `floor[j]`, the floor in force at `j`. Defined where `j >= L-1` and `i >= round(v (L-1))`.
     """
     n, m = D.shape
-    S = np.zeros((n, m))
+    S = np.full((n, m), np.inf)  # sums, for the means of two of them can be equal
     anchors = np.zeros((n, m), np.int64)
-    for k in range(min(length, m)):
-        back = steps_back(speed, k)
-        if back >= n:
-            break
-        queries = np.arange(k, m)  # j
-        then = queries - k  # j - k
-        column = D[:, then].astype(np.float64)
-        d0 = D[i_d[then], then]
-        weighted = np.where(trusted[then], weight(d0, floor[queries], w), d0)
-        column[i_d[then], then] = weighted
-        S[back:, k:] += column[: n - back]
-        is_anchor = (np.arange(n)[:, None] == i_d[then]) & trusted[then]
-        anchors[back:, k:] += is_anchor[: n - back]
-    S = S / length
-    S[: steps_back(speed, length - 1)] = np.inf
-    S[:, : length - 1] = np.inf
+    i = np.arange(steps_back(speed, length - 1), n)  # the places with a full window
+    for j in range(length - 1, m):
+
+        def cells(q: int, j: int = j) -> Array:
+            on_route = i - steps_back(speed, j - q)
+            weighted = weight(D[i_d[q], q], floor[j], w) if trusted[q] else D[i_d[q], q]
+            column = D[:, q].astype(np.float64)
+            column[i_d[q]] = weighted
+            anchors[i, j] += trusted[q] & (on_route == i_d[q])
+            return column[on_route]
+
+        parts = [reduce(np.add, map(cells, part)) for part in in_turn(j, length)]
+        S[i, j] = reduce(np.add, parts)
     return S, anchors
 
 
@@ -181,7 +192,8 @@ def match(D: Array, o: Options, trusted: Array | None = None) -> Run:
         place[better], best[better], speed[better] = i_0[better], s[better], v
         anchors[better] = on_diagonal[i_0, j][better]
     ready = np.isfinite(best)
-    score = np.where(ready, best, single).astype(np.float32)
+    means = (0.0 + best) / o.sequence_length
+    score = np.where(ready, means, single).astype(np.float32)
     G_max = G[i_g, j]
     return Run(place, score, trusted, anchors, ready, speed, i_d, single, i_g, G_max)
 

@@ -1,0 +1,127 @@
+//! The sums along all diagonals of one slope (method 1.5, Eq. 6).
+
+use super::direct::{BLOCK, direct_sums};
+use super::order::Runs;
+use super::ring::Ring;
+use super::sliding::Sliding;
+use crate::config::reach;
+use crate::error::Error;
+
+/// The longest window whose sums are made afresh for each query: as fast as keeping sums, in less memory.
+const DIRECT: usize = 8;
+
+/// What is done with the sums as they are made: a closure, or, so that it is compiled for each instruction set, a type whose
+/// method is marked `#[inline(always)]`.
+pub(crate) trait Visit {
+    /// The sums of the diagonals that end in `start`, `start + 1`, ...
+    fn visit(&mut self, start: usize, sums: &mut [f64]);
+}
+
+impl<F: FnMut(usize, &mut [f64])> Visit for F {
+    #[inline(always)]
+    fn visit(&mut self, start: usize, sums: &mut [f64]) {
+        self(start, sums);
+    }
+}
+
+/// A slope, and how many places back it lies `k` queries ago: `round(v k)`.
+#[derive(Clone, Debug)]
+pub(super) struct Diagonal {
+    pub(super) speed: f64,
+    pub(super) back: Vec<usize>,
+    /// Where one place a query is driven, and the window is long.
+    sliding: Option<Sliding>,
+}
+
+impl Diagonal {
+    pub(super) fn new(speed: f64, length: usize, places: usize) -> Result<Self, Error> {
+        let mut back = Vec::new();
+        back.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
+        back.extend((0..length).map(|age| reach(speed, age) as usize));
+        let slides = speed == 1.0 && length > DIRECT;
+        let sliding = if slides { Some(Sliding::new(length, places)?) } else { None };
+        Ok(Self { speed, back, sliding })
+    }
+
+    /// The same with sums that slide, however short the window, or with none that do.
+    #[cfg(test)]
+    pub(super) fn forced(mut self, slides: bool, places: usize) -> Self {
+        self.sliding = slides.then(|| Sliding::new(self.back.len(), places).unwrap());
+        self
+    }
+
+    /// The first place whose diagonal lies on the route.
+    pub(super) fn first(&self) -> usize {
+        self.back.last().copied().unwrap_or(0)
+    }
+
+    /// Takes in the newest of `columns`, that of query `frame`, and gives the sums of the diagonals that end at `start`,
+    /// `start + 1`, ... to `visit(start, sums)`, in the order of places and without a gap from [`first`](Self::first) to
+    /// the last place; nothing before the first full window.
+    #[inline(always)]
+    pub(super) fn sums(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit) {
+        if let Some(sliding) = &mut self.sliding {
+            return sliding.advance(columns, frame, visit);
+        }
+        let length = self.back.len();
+        if columns.len() < length {
+            return;
+        }
+        let (places, runs) = (columns.height(), Runs::at(frame, length));
+        let mut sums = [0.0_f64; BLOCK];
+        for start in (self.first()..places).step_by(BLOCK) {
+            let sums = &mut sums[..BLOCK.min(places - start)];
+            direct_sums(columns, runs, |age| self.back[age], start, sums);
+            visit.visit(start, sums);
+        }
+    }
+
+    /// Takes in the newest of `columns` and gives nothing.
+    pub(super) fn catch_up(&mut self, columns: &Ring, frame: u64) {
+        if let Some(sliding) = &mut self.sliding {
+            sliding.advance(columns, frame, |_: usize, _: &mut [f64]| {});
+        }
+    }
+}
+
+/// The plain sums along the diagonals of slope 1 through the newest columns, whatever the columns hold.
+#[derive(Clone, Debug)]
+#[allow(dead_code, reason = "what a screened map needs")]
+pub(crate) struct DiagonalSums {
+    columns: Ring,
+    diagonal: Diagonal,
+}
+
+#[allow(dead_code, reason = "what a screened map needs")]
+impl DiagonalSums {
+    /// For windows of `length` queries of a route of `places` places, which is `length` or more. Takes up to
+    /// `8 length places` bytes.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] where there is not as much.
+    pub(crate) fn new(length: usize, places: usize) -> Result<Self, Error> {
+        Ok(Self { columns: Ring::new(length, places)?, diagonal: Diagonal::new(1.0, length, places)? })
+    }
+
+    /// Takes in the column of query `frame`, one number a place, and gives the sums of the diagonals that end at `start`,
+    /// `start + 1`, ... to `visit(start, sums)`, at most a few hundred at a time, in the order of places, from place
+    /// `length - 1` to the last; nothing before the first full window. They equal
+    /// [`diagonal_sum`](super::order::diagonal_sum) to the last bit.
+    ///
+    /// Queries follow each other: `frame` is one more than the last one's, or any number after [`clear`](Self::clear).
+    #[inline(always)]
+    pub(crate) fn push(&mut self, frame: u64, column: &[f32], visit: impl Visit) {
+        self.columns.advance().copy_from_slice(column);
+        self.diagonal.sums(&self.columns, frame, visit);
+    }
+
+    /// The column of `age` pushes ago, below the number of columns that it has seen and `length`.
+    pub(crate) fn column(&self, age: usize) -> &[f32] {
+        self.columns.column(age)
+    }
+
+    /// Forgets all columns. Nothing is allocated.
+    pub(crate) fn clear(&mut self) {
+        self.columns.clear();
+    }
+}
