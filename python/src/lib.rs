@@ -2,8 +2,10 @@
 #![allow(clippy::doc_markdown, reason = "docstrings are for Python readers, in reStructuredText")]
 #![allow(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
 
+mod allocator;
 mod arrays;
 mod batch;
+mod bench;
 mod error;
 mod evaluate;
 mod fix;
@@ -24,6 +26,8 @@ use pyo3::prelude::*;
 mod _core {
     #[pymodule_export]
     use crate::batch::{Run, match_, match_distances};
+    #[pymodule_export]
+    use crate::bench::{bench_image_latency, bench_latency, bench_read, instruction_set};
     #[pymodule_export]
     use crate::evaluate::{Evaluation, evaluate, recall_at};
     #[pymodule_export]

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from surefix import SurefixError, __version__
+from surefix.cli.bench import bench, latency
 from surefix.cli.demo import demo
 from surefix.cli.eval import eval_
 from surefix.cli.map import append, build, info
@@ -34,6 +35,10 @@ app.add_typer(maps, name="map")
 app.command(epilog="Example: surefix run route.safetensors todays_photos/ -o fixes.csv")(run)
 app.command("eval", epilog="Example: surefix eval route.safetensors todays_photos/ --truth identity -o report/")(eval_)
 app.command(epilog="Example: surefix reproduce --data data/ -o report/")(reproduce)
+benches = typer.Typer(invoke_without_command=True)
+benches.callback(epilog="Example: surefix bench --only push --out bench/")(bench)
+benches.command(epilog="Example: surefix bench latency --pushes 100000")(latency)
+app.add_typer(benches, name="bench")
 app.command(epilog="Example: surefix demo --out out/demo")(demo)
 
 

@@ -1,0 +1,100 @@
+"""Learned descriptors on a long route: the whole push, from a float32 descriptor to the fix."""
+
+from collections.abc import Iterator
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+
+from surefix import Localizer, Map
+from surefix.bench.agreement import same_numbers
+from surefix.bench.line import Contender, Line, Settings, Skipped, times
+from surefix.bench.localizing import answers, localizer
+from surefix.bench.memory import shortage
+from surefix.bench.push import read_by_push
+from surefix.bench.rivals import Rivals
+from surefix.bench.step import ArrayMatcher, same_fixes
+
+__all__ = ["lines", "route"]
+
+DIM = 4096
+LENGTH = 3
+QUERIES = 8
+# How alike two neighbouring places are, and a place and its query.
+ALONG, ACROSS = 0.95, 0.7
+
+
+def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
+    """BLAS product and SciPy step beside surefix, with the screen of i8 rows where this build has it."""
+    places = 4_000 if settings.quick else 100_000
+    work = f"learned descriptors, {places:,} x {DIM:,}, whole push"
+    signal = rivals["scipy.signal"]
+    if signal is None:
+        yield Skipped("learned", work, "SciPy is not installed")
+        return
+    # The rows, the map's own, and a quarter more for the screen.
+    if why := shortage(10 * places * DIM):
+        yield Skipped("learned", work, why)
+        return
+    rows, queries = route(places, DIM, QUERIES)
+    plain = Map.from_descriptors(rows, metric="cosine")
+
+    def arrays() -> Any:
+        matcher = ArrayMatcher(signal, places, LENGTH)
+        return lambda query: matcher.push(1 - rows @ query)
+
+    def rival_answer() -> Any:
+        push = arrays()
+        return [push(query) for query in queries]
+
+    reach = times(2.5)
+    others = [Contender("BLAS product + SciPy step", _round(arrays(), queries), rival_answer, reach=reach)]
+    chosen, name = plain, "surefix"
+    if hasattr(plain, "with_screen"):
+        chosen, name = plain.with_screen("i8"), "surefix, screen of i8 rows"
+        others.append(_contender("surefix, without the screen", plain, settings.threads, queries, exact=True))
+    yield Line(
+        "learned",
+        work,
+        _contender(name, chosen, settings.threads, queries),
+        others,
+        same_fixes,
+        places * DIM * (4 if chosen is plain else 1) + read_by_push(places, LENGTH),
+        settings.threads,
+    )
+
+
+def route(places: int, dim: int, queries: int) -> tuple[Any, list[Any]]:
+    """Descriptors of unit length along a route, neighbours alike, and those of a second drive over a part of it."""
+    rng = np.random.default_rng(places)
+    rows = np.empty((places, dim), np.float32)
+    before = rng.standard_normal(dim, np.float32)
+    for start in range(0, places, 1024):
+        block = rows[start : start + 1024]
+        rng.standard_normal(dtype=np.float32, out=block)
+        block *= np.float32(np.sqrt(1 - ALONG**2))
+        for row in block:
+            row += np.float32(ALONG) * before
+            before = row
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    drive = []
+    for place in range(places // 3, places // 3 + queries):
+        query = ACROSS * rows[place] + np.sqrt((1 - ACROSS**2) / dim) * rng.standard_normal(dim)
+        drive.append((query / np.linalg.norm(query)).astype(np.float32))
+    return rows, drive
+
+
+def _contender(name: str, known: Map, threads: int, queries: list[Any], *, exact: bool = False) -> Contender:
+    def fresh() -> Localizer:
+        return localizer(known, threads, sequence_length=LENGTH)
+
+    return Contender(
+        name, _round(fresh().push, queries), answers(fresh, queries), agrees=same_numbers if exact else None
+    )
+
+
+def _round(push: Any, queries: list[Any]) -> Any:
+    following = cycle(queries)
+    for query in queries[:LENGTH]:
+        push(query)
+    return lambda: push(next(following))
