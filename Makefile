@@ -8,20 +8,23 @@ SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src pytho
 # The optimised profile keeps the checks of a debug build.
 CARGO_TEST := cargo test --locked --profile test-release
 
-.PHONY: demo test lint rust wheel python examples bench clean help
+.PHONY: demo test lint rust instructions instructions-accept wheel python examples bench performance clean help
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
-	@echo "make bench   how fast it is here (Rust, criterion)"
+	@echo "make bench   how fast it is here: in Rust, and from Python beside its rivals, which are installed for it"
+	@echo "make performance          the tables of docs/performance.md, made anew"
+	@echo "make instructions-accept  the instruction counts that make test guards, made anew"
 	@echo "make wheel   the Python wheel, in dist"
 	@echo "make clean   remove all that the targets made"
 
 demo: $(VENV)/installed
 	$(BIN)/surefix demo --out out/demo
 
-test: lint rust python examples
+test: lint rust instructions python examples
 	$(BIN)/surefix demo --out out/demo
+	$(BIN)/surefix bench --quick --out out/bench
 	@echo; echo "== summaries"
 	@grep -h '^test result' $(LOG).rust
 	@tail -n 1 $(LOG).python
@@ -30,8 +33,8 @@ lint: $(VENV)/dev
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
 	cargo clippy --locked --no-default-features -- -D warnings
-	$(BIN)/ruff check python tests examples
-	$(BIN)/ruff format --check python tests examples
+	$(BIN)/ruff check python tests benches examples
+	$(BIN)/ruff format --check python tests benches examples
 
 # The same tests on all cores and on one; then the examples in the documentation.
 rust:
@@ -52,8 +55,20 @@ examples: $(VENV)/installed
 	$(BIN)/python examples/stream.py
 	$(BIN)/python examples/batch.py
 
-bench:
+# Instructions of the hot kernels, under valgrind: none may rise by more than 2 %. Skipped, with a word, without valgrind.
+instructions:
+	$(PYTHON) benches/instructions.py
+
+instructions-accept:
+	$(PYTHON) benches/instructions.py --accept
+
+bench: $(VENV)/rivals
 	cargo bench --locked
+	$(BIN)/surefix bench --out out/bench
+	$(BIN)/surefix bench latency
+
+performance: $(VENV)/rivals
+	$(BIN)/surefix bench --docs docs/performance.md
 
 wheel: $(VENV)/wheel
 
@@ -74,6 +89,10 @@ $(VENV)/installed: $(VENV)/wheel
 
 $(VENV)/dev: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[dev]"
+	@touch $@
+
+$(VENV)/rivals: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[bench]"
 	@touch $@
 
 clean:

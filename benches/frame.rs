@@ -1,51 +1,105 @@
-//! What one camera frame costs, part by part: `cargo bench`.
+//! What one camera frame costs, part by part: `cargo bench --bench frame`.
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark stops at the first surprise")]
 
+mod dice;
+
 use std::hint::black_box;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use dice::Dice;
+use ndarray::Array2;
 use surefix::descriptor::Describer;
 use surefix::simulate::{Conditions, Route, RouteConfig};
-use surefix::{Config, Map, Matcher, Sad, Values};
+use surefix::{Config, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances};
 
 /// The paper's route length.
 const PLACES: usize = 1800;
 
-fn frame(criterion: &mut Criterion) {
-    let config = RouteConfig { places: PLACES, width: 64, height: 32, ..RouteConfig::default() };
-    let drive = Route::new(config).unwrap().traverse(Conditions::reference()).unwrap();
-    let map = Map::from_images(&drive, Sad::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
-    let query = Sad::default().describe(drive.frame(900).view()).unwrap();
-    let mut distances = map.distances(&query).unwrap();
-    assert_eq!(distances[900], 0.0);
+/// A generated route on a summer's day, and frames of a winter drive along its middle.
+fn drives(width: usize, height: usize, frames: usize) -> (Arc<Map>, Vec<Image>) {
+    let route = |width, height| {
+        Route::new(RouteConfig { places: PLACES, width, height, ..RouteConfig::default() }).unwrap()
+    };
+    // Small frames are described as large ones are, and drawn in a hundredth of the time.
+    let summer = route(64, 32).traverse(Conditions::reference()).unwrap();
+    let winter = route(width, height).traverse(Conditions::revisit()).unwrap();
+    let map = Map::from_images(&summer, Sad::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
+    (Arc::new(map), (0..frames).map(|frame| winter.frame(PLACES / 2 + frame)).collect())
+}
 
-    let mut group = criterion.benchmark_group("distances");
-    group.throughput(Throughput::Bytes((PLACES * map.dim()) as u64));
-    group.bench_function("u8 SAD, 1800 x 2048", |b| {
-        b.iter(|| map.distances_into(black_box(query.view()), &mut distances).unwrap());
-    });
-    group.finish();
-
-    let mut group = criterion.benchmark_group("push");
-    group.throughput(Throughput::Elements(PLACES as u64));
-    for sequence_length in [2, 3, 10, 100] {
-        let mut matcher = Matcher::new(PLACES, Config { sequence_length, ..Config::default() }).unwrap();
-        group.bench_function(format!("n = 1800, L = {sequence_length}"), |b| {
-            b.iter(|| matcher.push(black_box(&distances)).unwrap());
-        });
+fn push(criterion: &mut Criterion) {
+    for places in [PLACES, 100_000] {
+        let mut group = criterion.benchmark_group(format!("push, n = {places}"));
+        group.throughput(Throughput::Elements(places as u64));
+        let columns = Dice(1).drive(places, 16);
+        for sequence_length in [1, 2, 3, 10, 100] {
+            let mut matcher = Matcher::new(places, Config { sequence_length, ..Config::default() }).unwrap();
+            for (query, column) in columns.iter().cycle().take(sequence_length.max(16)).enumerate() {
+                let fix = matcher.push(column).unwrap();
+                assert_eq!((fix.single.place, fix.trusted), (places / 3 + query % 16, true));
+            }
+            let mut next = columns.iter().cycle();
+            group.bench_function(format!("L = {sequence_length}"), |b| {
+                b.iter(|| matcher.push(black_box(next.next().unwrap())).unwrap());
+            });
+        }
     }
-    group.finish();
+}
 
-    let config = RouteConfig { places: 2, width: 640, height: 480, ..RouteConfig::default() };
-    let image = Route::new(config).unwrap().traverse(Conditions::reference()).unwrap().frame(0);
+fn image(criterion: &mut Criterion) {
+    let (map, frames) = drives(640, 480, 8);
     let mut describer = Describer::new(Sad::default());
     let mut descriptor = Values::U8(vec![0; Sad::default().dim()]);
+    let mut next = frames.iter().cycle();
     criterion.bench_function("describe, 640 x 480 RGB", |b| {
-        b.iter(|| describer.describe(black_box(image.view()), &mut descriptor).unwrap());
+        b.iter(|| describer.describe(black_box(next.next().unwrap().view()), &mut descriptor).unwrap());
+    });
+    let mut localizer = Localizer::new(map, Config { sequence_length: 3, ..Config::default() }).unwrap();
+    let fixes: Vec<Fix> = frames.iter().map(|frame| localizer.push_image(frame).unwrap()).collect();
+    assert!(fixes.iter().enumerate().all(|(query, fix)| fix.place.abs_diff(PLACES / 2 + query) < 10));
+    criterion.bench_function("image to fix, 640 x 480 RGB, n = 1800, L = 3", |b| {
+        b.iter(|| localizer.push_image(black_box(next.next().unwrap())).unwrap());
     });
 }
 
-criterion_group!(benches, frame);
+/// Whole runs at once, which must say what the stream says.
+fn batch(criterion: &mut Criterion) {
+    const QUERIES: usize = 200;
+    let (map, frames) = drives(64, 32, QUERIES);
+    let config = Config { sequence_length: 5, ..Config::default() };
+    let descriptors: Vec<Values> =
+        frames.iter().map(|frame| Sad::default().describe(frame.view()).unwrap()).collect();
+    let mut stream = Localizer::new(map.clone(), config.clone()).unwrap();
+    let fixes: Vec<Fix> = descriptors.iter().map(|one| stream.push_descriptor(one).unwrap()).collect();
+    let all: Vec<u8> = descriptors
+        .iter()
+        .flat_map(|one| match one {
+            Values::U8(bytes) => bytes.clone(),
+            _ => Vec::new(),
+        })
+        .collect();
+    let mut distances = Array2::zeros((PLACES, QUERIES));
+    for (mut column, descriptor) in distances.columns_mut().into_iter().zip(&descriptors) {
+        column.assign(&ndarray::Array1::from(map.distances(descriptor).unwrap()));
+    }
+    let go_on: &mut (dyn FnMut(usize, usize) -> ControlFlow<()> + Send) =
+        &mut |_, _| ControlFlow::Continue(());
+    let mut group = criterion.benchmark_group(format!("batch, n = {PLACES}, m = {QUERIES}"));
+    group.throughput(Throughput::Elements(QUERIES as u64)).sample_size(20);
+    let run = match_descriptors(&map, &all, &config, None, go_on).unwrap();
+    assert_eq!(run.fixes, fixes);
+    group.bench_function("from descriptors", |b| {
+        b.iter(|| match_descriptors(&map, black_box(&all), &config, None, go_on).unwrap());
+    });
+    let run = match_distances(distances.view(), &config, None).unwrap();
+    assert_eq!(run.fixes, fixes);
+    group.bench_function("from distances", |b| {
+        b.iter(|| match_distances(black_box(distances.view()), &config, None).unwrap());
+    });
+}
+
+criterion_group!(benches, push, image, batch);
 criterion_main!(benches);

@@ -1,0 +1,107 @@
+//! Each hot piece of work, run a known number of times: `instructions.py` counts its instructions under callgrind.
+//!
+//! It prints a line for each case, `name<TAB>times`, after one call of `measured`. On its own it measures nothing.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    missing_docs,
+    reason = "a benchmark stops at the first surprise"
+)]
+
+mod dice;
+
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use dice::Dice;
+use surefix::descriptor::Describer;
+use surefix::{Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Sad, Values, View};
+
+/// Rows of a map: few, as each costs the same.
+const ROWS: usize = 48;
+/// Not a multiple of any register's width, so that the ends of rows are counted as well.
+const DIM: usize = 2051;
+/// The paper's route length.
+const PLACES: usize = 1800;
+const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosine];
+const DTYPES: [Dtype; 4] = [Dtype::U8, Dtype::I8, Dtype::F16, Dtype::F32];
+
+/// What callgrind counts: it is told this name.
+#[inline(never)]
+fn measured(work: &mut dyn FnMut()) {
+    work();
+    // So that the call above is no tail call, which would leave this function too early.
+    black_box(());
+}
+
+fn case(name: &str, times: usize, mut work: impl FnMut()) {
+    // Once before: what is done on the first call only is no part of it.
+    work();
+    measured(&mut || (0..times).for_each(|_| work()));
+    println!("{name}\t{times}");
+}
+
+fn main() {
+    // `cargo bench` gives arguments of its own.
+    let few = std::env::args().any(|argument| argument == "--few");
+    println!("isa\t{}", Isa::best());
+    if few {
+        distances(&[Dtype::U8, Dtype::F32], false);
+        push(&[3]);
+        return;
+    }
+    distances(&DTYPES, true);
+    push(&[2, 3, 10, 100]);
+    image();
+}
+
+fn distances(dtypes: &[Dtype], float_queries: bool) {
+    let mut dice = Dice(1);
+    for &dtype in dtypes {
+        let (rows, own, float) =
+            (dice.numbers(dtype, ROWS * DIM), dice.numbers(dtype, DIM), dice.numbers(Dtype::F32, DIM));
+        for metric in METRICS {
+            let map = Map::from_descriptors(rows.clone(), DIM, metric).unwrap();
+            let mut scan = |name: String, query: View<'_>| {
+                let mut out = vec![0.0; ROWS];
+                case(&name, 2, || map.distances_into(black_box(query), &mut out).unwrap());
+            };
+            scan(format!("distances, {dtype} {metric}, {ROWS} x {DIM}"), own.view());
+            if float_queries && dtype != Dtype::F32 {
+                scan(format!("distances, {dtype} {metric}, {ROWS} x {DIM}, float32 query"), float.view());
+            }
+        }
+    }
+}
+
+fn push(lengths: &[usize]) {
+    let columns = Dice(2).drive(PLACES, 16);
+    for &sequence_length in lengths {
+        let mut matcher = Matcher::new(PLACES, Config { sequence_length, ..Config::default() }).unwrap();
+        let mut frames = columns.iter().cycle();
+        let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
+        (0..2 * sequence_length).for_each(|_| push());
+        // As many as the sequence is long: not all of them need cost the same.
+        case(&format!("push, n = {PLACES}, L = {sequence_length}"), sequence_length.max(16), push);
+    }
+}
+
+fn image() {
+    const KNOWN: usize = 64;
+    let mut dice = Dice(3);
+    let frame = dice.image(640, 480, Channels::Rgb).unwrap();
+    let mut describer = Describer::new(Sad::default());
+    let mut descriptor = Values::U8(vec![0; Sad::default().dim()]);
+    case("describe, 640 x 480 RGB", 1, || {
+        describer.describe(black_box(frame.view()), &mut descriptor).unwrap()
+    });
+
+    let known: Vec<Image> = (0..KNOWN).map(|_| dice.image(64, 32, Channels::Grey).unwrap()).collect();
+    let map = Map::from_images(&known, Sad::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
+    let mut localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
+    localizer.push_image(&frame).unwrap();
+    let name = format!("image to fix, 640 x 480 RGB, n = {KNOWN}");
+    case(&name, 1, || drop(black_box(localizer.push_image(black_box(&frame)).unwrap())));
+}
