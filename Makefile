@@ -62,9 +62,10 @@ instructions:
 instructions-accept:
 	$(PYTHON) benches/instructions.py --accept
 
+# Quickly, to see that it works: make bench QUICK=--quick
 bench: $(VENV)/rivals
-	cargo bench --locked
-	$(BIN)/surefix bench --out out/bench
+	cargo bench --locked -- $(QUICK)
+	$(BIN)/surefix bench $(QUICK) --out out/bench
 	$(BIN)/surefix bench latency
 
 performance: $(VENV)/rivals

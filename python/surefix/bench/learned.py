@@ -8,7 +8,7 @@ import numpy as np
 
 from surefix import Localizer, Map
 from surefix.bench.agreement import same_numbers
-from surefix.bench.line import Contender, Line, Settings, Skipped, times
+from surefix.bench.line import Contender, Line, Reach, Settings, Skipped, times
 from surefix.bench.localizing import answers, localizer
 from surefix.bench.memory import shortage
 from surefix.bench.push import read_by_push
@@ -28,14 +28,25 @@ def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
     """BLAS product and SciPy step beside surefix, with the screen of i8 rows where this build has it."""
     places = 4_000 if settings.quick else 100_000
     work = f"learned descriptors, {places:,} x {DIM:,}, whole push"
-    signal = rivals["scipy.signal"]
-    if signal is None:
-        yield Skipped("learned", work, "SciPy is not installed")
-        return
     # The rows, the map's own, and a quarter more for the screen.
-    if why := shortage(10 * places * DIM):
+    needed = 10 * places * DIM
+    if rivals["scipy.signal"] is None:
+        yield Skipped("learned", work, "SciPy is not installed")
+    elif why := shortage(needed):
         yield Skipped("learned", work, why)
-        return
+    else:
+        yield _along_a_route(work, places, settings, rivals["scipy.signal"])
+    places = 4_000 if settings.quick else 25_000
+    work = f"descriptors that no screen tells apart, {places:,} x {DIM:,}, whole push"
+    if not hasattr(Map, "with_screen"):
+        yield Skipped("learned", work, "this build has no screen")
+    elif why := shortage(needed):
+        yield Skipped("learned", work, why)
+    else:
+        yield _at_random(work, places, settings)
+
+
+def _along_a_route(work: str, places: int, settings: Settings, signal: Any) -> Line:
     rows, queries = route(places, DIM, QUERIES)
     plain = Map.from_descriptors(rows, metric="cosine")
 
@@ -47,21 +58,28 @@ def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
         push = arrays()
         return [push(query) for query in queries]
 
-    reach = times(2.5)
-    others = [Contender("BLAS product + SciPy step", _round(arrays(), queries), rival_answer, reach=reach)]
+    others = [Contender("BLAS product + SciPy step", _round(arrays(), queries), rival_answer, reach=times(2.5))]
     chosen, name = plain, "surefix"
     if hasattr(plain, "with_screen"):
         chosen, name = plain.with_screen("i8"), "surefix, screen of i8 rows"
-        others.append(_contender("surefix, without the screen", plain, settings.threads, queries, exact=True))
-    yield Line(
-        "learned",
-        work,
-        _contender(name, chosen, settings.threads, queries),
-        others,
-        same_fixes,
-        places * DIM * (4 if chosen is plain else 1) + read_by_push(places, LENGTH),
-        settings.threads,
-    )
+        others.append(_contender("surefix, without the screen", plain, settings, queries, exact=True))
+    read = places * DIM * (4 if chosen is plain else 1) + read_by_push(places, LENGTH)
+    ours = _contender(name, chosen, settings, queries)
+    return Line("learned", work, ours, others, same_fixes, read, settings.threads)
+
+
+def _at_random(work: str, places: int, settings: Settings) -> Line:
+    """Where all places are as far away, the screen has to give up, and that must cost little."""
+    rng = np.random.default_rng(places)
+    rows = rng.standard_normal((places, DIM), np.float32)
+    queries = list(rng.standard_normal((QUERIES, DIM), np.float32))
+    plain = Map.from_descriptors(rows, metric="cosine")
+    screened: Any = plain
+    reach = Reach(1 / 1.1, "at most 1.1 x its time")
+    other = _contender("surefix, without the screen", plain, settings, queries, reach, exact=True)
+    ours = _contender("surefix, screen of i8 rows", screened.with_screen("i8"), settings, queries)
+    read = places * DIM * 4 + read_by_push(places, LENGTH)
+    return Line("learned", work, ours, (other,), same_numbers, read, settings.threads)
 
 
 def route(places: int, dim: int, queries: int) -> tuple[Any, list[Any]]:
@@ -84,17 +102,25 @@ def route(places: int, dim: int, queries: int) -> tuple[Any, list[Any]]:
     return rows, drive
 
 
-def _contender(name: str, known: Map, threads: int, queries: list[Any], *, exact: bool = False) -> Contender:
+def _contender(
+    name: str,
+    known: Map,
+    settings: Settings,
+    queries: list[Any],
+    reach: Reach | None = None,
+    *,
+    exact: bool = False,
+) -> Contender:
     def fresh() -> Localizer:
-        return localizer(known, threads, sequence_length=LENGTH)
+        return localizer(known, settings.threads, sequence_length=LENGTH)
 
-    return Contender(
-        name, _round(fresh().push, queries), answers(fresh, queries), agrees=same_numbers if exact else None
-    )
+    agrees = same_numbers if exact else None
+    return Contender(name, _round(fresh().push, queries), answers(fresh, queries), reach=reach, agrees=agrees)
 
 
 def _round(push: Any, queries: list[Any]) -> Any:
     following = cycle(queries)
-    for query in queries[:LENGTH]:
+    # The window is full then, and a screen knows whether it pays.
+    for query in [*queries, *queries]:
         push(query)
     return lambda: push(next(following))
