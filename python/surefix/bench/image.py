@@ -29,10 +29,8 @@ LEVELS = 32
 class ArrayLocalizer:
     """Pillow for the image, NumPy and SciPy for the rest, as a careful user would write it."""
 
-    def __init__(self, image: Any, signal: Any, cdist: Any, rows: npt.NDArray[np.uint8]) -> None:
-        self.image, self.cdist = image, cdist
-        # SciPy computes in float64: converted once, not with each query.
-        self.rows = rows.astype(np.float64)
+    def __init__(self, image: Any, signal: Any, rows: npt.NDArray[np.uint8]) -> None:
+        self.image, self.rows = image, rows
         self.matcher = ArrayMatcher(signal, len(rows), LENGTH)
 
     def describe(self, frame: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
@@ -50,9 +48,11 @@ class ArrayLocalizer:
 
     def push(self, frame: npt.NDArray[np.uint8]) -> Answer:
         """Place, score and trust of one image."""
-        query = self.describe(frame).astype(np.float64)
-        distances = self.cdist(query[None], self.rows, "cityblock")[0] / (self.rows.shape[1] * LEVELS)
-        return self.matcher.push(distances.astype(np.float32))
+        query = self.describe(frame)
+        # The fastest of NumPy's ways, and faster than SciPy's cdist: bytes all along.
+        difference = np.maximum(self.rows, query) - np.minimum(self.rows, query)
+        sums = difference.sum(axis=1, dtype=np.uint32)
+        return self.matcher.push((sums / (query.size * LEVELS)).astype(np.float32))
 
 
 def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
@@ -62,8 +62,6 @@ def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
     if signal is None or image is None:
         yield Skipped("image", work, "it takes SciPy and Pillow, which are not both installed")
         return
-    from scipy.spatial.distance import cdist
-
     # The map's images are small ones: they are described as the large ones are, and drawn a hundred times faster.
     known = Map.from_images(Route(places=PLACES, size=SMALL).reference(), Sad(), progress=False)
     start = PLACES // 3
@@ -75,12 +73,12 @@ def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
         return Localizer(known, sequence_length=LENGTH)
 
     def answer() -> list[Answer]:
-        rival = ArrayLocalizer(image, signal, cdist, rows)
+        rival = ArrayLocalizer(image, signal, rows)
         return [rival.push(frame) for frame in frames]
 
     other = Contender(
         "Pillow + NumPy + SciPy",
-        _round(ArrayLocalizer(image, signal, cdist, rows).push, frames),
+        _round(ArrayLocalizer(image, signal, rows).push, frames),
         answer,
         reach=times(10),
     )
