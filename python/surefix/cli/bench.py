@@ -81,8 +81,9 @@ def _print_table(results: list[Result | Skipped]) -> None:
 
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
     for name in (*HEADER[:-1], "of limit", HEADER[-1]):
-        table.add_column(name, justify="right" if name in ("surefix", "its time", "ratio", "of limit") else "left",
-                         no_wrap=True)  # fmt: skip
+        numbers = name in ("surefix", "its time", "ratio", "of limit")
+        # On a narrow terminal words are wrapped, numbers are not.
+        table.add_column(name, justify="right" if numbers else "left", no_wrap=numbers or not name)
     styles = {"met": "green", "MISSED": "yellow", "ERROR": "bold red"}
     for result in results:
         if isinstance(result, Skipped):
