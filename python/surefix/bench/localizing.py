@@ -3,26 +3,15 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from surefix import Localizer, Map, SurefixValueError
+from surefix import Localizer, Map
 from surefix.bench.step import Answer, summary
 
-__all__ = ["answers", "has_threads", "localizer"]
-
-
-def has_threads(known: Map) -> bool:
-    """Whether this build's localizer takes a number of threads."""
-    options: dict[str, Any] = {"threads": 1}
-    try:
-        Localizer(known, **options)
-    except SurefixValueError:
-        return False
-    return True
+__all__ = ["answers", "localizer"]
 
 
 def localizer(known: Map, threads: int | None, **options: Any) -> Localizer:
     """A fresh one."""
-    chosen: dict[str, Any] = {"threads": threads} if has_threads(known) else {}
-    return Localizer(known, **chosen, **options)
+    return Localizer(known, threads=threads, **options)
 
 
 def answers(fresh: Callable[[], Localizer], queries: Sequence[Any]) -> Callable[[], list[Answer]]:

@@ -10,7 +10,7 @@ from surefix import Localizer, Map
 from surefix.bench.agreement import same_numbers
 from surefix.bench.bytes_scan import DIM
 from surefix.bench.line import Contender, Line, Reach, Settings, Skipped, level, times
-from surefix.bench.localizing import answers, has_threads, localizer
+from surefix.bench.localizing import answers, localizer
 from surefix.bench.memory import shortage
 from surefix.bench.push import read_by_push
 from surefix.bench.rivals import Rivals
@@ -33,9 +33,6 @@ def thread_lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]
             yield Skipped("threads", work, why)
             continue
         known, queries = _map(places)
-        if not has_threads(known):
-            yield Skipped("threads", work, "this build has one thread only")
-            continue
         one = _contender("surefix, one thread", known, 1, queries, reach)
         read = places * DIM + read_by_push(places, LENGTH)
         ours = _contender(f"surefix, {chosen}", known, threads, queries)
