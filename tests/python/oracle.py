@@ -118,7 +118,8 @@ def sequence(
 ) -> tuple[Array, Array]:
     """Eqs. 5 and 6: `L S` (n, m) float64, `inf` where undefined, and the anchors on each diagonal.
 
-    Column `j` weights *every* column of its window by `floor[j]`, the floor in force at `j`. Defined where `j >= L-1` and `i >= round(v (L-1))`.
+    Column `j` weights *every* column of its window by `floor[j]`, the floor in force at `j`.
+    Defined where `j >= L-1` and `i >= round(v (L-1))`.
     """
     n, m = D.shape
     S = np.full((n, m), np.inf)  # sums, for the means of two of them can be equal
