@@ -54,6 +54,7 @@ fn main() {
     }
     distances(&DTYPES, true);
     push(&[2, 3, 10, 100]);
+    screened();
     image();
 }
 
@@ -85,6 +86,25 @@ fn push(lengths: &[usize]) {
         (0..2 * sequence_length).for_each(|_| push());
         // As many as the sequence is long: not all of them need cost the same.
         case(&format!("push, n = {PLACES}, L = {sequence_length}"), sequence_length.max(16), push);
+    }
+}
+
+/// A drive past places that the screen tells apart.
+fn screened() {
+    const KNOWN: usize = 480;
+    let mut dice = Dice(4);
+    let (rows, noise) = (dice.floats(KNOWN * DIM), dice.floats(16 * DIM));
+    for metric in [Metric::Euclidean, Metric::Cosine] {
+        let map = Map::from_descriptors(rows.clone(), DIM, metric).unwrap().with_screen(Dtype::I8).unwrap();
+        let config = Config { sequence_length: 3, ..Config::default() };
+        let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
+        let drive: Vec<f32> = noise.iter().zip(&rows).map(|(noise, row)| row + 0.5 * noise).collect();
+        let mut frames = drive.chunks_exact(DIM).cycle();
+        let mut push =
+            || drop(black_box(localizer.push_descriptor(black_box(frames.next().unwrap())).unwrap()));
+        push();
+        case(&format!("screened push, {metric}, {KNOWN} x {DIM}"), 8, push);
+        assert!(localizer.looked_at() < KNOWN / 10, "what is counted is the screen");
     }
 }
 

@@ -201,7 +201,7 @@ fn an_image_for_a_map_of_ready_descriptors_says_what_to_do() {
     let error = refused(localizer.push_image(&image(4, 4, Channels::Rgb)));
     assert!(matches!(error, Error::NoDescriptor));
     says(&error, &["push the image's descriptor instead"]);
-    assert_eq!(localizer.matcher().frames(), 0);
+    assert_eq!(localizer.frames(), 0);
 }
 
 #[test]

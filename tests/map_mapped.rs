@@ -259,7 +259,7 @@ fn a_number_that_is_none_is_refused_when_its_distance_is_pushed_and_the_place_is
         let mut localizer = Localizer::new(Arc::new(mapped(&path).unwrap()), Config::default()).unwrap();
         let error = localizer.push_descriptor(&numbers(Dtype::F32, 7, 9)).unwrap_err();
         assert!(matches!(error, Error::NotFinite { index: 3, .. }), "{metric}: {error}");
-        assert_eq!(localizer.matcher().frames(), 0, "the localizer is as it was");
+        assert_eq!(localizer.frames(), 0, "the localizer is as it was");
     }
 }
 

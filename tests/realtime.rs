@@ -144,6 +144,39 @@ fn a_localizer_allocates_nothing_for_a_descriptor() {
     }
 }
 
+/// Where the screen leaves few rows in doubt, and where it gives up.
+#[test]
+fn a_screened_localizer_allocates_nothing_either() {
+    const DIM: usize = 256;
+    for metric in [Metric::Euclidean, Metric::Cosine] {
+        for same in [0.0, 1.0] {
+            let mut dice = Dice(3);
+            let rows: Vec<f32> = (0..400 * DIM)
+                .map(|at| same * ((at % 13) as f32 - 6.0) + 1e-3 * (dice.share() - 0.5))
+                .collect();
+            let alike: Vec<f32> = (0..400 * DIM).map(|at| rows[at % (2 * DIM)] + 1e-6 * rows[at]).collect();
+            let map =
+                Map::from_descriptors(if same > 0.0 { alike } else { rows.clone() }, DIM, metric).unwrap();
+            let map = map.with_screen(Dtype::I8).unwrap();
+            let config = Config { sequence_length: 12, speeds: vec![1.0, 0.8], ..Config::default() };
+            let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
+            let spoilt = vec![f32::NAN; DIM];
+            let mut looked_at = 0;
+            let calls = allocations(|| {
+                for query in 0..60 {
+                    localizer.push_descriptor(&rows[query * DIM..(query + 1) * DIM]).unwrap();
+                    looked_at += localizer.looked_at();
+                    assert!(matches!(localizer.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
+                    localizer.distances();
+                }
+                localizer.reset();
+            });
+            assert_eq!(calls, 0, "{metric} {same}");
+            assert_eq!(looked_at < 60 * 100, same == 0.0, "both ways were taken: {looked_at}");
+        }
+    }
+}
+
 fn image(width: usize, height: usize, channels: Channels, seed: u64) -> Image {
     let mut dice = Dice(seed);
     let pixels = (0..width * height * channels.count()).map(|_| dice.below(256) as u8).collect();

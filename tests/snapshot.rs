@@ -167,7 +167,7 @@ fn other_options_are_refused_where_options_are_expected() {
         assert_eq!(message.matches(": expected ").count(), 1, "{message}");
     }
     let restored = Localizer::restore(map, &blob, None).unwrap();
-    assert_eq!(restored.matcher().config(), &config, "without expectations, the snapshot's own options hold");
+    assert_eq!(restored.config(), &config, "without expectations, the snapshot's own options hold");
 }
 
 #[test]

@@ -19,6 +19,11 @@ impl Dice {
         (self.next() >> 40) as f32 / (1 << 24) as f32
     }
 
+    /// From -1 to 1.
+    pub(crate) fn floats(&mut self, count: usize) -> Vec<f32> {
+        (0..count).map(|_| 2.0 * self.unit() - 1.0).collect()
+    }
+
     pub(crate) fn bytes(&mut self, count: usize) -> Vec<u8> {
         (0..count).map(|_| (self.next() >> 32) as u8).collect()
     }

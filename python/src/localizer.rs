@@ -126,10 +126,21 @@ impl Localizer {
         Ok(FixStream { localizer: slf.clone().unbind(), frames: frames.unbind() })
     }
 
-    /// The distances from the newest frame to every place, a copy: shape (n,), float32; zeros before the first.
+    /// The distances from the newest frame to every place, a copy: shape (n,), float32; zeros before the first. On a map with a
+    /// screen, those that were not needed for the fix are computed now.
     #[getter]
     fn distances<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        Ok(PyArray1::from_slice(slf.py(), shared(slf)?.0.distances()))
+        let py = slf.py();
+        let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"))?;
+        let localizer = &mut this.0;
+        Ok(PyArray1::from_slice(py, py.detach(|| localizer.distances())))
+    }
+
+    /// How many of the map's rows the newest frame made it look at: all of them, or, on a map with a screen, those that were
+    /// left in doubt, for this query and for the ones before it in the window. 0 before the first frame.
+    #[getter]
+    fn looked_at(slf: &Bound<'_, Self>) -> PyResult<usize> {
+        Ok(shared(slf)?.0.looked_at())
     }
 
     /// Forgets all frames: the next one is frame 0.
@@ -208,7 +219,7 @@ impl Localizer {
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
         let this = shared(slf)?;
         let map = Map(this.0.map().clone());
-        Ok(format!("Localizer({}, frames={})", map.__repr__(), this.0.matcher().frames()))
+        Ok(format!("Localizer({}, frames={})", map.__repr__(), this.0.frames()))
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use surefix::Recipe;
+use surefix::{Dtype, Recipe};
 
 use crate::arrays::{Numbers, as_array, check_axes, rows_to_py};
 use crate::error::{OrRaise as _, value};
@@ -218,6 +218,8 @@ impl Map {
     ///     Where each place is, in planar metres.
     /// names : sequence of str, optional
     ///     A name for each place.
+    /// screen : {"i8"}, optional
+    ///     As for ``with_screen``.
     ///
     /// Returns
     /// -------
@@ -227,11 +229,11 @@ impl Map {
     /// ------
     /// SurefixValueError
     ///     For fewer than two rows, another type, a NaN or an infinity (the error names its row), a row of zeros under
-    ///     the cosine, or another number of positions or names than of rows.
+    ///     the cosine, or another number of positions or names than of rows; and as for ``with_screen``.
     #[staticmethod]
     #[pyo3(
-        signature = (descriptors, metric=None, positions=None, names=None),
-        text_signature = "(descriptors, metric='cosine', positions=None, names=None)"
+        signature = (descriptors, metric=None, positions=None, names=None, *, screen=None),
+        text_signature = "(descriptors, metric='cosine', positions=None, names=None, *, screen=None)"
     )]
     fn from_descriptors(
         py: Python<'_>,
@@ -239,7 +241,9 @@ impl Map {
         metric: Option<&Bound<'_, PyAny>>,
         positions: Option<&Bound<'_, PyAny>>,
         names: Option<&Bound<'_, PyAny>>,
+        screen: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
         let metric = metric.map_or_else(|| "cosine".to_owned(), ToString::to_string).parse().or_raise(py)?;
         let positions = places::positions(positions)?;
         let array = as_array(descriptors, "descriptors")?;
@@ -255,7 +259,8 @@ impl Map {
             Some(names) => map.with_names(places::names(names)?).or_raise(py)?,
             None => map,
         };
-        Ok(Self(Arc::new(with_positions(map, positions).or_raise(py)?)))
+        let map = with_positions(map, positions).or_raise(py)?;
+        Ok(Self(Arc::new(screened(py, map, screen)?)))
     }
 
     /// Opens a map that ``save`` or ``build`` wrote.
@@ -269,6 +274,8 @@ impl Map {
     ///     change the file in place or make it shorter, or the program ends (SIGBUS) or sees other numbers. To replace the file, as ``save``,
     ///     ``build`` and ``append`` do, is safe. A NaN in it is found when a frame is pushed, not here; the first ``snapshot`` of
     ///     a localizer reads the whole file once.
+    /// screen : {"i8"}, optional
+    ///     As for ``with_screen``: it is not in the file, and making it reads all of it.
     ///
     /// Returns
     /// -------
@@ -279,11 +286,12 @@ impl Map {
     /// SurefixFileError
     ///     Where the file cannot be read.
     /// SurefixValueError
-    ///     Where it is truncated, damaged, not a map, or of a newer version.
+    ///     Where it is truncated, damaged, not a map, or of a newer version; and as for ``with_screen``.
     #[staticmethod]
-    #[pyo3(signature = (path, mmap=false))]
+    #[pyo3(signature = (path, mmap=false, *, screen=None))]
     #[allow(unsafe_code)]
-    fn open(py: Python<'_>, path: PathBuf, mmap: bool) -> PyResult<Self> {
+    fn open(py: Python<'_>, path: PathBuf, mmap: bool, screen: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
         let map = py.detach(|| {
             if mmap {
                 // SAFETY: whoever asks for it has been told above to leave the file alone.
@@ -292,7 +300,43 @@ impl Map {
                 surefix::Map::open(path)
             }
         });
-        Ok(Self(Arc::new(map.or_raise(py)?)))
+        Ok(Self(Arc::new(screened(py, map.or_raise(py)?, screen)?)))
+    }
+
+    /// The same map with a screen: a copy of its rows in signed bytes, a quarter more memory; the rows are shared. A ``Localizer``
+    /// scans those, which says of each distance between which two numbers it lies, and looks only at the rows that these leave in
+    /// doubt. Its answers are those that it would give without, to the last bit.
+    ///
+    /// This pays where the map is larger than the cache and its places differ: ``Localizer.looked_at`` says at how many rows a
+    /// frame made it look. Where it does not pay, the localizer notices, and scans the rows for a while before it tries again.
+    /// Rows of fewer than 256 numbers are always scanned as they are. A screen is not saved with the map: making it takes about
+    /// as long as a few pushes.
+    ///
+    /// Parameters
+    /// ----------
+    /// dtype : {"i8"}
+    ///     The type of the screen's numbers.
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For another type, a map of other numbers than float32, the manhattan distance, or too little memory.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> rows = np.random.default_rng(0).standard_normal((5000, 512), np.float32)
+    /// >>> route = surefix.Map.from_descriptors(rows).with_screen("i8")
+    /// >>> localizer = surefix.Localizer(route)
+    /// >>> localizer.push(rows[7]).place, localizer.looked_at < 500
+    /// (7, True)
+    fn with_screen(&self, py: Python<'_>, dtype: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let dtype = screen_dtype(dtype).or_raise(py)?;
+        Ok(Self(Arc::new(screened(py, surefix::Map::clone(&self.0), Some(dtype))?)))
     }
 
     /// Saves the map as one safetensors file with all that is needed to use it. It is written beside its place and then
@@ -356,6 +400,12 @@ impl Map {
         self.0.metric().to_string()
     }
 
+    /// The type of the screen's numbers, "i8"; None where the map has no screen.
+    #[getter]
+    fn screen(&self) -> Option<&'static str> {
+        self.0.screen().map(|_| "i8")
+    }
+
     /// The recipe that describes an image; None where the map was made of ready descriptors.
     #[getter]
     fn descriptor(&self) -> Option<Sad> {
@@ -390,5 +440,25 @@ impl Map {
         let (places, dim, dtype, metric) = (self.0.places(), self.0.dim(), self.0.dtype(), self.0.metric());
         let bytes = self.0.descriptors().len() * dtype.size();
         format!("Map({places} places x {dim} {dtype}, {metric}, {:.1} MB)", bytes as f64 / 1e6)
+    }
+}
+
+/// The type that a screen is asked for in.
+fn screen_dtype(name: &Bound<'_, PyAny>) -> Result<Dtype, surefix::Error> {
+    match name.extract::<&str>() {
+        Ok("i8") => Ok(Dtype::I8),
+        _ => Err(surefix::Error::Option {
+            name: "screen",
+            expected: "\"i8\" or None".to_owned(),
+            got: name.repr().map_or_else(|_| "something else".to_owned(), |repr| repr.to_string()),
+        }),
+    }
+}
+
+/// The map, with a screen where one is asked for.
+fn screened(py: Python<'_>, map: surefix::Map, screen: Option<Dtype>) -> PyResult<surefix::Map> {
+    match screen {
+        Some(dtype) => py.detach(|| map.with_screen(dtype)).or_raise(py),
+        None => Ok(map),
     }
 }

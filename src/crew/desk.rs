@@ -4,8 +4,8 @@ use std::mem;
 use std::ops::Range;
 use std::sync::{Condvar, Mutex, MutexGuard};
 
-use super::Work;
-use crate::distance::{Dtype, Values, View};
+use super::{Sought, Work};
+use crate::distance::{Dtype, Query, Values, View};
 use crate::map::Map;
 
 /// Where a helper finds its orders and hands in its chunks. Nobody holds the lock for longer than a copy takes.
@@ -17,7 +17,7 @@ pub(super) struct Desk {
 pub(super) struct Tray {
     order: Order,
     round: u64,
-    query: Query,
+    paper: Paper,
     /// The chunks that this helper has done in this round, and their distances, each at its own place.
     chunks: Vec<usize>,
     distances: Vec<f32>,
@@ -30,11 +30,20 @@ enum Order {
     Leave,
 }
 
-/// Memory for a query in the map's own type and for one in float32, and which of them it is.
+/// Memory for what is sought in each of its forms, and which of them it is.
 #[derive(Clone)]
-struct Query {
-    forms: [Values; 2],
-    chosen: usize,
+struct Paper {
+    /// A query of the map's own type, and one of float32.
+    numbers: [Values; 2],
+    length: f64,
+    codes: Vec<i16>,
+    form: Form,
+}
+
+#[derive(Clone, Copy)]
+enum Form {
+    Numbers(usize),
+    Codes,
 }
 
 impl Desk {
@@ -43,7 +52,7 @@ impl Desk {
         let tray = Tray {
             order: Order::Wait,
             round: 0,
-            query: Query::space(map),
+            paper: Paper::blank(map),
             chunks: Vec::with_capacity(chunks),
             distances: vec![0.0; map.places()],
         };
@@ -51,9 +60,9 @@ impl Desk {
     }
 
     /// Wakes the helper for a query, unless it is just handing something in: then it is late for this one.
-    pub(super) fn order(&self, round: u64, query: View<'_>) {
+    pub(super) fn order(&self, round: u64, sought: Sought<'_>) {
         if let Ok(mut tray) = self.tray.try_lock() {
-            tray.query.set(query);
+            tray.paper.write(sought);
             tray.chunks.clear();
             (tray.order, tray.round) = (Order::Scan, round);
             drop(tray);
@@ -76,22 +85,20 @@ impl Desk {
 
     /// A helper's life: it ends with an order, or where a lock was left behind by a thread that died.
     pub(super) fn serve(&self, work: &Work) {
-        let mut query = Query::space(&work.map);
+        let mut paper = Paper::blank(&work.map);
         let mut distances = vec![0.0; work.map.places()];
-        while let Some(round) = self.next_order(&mut query) {
+        while let Some(round) = self.next_order(&mut paper) {
             while let Some(chunk) = work.take() {
-                // What fails here fails for the caller too, who can say so.
-                if work.scan(chunk, query.view(), &mut distances).is_err()
-                    || !self.hand_in(round, chunk, &distances[work.places(chunk)], work.places(chunk))
-                {
+                work.scan(chunk, paper.read(), &mut distances);
+                if !self.hand_in(round, chunk, &distances[work.places(chunk)], work.places(chunk)) {
                     break;
                 }
             }
         }
     }
 
-    /// Sleeps until there is something to do: which round it is for, and its query; nothing for going home.
-    fn next_order(&self, query: &mut Query) -> Option<u64> {
+    /// Sleeps until there is something to do: which round it is for, and what is sought; nothing for going home.
+    fn next_order(&self, paper: &mut Paper) -> Option<u64> {
         let mut tray = self.tray.lock().ok()?;
         loop {
             match tray.order {
@@ -99,7 +106,7 @@ impl Desk {
                 Order::Wait => tray = self.bell.wait(tray).ok()?,
                 Order::Scan => {
                     tray.order = Order::Wait;
-                    mem::swap(query, &mut tray.query);
+                    mem::swap(paper, &mut tray.paper);
                     return Some(tray.round);
                 }
             }
@@ -124,24 +131,39 @@ impl Desk {
     }
 }
 
-impl Query {
-    fn space(map: &Map) -> Self {
-        Self { forms: [map.dtype(), Dtype::F32].map(|dtype| Values::zeros(dtype, map.dim())), chosen: 0 }
+impl Paper {
+    fn blank(map: &Map) -> Self {
+        let numbers = [map.dtype(), Dtype::F32].map(|dtype| Values::zeros(dtype, map.dim()));
+        let codes = map.screened().map_or(Vec::new(), |_| vec![0; map.dim()]);
+        Self { numbers, length: 0.0, codes, form: Form::Numbers(0) }
     }
 
-    /// Copies a query that the map has not refused.
-    fn set(&mut self, query: View<'_>) {
-        self.chosen = usize::from(query.dtype() != self.forms[0].dtype());
-        match (query, &mut self.forms[self.chosen]) {
-            (View::F32(query), Values::F32(form)) => form.copy_from_slice(query),
-            (View::F16(query), Values::F16(form)) => form.copy_from_slice(query),
-            (View::I8(query), Values::I8(form)) => form.copy_from_slice(query),
-            (View::U8(query), Values::U8(form)) => form.copy_from_slice(query),
-            _ => {}
+    fn write(&mut self, sought: Sought<'_>) {
+        match sought {
+            Sought::Distances(query) => {
+                let chosen = usize::from(query.numbers.dtype() != self.numbers[0].dtype());
+                match (query.numbers, &mut self.numbers[chosen]) {
+                    (View::F32(query), Values::F32(numbers)) => numbers.copy_from_slice(query),
+                    (View::F16(query), Values::F16(numbers)) => numbers.copy_from_slice(query),
+                    (View::I8(query), Values::I8(numbers)) => numbers.copy_from_slice(query),
+                    (View::U8(query), Values::U8(numbers)) => numbers.copy_from_slice(query),
+                    _ => {}
+                }
+                (self.form, self.length) = (Form::Numbers(chosen), query.length);
+            }
+            Sought::Products(codes) => {
+                self.codes.copy_from_slice(codes);
+                self.form = Form::Codes;
+            }
         }
     }
 
-    fn view(&self) -> View<'_> {
-        self.forms[self.chosen].view()
+    fn read(&self) -> Sought<'_> {
+        match self.form {
+            Form::Numbers(chosen) => {
+                Sought::Distances(Query { numbers: self.numbers[chosen].view(), length: self.length })
+            }
+            Form::Codes => Sought::Products(&self.codes),
+        }
     }
 }

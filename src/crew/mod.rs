@@ -15,8 +15,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
 use std::{fmt, io, mem, process};
 
-use crate::distance::View;
-use crate::error::Error;
+use crate::distance::Query;
 use crate::map::Map;
 use desk::Desk;
 
@@ -28,6 +27,27 @@ const BYTES_A_THREAD: usize = 8 << 20;
 /// Bytes of rows in a chunk, where the map is large enough: far more than its handling costs, and far less than a frame,
 /// for as much may be done twice.
 const BYTES_A_CHUNK: usize = 1 << 18;
+
+/// What a scan is for.
+#[derive(Clone, Copy)]
+pub(crate) enum Sought<'a> {
+    /// The distances to a query.
+    Distances(Query<'a>),
+    /// The products of a query's codes with those of the map's screen.
+    Products(&'a [i16]),
+}
+
+impl Sought<'_> {
+    /// Writes what is sought of some places of a map into `out`.
+    pub(crate) fn scan(self, map: &Map, places: Range<usize>, out: &mut [f32]) {
+        match (self, map.screened()) {
+            (Sought::Distances(query), _) => map.scan(query, places, out),
+            (Sought::Products(codes), Some(screen)) => screen.scan(map.isa(), codes, places, out),
+            // Nobody takes aim where there is no screen.
+            (Sought::Products(_), None) => out.fill(f32::NAN),
+        }
+    }
+}
 
 /// The threads that help one localizer, and what they share.
 pub(crate) struct Crew {
@@ -104,33 +124,28 @@ impl Crew {
         1 + self.helpers.len()
     }
 
-    /// [`Map::distances_into`], on all threads.
-    ///
-    /// # Errors
-    /// As there.
-    pub(crate) fn distances_into(&mut self, query: View<'_>, out: &mut [f32]) -> Result<(), Error> {
+    /// Writes what is sought, for every place, into `out`, on all threads.
+    pub(crate) fn scan(&mut self, sought: Sought<'_>, out: &mut [f32]) {
         if self.helpers.is_empty() || self.is_forked() {
-            return self.work.map.distances_into(query, out);
+            return sought.scan(&self.work.map, 0..self.work.map.places(), out);
         }
         let Self { work, helpers, round, done, .. } = self;
-        // Of no places: what is wrong with the query is said before anybody is woken.
-        work.map.distances_of(query, 0..0, &mut [])?;
         *round += 1;
         done.fill(false);
         work.next.store(0, Ordering::Relaxed);
         for helper in &*helpers {
-            helper.desk.order(*round, query);
+            helper.desk.order(*round, sought);
         }
         while let Some(chunk) = work.take() {
-            work.scan(chunk, query, out)?;
+            work.scan(chunk, sought, out);
             done[chunk] = true;
         }
         loop {
             for helper in &*helpers {
                 helper.desk.collect(*round, work, out, done);
             }
-            let Some(missing) = done.iter().position(|done| !done) else { return Ok(()) };
-            work.scan(missing, query, out)?;
+            let Some(missing) = done.iter().position(|done| !done) else { return };
+            work.scan(missing, sought, out);
             done[missing] = true;
         }
     }
@@ -152,10 +167,10 @@ impl Work {
         start..self.map.places().min(start + self.places_a_chunk)
     }
 
-    /// Writes the distances of a chunk's places to where they belong in `out`.
-    fn scan(&self, chunk: usize, query: View<'_>, out: &mut [f32]) -> Result<(), Error> {
+    /// Writes what is sought of a chunk's places to where it belongs in `out`.
+    fn scan(&self, chunk: usize, sought: Sought<'_>, out: &mut [f32]) {
         let places = self.places(chunk);
-        self.map.distances_of(query, places.clone(), &mut out[places])
+        sought.scan(&self.map, places.clone(), &mut out[places]);
     }
 }
 

@@ -1,11 +1,15 @@
 //! Helpers that die, that are held up, that are late.
 
 use super::*;
-use crate::distance::Metric;
+use crate::distance::{Metric, View};
 
 fn map() -> (Arc<Map>, Vec<u8>) {
     let rows: Vec<u8> = (0..200_u32 * 16).map(|at| (at * 37 % 251) as u8).collect();
     (Arc::new(Map::from_descriptors(rows, 16, Metric::Manhattan).unwrap()), (0..16).collect())
+}
+
+fn sought<'a>(map: &Map, query: &'a [u8]) -> Sought<'a> {
+    Sought::Distances(map.query(View::U8(query)).unwrap())
 }
 
 #[test]
@@ -22,7 +26,7 @@ fn a_helper_that_dies_is_missed_by_nobody() {
     assert!(died.join().is_err());
     for _ in 0..3 {
         out.fill(-1.0);
-        crew.distances_into(View::U8(&query), &mut out).unwrap();
+        crew.scan(sought(&map, &query), &mut out);
         assert_eq!(out, expected);
     }
 }
@@ -37,7 +41,7 @@ fn nobody_waits_for_a_helper_that_is_held_up() {
     let mut out = vec![0.0; 200];
     for _ in 0..3 {
         out.fill(-1.0);
-        crew.distances_into(View::U8(&query), &mut out).unwrap();
+        crew.scan(sought(&map, &query), &mut out);
         assert_eq!(out, expected);
     }
     drop(held);
@@ -50,7 +54,7 @@ fn what_is_handed_in_late_is_not_looked_at() {
     let (desk, work) = (&crew.helpers[0].desk, &crew.work);
     // All is dealt out: the helper finds nothing to do by itself.
     work.next.store(1 << 20, Ordering::Relaxed);
-    desk.order(2, View::U8(&query));
+    desk.order(2, sought(&map, &query));
     let places = work.places(0);
     let late = vec![-1.0; places.len()];
     assert!(!desk.hand_in(1, 0, &late, places.clone()), "of the round before");

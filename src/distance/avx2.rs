@@ -33,6 +33,7 @@ impl Machine for Avx2 {
     type Wide = __m256d;
     type Lanes = [__m256d; 4];
     type Block = [__m256i; 2];
+    type Shorts = [__m256i; 4];
     type Counts = __m256i;
     const OFFSET: i64 = 0;
 
@@ -173,6 +174,25 @@ impl Machine for Avx2 {
                 let odd = |x| _mm256_srai_epi16::<8>(x);
                 sum = _mm256_add_epi32(sum, _mm256_madd_epi16(even(a), even(b)));
                 sum = _mm256_add_epi32(sum, _mm256_madd_epi16(odd(a), odd(b)));
+            }
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
+        let parts = numbers.as_chunks::<16>().0;
+        // SAFETY: as said above.
+        [0, 1, 2, 3].map(|part: usize| unsafe { _mm256_loadu_si256(parts[part].as_ptr().cast()) })
+    }
+
+    #[inline(always)]
+    fn products_i16(self, mut sum: __m256i, query: Self::Shorts, row: &[i8; BLOCK]) -> __m256i {
+        for (query, row) in query.into_iter().zip(row.as_chunks::<16>().0) {
+            // SAFETY: as said above.
+            unsafe {
+                let row = _mm256_cvtepi8_epi16(_mm_loadu_si128(row.as_ptr().cast()));
+                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(query, row));
             }
         }
         sum

@@ -33,6 +33,7 @@ impl Machine for Avx512 {
     type Wide = __m512d;
     type Lanes = [__m512d; 2];
     type Block = __m512i;
+    type Shorts = [__m512i; 2];
     type Counts = __m512i;
     const OFFSET: i64 = 128;
 
@@ -160,6 +161,25 @@ impl Machine for Avx512 {
     fn products_i8(self, sum: __m512i, query: __m512i, row: __m512i) -> __m512i {
         // SAFETY: as said above.
         unsafe { _mm512_dpbusd_epi32(sum, self.flip(row), query) }
+    }
+
+    #[inline(always)]
+    fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
+        let parts = numbers.as_chunks::<32>().0;
+        // SAFETY: as said above.
+        [0, 1].map(|part: usize| unsafe { _mm512_loadu_si512(parts[part].as_ptr().cast()) })
+    }
+
+    #[inline(always)]
+    fn products_i16(self, mut sum: __m512i, query: Self::Shorts, row: &[i8; BLOCK]) -> __m512i {
+        for (query, row) in query.into_iter().zip(row.as_chunks::<32>().0) {
+            // SAFETY: as said above.
+            unsafe {
+                let row = _mm512_cvtepi8_epi16(_mm256_loadu_si256(row.as_ptr().cast()));
+                sum = _mm512_dpwssd_epi32(sum, query, row);
+            }
+        }
+        sum
     }
 
     #[inline(always)]

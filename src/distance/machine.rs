@@ -20,6 +20,8 @@ pub(super) trait Machine: Copy {
     type Lanes: Copy + AsRef<[Self::Wide]> + AsMut<[Self::Wide]>;
     /// [`BLOCK`] bytes.
     type Block: Copy;
+    /// [`BLOCK`] numbers of 16 bits.
+    type Shorts: Copy;
     /// Sums of whole numbers, of 32 bits or more.
     type Counts: Copy;
     /// What [`products_i8`](Self::products_i8) adds to each number of the row before it multiplies.
@@ -63,6 +65,10 @@ pub(super) trait Machine: Copy {
     fn products_u8(self, sum: Self::Counts, a: Self::Block, b: Self::Block) -> Self::Counts;
     /// For signed bytes, `sum + query (row + OFFSET)`.
     fn products_i8(self, sum: Self::Counts, query: Self::Block, row: Self::Block) -> Self::Counts;
+    /// The numbers, in registers.
+    fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts;
+    /// For signed bytes, `sum + query row`: at most sixteen products a sum.
+    fn products_i16(self, sum: Self::Counts, query: Self::Shorts, row: &[i8; BLOCK]) -> Self::Counts;
     /// What [`differences`](Self::differences) summed.
     fn total_differences(self, sum: Self::Counts) -> i64;
     /// What the others summed.

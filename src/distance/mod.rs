@@ -101,32 +101,59 @@ pub(crate) struct Rows<'a> {
     pub(crate) isa: Isa,
 }
 
-/// Writes the distance from `query` to each row into `out`.
-///
-/// The query is float32, or of the rows' own type; its length and that of `out` are the caller's to have checked.
-///
-/// # Errors
-/// [`Error::Dtype`] for another type, [`Error::NotFinite`] for a NaN or an infinity in the query,
-/// [`Error::NoDirection`] for a cosine of zeros. `out` is then unchanged.
-pub(crate) fn distances(query: View<'_>, rows: Rows<'_>, out: &mut [f32]) -> Result<(), Error> {
-    let what = "descriptor";
-    query.check_finite(what, rows.dim)?;
-    match (query, rows.values) {
-        (View::U8(q), View::U8(r)) => bytes(q, r, rows, out),
-        (View::I8(q), View::I8(r)) => bytes(q, r, rows, out),
-        (View::F16(q), View::F16(r)) => floats(q, r, rows, out),
-        (View::F32(q), values) => each_type!(View, values, r => floats(q, r, rows, out)),
-        (query, values) => {
-            Err(Error::Dtype { what, map: values.dtype(), or_float: true, got: query.dtype() })
+/// A query that can be compared with the rows of a map: all that can be wrong with it has been looked for.
+#[derive(Clone, Copy)]
+pub(crate) struct Query<'a> {
+    pub(crate) numbers: View<'a>,
+    /// Its length, for the cosine; else 0.
+    pub(crate) length: f64,
+}
+
+impl<'a> Query<'a> {
+    /// A query is float32, or of the rows' own type; that it has as many numbers as a row is the caller's to have checked.
+    ///
+    /// # Errors
+    /// [`Error::Dtype`] for another type, [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a cosine
+    /// of zeros.
+    pub(crate) fn new(numbers: View<'a>, rows: Rows<'_>) -> Result<Self, Error> {
+        let what = "descriptor";
+        numbers.check_finite(what, rows.dim)?;
+        let (map, got) = (rows.values.dtype(), numbers.dtype());
+        if got != map && got != Dtype::F32 {
+            return Err(Error::Dtype { what, map, or_float: true, got });
         }
+        let length = match rows.metric {
+            Metric::Cosine => norm_on(numbers, rows.isa),
+            Metric::Manhattan | Metric::Euclidean => 0.0,
+        };
+        if rows.metric == Metric::Cosine && length == 0.0 {
+            return Err(Error::NoDirection { what, row: None });
+        }
+        Ok(Self { numbers, length })
     }
 }
 
+/// Writes the distance from `query` to each row into `out`, which has a number for each.
+pub(crate) fn distances(query: Query<'_>, rows: Rows<'_>, out: &mut [f32]) {
+    let Query { numbers, length } = query;
+    match (numbers, rows.values) {
+        (View::U8(q), View::U8(r)) => bytes(q, r, length, rows, out),
+        (View::I8(q), View::I8(r)) => bytes(q, r, length, rows, out),
+        (View::F16(q), View::F16(r)) => floats(q, r, length, rows, out),
+        (View::F32(q), values) => each_type!(View, values, r => floats(q, r, length, rows, out)),
+        // No such query is made.
+        _ => out.fill(f32::NAN),
+    }
+}
+
+/// Writes the sum of the products of `query`, numbers of up to 14 bits, with each row of signed bytes into `out`, which has a
+/// number for each row: the exact sum, rounded once.
+pub(crate) fn short_products(isa: Isa, query: &[i16], rows: &[i8], out: &mut [f32]) {
+    scan::shorts(isa, query, rows, out, |_, sum| sum as f32);
+}
+
 /// The distances of bytes to bytes, exact until the one rounding at the end.
-fn bytes<B: Byte>(query: &[B], values: &[B], rows: Rows<'_>, out: &mut [f32]) -> Result<(), Error>
-where
-    for<'a> &'a [B]: Into<View<'a>>,
-{
+fn bytes<B: Byte>(query: &[B], values: &[B], length: f64, rows: Rows<'_>, out: &mut [f32]) {
     let Rows { dim, metric, unit, norms, isa, .. } = rows;
     match metric {
         Metric::Manhattan => {
@@ -138,24 +165,14 @@ where
             scan::bytes::<Squares, _, _>(isa, query, values, out, finish);
         }
         Metric::Cosine => {
-            let length = direction(query.into(), isa)?;
             let finish = |row: usize, sum| cosine(sum as f64, length, norms[row]);
             scan::bytes::<Products, _, _>(isa, query, values, out, finish);
         }
     }
-    Ok(())
 }
 
 /// The distances of floats to floats or to bytes, summed in f64.
-fn floats<Q: Number, R: Number>(
-    query: &[Q],
-    values: &[R],
-    rows: Rows<'_>,
-    out: &mut [f32],
-) -> Result<(), Error>
-where
-    for<'a> &'a [Q]: Into<View<'a>>,
-{
+fn floats<Q: Number, R: Number>(query: &[Q], values: &[R], length: f64, rows: Rows<'_>, out: &mut [f32]) {
     let Rows { dim, metric, unit, norms, isa, .. } = rows;
     match metric {
         Metric::Manhattan => {
@@ -167,18 +184,10 @@ where
             scan::floats::<Squares, _, _, _>(isa, query, values, out, finish);
         }
         Metric::Cosine => {
-            let length = direction(query.into(), isa)?;
             let finish = |row: usize, sum| cosine(sum, length, norms[row]);
             scan::floats::<Products, _, _, _>(isa, query, values, out, finish);
         }
     }
-    Ok(())
-}
-
-/// The length of a query that has a direction.
-fn direction(query: View<'_>, isa: Isa) -> Result<f64, Error> {
-    let length = norm_on(query, isa);
-    if length > 0.0 { Ok(length) } else { Err(Error::NoDirection { what: "descriptor", row: None }) }
 }
 
 fn cosine(product: f64, query: f64, row: f64) -> f32 {

@@ -41,6 +41,7 @@ impl Machine for Neon {
     type Wide = float64x2_t;
     type Lanes = [float64x2_t; 8];
     type Block = [uint8x16_t; 4];
+    type Shorts = [int16x8_t; 8];
     type Counts = int32x4_t;
     const OFFSET: i64 = 0;
 
@@ -189,6 +190,26 @@ impl Machine for Neon {
                 let (a, b) = (vreinterpretq_s8_u8(a), vreinterpretq_s8_u8(b));
                 sum = vpadalq_s16(sum, vmull_s8(vget_low_s8(a), vget_low_s8(b)));
                 sum = vpadalq_s16(sum, vmull_high_s8(a, b));
+            }
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
+        let parts = numbers.as_chunks::<8>().0;
+        // SAFETY: as said above.
+        [0, 1, 2, 3, 4, 5, 6, 7].map(|part: usize| unsafe { vld1q_s16(parts[part].as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn products_i16(self, mut sum: int32x4_t, query: Self::Shorts, row: &[i8; BLOCK]) -> int32x4_t {
+        for (query, row) in query.into_iter().zip(row.as_chunks::<8>().0) {
+            // SAFETY: as said above.
+            unsafe {
+                let row = vmovl_s8(vld1_s8(row.as_ptr()));
+                sum = vmlal_s16(sum, vget_low_s16(query), vget_low_s16(row));
+                sum = vmlal_high_s16(sum, query, row);
             }
         }
         sum

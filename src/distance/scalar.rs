@@ -11,6 +11,8 @@ use super::machine::LANES;
 const SPACE: usize = 256;
 /// How many bytes are summed in 31 bits: a term is below 2^16.
 const BYTES: usize = 1 << 14;
+/// How many products of a byte and a number of 14 bits: a term is below 2^20.
+const SHORTS: usize = 1 << 10;
 
 /// A number that a block of which can be read as f32.
 pub(super) trait Widen: Copy {
@@ -80,5 +82,12 @@ pub(super) fn sum_of_lanes(mut lanes: [f64; LANES]) -> f64 {
 pub(super) fn total<B: Copy + Into<i32>>(a: &[B], b: &[B], term: impl Fn(i32, i32) -> i32) -> i64 {
     let blocks = a.chunks(BYTES).zip(b.chunks(BYTES));
     let sums = blocks.map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| term(a.into(), b.into())).sum::<i32>());
+    sums.map(i64::from).sum()
+}
+
+/// The sum of the products of numbers of 14 bits with bytes, exactly.
+pub(super) fn short_total(a: &[i16], b: &[i8]) -> i64 {
+    let blocks = a.chunks(SHORTS).zip(b.chunks(SHORTS));
+    let sums = blocks.map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>());
     sums.map(i64::from).sum()
 }

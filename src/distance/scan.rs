@@ -12,6 +12,12 @@ use crate::isa::Isa;
 /// 2^16, so that it stays below 2^30; and a row's last, broken block fits in as well.
 const RUN: usize = 1024;
 
+/// The same for products with numbers of 14 bits: sixteen terms a block, each below 2^20, and a last block more.
+const SHORTS_RUN: usize = 64;
+
+/// How many blocks of bytes ahead the memory is asked for there, 4 KiB: of 16, 32, 64, 256 and 512, the fastest by a quarter.
+const SHORTS_AHEAD: usize = 64;
+
 /// How many blocks of f32 ahead the memory is asked for: 1 KiB.
 const AHEAD: usize = 16;
 
@@ -65,6 +71,18 @@ pub(super) fn bytes<T: Term, B: Byte, O>(
     finish: impl Fn(usize, i64) -> O,
 ) {
     run(isa, Bytes::<T, B, O, _> { query, values, out, finish, term: PhantomData });
+}
+
+/// The sums of the products of numbers of up to 14 bits with the bytes of each row, exactly, each handed to `finish` with its
+/// row's number.
+pub(super) fn shorts<O>(
+    isa: Isa,
+    query: &[i16],
+    values: &[i8],
+    out: &mut [O],
+    finish: impl Fn(usize, i64) -> O,
+) {
+    run(isa, Shorts { query, values, out, finish });
 }
 
 struct Floats<'a, T, Q, R, O, F> {
@@ -139,6 +157,42 @@ impl<T: Term, B: Byte, O, F: Fn(usize, i64) -> O> Work for Bytes<'_, T, B, O, F>
         for (index, out) in self.out.iter_mut().enumerate() {
             let row = &self.values[index * dim..(index + 1) * dim];
             *out = (self.finish)(index, scalar::total(self.query, row, T::byte));
+        }
+    }
+}
+
+struct Shorts<'a, O, F> {
+    query: &'a [i16],
+    values: &'a [i8],
+    out: &'a mut [O],
+    finish: F,
+}
+
+impl<O, F: Fn(usize, i64) -> O> Work for Shorts<'_, O, F> {
+    #[inline(always)]
+    fn on<M: Machine, const GROUP: usize>(self, machine: M) {
+        let query = Padded::new(self.query);
+        let (groups, rest) = self.out.as_chunks_mut::<GROUP>();
+        let first_of_rest = groups.len() * GROUP;
+        for (group, out) in groups.iter_mut().enumerate() {
+            let first = group * GROUP;
+            let totals = short_totals::<M, GROUP>(machine, &query, self.values, first);
+            for (index, (out, total)) in out.iter_mut().zip(totals).enumerate() {
+                *out = (self.finish)(first + index, total);
+            }
+        }
+        for (index, out) in rest.iter_mut().enumerate() {
+            let row = first_of_rest + index;
+            let [total] = short_totals::<M, 1>(machine, &query, self.values, row);
+            *out = (self.finish)(row, total);
+        }
+    }
+
+    fn plainly(self) {
+        let dim = self.query.len();
+        for (index, out) in self.out.iter_mut().enumerate() {
+            let row = &self.values[index * dim..(index + 1) * dim];
+            *out = (self.finish)(index, scalar::short_total(self.query, row));
         }
     }
 }
@@ -264,6 +318,43 @@ fn totals<M: Machine, T: Term, B: Byte, const GROUP: usize>(
     }
     for (total, count) in totals.iter_mut().zip(counts) {
         *total += T::total(machine, count);
+    }
+    totals
+}
+
+/// The totals of the products of numbers of 14 bits with `GROUP` rows of bytes.
+#[inline(always)]
+fn short_totals<M: Machine, const GROUP: usize>(
+    machine: M,
+    query: &Padded<'_, i16, BLOCK>,
+    values: &[i8],
+    first: usize,
+) -> [i64; GROUP] {
+    let rows = query.rows::<i8, GROUP>(values, first);
+    let mut totals = [0; GROUP];
+    let mut counts = [machine.counts(); GROUP];
+    for (index, block) in query.blocks.iter().enumerate() {
+        let block = machine.shorts(block);
+        for (count, row) in counts.iter_mut().zip(rows) {
+            machine.fetch(row.as_ptr().wrapping_add(index + SHORTS_AHEAD));
+            *count = machine.products_i16(*count, block, &row[index]);
+        }
+        if index % SHORTS_RUN == SHORTS_RUN - 1 {
+            for (total, count) in totals.iter_mut().zip(&mut counts) {
+                *total += machine.total(*count);
+                *count = machine.counts();
+            }
+        }
+    }
+    if query.broken > 0 {
+        let block = machine.shorts(&query.last);
+        for (index, count) in counts.iter_mut().enumerate() {
+            let last = query.last_of(values, first + index);
+            *count = machine.products_i16(*count, block, &last);
+        }
+    }
+    for (total, count) in totals.iter_mut().zip(counts) {
+        *total += machine.total(count);
     }
     totals
 }

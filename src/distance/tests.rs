@@ -6,7 +6,7 @@ use half::f16;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::{Dtype, Metric, Rows, Values, View, distances, norm};
+use super::{Dtype, Metric, Query, Rows, Values, View, distances, norm};
 use crate::error::Error;
 use crate::isa::Isa;
 
@@ -74,7 +74,8 @@ fn run(metric: Metric, query: View<'_>, values: View<'_>, unit: f64) -> Result<V
     };
     let on = |isa| {
         let mut out = vec![f32::NAN; values.len() / dim];
-        distances(query, Rows { values, dim, metric, unit, norms: &norms, isa }, &mut out)?;
+        let rows = Rows { values, dim, metric, unit, norms: &norms, isa };
+        distances(Query::new(query, rows)?, rows, &mut out);
         Ok(out)
     };
     let plain = on(Isa::Scalar);

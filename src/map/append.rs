@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read as _, Seek as _, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use super::beside::{Beside, swap_to_file_order, write_beside};
 use super::layout::{Layout, Refusal};
@@ -30,18 +30,24 @@ impl Map {
     ///
     /// # Errors
     /// [`Error::Append`] unless both have descriptors of one length, type, metric and recipe, both or neither have names, and both
-    /// or neither have positions, of as many coordinates.
+    /// or neither have positions, of as many coordinates; where this map has a screen, so has the longer one, with the errors of
+    /// [`with_screen`](Self::with_screen).
     pub fn extended(&self, more: &Self) -> Result<Self, Error> {
         check_before("the map", &self.layout(), &more.layout())?;
-        Ok(Self {
-            rows: Storage::joined(self.descriptors(), more.descriptors()),
+        let longer = Self {
+            rows: Arc::new(Storage::joined(self.descriptors(), more.descriptors())),
             places: self.places + more.places,
             norms: [self.norms.as_slice(), &more.norms].concat(),
             names: self.names.as_ref().zip(more.names.as_ref()).map(|(a, b)| a.followed_by(b)),
             positions: self.positions().zip(more.positions()).map(|(a, b)| a.followed_by(b)),
             fingerprint: OnceLock::new(),
+            screen: None,
             ..*self
-        })
+        };
+        match self.screen() {
+            Some(dtype) => longer.with_screen(dtype),
+            None => Ok(longer),
+        }
     }
 
     /// Makes the map in the file `path` longer by `more`, without reading its rows into memory: they are copied, and the longer file is

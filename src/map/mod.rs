@@ -8,21 +8,25 @@ mod layout;
 mod names;
 mod parts;
 mod positions;
+mod screen;
+#[cfg(test)]
+mod screen_tests;
 mod storage;
 
 use std::hash::Hasher as _;
 use std::ops::Range;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
 use crate::descriptor::Sad;
-use crate::distance::{self, Dtype, Metric, Rows, Values, View, each_type, norm};
+use crate::distance::{self, Dtype, Metric, Query, Rows, Values, View, each_type, norm};
 use crate::error::Error;
 use crate::isa::Isa;
 use names::Names;
 pub use positions::Positions;
+pub(crate) use screen::{Aim, FAR, Screen};
 use storage::Storage;
 
 /// How the map's descriptors were made, so that a query can be described the same way.
@@ -48,11 +52,13 @@ pub enum Recipe {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Map {
-    rows: Storage,
+    /// Copies of a map share its rows.
+    rows: Arc<Storage>,
     places: usize,
     dim: usize,
     metric: Metric,
     recipe: Recipe,
+    screen: Option<Arc<Screen>>,
     /// Each row's length, for the cosine; else empty.
     norms: Vec<f64>,
     names: Option<Names>,
@@ -88,8 +94,19 @@ impl Map {
         recipe: Recipe,
         norms: Vec<f64>,
     ) -> Self {
-        let (fingerprint, isa) = (OnceLock::new(), Isa::best());
-        Self { rows, places, dim, metric, recipe, norms, names: None, positions: None, fingerprint, isa }
+        Self {
+            rows: Arc::new(rows),
+            places,
+            dim,
+            metric,
+            recipe,
+            screen: None,
+            norms,
+            names: None,
+            positions: None,
+            fingerprint: OnceLock::new(),
+            isa: Isa::best(),
+        }
     }
 
     /// The same map with a name for each place, such as its image's file name.
@@ -201,36 +218,46 @@ impl Map {
     /// [`Error::Dtype`] unless it is of the map's own type, or float32 on a map of ready descriptors; [`Error::NotFinite`] for a NaN or an infinity;
     /// [`Error::NoDirection`] for zeros under the cosine. `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
-        self.distances_of(descriptor, 0..self.places, out)
+        let query = self.query(descriptor)?;
+        if out.len() != self.places {
+            return Err(Error::Length { what: "distances", expected: self.places, got: out.len() });
+        }
+        self.scan(query, 0..self.places, out);
+        Ok(())
     }
 
-    /// Like [`distances_into`](Self::distances_into), to some of the places only, which must be there. Of none, the
-    /// descriptor is checked.
-    pub(crate) fn distances_of(
-        &self,
-        descriptor: View<'_>,
-        places: Range<usize>,
-        out: &mut [f32],
-    ) -> Result<(), Error> {
+    /// A descriptor that can be compared with the map's.
+    ///
+    /// # Errors
+    /// Those of [`distances_into`](Self::distances_into) that are about the descriptor.
+    pub(crate) fn query<'a>(&self, descriptor: View<'a>) -> Result<Query<'a>, Error> {
+        let what = "descriptor";
         if descriptor.len() != self.dim {
-            return Err(Error::Length { what: "descriptor", expected: self.dim, got: descriptor.len() });
-        }
-        if out.len() != places.len() {
-            return Err(Error::Length { what: "distances", expected: places.len(), got: out.len() });
+            return Err(Error::Length { what, expected: self.dim, got: descriptor.len() });
         }
         // The numbers of SAD in float32 (z) are not those in uint8 (128 + 32 z): one is no query for the other.
         if let (Recipe::Sad(_), map, got) = (self.recipe, self.dtype(), descriptor.dtype())
             && map != got
         {
-            return Err(Error::Dtype { what: "descriptor", map, or_float: false, got });
+            return Err(Error::Dtype { what, map, or_float: false, got });
         }
+        Query::new(descriptor, self.as_rows())
+    }
+
+    /// Writes the distances to some of the places, which must be there, into `out`, which has a number for each.
+    pub(crate) fn scan(&self, query: Query<'_>, places: Range<usize>, out: &mut [f32]) {
         let mut rows = self.as_rows();
         let numbers = places.start * self.dim..places.end * self.dim;
         rows.values = each_type!(View, rows.values, v => View::from(&v[numbers]));
         if !rows.norms.is_empty() {
             rows.norms = &rows.norms[places];
         }
-        distance::distances(descriptor, rows, out)
+        distance::distances(query, rows, out);
+    }
+
+    /// The screen, to be scanned.
+    pub(crate) fn screened(&self) -> Option<&Arc<Screen>> {
+        self.screen.as_ref()
     }
 
     fn as_rows(&self) -> Rows<'_> {

@@ -4,25 +4,12 @@ use super::direct::{BLOCK, direct_sums};
 use super::order::Runs;
 use super::ring::Ring;
 use super::sliding::Sliding;
+use super::visit::Visit;
 use crate::config::reach;
 use crate::error::Error;
 
 /// The longest window whose sums are made afresh for each query: as fast as keeping sums, in less memory.
 const DIRECT: usize = 8;
-
-/// What is done with the sums as they are made: a closure, or, so that it is compiled for each instruction set, a type whose
-/// method is marked `#[inline(always)]`.
-pub(crate) trait Visit {
-    /// The sums of the diagonals that end in `start`, `start + 1`, ...
-    fn visit(&mut self, start: usize, sums: &mut [f64]);
-}
-
-impl<F: FnMut(usize, &mut [f64])> Visit for F {
-    #[inline(always)]
-    fn visit(&mut self, start: usize, sums: &mut [f64]) {
-        self(start, sums);
-    }
-}
 
 /// A slope, and how many places back it lies `k` queries ago: `round(v k)`.
 #[derive(Clone, Debug)]
@@ -59,7 +46,7 @@ impl Diagonal {
     /// `start + 1`, ... to `visit(start, sums)`, in the order of places and without a gap from [`first`](Self::first) to
     /// the last place; nothing before the first full window.
     #[inline(always)]
-    pub(super) fn sums(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit) {
+    pub(super) fn sums(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit<f64>) {
         if let Some(sliding) = &mut self.sliding {
             return sliding.advance(columns, frame, visit);
         }
@@ -81,47 +68,5 @@ impl Diagonal {
         if let Some(sliding) = &mut self.sliding {
             sliding.advance(columns, frame, |_: usize, _: &mut [f64]| {});
         }
-    }
-}
-
-/// The plain sums along the diagonals of slope 1 through the newest columns, whatever the columns hold.
-#[derive(Clone, Debug)]
-#[allow(dead_code, reason = "what a screened map needs")]
-pub(crate) struct DiagonalSums {
-    columns: Ring,
-    diagonal: Diagonal,
-}
-
-#[allow(dead_code, reason = "what a screened map needs")]
-impl DiagonalSums {
-    /// For windows of `length` queries of a route of `places` places, which is `length` or more. Takes up to
-    /// `8 length places` bytes.
-    ///
-    /// # Errors
-    /// [`Error::Memory`] where there is not as much.
-    pub(crate) fn new(length: usize, places: usize) -> Result<Self, Error> {
-        Ok(Self { columns: Ring::new(length, places)?, diagonal: Diagonal::new(1.0, length, places)? })
-    }
-
-    /// Takes in the column of query `frame`, one number a place, and gives the sums of the diagonals that end at `start`,
-    /// `start + 1`, ... to `visit(start, sums)`, at most a few hundred at a time, in the order of places, from place
-    /// `length - 1` to the last; nothing before the first full window. They equal
-    /// [`diagonal_sum`](super::order::diagonal_sum) to the last bit.
-    ///
-    /// Queries follow each other: `frame` is one more than the last one's, or any number after [`clear`](Self::clear).
-    #[inline(always)]
-    pub(crate) fn push(&mut self, frame: u64, column: &[f32], visit: impl Visit) {
-        self.columns.advance().copy_from_slice(column);
-        self.diagonal.sums(&self.columns, frame, visit);
-    }
-
-    /// The column of `age` pushes ago, below the number of columns that it has seen and `length`.
-    pub(crate) fn column(&self, age: usize) -> &[f32] {
-        self.columns.column(age)
-    }
-
-    /// Forgets all columns. Nothing is allocated.
-    pub(crate) fn clear(&mut self) {
-        self.columns.clear();
     }
 }

@@ -5,6 +5,9 @@
     reason = "what is inlined into `Isa::run` is compiled for the instruction set"
 )]
 
+mod bounded;
+#[cfg(test)]
+mod bounded_tests;
 mod consensus;
 mod diagonal;
 mod direct;
@@ -19,19 +22,17 @@ mod snapshot;
 mod sums_tests;
 #[cfg(test)]
 mod tests;
+mod visit;
 
 use consensus::{checked_minimum, consensus};
-use gradient::enhanced_peak;
-use ring::Ring;
+use gradient::Enhanced;
 use sequence::{Anchor, Anchors, Search, Window};
 
+pub(crate) use bounded::{Bounded, Exact};
 pub use consensus::Single;
 pub(crate) use consensus::minimum;
-#[allow(unused_imports, reason = "what a screened map needs")]
-pub(crate) use diagonal::DiagonalSums;
 pub use gradient::Peak;
-#[allow(unused_imports, reason = "what a screened map needs")]
-pub(crate) use order::diagonal_sum;
+pub(crate) use ring::Ring;
 pub use sequence::Sequence;
 pub(crate) use snapshot::load;
 
@@ -161,7 +162,8 @@ impl Matcher {
 
         // 1.1 and 1.2 The gradient (Eq. 1), its enhancement along the diagonal, and where that peaks.
         let Config { gradient, smoothing, tolerance, weight, .. } = self.config;
-        let peak = enhanced_peak(&self.columns, &self.earlier, gradient, smoothing);
+        let Self { columns, earlier, .. } = &*self;
+        let peak = Enhanced { columns, upper: None, earlier, kind: gradient, smoothing }.peak();
 
         // 1.3 Whether to trust the single match (Eq. 3).
         let trusted = external.unwrap_or_else(|| consensus(single, peak, tolerance));

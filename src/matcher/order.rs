@@ -38,7 +38,7 @@ pub(super) fn row(frame: u64, length: usize) -> usize {
 /// the block of the query and the one before it are each added from the oldest distance to the newest, the rest from the
 /// newest to the oldest, and then the three sums in this order.
 #[inline(always)]
-pub(crate) fn diagonal_sum(frame: u64, length: usize, term: impl Fn(usize) -> f64) -> f64 {
+pub(super) fn diagonal_sum(frame: u64, length: usize, term: impl Fn(usize) -> f64) -> f64 {
     let Runs { newest, full, rest } = Runs::at(frame, length);
     let add = |sum: f64, next: f64| sum + next;
     let own = (0..newest).rev().map(&term).reduce(add);

@@ -4,7 +4,7 @@ use crate::error::Error;
 
 /// The newest `capacity` columns of `height` numbers each, oldest overwritten first.
 #[derive(Clone, Debug)]
-pub(super) struct Ring {
+pub(crate) struct Ring {
     numbers: Vec<f32>,
     height: usize,
     capacity: usize,
@@ -15,7 +15,7 @@ pub(super) struct Ring {
 
 impl Ring {
     /// Room for `capacity` columns, taken and touched now.
-    pub(super) fn new(capacity: usize, height: usize) -> Result<Self, Error> {
+    pub(crate) fn new(capacity: usize, height: usize) -> Result<Self, Error> {
         let count =
             capacity.checked_mul(height).ok_or(Error::Memory { places: height, columns: capacity })?;
         let mut numbers = Vec::new();
@@ -25,22 +25,27 @@ impl Ring {
         Ok(Self { numbers, height, capacity, newest: 0, filled: 0 })
     }
 
+    /// How many columns it holds at most.
+    pub(crate) fn capacity(&self) -> usize {
+        self.capacity
+    }
+
     /// Numbers a column.
-    pub(super) fn height(&self) -> usize {
+    pub(crate) fn height(&self) -> usize {
         self.height
     }
 
     /// How many columns it holds now.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.filled
     }
 
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.filled = 0;
     }
 
     /// Makes room for a new column, to be written by the caller.
-    pub(super) fn advance(&mut self) -> &mut [f32] {
+    pub(crate) fn advance(&mut self) -> &mut [f32] {
         self.newest = if self.newest + 1 == self.capacity { 0 } else { self.newest + 1 };
         self.filled = (self.filled + 1).min(self.capacity);
         let start = self.newest * self.height;
@@ -48,9 +53,15 @@ impl Ring {
     }
 
     /// The column of `age` pushes ago: 0 is the newest. `age` is below `len()`.
-    pub(super) fn column(&self, age: usize) -> &[f32] {
+    pub(crate) fn column(&self, age: usize) -> &[f32] {
         let start = self.start(age);
         &self.numbers[start..start + self.height]
+    }
+
+    /// The same, to be written.
+    pub(crate) fn column_mut(&mut self, age: usize) -> &mut [f32] {
+        let start = self.start(age);
+        &mut self.numbers[start..start + self.height]
     }
 
     fn start(&self, age: usize) -> usize {

@@ -1,10 +1,11 @@
 //! Weighted sequence matching (method 1.4 and 1.5, Eqs. 4 to 6).
 
 use super::consensus::Single;
-use super::diagonal::{Diagonal, Visit};
+use super::diagonal::Diagonal;
 use super::extreme::first_better;
 use super::order::diagonal_sum;
 use super::ring::Ring;
+use super::visit::Visit;
 use crate::error::Error;
 
 /// The best match of the last `L` queries together.
@@ -89,7 +90,8 @@ pub(super) struct Window<'a> {
 
 impl Window<'_> {
     /// Eqs. 4 and 6: the sum along the diagonal that ends in `place`, its trusted cells weighted.
-    fn weighted_sum(&self, place: usize, back: &[usize]) -> f64 {
+    #[inline(always)]
+    pub(super) fn weighted_sum(&self, place: usize, back: &[usize]) -> f64 {
         diagonal_sum(self.frame, back.len(), |age| {
             let (at, anchor) = (place - back[age], self.anchors.get(age));
             f64::from(if anchor.trusted && anchor.single.place == at {
@@ -100,7 +102,17 @@ impl Window<'_> {
         })
     }
 
+    /// The match of the diagonal that ends in `place` and has this sum.
+    #[inline(always)]
+    pub(super) fn sequence(&self, place: usize, sum: f64, diagonal: &Diagonal) -> Sequence {
+        let Diagonal { speed, back, .. } = diagonal;
+        // A sum of negative zeros is zero.
+        let mean = (0.0 + sum) / back.len() as f64;
+        Sequence { place, score: mean as f32, anchors: self.count(place, back), speed: *speed }
+    }
+
     /// How many trusted cells lie on the diagonal that ends in `place`.
+    #[inline(always)]
     fn count(&self, place: usize, back: &[usize]) -> usize {
         self.anchors.trusted().filter(|&(age, at)| at + back[age] == place).count()
     }
@@ -109,9 +121,9 @@ impl Window<'_> {
 /// The search for the best diagonal of all slopes.
 #[derive(Clone, Debug)]
 pub(super) struct Search {
-    diagonals: Vec<Diagonal>,
+    pub(super) diagonals: Vec<Diagonal>,
     /// Room for the diagonals with trusted cells.
-    anchored: Vec<(usize, f64)>,
+    pub(super) anchored: Vec<(usize, f64)>,
 }
 
 impl Search {
@@ -140,11 +152,7 @@ impl Search {
                 best = Some((place, sum, diagonal));
             }
         }
-        best.map(|(place, sum, Diagonal { speed, back, .. })| {
-            // A sum of negative zeros is zero.
-            let mean = (0.0 + sum) / back.len() as f64;
-            Sequence { place, score: mean as f32, anchors: window.count(place, back), speed: *speed }
-        })
+        best.map(|(place, sum, diagonal)| window.sequence(place, sum, diagonal))
     }
 
     /// Takes in the newest column without a search: a restored matcher goes through its columns again.
@@ -177,7 +185,7 @@ struct Least<'a> {
     sum: f64,
 }
 
-impl Visit for &mut Least<'_> {
+impl Visit<f64> for &mut Least<'_> {
     #[inline(always)]
     fn visit(&mut self, start: usize, sums: &mut [f64]) {
         while let Some((&(place, sum), later)) = self.anchored.split_first()
@@ -194,7 +202,8 @@ impl Visit for &mut Least<'_> {
 
 /// The diagonals that hold trusted cells, by the place where they end, in order, each with its weighted sum; none before
 /// the first full window.
-fn weigh_anchored(diagonal: &Diagonal, window: Window<'_>, anchored: &mut Vec<(usize, f64)>) {
+#[inline(always)]
+pub(super) fn weigh_anchored(diagonal: &Diagonal, window: Window<'_>, anchored: &mut Vec<(usize, f64)>) {
     anchored.clear();
     let back = &diagonal.back;
     if window.columns.len() < back.len() {

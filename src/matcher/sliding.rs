@@ -7,9 +7,9 @@
 
 use std::ops::Range;
 
-use super::diagonal::Visit;
 use super::order::{block, row};
 use super::ring::Ring;
+use super::visit::Visit;
 use crate::error::Error;
 
 /// How many sums are made at a time: they stay in the first-level cache.
@@ -48,7 +48,7 @@ impl Sliding {
     /// `start + 1`, ... to `visit(start, sums)`, from the first place that has a full window on; nothing before the first
     /// full window.
     #[inline(always)]
-    pub(super) fn advance(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit) {
+    pub(super) fn advance(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit<f64>) {
         let (length, places, block) = (self.length, self.places, block(self.length));
         let row = row(frame, length);
         if row == 0 {

@@ -6,7 +6,7 @@ use proptest::sample::select;
 
 use super::consensus::{Single, checked_minimum};
 use super::extreme::first_better;
-use super::gradient::{enhanced_peak, gradient, missing_gradient};
+use super::gradient::{Enhanced, gradient, missing_gradient};
 use super::minimum;
 use super::ring::Ring;
 use super::sequence::{Anchor, Anchors, Search, Window};
@@ -136,7 +136,7 @@ proptest! {
 
     /// Whether the older gradients are made of columns or were kept.
     #[test]
-    fn enhanced_peak_adds_along_the_diagonal_in_order(
+    fn the_enhanced_peak_adds_along_the_diagonal_in_order(
         d in columns(2..600, 1..6), before in 0..4_usize, kept in 0..5_usize, smoothing in 1..9_usize, kind in kinds(),
     ) {
         let g: Vec<Vec<f32>> = d.iter().map(|d| naive_gradient(d, kind)).collect();
@@ -154,7 +154,10 @@ proptest! {
         } else {
             ring(&g[columns.len()..], 0)
         };
-        let peak = enhanced_peak(&ring(columns, before), &earlier, kind, smoothing);
+        let peak = {
+            let columns = ring(columns, before);
+            Enhanced { columns: &columns, upper: None, earlier: &earlier, kind, smoothing }.peak()
+        };
         prop_assert_eq!((peak.place, peak.value.to_bits()), (place, sums[place].to_bits()));
     }
 

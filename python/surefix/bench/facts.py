@@ -7,7 +7,7 @@ from surefix import __version__
 from surefix._core import instruction_set
 from surefix.bench.line import Settings
 from surefix.bench.rivals import Rivals
-from surefix.report.machine import machine
+from surefix.machine import machine
 
 __all__ = ["caches", "facts"]
 

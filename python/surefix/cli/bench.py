@@ -15,7 +15,7 @@ from rich.text import Text
 from surefix import SurefixFileError
 from surefix._core import bench_image_latency, bench_latency
 from surefix.bench import Group, Result, Rivals, Settings, Skipped, run
-from surefix.report.machine import machine
+from surefix.machine import machine
 
 __all__ = ["bench", "latency"]
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from surefix import __version__
+from surefix.machine import machine
 from surefix.plot.montage import spread
 from surefix.plot.outcome import Outcome
 from surefix.report import drive_pictures as pictures
 from surefix.report import drive_sections as sections
 from surefix.report.drive import Drive
-from surefix.report.machine import machine
 from surefix.report.page import Picture, Section, Tile, page
 
 __all__ = ["write_report"]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from surefix import __version__
 from surefix.errors import SurefixValueError
-from surefix.report.machine import machine
+from surefix.machine import machine
 from surefix.report.page import Section, Tile, page
 from surefix.reproduce import ablation, break_even, curves, false_positives, sweep, table, timing
 from surefix.reproduce.case import Case, Settings

@@ -88,6 +88,21 @@ macro_rules! drawn_bytes {
 }
 drawn_bytes!(i8, u8);
 
+/// Numbers of 14 bits, as a screen's queries are.
+impl Drawn for i16 {
+    fn wide(self) -> f64 {
+        self.into()
+    }
+    fn draw(random: &mut Random, kind: usize) -> Self {
+        let number = (random.next() % 16_383) as i16 - 8191;
+        match kind {
+            0 | 1 => number,
+            2 => number % 2,
+            _ => number.signum() * 8191,
+        }
+    }
+}
+
 fn pools<T: Drawn>(random: &mut Random, size: usize) -> [Vec<T>; 4] {
     [0, 1, 2, 3].map(|kind| (0..size).map(|_| T::draw(random, kind)).collect())
 }
@@ -152,6 +167,20 @@ fn check_bytes<T: Term, B: Byte>(query: &[B], values: &[B], rows: usize) {
     }
 }
 
+fn check_shorts(query: &[i16], values: &[i8], rows: usize) {
+    let dim = query.len();
+    let sum = |row: usize| {
+        let row = &values[row * dim..(row + 1) * dim];
+        query.iter().zip(row).map(|(&a, &b)| i64::from(a) * i64::from(b)).sum::<i64>()
+    };
+    let expected: Vec<i64> = (0..rows).map(sum).collect();
+    let mut out = vec![-1; rows];
+    for isa in Isa::available() {
+        scan::shorts(isa, query, values, &mut out, |_, sum| sum);
+        assert_eq!(out, expected, "{isa} {dim}");
+    }
+}
+
 /// A query and rows, cut from pools: their kinds, starts, number and length are all drawn.
 fn each_case<Q: Drawn, R: Drawn>(seed: u64, mut check: impl FnMut(&[Q], &[R], usize)) {
     let mut random = Random(seed);
@@ -197,6 +226,11 @@ kernels! {
     products_of_f32_and_u8: check_floats<Products, f32, u8>, f32, u8;
 }
 
+#[test]
+fn products_of_14_bits_and_i8() {
+    each_case::<i16, i8>(1, check_shorts);
+}
+
 /// Beyond where 32-bit sums are emptied, with the numbers that fill them fastest.
 #[test]
 fn long_rows_overflow_nothing() {
@@ -222,6 +256,12 @@ fn long_rows_overflow_nothing() {
             check_bytes::<Differences, i8>(query, rows, 2);
             check_bytes::<Squares, i8>(query, rows, 2);
             check_bytes::<Products, i8>(query, rows, 2);
+        }
+        for sign in [1, -1] {
+            check_shorts(&vec![8191; dim], &vec![-128 * sign.max(0) + 127 * (-sign).max(0); 2 * dim], 2);
+            let query: Vec<i16> = (0..dim).map(|_| i16::draw(&mut random, 3)).collect();
+            let row: Vec<i8> = query.iter().map(|q| q.signum() as i8 * 127 * sign).collect();
+            check_shorts(&query, &row, 1);
         }
         let floats = pools::<f32>(&mut random, 3 * dim + 1);
         for kind in floats {

@@ -1,14 +1,19 @@
 //! A map and a matcher: the loop that a robot runs.
 
+mod plain;
+mod screened;
+
 use std::sync::Arc;
 
 use crate::config::Config;
-use crate::crew::{Crew, threads_for};
+use crate::crew::{Crew, Sought, threads_for};
 use crate::descriptor::{Describer, ImageView};
-use crate::distance::{Values, View};
+use crate::distance::{Query, Values, View};
 use crate::error::Error;
 use crate::map::{Map, Recipe};
 use crate::matcher::{Fix, Matcher, load};
+use plain::Plain;
+use screened::Screened;
 
 /// The most threads that are accepted.
 const MAX_THREADS: usize = 1024;
@@ -25,6 +30,8 @@ const MAX_THREADS: usize = 1024;
 /// thread, a push takes no lock and asks nothing of the operating system; with several, it tries locks (and goes on where
 /// one is taken) and asks the system to wake the others. In a process forked off this one, the caller scans alone.
 ///
+/// A map with a screen ([`Map::with_screen`]) is scanned at a quarter of the bytes, for the same answers.
+///
 /// ```
 /// use std::sync::Arc;
 /// use surefix::{Config, Localizer, Map, Metric};
@@ -38,15 +45,20 @@ const MAX_THREADS: usize = 1024;
 #[derive(Clone, Debug)]
 pub struct Localizer {
     map: Arc<Map>,
-    matcher: Matcher,
+    way: Way,
     /// Scans the map, where more than one thread does.
     crew: Option<Crew>,
     /// Describes images the map's own way, where the map has one.
     describer: Option<(Describer, Values)>,
-    /// The newest frame's distances.
-    distances: Vec<f32>,
-    /// Where those of the next frame are written, so that a frame that is refused leaves the newest ones alone.
-    next: Vec<f32>,
+}
+
+/// How a descriptor becomes a fix.
+#[derive(Clone, Debug)]
+enum Way {
+    /// By the distances to all places.
+    Plain(Box<Plain>),
+    /// By the map's screen, and the distances that it leaves in doubt.
+    Screened(Box<Screened>),
 }
 
 impl Localizer {
@@ -56,7 +68,7 @@ impl Localizer {
     /// As for [`Matcher::new`].
     pub fn new(map: Arc<Map>, config: Config) -> Result<Self, Error> {
         let matcher = Matcher::new(map.places(), config)?;
-        Ok(Self::with_matcher(map, matcher))
+        Self::with_matcher(map, matcher)
     }
 
     /// The same localizer with `threads` threads to scan the map, the caller's own among them; with none given, as many as
@@ -95,14 +107,19 @@ impl Localizer {
         self.crew.as_ref().map_or(1, Crew::threads)
     }
 
-    fn with_matcher(map: Arc<Map>, matcher: Matcher) -> Self {
+    fn with_matcher(map: Arc<Map>, matcher: Matcher) -> Result<Self, Error> {
         let describer = match map.recipe() {
             Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
             Recipe::Ready => None,
         };
-        let distances = vec![0.0; map.places()];
+        let way = match map.screened() {
+            Some(screen) if map.dim() >= screened::SHORTEST => {
+                Way::Screened(Box::new(Screened::new(&map, Arc::clone(screen), matcher)?))
+            }
+            _ => Way::Plain(Box::new(Plain::new(matcher))),
+        };
         let crew = automatic(&map);
-        Self { matcher, crew, describer, next: distances.clone(), distances, map }
+        Ok(Self { map, way, crew, describer })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -132,8 +149,7 @@ impl Localizer {
     ) -> Result<Fix, Error> {
         let Some((describer, values)) = &mut self.describer else { return Err(Error::NoDescriptor) };
         describer.describe(image, values)?;
-        scan(&self.map, &mut self.crew, values.view(), &mut self.next)?;
-        self.step(trusted)
+        self.way.push(&self.map, &mut self.crew, self.map.query(values.view())?, trusted)
     }
 
     /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of the consensus where
@@ -146,14 +162,7 @@ impl Localizer {
         descriptor: View<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
-        scan(&self.map, &mut self.crew, descriptor, &mut self.next)?;
-        self.step(trusted)
-    }
-
-    fn step(&mut self, trusted: Option<bool>) -> Result<Fix, Error> {
-        let fix = self.matcher.step(&self.next, trusted)?;
-        std::mem::swap(&mut self.distances, &mut self.next);
-        Ok(fix)
+        self.way.push(&self.map, &mut self.crew, self.map.query(descriptor)?, trusted)
     }
 
     /// Fixes for frame after frame of a camera, as they are asked for.
@@ -165,23 +174,44 @@ impl Localizer {
         frames.into_iter().map(|frame| self.push_image(frame))
     }
 
-    /// The distances from the newest frame to every place; zeros before the first.
-    pub fn distances(&self) -> &[f32] {
-        &self.distances
+    /// The distances from the newest frame to every place; zeros before the first. On a map with a screen, those that were
+    /// not needed for the fix are computed now.
+    pub fn distances(&mut self) -> &[f32] {
+        match &mut self.way {
+            Way::Plain(plain) => plain.distances(),
+            Way::Screened(screened) => screened.distances(&self.map, &mut self.crew),
+        }
+    }
+
+    /// How many of the map's rows the newest frame made the localizer look at: all of them, or, on a map with a screen, those
+    /// that were left in doubt, for this query and for the ones before it in the window. 0 before the first frame.
+    pub fn looked_at(&self) -> usize {
+        match &self.way {
+            Way::Plain(plain) => plain.looked_at(),
+            Way::Screened(screened) => screened.looked_at(),
+        }
     }
 
     /// Forgets all frames: the next one is frame 0.
     pub fn reset(&mut self) {
-        self.matcher.reset();
-        self.distances.fill(0.0);
+        match &mut self.way {
+            Way::Plain(plain) => plain.reset(),
+            Way::Screened(screened) => screened.reset(),
+        }
     }
 
-    /// The state as bytes, without the map; [`restore`](Self::restore) goes on from it bit-identically.
+    /// The state as bytes, without the map; [`restore`](Self::restore) goes on from it bit-identically. It is the same whether
+    /// the map has a screen or not, so that either can go on from it; with a screen, all distances of the window are computed
+    /// for it.
     ///
     /// # Errors
     /// As for [`Matcher::snapshot`].
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
-        self.matcher.save(Some(self.map.fingerprint()))
+        let map = Some(self.map.fingerprint());
+        match &self.way {
+            Way::Plain(plain) => plain.matcher().save(map),
+            Way::Screened(screened) => screened.settled(&self.map).save(map),
+        }
     }
 
     /// A localizer that goes on where the snapshot was taken, on the same map. Where `expected` is given, the snapshot
@@ -198,11 +228,7 @@ impl Localizer {
             };
             return Err(Error::Snapshot { reason });
         }
-        let mut localizer = Self::with_matcher(map, saved.matcher);
-        if let Some(newest) = localizer.matcher.newest() {
-            localizer.distances.copy_from_slice(newest);
-        }
-        Ok(localizer)
+        Self::with_matcher(map, saved.matcher)
     }
 
     /// The map.
@@ -210,9 +236,36 @@ impl Localizer {
         &self.map
     }
 
-    /// The matcher behind it.
-    pub fn matcher(&self) -> &Matcher {
-        &self.matcher
+    /// Its options.
+    pub fn config(&self) -> &Config {
+        self.state().config()
+    }
+
+    /// How many frames it has taken since the start or the last reset.
+    pub fn frames(&self) -> u64 {
+        self.state().frames()
+    }
+
+    fn state(&self) -> &Matcher {
+        match &self.way {
+            Way::Plain(plain) => plain.matcher(),
+            Way::Screened(screened) => screened.matcher(),
+        }
+    }
+}
+
+impl Way {
+    fn push(
+        &mut self,
+        map: &Map,
+        crew: &mut Option<Crew>,
+        query: Query<'_>,
+        trusted: Option<bool>,
+    ) -> Result<Fix, Error> {
+        match self {
+            Self::Plain(plain) => plain.push(map, crew, query, trusted),
+            Self::Screened(screened) => screened.push(map, crew, query, trusted),
+        }
     }
 }
 
@@ -222,9 +275,9 @@ fn automatic(map: &Arc<Map>) -> Option<Crew> {
     (threads > 1).then(|| Crew::at_most(map, threads))
 }
 
-fn scan(map: &Map, crew: &mut Option<Crew>, query: View<'_>, out: &mut [f32]) -> Result<(), Error> {
+fn scan(map: &Map, crew: &mut Option<Crew>, sought: Sought<'_>, out: &mut [f32]) {
     match crew {
-        Some(crew) => crew.distances_into(query, out),
-        None => map.distances_into(query, out),
+        Some(crew) => crew.scan(sought, out),
+        None => sought.scan(map, 0..map.places(), out),
     }
 }
