@@ -64,17 +64,19 @@ pub(crate) fn contiguous<'py, T: Element>(
     array: &Bound<'py, PyUntypedArray>,
 ) -> PyResult<Option<PyReadonlyArrayDyn<'py, T>>> {
     let py = array.py();
-    if !array.dtype().is_equiv_to(&dtype::<T>(py)) {
+    // An array in one piece is regular where its first number is aligned.
+    if let Ok(typed) = array.cast::<PyArrayDyn<T>>()
+        && typed.is_c_contiguous()
+        && typed.data().is_aligned()
+        && let Ok(numbers) = typed.try_readonly()
+    {
+        return Ok(Some(numbers));
+    }
+    let wanted = dtype::<T>(py);
+    if !array.dtype().is_equiv_to(&wanted) {
         return Ok(None);
     }
-    if array.is_c_contiguous()
-        && is_regular(array, size_of::<T>())?
-        && let Some(array) = typed(array)
-    {
-        return Ok(Some(array));
-    }
     // A copy: the array is strided, transposed, or not aligned.
-    let wanted = dtype::<T>(py);
     let copy = py.import("numpy")?.call_method1("require", (array, wanted, ["C", "A"]))?;
     Ok(typed(copy.cast::<PyUntypedArray>()?))
 }

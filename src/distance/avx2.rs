@@ -24,7 +24,7 @@ impl Avx2 {
 
 #[target_feature(enable = "avx2,fma,f16c")]
 fn inside<W: Work>(machine: Avx2, work: W) {
-    work.on::<Avx2, 4>(machine);
+    work.on(machine);
 }
 
 // SAFETY, of every block below: `self` exists only where the processor has these instructions, and a load reads no

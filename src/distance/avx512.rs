@@ -24,7 +24,7 @@ impl Avx512 {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 fn inside<W: Work>(machine: Avx512, work: W) {
-    work.on::<Avx512, 4>(machine);
+    work.on(machine);
 }
 
 // SAFETY, of every block below: `self` exists only where the processor has these instructions, and a load reads no

@@ -25,7 +25,7 @@ impl Neon {
 
 #[target_feature(enable = "neon")]
 fn inside<W: Work>(machine: Neon, work: W) {
-    work.on::<Neon, 2>(machine);
+    work.on(machine);
 }
 
 /// The low or the high half of four f32, as f64.

@@ -1,6 +1,5 @@
-//! A query against rows, written once for every [`Machine`], several rows at a time.
+//! A query against rows, written once for every [`Machine`].
 
-use std::array;
 use std::marker::PhantomData;
 
 use super::machine::{BLOCK, Byte, LANES, Machine, Number};
@@ -15,16 +14,18 @@ const RUN: usize = 1024;
 /// The same for products with numbers of 14 bits: sixteen terms a block, each below 2^20, and a last block more.
 const SHORTS_RUN: usize = 64;
 
-/// How many blocks of bytes ahead the memory is asked for there, 4 KiB: of 16, 32, 64, 256 and 512, the fastest by a quarter.
-const SHORTS_AHEAD: usize = 64;
+/// How many blocks of a row are taken at a time, each with sums of its own: none waits for another.
+const UNROLLED: usize = 4;
 
-/// How many blocks of f32 ahead the memory is asked for: 1 KiB.
-const AHEAD: usize = 16;
+/// How many bytes ahead the memory is asked for where rows are of f32. Those come as fast as the memory gives them, and the
+/// processor by itself stops looking ahead at the end of a page.
+const AHEAD: usize = 1024;
 
 /// A scan, before it is known what runs it.
 pub(super) trait Work {
-    /// On a machine's registers, `GROUP` rows at a time.
-    fn on<M: Machine, const GROUP: usize>(self, machine: M);
+    /// On a machine's registers. Rows are taken one after the other, in the order of the memory: several at a time are
+    /// read at half the speed where they come from far.
+    fn on<M: Machine>(self, machine: M);
     /// Without any.
     fn plainly(self);
 }
@@ -95,20 +96,10 @@ struct Floats<'a, T, Q, R, O, F> {
 
 impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Work for Floats<'_, T, Q, R, O, F> {
     #[inline(always)]
-    fn on<M: Machine, const GROUP: usize>(self, machine: M) {
+    fn on<M: Machine>(self, machine: M) {
         let query = Padded::new(self.query);
-        let (groups, rest) = self.out.as_chunks_mut::<GROUP>();
-        let first_of_rest = groups.len() * GROUP;
-        for (group, out) in groups.iter_mut().enumerate() {
-            let first = group * GROUP;
-            let sums = sums::<M, T, Q, R, GROUP>(machine, &query, self.values, first);
-            for (index, (out, sum)) in out.iter_mut().zip(sums).enumerate() {
-                *out = (self.finish)(first + index, sum);
-            }
-        }
-        for (index, out) in rest.iter_mut().enumerate() {
-            let row = first_of_rest + index;
-            let [sum] = sums::<M, T, Q, R, 1>(machine, &query, self.values, row);
+        for (row, out) in self.out.iter_mut().enumerate() {
+            let sum = sum::<M, T, Q, R>(machine, &query, self.values, row);
             *out = (self.finish)(row, sum);
         }
     }
@@ -132,22 +123,12 @@ struct Bytes<'a, T, B, O, F> {
 
 impl<T: Term, B: Byte, O, F: Fn(usize, i64) -> O> Work for Bytes<'_, T, B, O, F> {
     #[inline(always)]
-    fn on<M: Machine, const GROUP: usize>(self, machine: M) {
+    fn on<M: Machine>(self, machine: M) {
         let excess = T::excess::<M, B>(self.query);
         let query = Padded::new(bytemuck::must_cast_slice::<B, u8>(self.query));
         let values: &[u8] = bytemuck::must_cast_slice(self.values);
-        let (groups, rest) = self.out.as_chunks_mut::<GROUP>();
-        let first_of_rest = groups.len() * GROUP;
-        for (group, out) in groups.iter_mut().enumerate() {
-            let first = group * GROUP;
-            let totals = totals::<M, T, B, GROUP>(machine, &query, values, first);
-            for (index, (out, total)) in out.iter_mut().zip(totals).enumerate() {
-                *out = (self.finish)(first + index, total - excess);
-            }
-        }
-        for (index, out) in rest.iter_mut().enumerate() {
-            let row = first_of_rest + index;
-            let [total] = totals::<M, T, B, 1>(machine, &query, values, row);
+        for (row, out) in self.out.iter_mut().enumerate() {
+            let total = total::<M, OfBytes<T, B>>(machine, &query, values, row);
             *out = (self.finish)(row, total - excess);
         }
     }
@@ -170,20 +151,10 @@ struct Shorts<'a, O, F> {
 
 impl<O, F: Fn(usize, i64) -> O> Work for Shorts<'_, O, F> {
     #[inline(always)]
-    fn on<M: Machine, const GROUP: usize>(self, machine: M) {
+    fn on<M: Machine>(self, machine: M) {
         let query = Padded::new(self.query);
-        let (groups, rest) = self.out.as_chunks_mut::<GROUP>();
-        let first_of_rest = groups.len() * GROUP;
-        for (group, out) in groups.iter_mut().enumerate() {
-            let first = group * GROUP;
-            let totals = short_totals::<M, GROUP>(machine, &query, self.values, first);
-            for (index, (out, total)) in out.iter_mut().zip(totals).enumerate() {
-                *out = (self.finish)(first + index, total);
-            }
-        }
-        for (index, out) in rest.iter_mut().enumerate() {
-            let row = first_of_rest + index;
-            let [total] = short_totals::<M, 1>(machine, &query, self.values, row);
+        for (row, out) in self.out.iter_mut().enumerate() {
+            let total = total::<M, OfShorts>(machine, &query, self.values, row);
             *out = (self.finish)(row, total);
         }
     }
@@ -215,13 +186,11 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
         Self { dim: numbers.len(), blocks, last, broken: rest.len() }
     }
 
-    /// The whole blocks of `GROUP` rows, as many as the query has.
+    /// The whole blocks of a row, as many as the query has.
     #[inline(always)]
-    fn rows<'b, R, const GROUP: usize>(&self, values: &'b [R], first: usize) -> [&'b [[R; WIDTH]]; GROUP] {
-        array::from_fn(|index| {
-            let start = (first + index) * self.dim;
-            &values[start..start + self.dim].as_chunks().0[..self.blocks.len()]
-        })
+    fn row<'b, R>(&self, values: &'b [R], row: usize) -> &'b [[R; WIDTH]] {
+        let start = row * self.dim;
+        &values[start..start + self.dim].as_chunks().0[..self.blocks.len()]
     }
 
     /// The last, broken block of a row, filled up with zeros.
@@ -242,119 +211,131 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
     }
 }
 
-/// The sums of `GROUP` rows, in the lanes of method 1.6.
+/// The sum of a row, in the lanes of method 1.6.
 #[inline(always)]
-fn sums<M: Machine, T: Term, Q: Number, R: Number, const GROUP: usize>(
+fn sum<M: Machine, T: Term, Q: Number, R: Number>(
     machine: M,
     query: &Padded<'_, Q, LANES>,
     values: &[R],
-    first: usize,
-) -> [f64; GROUP] {
-    let rows = query.rows::<R, GROUP>(values, first);
-    let mut lanes = [machine.lanes(); GROUP];
-    for (index, block) in query.blocks.iter().enumerate() {
-        if size_of::<R>() == size_of::<f32>() {
-            // Rows of f32 come as fast as the memory gives them, and the processor stops looking ahead at the end of a page.
-            for row in rows {
-                machine.fetch(row.as_ptr().wrapping_add(index + AHEAD));
-            }
-        }
-        add::<M, T, Q, R, GROUP>(machine, &mut lanes, block, array::from_fn(|row| &rows[row][index]));
+    row: usize,
+) -> f64 {
+    let mut lanes = machine.lanes();
+    for (query, row) in query.blocks.iter().zip(query.row::<R>(values, row)) {
+        add::<M, T, Q, R>(machine, &mut lanes, query, row);
     }
     if query.broken > 0 {
-        let last: [[R; LANES]; GROUP] = array::from_fn(|row| query.last_of(values, first + row));
-        add::<M, T, Q, R, GROUP>(machine, &mut lanes, &query.last, last.each_ref());
+        add::<M, T, Q, R>(machine, &mut lanes, &query.last, &query.last_of(values, row));
     }
-    lanes.map(|lanes| scalar::sum_of_lanes(machine.store(lanes)))
+    scalar::sum_of_lanes(machine.store(lanes))
 }
 
-/// Adds the terms of one block of `GROUP` rows, to each lane its own.
+/// Adds the terms of one block, to each lane its own.
 #[inline(always)]
-fn add<M: Machine, T: Term, Q: Number, R: Number, const GROUP: usize>(
+fn add<M: Machine, T: Term, Q: Number, R: Number>(
     machine: M,
-    lanes: &mut [M::Lanes; GROUP],
+    lanes: &mut M::Lanes,
     query: &[Q; LANES],
-    rows: [&[R; LANES]; GROUP],
+    row: &[R; LANES],
 ) {
-    let parts = lanes[0].as_ref().len();
-    for part in 0..parts {
-        let a = Q::load(machine, query, part);
-        for (lanes, row) in lanes.iter_mut().zip(rows) {
-            let sum = &mut lanes.as_mut()[part];
-            *sum = T::add(machine, *sum, a, R::load(machine, row, part));
-        }
+    if size_of::<R>() == size_of::<f32>() {
+        machine.fetch(row.as_ptr().cast::<u8>().wrapping_add(AHEAD));
+    }
+    for (part, sum) in lanes.as_mut().iter_mut().enumerate() {
+        *sum = T::add(machine, *sum, Q::load(machine, query, part), R::load(machine, row, part));
     }
 }
 
-/// The totals of `GROUP` rows of bytes.
-#[inline(always)]
-fn totals<M: Machine, T: Term, B: Byte, const GROUP: usize>(
-    machine: M,
-    query: &Padded<'_, u8, BLOCK>,
-    values: &[u8],
-    first: usize,
-) -> [i64; GROUP] {
-    let rows = query.rows::<u8, GROUP>(values, first);
-    let mut totals = [0; GROUP];
-    let mut counts = [machine.counts(); GROUP];
-    for (index, block) in query.blocks.iter().enumerate() {
-        let block = machine.block(block);
-        for (count, row) in counts.iter_mut().zip(rows) {
-            *count = T::count::<M, B>(machine, *count, block, machine.block(&row[index]));
-        }
-        if index % RUN == RUN - 1 {
-            for (total, count) in totals.iter_mut().zip(&mut counts) {
-                *total += T::total(machine, *count);
-                *count = machine.counts();
-            }
-        }
-    }
-    if query.broken > 0 {
-        let block = machine.block(&query.last);
-        for (index, count) in counts.iter_mut().enumerate() {
-            let last = query.last_of(values, first + index);
-            *count = T::count::<M, B>(machine, *count, block, machine.block(&last));
-        }
-    }
-    for (total, count) in totals.iter_mut().zip(counts) {
-        *total += T::total(machine, count);
-    }
-    totals
+/// How the terms of a block of whole numbers are counted. (No closure: those are not surely inlined, and what is not inlined
+/// is not compiled for the instruction set.)
+trait Counted {
+    type Query: Copy + Default;
+    type Row: Copy + Default;
+    /// After how many blocks the sums are emptied.
+    const RUN: usize;
+    fn count<M: Machine>(
+        machine: M,
+        sum: M::Counts,
+        query: &[Self::Query; BLOCK],
+        row: &[Self::Row; BLOCK],
+    ) -> M::Counts;
+    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64;
 }
 
-/// The totals of the products of numbers of 14 bits with `GROUP` rows of bytes.
+/// The terms `T` of bytes.
+struct OfBytes<T, B>(PhantomData<(T, B)>);
+/// The products of numbers of 14 bits with bytes.
+struct OfShorts;
+
+impl<T: Term, B: Byte> Counted for OfBytes<T, B> {
+    type Query = u8;
+    type Row = u8;
+    const RUN: usize = RUN;
+
+    #[inline(always)]
+    fn count<M: Machine>(machine: M, sum: M::Counts, query: &[u8; BLOCK], row: &[u8; BLOCK]) -> M::Counts {
+        T::count::<M, B>(machine, sum, machine.block(query), machine.block(row))
+    }
+
+    #[inline(always)]
+    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
+        T::total(machine, sum)
+    }
+}
+
+impl Counted for OfShorts {
+    type Query = i16;
+    type Row = i8;
+    const RUN: usize = SHORTS_RUN;
+
+    #[inline(always)]
+    fn count<M: Machine>(machine: M, sum: M::Counts, query: &[i16; BLOCK], row: &[i8; BLOCK]) -> M::Counts {
+        machine.products_i16(sum, machine.shorts(query), row)
+    }
+
+    #[inline(always)]
+    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
+        machine.total(sum)
+    }
+}
+
+/// The total of a row.
 #[inline(always)]
-fn short_totals<M: Machine, const GROUP: usize>(
+fn total<M: Machine, C: Counted>(
     machine: M,
-    query: &Padded<'_, i16, BLOCK>,
-    values: &[i8],
-    first: usize,
-) -> [i64; GROUP] {
-    let rows = query.rows::<i8, GROUP>(values, first);
-    let mut totals = [0; GROUP];
-    let mut counts = [machine.counts(); GROUP];
-    for (index, block) in query.blocks.iter().enumerate() {
-        let block = machine.shorts(block);
-        for (count, row) in counts.iter_mut().zip(rows) {
-            machine.fetch(row.as_ptr().wrapping_add(index + SHORTS_AHEAD));
-            *count = machine.products_i16(*count, block, &row[index]);
+    query: &Padded<'_, C::Query, BLOCK>,
+    values: &[C::Row],
+    row: usize,
+) -> i64 {
+    let run = UNROLLED * C::RUN;
+    let mut total = 0;
+    for (query, row) in query.blocks.chunks(run).zip(query.row::<C::Row>(values, row).chunks(run)) {
+        let mut counts = [machine.counts(); UNROLLED];
+        let ((queries, last_of_query), (rows, last_of_row)) =
+            (query.as_chunks::<UNROLLED>(), row.as_chunks::<UNROLLED>());
+        for (query, row) in queries.iter().zip(rows) {
+            count::<M, C>(machine, &mut counts, query, row);
         }
-        if index % SHORTS_RUN == SHORTS_RUN - 1 {
-            for (total, count) in totals.iter_mut().zip(&mut counts) {
-                *total += machine.total(*count);
-                *count = machine.counts();
-            }
+        count::<M, C>(machine, &mut counts, last_of_query, last_of_row);
+        for count in counts {
+            total += C::total(machine, count);
         }
     }
     if query.broken > 0 {
-        let block = machine.shorts(&query.last);
-        for (index, count) in counts.iter_mut().enumerate() {
-            let last = query.last_of(values, first + index);
-            *count = machine.products_i16(*count, block, &last);
-        }
+        let last = query.last_of(values, row);
+        total += C::total(machine, C::count(machine, machine.counts(), &query.last, &last));
     }
-    for (total, count) in totals.iter_mut().zip(counts) {
-        *total += machine.total(count);
+    total
+}
+
+/// Counts some blocks, each to a sum of its own.
+#[inline(always)]
+fn count<M: Machine, C: Counted>(
+    machine: M,
+    counts: &mut [M::Counts; UNROLLED],
+    query: &[[C::Query; BLOCK]],
+    row: &[[C::Row; BLOCK]],
+) {
+    for (count, (query, row)) in counts.iter_mut().zip(query.iter().zip(row)) {
+        *count = C::count(machine, *count, query, row);
     }
-    totals
 }

@@ -26,18 +26,19 @@ pub(super) fn first_better<T: Copy + PartialEq>(
 /// The best of numbers of which one beats `worst`, and where it stands first.
 #[inline(always)]
 fn first_best<T: Copy + PartialEq>(numbers: &[T], worst: T, beats: impl Fn(T, T) -> bool) -> (usize, T) {
-    // Many side by side, so that the compiler can use vector registers.
+    // Many side by side, in whole blocks, so that they stay in vector registers.
     const LANES: usize = 16;
     let better = |a: T, b: T| if beats(b, a) { b } else { a };
+    let (blocks, rest) = numbers.as_chunks::<LANES>();
     let mut lanes = [worst; LANES];
-    for block in numbers.chunks(LANES) {
-        for (lane, &x) in lanes.iter_mut().zip(block) {
-            *lane = better(*lane, x);
+    for block in blocks {
+        for lane in 0..LANES {
+            lanes[lane] = better(lanes[lane], block[lane]);
         }
     }
-    let best = lanes.into_iter().fold(worst, better);
+    let best = rest.iter().chain(&lanes).fold(worst, |best, &x| better(best, x));
     // Of the two zeros, the first.
-    let start = numbers.chunks(LANES).position(|block| any(block, |x| x == best)).unwrap_or(0) * LANES;
+    let start = blocks.iter().position(|block| any(block, |x| x == best)).unwrap_or(blocks.len()) * LANES;
     let place = start + numbers[start..].iter().position(|&x| x == best).unwrap_or(0);
     (place, numbers[place])
 }

@@ -15,6 +15,8 @@ from surefix.bench.step import ArrayMatcher, Floats, same_fixes, summary
 __all__ = ["lines", "read_by_push"]
 
 COLUMNS = 16
+# Much longer than the longest sequence, so that its jump back to the start is in few windows.
+LONG = 1000
 FLOAT = 4
 
 
@@ -24,6 +26,13 @@ def drive(places: int, queries: int = COLUMNS) -> list[Floats]:
     columns = 0.5 + rng.random((queries, places), np.float32)
     columns[np.arange(queries), (places // 3 + np.arange(queries)) % places] *= 0.2
     return list(columns)
+
+
+def long_drive(places: int, queries: int) -> list[Floats]:
+    """The same, as long as one likes in the memory of one query: each is the one before it, a place further."""
+    noise = np.float32(0.5) + np.random.default_rng(places).random(places + queries, np.float32)
+    noise[queries + places // 3] *= 0.2
+    return [noise[queries - query : queries - query + places] for query in range(queries)]
 
 
 def read_by_push(places: int, length: int) -> int:
@@ -92,7 +101,7 @@ def _in_rust(places: int, settings: Settings) -> Line:
 
 def _long_against_short(places: int) -> Line:
     """L = 100 beside L = 2. Their answers are no rivals': each is checked against the whole matrix elsewhere."""
-    columns = drive(places)
+    columns = long_drive(places, LONG)
     reach = Reach(1 / 1.5, "at most 1.5 x its time")
     short = _ours("surefix, L = 2", places, 2, columns, reach)
     work = f"Matcher.push, n = {places:,}, L = 100"
