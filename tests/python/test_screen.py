@@ -99,7 +99,7 @@ def test_another_type_is_refused(wrong: Any) -> None:
         Map.from_descriptors(rows, screen=wrong)
 
 
-def test_other_maps_are_refused(tmp_path: Path) -> None:
+def test_other_maps_are_refused() -> None:
     bytes_ = RNG.integers(1, 255, (5, 300), np.uint8)
     with pytest.raises(SurefixValueError, match=r"screen.*float32 descriptors.*uint8"):
         Map.from_descriptors(bytes_).with_screen("i8")
@@ -109,7 +109,8 @@ def test_other_maps_are_refused(tmp_path: Path) -> None:
 
 def test_from_the_command_line(tmp_path: Path) -> None:
     rows, queries = drives(200)
-    for name, array in (("rows", rows), ("queries", queries[50:80]), ("bytes", np.arange(600, dtype=np.uint8).reshape(2, 300) | 1)):
+    bytes_ = RNG.integers(1, 255, (5, DIM), np.uint8)
+    for name, array in (("rows", rows), ("queries", queries[50:80]), ("bytes", bytes_)):
         np.save(tmp_path / f"{name}.npy", array)
     for name in ("rows", "bytes"):
         surefix_("map", "build", tmp_path / f"{name}.npy", "-o", tmp_path / f"{name}.safetensors")
@@ -122,4 +123,5 @@ def test_from_the_command_line(tmp_path: Path) -> None:
     assert fixes("--screen", "i8") == fixes()
     done = surefix_("run", tmp_path / "bytes.safetensors", tmp_path / "queries.npy", "--screen", "i8", code=2)
     assert "float32" in done.stderr
-    assert "screen" in surefix_("run", tmp_path / "rows.safetensors", tmp_path / "queries.npy", "--screen", "u8", code=2).stderr
+    done = surefix_("run", tmp_path / "rows.safetensors", tmp_path / "queries.npy", "--screen", "u8", code=2)
+    assert "screen" in done.stderr

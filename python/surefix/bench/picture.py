@@ -65,7 +65,8 @@ def draw(ax: Axes, results: Sequence[Result], theme: Theme = LIGHT) -> Axes:
     ax.set_axisbelow(True)
     ax.set_xlabel(
         "its time / surefix's time: right of 1 x surefix is faster\n"
-        "the upright tick is to be reached: a blue dot does, an orange cross does not; grey is held to nothing"
+        "the upright tick is to be reached: a blue dot does,\n"
+        "an orange cross does not; grey is held to nothing"
     )
     return ax
 
