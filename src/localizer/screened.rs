@@ -72,7 +72,8 @@ impl Screened {
         query: Query<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
-        let screened = self.patience.tries() && self.bounds(map, crew, query);
+        let tries = self.patience.tries();
+        let screened = tries && self.bounds(map, crew, query);
         if !screened {
             self.scan(map, crew, query)?;
         }
@@ -81,12 +82,11 @@ impl Screened {
         let mut rows = Rows { map, crew, queries, lengths };
         let upper = screened.then_some(upper.as_slice());
         let (fix, looked_at) = bounded.push(lower, upper, trusted, &mut rows);
-        if screened {
-            self.patience.judge(looked_at, map.places());
-            self.looked_at = looked_at;
+        self.looked_at = if screened { looked_at } else { map.places() + looked_at };
+        if tries {
+            self.patience.judge(self.looked_at, map.places());
         } else {
             self.patience.wait();
-            self.looked_at = map.places() + looked_at;
         }
         Ok(fix)
     }
@@ -182,10 +182,10 @@ impl Patience {
         self.left = self.left.saturating_sub(1);
     }
 
-    /// A frame has been screened, and made it look at so many rows. One that is looked at by itself costs more than one of many.
+    /// It has tried, and looked at so many rows. One that is looked at by itself costs more than one of many.
     fn judge(&mut self, looked_at: usize, places: usize) {
         if looked_at > places / 2 {
-            self.left = self.next;
+            self.rest(self.next);
             self.next = (2 * self.next).min(Self::LONGEST);
         } else {
             self.next = Self::SHORTEST;
