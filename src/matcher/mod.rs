@@ -5,6 +5,7 @@
     reason = "what is inlined into `Isa::run` is compiled for the instruction set"
 )]
 
+mod best_first;
 mod bounded;
 #[cfg(test)]
 mod bounded_tests;
