@@ -30,6 +30,7 @@ fn inside<W: Work>(machine: Avx2, work: W) {
 // SAFETY, of every block below: `self` exists only where the processor has these instructions, and a load reads no
 // more than the array that it is given.
 impl Machine for Avx2 {
+    type Floats = [__m128; 4];
     type Wide = __m256d;
     type Lanes = [__m256d; 4];
     type Block = [__m256i; 2];
@@ -50,31 +51,47 @@ impl Machine for Avx2 {
     }
 
     #[inline(always)]
-    fn f32s(self, numbers: &[f32; LANES], part: usize) -> __m256d {
-        let numbers = &numbers.as_chunks::<4>().0[part];
+    fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<4>().0;
         // SAFETY: as said above.
-        unsafe { _mm256_cvtps_pd(_mm_loadu_ps(numbers.as_ptr())) }
+        [0, 1, 2, 3].map(|part: usize| unsafe { _mm_loadu_ps(parts[part].as_ptr()) })
     }
 
     #[inline(always)]
-    fn f16s(self, numbers: &[f16; LANES], part: usize) -> __m256d {
-        let numbers = &numbers.as_chunks::<4>().0[part];
+    fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<4>().0;
         // SAFETY: as said above.
-        unsafe { _mm256_cvtps_pd(_mm_cvtph_ps(_mm_loadl_epi64(numbers.as_ptr().cast()))) }
+        [0, 1, 2, 3].map(|part: usize| unsafe { _mm_cvtph_ps(_mm_loadl_epi64(parts[part].as_ptr().cast())) })
     }
 
     #[inline(always)]
-    fn i8s(self, numbers: &[i8; LANES], part: usize) -> __m256d {
-        let numbers = &numbers.as_chunks::<4>().0[part];
+    fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<4>().0;
         // SAFETY: as said above.
-        unsafe { _mm256_cvtepi32_pd(_mm_cvtepi8_epi32(_mm_loadu_si32(numbers.as_ptr().cast()))) }
+        [0, 1, 2, 3].map(|part: usize| unsafe {
+            _mm_cvtepi32_ps(_mm_cvtepi8_epi32(_mm_loadu_si32(parts[part].as_ptr().cast())))
+        })
     }
 
     #[inline(always)]
-    fn u8s(self, numbers: &[u8; LANES], part: usize) -> __m256d {
-        let numbers = &numbers.as_chunks::<4>().0[part];
+    fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<4>().0;
         // SAFETY: as said above.
-        unsafe { _mm256_cvtepi32_pd(_mm_cvtepu8_epi32(_mm_loadu_si32(numbers.as_ptr().cast()))) }
+        [0, 1, 2, 3].map(|part: usize| unsafe {
+            _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_loadu_si32(parts[part].as_ptr().cast())))
+        })
+    }
+
+    #[inline(always)]
+    fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
+        // SAFETY: as said above.
+        [0, 1, 2, 3].map(|part: usize| unsafe { _mm_sub_ps(a[part], b[part]) })
+    }
+
+    #[inline(always)]
+    fn widen(self, numbers: Self::Floats) -> Self::Lanes {
+        // SAFETY: as said above.
+        numbers.map(|part| unsafe { _mm256_cvtps_pd(part) })
     }
 
     #[inline(always)]
@@ -84,18 +101,9 @@ impl Machine for Avx2 {
     }
 
     #[inline(always)]
-    fn difference(self, sum: __m256d, a: __m256d, b: __m256d) -> __m256d {
+    fn absolute(self, sum: __m256d, a: __m256d) -> __m256d {
         // SAFETY: as said above.
-        unsafe { _mm256_add_pd(sum, _mm256_andnot_pd(_mm256_set1_pd(-0.0), _mm256_sub_pd(a, b))) }
-    }
-
-    #[inline(always)]
-    fn square(self, sum: __m256d, a: __m256d, b: __m256d) -> __m256d {
-        // SAFETY: as said above.
-        unsafe {
-            let difference = _mm256_sub_pd(a, b);
-            _mm256_add_pd(sum, _mm256_mul_pd(difference, difference))
-        }
+        unsafe { _mm256_add_pd(sum, _mm256_andnot_pd(_mm256_set1_pd(-0.0), a)) }
     }
 
     #[inline(always)]

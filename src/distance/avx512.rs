@@ -30,6 +30,7 @@ fn inside<W: Work>(machine: Avx512, work: W) {
 // SAFETY, of every block below: `self` exists only where the processor has these instructions, and a load reads no
 // more than the array that it is given.
 impl Machine for Avx512 {
+    type Floats = [__m256; 2];
     type Wide = __m512d;
     type Lanes = [__m512d; 2];
     type Block = __m512i;
@@ -50,31 +51,47 @@ impl Machine for Avx512 {
     }
 
     #[inline(always)]
-    fn f32s(self, numbers: &[f32; LANES], part: usize) -> __m512d {
-        let numbers = &numbers.as_chunks::<8>().0[part];
+    fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<8>().0;
         // SAFETY: as said above.
-        unsafe { _mm512_cvtps_pd(_mm256_loadu_ps(numbers.as_ptr())) }
+        [0, 1].map(|part: usize| unsafe { _mm256_loadu_ps(parts[part].as_ptr()) })
     }
 
     #[inline(always)]
-    fn f16s(self, numbers: &[f16; LANES], part: usize) -> __m512d {
-        let numbers = &numbers.as_chunks::<8>().0[part];
+    fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<8>().0;
         // SAFETY: as said above.
-        unsafe { _mm512_cvtps_pd(_mm256_cvtph_ps(_mm_loadu_si128(numbers.as_ptr().cast()))) }
+        [0, 1].map(|part: usize| unsafe { _mm256_cvtph_ps(_mm_loadu_si128(parts[part].as_ptr().cast())) })
     }
 
     #[inline(always)]
-    fn i8s(self, numbers: &[i8; LANES], part: usize) -> __m512d {
-        let numbers = &numbers.as_chunks::<8>().0[part];
+    fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<8>().0;
         // SAFETY: as said above.
-        unsafe { _mm512_cvtepi64_pd(_mm512_cvtepi8_epi64(_mm_loadl_epi64(numbers.as_ptr().cast()))) }
+        [0, 1].map(|part: usize| unsafe {
+            _mm256_cvtepi32_ps(_mm256_cvtepi8_epi32(_mm_loadl_epi64(parts[part].as_ptr().cast())))
+        })
     }
 
     #[inline(always)]
-    fn u8s(self, numbers: &[u8; LANES], part: usize) -> __m512d {
-        let numbers = &numbers.as_chunks::<8>().0[part];
+    fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<8>().0;
         // SAFETY: as said above.
-        unsafe { _mm512_cvtepi64_pd(_mm512_cvtepu8_epi64(_mm_loadl_epi64(numbers.as_ptr().cast()))) }
+        [0, 1].map(|part: usize| unsafe {
+            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(parts[part].as_ptr().cast())))
+        })
+    }
+
+    #[inline(always)]
+    fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
+        // SAFETY: as said above.
+        [0, 1].map(|part: usize| unsafe { _mm256_sub_ps(a[part], b[part]) })
+    }
+
+    #[inline(always)]
+    fn widen(self, numbers: Self::Floats) -> Self::Lanes {
+        // SAFETY: as said above.
+        numbers.map(|part| unsafe { _mm512_cvtps_pd(part) })
     }
 
     #[inline(always)]
@@ -84,18 +101,9 @@ impl Machine for Avx512 {
     }
 
     #[inline(always)]
-    fn difference(self, sum: __m512d, a: __m512d, b: __m512d) -> __m512d {
+    fn absolute(self, sum: __m512d, a: __m512d) -> __m512d {
         // SAFETY: as said above.
-        unsafe { _mm512_add_pd(sum, _mm512_abs_pd(_mm512_sub_pd(a, b))) }
-    }
-
-    #[inline(always)]
-    fn square(self, sum: __m512d, a: __m512d, b: __m512d) -> __m512d {
-        // SAFETY: as said above.
-        unsafe {
-            let difference = _mm512_sub_pd(a, b);
-            _mm512_add_pd(sum, _mm512_mul_pd(difference, difference))
-        }
+        unsafe { _mm512_add_pd(sum, _mm512_abs_pd(a)) }
     }
 
     #[inline(always)]

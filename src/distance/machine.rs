@@ -14,10 +14,12 @@ pub(super) const BLOCK: usize = 64;
 /// One instruction set. The value is the proof that the processor has it, so that everything here is safe to call; loads take
 /// arrays, whose length the type knows.
 pub(super) trait Machine: Copy {
+    /// [`LANES`] of f32, in registers.
+    type Floats: Copy;
     /// A register of f64.
     type Wide: Copy;
     /// [`LANES`] of f64: an array of registers.
-    type Lanes: Copy + AsRef<[Self::Wide]> + AsMut<[Self::Wide]>;
+    type Lanes: Copy + AsMut<[Self::Wide]> + IntoIterator<Item = Self::Wide>;
     /// [`BLOCK`] bytes.
     type Block: Copy;
     /// [`BLOCK`] numbers of 16 bits.
@@ -32,20 +34,22 @@ pub(super) trait Machine: Copy {
 
     /// Sums of nothing.
     fn lanes(self) -> Self::Lanes;
-    /// The numbers that stand in register `part` of [`Lanes`](Self::Lanes).
-    fn f32s(self, numbers: &[f32; LANES], part: usize) -> Self::Wide;
+    /// The numbers, in registers.
+    fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats;
     /// As [`f32s`](Self::f32s).
-    fn f16s(self, numbers: &[f16; LANES], part: usize) -> Self::Wide;
+    fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats;
     /// As [`f32s`](Self::f32s).
-    fn i8s(self, numbers: &[i8; LANES], part: usize) -> Self::Wide;
+    fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats;
     /// As [`f32s`](Self::f32s).
-    fn u8s(self, numbers: &[u8; LANES], part: usize) -> Self::Wide;
+    fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats;
+    /// `a - b`, rounded to f32.
+    fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// The same numbers in f64.
+    fn widen(self, numbers: Self::Floats) -> Self::Lanes;
     /// Asks for memory that will be read soon, where that is worth it. Any address will do.
     fn fetch<T>(self, _ahead: *const T) {}
-    /// `sum + |a - b|`, rounded after each operation.
-    fn difference(self, sum: Self::Wide, a: Self::Wide, b: Self::Wide) -> Self::Wide;
-    /// `sum + (a - b)^2`, rounded after each operation.
-    fn square(self, sum: Self::Wide, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// `sum + |a|`.
+    fn absolute(self, sum: Self::Wide, a: Self::Wide) -> Self::Wide;
     /// `sum + a b`, fused or not: two numbers of 24 bits have a product of 48, which f64 holds without rounding.
     fn product(self, sum: Self::Wide, a: Self::Wide, b: Self::Wide) -> Self::Wide;
     /// The sixteen sums.
@@ -77,16 +81,16 @@ pub(super) trait Machine: Copy {
 
 /// A number that is compared as a float.
 pub(super) trait Number: Widen + Default {
-    /// Those of one register.
-    fn load<M: Machine>(machine: M, numbers: &[Self; LANES], part: usize) -> M::Wide;
+    /// A block of them, in registers.
+    fn load<M: Machine>(machine: M, numbers: &[Self; LANES]) -> M::Floats;
 }
 
 macro_rules! numbers {
     ($($number:ty => $load:ident),*) => {$(
         impl Number for $number {
             #[inline(always)]
-            fn load<M: Machine>(machine: M, numbers: &[Self; LANES], part: usize) -> M::Wide {
-                machine.$load(numbers, part)
+            fn load<M: Machine>(machine: M, numbers: &[Self; LANES]) -> M::Floats {
+                machine.$load(numbers)
             }
         }
     )*};

@@ -9,15 +9,14 @@
 //! bytes), AVX2, NEON, or plain Rust. All of them give the same distances, bit for bit:
 //!
 //! - Bytes against bytes of their own type are summed as whole numbers. There is one exact sum, whatever the order.
-//! - Floats, and floats against bytes, are widened to f64, which is exact, and summed in sixteen sums: number `i` is added to sum
-//!   `i` modulo 16, in order of `i`, and the sums are then added by halves (8 to 8, 4 to 4, 2 to 2, 1 to 1). A wider
-//!   register holds more of the sixteen, and that is all that it changes. A difference, its square and each addition are rounded
-//!   on their own. The products of the cosine may be fused with their addition or not: two numbers of 24 bits have a product of
-//!   48, which f64 holds as it is.
+//! - Floats, and floats against bytes, are subtracted as f32. The terms are widened to f64 and summed in sixteen sums: number `i` is
+//!   added to sum `i` modulo 16, in order of `i`, and the sums are then added by halves (8 to 8, 4 to 4, 2 to 2, 1 to 1). A wider
+//!   register holds more of the sixteen, and that is all that it changes. Squares, and the products of the cosine, may be fused with
+//!   their addition or not: two numbers of 24 bits have a product of 48, which f64 holds as it is.
 //!
-//! So a manhattan or euclidean distance has the relative error of its f64 sum, at most `(dim / 16 + 8) 2^-53`, and then the one
-//! rounding to f32: up to tens of millions of numbers a row it is within one unit in the last place of the true one. The
-//! cosine has that error absolutely, as `1 - x` has.
+//! So a manhattan or euclidean distance has the relative error of its differences, at most `2^-24`, that of its f64 sum, at most
+//! `(dim / 16 + 8) 2^-53`, and then the one rounding to f32: up to tens of millions of numbers a row it is within two units in the last
+//! place of the true one. The cosine has the error of its sum absolutely, as `1 - x` has.
 
 #![allow(clippy::inline_always, reason = "what is inlined is compiled for the caller's instruction set")]
 
@@ -171,7 +170,7 @@ fn bytes<B: Byte>(query: &[B], values: &[B], length: f64, rows: Rows<'_>, out: &
     }
 }
 
-/// The distances of floats to floats or to bytes, summed in f64.
+/// The distances of floats to floats or to bytes, subtracted in f32 and summed in f64.
 fn floats<Q: Number, R: Number>(query: &[Q], values: &[R], length: f64, rows: Rows<'_>, out: &mut [f32]) {
     let Rows { dim, metric, unit, norms, isa, .. } = rows;
     match metric {

@@ -28,16 +28,10 @@ fn inside<W: Work>(machine: Neon, work: W) {
     work.on(machine);
 }
 
-/// The low or the high half of four f32, as f64.
-#[inline(always)]
-fn half(numbers: float32x4_t, high: bool) -> float64x2_t {
-    // SAFETY: only a `Neon` gets here, which exists only where the processor has these instructions.
-    unsafe { if high { vcvt_high_f64_f32(numbers) } else { vcvt_f64_f32(vget_low_f32(numbers)) } }
-}
-
 // SAFETY, of every block below: `self` exists only where the processor has these instructions, and a load reads no
 // more than the array that it is given.
 impl Machine for Neon {
+    type Floats = [float32x4_t; 4];
     type Wide = float64x2_t;
     type Lanes = [float64x2_t; 8];
     type Block = [uint8x16_t; 4];
@@ -58,61 +52,71 @@ impl Machine for Neon {
     }
 
     #[inline(always)]
-    fn f32s(self, numbers: &[f32; LANES], part: usize) -> float64x2_t {
-        let numbers = &numbers.as_chunks::<4>().0[part / 2];
+    fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<4>().0;
         // SAFETY: as said above.
-        half(unsafe { vld1q_f32(numbers.as_ptr()) }, part % 2 == 1)
+        [0, 1, 2, 3].map(|part: usize| unsafe { vld1q_f32(parts[part].as_ptr()) })
     }
 
     #[inline(always)]
-    fn f16s(self, numbers: &[f16; LANES], part: usize) -> float64x2_t {
-        let numbers = &numbers.as_chunks::<4>().0[part / 2];
-        let wide: float32x4_t;
-        // SAFETY: as said above. The instruction is NEON's own, but stable Rust has no name for it.
-        unsafe {
-            let numbers = vld1_u16(numbers.as_ptr().cast());
-            asm!("fcvtl {0:v}.4s, {1:v}.4h", out(vreg) wide, in(vreg) numbers, options(pure, nomem, nostack));
-        }
-        half(wide, part % 2 == 1)
+    fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<4>().0;
+        [0, 1, 2, 3].map(|part: usize| {
+            let wide: float32x4_t;
+            // SAFETY: as said above. The instruction is NEON's own, but stable Rust has no name for it.
+            unsafe {
+                let numbers = vld1_u16(parts[part].as_ptr().cast());
+                asm!("fcvtl {0:v}.4s, {1:v}.4h", out(vreg) wide, in(vreg) numbers, options(pure, nomem, nostack));
+            }
+            wide
+        })
     }
 
     #[inline(always)]
-    fn i8s(self, numbers: &[i8; LANES], part: usize) -> float64x2_t {
-        let numbers = &numbers.as_chunks::<8>().0[part / 4];
-        // SAFETY: as said above.
-        let wide = unsafe {
-            let numbers = vmovl_s8(vld1_s8(numbers.as_ptr()));
-            let four = if part / 2 % 2 == 1 { vget_high_s16(numbers) } else { vget_low_s16(numbers) };
-            vcvtq_f32_s32(vmovl_s16(four))
-        };
-        half(wide, part % 2 == 1)
+    fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<8>().0;
+        [0, 1, 2, 3].map(|part: usize| {
+            // SAFETY: as said above.
+            unsafe {
+                let numbers = vmovl_s8(vld1_s8(parts[part / 2].as_ptr()));
+                let four = if part % 2 == 1 { vget_high_s16(numbers) } else { vget_low_s16(numbers) };
+                vcvtq_f32_s32(vmovl_s16(four))
+            }
+        })
     }
 
     #[inline(always)]
-    fn u8s(self, numbers: &[u8; LANES], part: usize) -> float64x2_t {
-        let numbers = &numbers.as_chunks::<8>().0[part / 4];
-        // SAFETY: as said above.
-        let wide = unsafe {
-            let numbers = vmovl_u8(vld1_u8(numbers.as_ptr()));
-            let four = if part / 2 % 2 == 1 { vget_high_u16(numbers) } else { vget_low_u16(numbers) };
-            vcvtq_f32_u32(vmovl_u16(four))
-        };
-        half(wide, part % 2 == 1)
+    fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
+        let parts = numbers.as_chunks::<8>().0;
+        [0, 1, 2, 3].map(|part: usize| {
+            // SAFETY: as said above.
+            unsafe {
+                let numbers = vmovl_u8(vld1_u8(parts[part / 2].as_ptr()));
+                let four = if part % 2 == 1 { vget_high_u16(numbers) } else { vget_low_u16(numbers) };
+                vcvtq_f32_u32(vmovl_u16(four))
+            }
+        })
     }
 
     #[inline(always)]
-    fn difference(self, sum: float64x2_t, a: float64x2_t, b: float64x2_t) -> float64x2_t {
+    fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
         // SAFETY: as said above.
-        unsafe { vaddq_f64(sum, vabdq_f64(a, b)) }
+        [0, 1, 2, 3].map(|part: usize| unsafe { vsubq_f32(a[part], b[part]) })
     }
 
     #[inline(always)]
-    fn square(self, sum: float64x2_t, a: float64x2_t, b: float64x2_t) -> float64x2_t {
+    fn widen(self, numbers: Self::Floats) -> Self::Lanes {
+        [0, 1, 2, 3, 4, 5, 6, 7].map(|part: usize| {
+            let four = numbers[part / 2];
+            // SAFETY: as said above.
+            unsafe { if part % 2 == 1 { vcvt_high_f64_f32(four) } else { vcvt_f64_f32(vget_low_f32(four)) } }
+        })
+    }
+
+    #[inline(always)]
+    fn absolute(self, sum: float64x2_t, a: float64x2_t) -> float64x2_t {
         // SAFETY: as said above.
-        unsafe {
-            let difference = vsubq_f64(a, b);
-            vaddq_f64(sum, vmulq_f64(difference, difference))
-        }
+        unsafe { vaddq_f64(sum, vabsq_f64(a)) }
     }
 
     #[inline(always)]

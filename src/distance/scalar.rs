@@ -50,14 +50,14 @@ macro_rules! widen_bytes {
 widen_bytes!(i8, u8);
 
 /// The sum of `term(a, b)` over two vectors of floats of one length: number `i` goes to lane `i` modulo sixteen.
-pub(super) fn sum<A: Widen, B: Widen>(a: &[A], b: &[B], term: impl Fn(f64, f64) -> f64) -> f64 {
+pub(super) fn sum<A: Widen, B: Widen>(a: &[A], b: &[B], term: impl Fn(f32, f32) -> f64) -> f64 {
     let (mut space_a, mut space_b) = ([0.0; SPACE], [0.0; SPACE]);
     let mut lanes = [0.0; LANES];
     for (a, b) in a.chunks(SPACE).zip(b.chunks(SPACE)) {
         let (a, b) = (A::widen(a, &mut space_a), B::widen(b, &mut space_b));
         for (a, b) in a.chunks(LANES).zip(b.chunks(LANES)) {
             for (lane, (&a, &b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
-                *lane += term(f64::from(a), f64::from(b));
+                *lane += term(a, b);
             }
         }
     }

@@ -5,11 +5,11 @@ use super::machine::{Byte, Machine};
 /// One of [`Differences`], [`Squares`] and [`Products`].
 pub(super) trait Term: Copy {
     /// The term of two floats.
-    fn float(a: f64, b: f64) -> f64;
+    fn float(a: f32, b: f32) -> f64;
     /// The term of two bytes.
     fn byte(a: i32, b: i32) -> i32;
-    /// Adds the terms of a register of floats.
-    fn add<M: Machine>(machine: M, sum: M::Wide, a: M::Wide, b: M::Wide) -> M::Wide;
+    /// Adds the terms of a block of floats, to each lane its own.
+    fn add<M: Machine>(machine: M, lanes: &mut M::Lanes, a: M::Floats, b: M::Floats);
     /// Adds the terms of a block of bytes.
     fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts;
     /// What [`count`](Self::count) summed.
@@ -36,16 +36,19 @@ fn unsigned<M: Machine, B: Byte>(machine: M, block: M::Block) -> M::Block {
 
 impl Term for Differences {
     #[inline(always)]
-    fn float(a: f64, b: f64) -> f64 {
-        (a - b).abs()
+    fn float(a: f32, b: f32) -> f64 {
+        f64::from((a - b).abs())
     }
     #[inline(always)]
     fn byte(a: i32, b: i32) -> i32 {
         (a - b).abs()
     }
     #[inline(always)]
-    fn add<M: Machine>(machine: M, sum: M::Wide, a: M::Wide, b: M::Wide) -> M::Wide {
-        machine.difference(sum, a, b)
+    fn add<M: Machine>(machine: M, lanes: &mut M::Lanes, a: M::Floats, b: M::Floats) {
+        let differences = machine.widen(machine.subtract(a, b));
+        for (sum, difference) in lanes.as_mut().iter_mut().zip(differences) {
+            *sum = machine.absolute(*sum, difference);
+        }
     }
     #[inline(always)]
     fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {
@@ -63,16 +66,19 @@ impl Term for Differences {
 
 impl Term for Squares {
     #[inline(always)]
-    fn float(a: f64, b: f64) -> f64 {
-        (a - b) * (a - b)
+    fn float(a: f32, b: f32) -> f64 {
+        f64::from(a - b) * f64::from(a - b)
     }
     #[inline(always)]
     fn byte(a: i32, b: i32) -> i32 {
         (a - b) * (a - b)
     }
     #[inline(always)]
-    fn add<M: Machine>(machine: M, sum: M::Wide, a: M::Wide, b: M::Wide) -> M::Wide {
-        machine.square(sum, a, b)
+    fn add<M: Machine>(machine: M, lanes: &mut M::Lanes, a: M::Floats, b: M::Floats) {
+        let differences = machine.widen(machine.subtract(a, b));
+        for (sum, difference) in lanes.as_mut().iter_mut().zip(differences) {
+            *sum = machine.product(*sum, difference, difference);
+        }
     }
     #[inline(always)]
     fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {
@@ -90,16 +96,19 @@ impl Term for Squares {
 
 impl Term for Products {
     #[inline(always)]
-    fn float(a: f64, b: f64) -> f64 {
-        a * b
+    fn float(a: f32, b: f32) -> f64 {
+        f64::from(a) * f64::from(b)
     }
     #[inline(always)]
     fn byte(a: i32, b: i32) -> i32 {
         a * b
     }
     #[inline(always)]
-    fn add<M: Machine>(machine: M, sum: M::Wide, a: M::Wide, b: M::Wide) -> M::Wide {
-        machine.product(sum, a, b)
+    fn add<M: Machine>(machine: M, lanes: &mut M::Lanes, a: M::Floats, b: M::Floats) {
+        let both = machine.widen(a).into_iter().zip(machine.widen(b));
+        for (sum, (a, b)) in lanes.as_mut().iter_mut().zip(both) {
+            *sum = machine.product(*sum, a, b);
+        }
     }
     #[inline(always)]
     fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {

@@ -19,7 +19,7 @@ const QUERY_CODE: f64 = 8191.0;
 const ROWS: usize = 1024;
 /// Distances from here on are left to the rows themselves: sums of smaller ones overflow nothing.
 pub(crate) const FAR: f32 = 1e30;
-/// By how much a float32 of a whole number can be off, and twice as much.
+/// By how much a number can be off, of its size, that was rounded to float32, and twice as much.
 const ROUNDED: f64 = 1.0 / (1 << 23) as f64;
 
 /// The rows as codes: number `j` of row `i` is `offset[j] + scale[j] * code[i, j]`, and what that is off by, over the row, has
@@ -237,7 +237,8 @@ impl Screen {
     /// The squared distance to a row of codes is `constant - 2 step sum + square`, but for `slack`; the row itself lies within its
     /// error of that (the triangle's inequality). With the row's own square in place of that of its codes it is the squared
     /// distance to the row, but for twice the product of the query with what the codes leave out (Cauchy and Schwarz). The
-    /// first is closer for near rows, the second for far ones, and both hold.
+    /// first is closer for near rows, the second for far ones, and both hold. They are those of the true distance: the computed one
+    /// comes from differences that were rounded to float32, and is off by half of [`ROUNDED`] of itself at most.
     #[inline(always)]
     fn euclideans(&self, aim: &Aim, sums: &[f32], low: &mut [f32], high: &mut [f32]) {
         let rounding = rounding(self.offset.len());
@@ -253,8 +254,8 @@ impl Screen {
             let farthest = (codes + around_codes).max(0.0).sqrt() + error;
             let nearest = nearest.max((row - around_row).max(0.0).sqrt());
             let farthest = farthest.min((row + around_row).max(0.0).sqrt());
-            *low = (nearest * (1.0 - rounding)) as f32;
-            *high = (farthest * (1.0 + rounding)) as f32;
+            *low = (nearest * (1.0 - rounding - ROUNDED)) as f32;
+            *high = (farthest * (1.0 + rounding + ROUNDED)) as f32;
         }
     }
 }
