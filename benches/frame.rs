@@ -89,15 +89,15 @@ fn batch(criterion: &mut Criterion) {
         &mut |_, _| ControlFlow::Continue(());
     let mut group = criterion.benchmark_group(format!("batch, n = {PLACES}, m = {QUERIES}"));
     group.throughput(Throughput::Elements(QUERIES as u64)).sample_size(20);
-    let run = match_descriptors(&map, &all, &config, None, go_on).unwrap();
+    let run = match_descriptors(&map, &all, &config, None, &[], go_on).unwrap();
     assert_eq!(run.fixes, fixes);
     group.bench_function("from descriptors", |b| {
-        b.iter(|| match_descriptors(&map, black_box(&all), &config, None, go_on).unwrap());
+        b.iter(|| match_descriptors(&map, black_box(&all), &config, None, &[], go_on).unwrap());
     });
-    let run = match_distances(distances.view(), &config, None).unwrap();
+    let run = match_distances(distances.view(), &config, None, &[]).unwrap();
     assert_eq!(run.fixes, fixes);
     group.bench_function("from distances", |b| {
-        b.iter(|| match_distances(black_box(distances.view()), &config, None).unwrap());
+        b.iter(|| match_distances(black_box(distances.view()), &config, None, &[]).unwrap());
     });
 }
 

@@ -49,16 +49,28 @@ impl Run {
 
 /// Matches a whole distance matrix: `D[[i, j]]` is the distance between place `i` and query `j`, in any memory layout.
 /// The answers are those of a [`Matcher`] that is pushed column by column; `floor: Global` (the paper's own) is possible
-/// here too. `trusted`, where given, is an external predictor's word for each query.
+/// here too. `trusted`, where given, is an external predictor's word for each query; `gaps` are the queries, in any order,
+/// before which there is a gap ([`Matcher::gap`]).
+///
+/// ```
+/// use ndarray::array;
+/// use surefix::{Config, match_distances};
+/// let distances = array![[0.1_f32, 0.8, 0.9], [0.8, 0.1, 0.9], [0.9, 0.8, 0.1]];
+/// let run = match_distances(distances.view(), &Config::default(), None, &[1])?;
+/// let ready: Vec<bool> = run.fixes.iter().map(|fix| fix.sequence.is_some()).collect();
+/// assert_eq!(ready, [false, false, true]); // query 1 has no sequence with query 0
+/// # Ok::<(), surefix::Error>(())
+/// ```
 ///
 /// # Errors
-/// As for [`Config::validate`]; [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity;
-/// [`Error::Length`] where `trusted` has not one word a query.
+/// As for [`Config::validate`], and [`Error::Option`] for a gap before a query that there is not; [`Error::NotFinite`] (row:
+/// query, index: place) for a NaN or an infinity; [`Error::Length`] where `trusted` has not one word a query.
 #[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
 pub fn match_distances(
     distances: ArrayView2<'_, f32>,
     config: &Config,
     trusted: Option<&[bool]>,
+    gaps: &[usize],
 ) -> Result<Run, Error> {
     let (places, queries) = distances.dim();
     config.validate(places)?;
@@ -67,6 +79,7 @@ pub fn match_distances(
     {
         return Err(Error::Length { what: "trusted", expected: queries, got: trusted.len() });
     }
+    let cut = cut_before(gaps, queries)?;
     let piece = piece_length(config, queries);
     let pieces = 0..queries.div_ceil(piece);
     let span = |index: usize| (index * piece, queries.min((index + 1) * piece));
@@ -96,6 +109,9 @@ pub fn match_distances(
             matcher.begin_at(first, minima[..first].iter().copied().fold(f32::INFINITY, f32::min));
             let mut fixes = Vec::with_capacity(piece);
             for_each_column(&distances, first, end, |query, column| {
+                if cut[query] {
+                    matcher.gap();
+                }
                 let fix = matcher.step(column, trusted.map(|trusted| trusted[query]))?;
                 if query >= start {
                     fixes.push(fix);
@@ -109,17 +125,20 @@ pub fn match_distances(
 }
 
 /// Matches many descriptors, one after the other in `queries`, against a map: the distances on all cores, the answers
-/// those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map twice, so that no matrix need be held.
+/// those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map twice, so that no matrix need be held. `gaps` are
+/// the queries, in any order, before which there is a gap ([`Matcher::gap`]).
 /// `progress` hears of queries done and to do; `Break` from it stops the work.
 ///
 /// # Errors
 /// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] where the map's dimension does not divide the
-/// numbers; [`Error::Length`] where `trusted` has not one word a query; [`Error::Interrupted`] where `progress` breaks.
+/// numbers; [`Error::Length`] where `trusted` has not one word a query; [`Error::Option`] for a gap before a query that there
+/// is not; [`Error::Interrupted`] where `progress` breaks.
 pub fn match_descriptors<'a>(
     map: &Map,
     queries: impl Into<View<'a>>,
     config: &Config,
     trusted: Option<&[bool]>,
+    gaps: &[usize],
     progress: Progress<'_>,
 ) -> Result<Run, Error> {
     let queries = queries.into();
@@ -134,6 +153,7 @@ pub fn match_descriptors<'a>(
     {
         return Err(Error::Length { what: "trusted", expected: count, got: trusted.len() });
     }
+    let cut = cut_before(gaps, count)?;
     config.validate(map.places())?;
     queries.check_finite("queries", dim)?;
     let mut config = config.clone();
@@ -159,12 +179,31 @@ pub fn match_descriptors<'a>(
     for_each_query(map, queries, count, |query, distances| {
         report(scanned)?;
         scanned += 1;
+        if cut[query] {
+            matcher.gap();
+        }
         let fix = matcher.step(distances, trusted.map(|trusted| trusted[query]));
         fixes.push(fix.map_err(|error| of_query(error, query))?);
         Ok(())
     })?;
     report(total)?;
     Ok(Run { fixes, places: map.places() })
+}
+
+/// For each query, whether there is a gap before it.
+fn cut_before(gaps: &[usize], queries: usize) -> Result<Vec<bool>, Error> {
+    let mut cut = vec![false; queries];
+    for &query in gaps {
+        *cut.get_mut(query).ok_or_else(|| Error::Option {
+            name: "gaps",
+            expected: match queries.checked_sub(1) {
+                Some(last) => format!("indices of queries, from 0 to {last}"),
+                None => "none, as there is no query".to_owned(),
+            },
+            got: query.to_string(),
+        })? = true;
+    }
+    Ok(cut)
 }
 
 /// How many queries are matched between two reports of progress.

@@ -46,7 +46,7 @@ fn a_route_has_two_places_at_least() {
         let error = refused(Map::from_images(&images, Sad::default(), &mut go_on));
         assert!(matches!(error, Error::TooFewPlaces { what: "map", got } if got == places));
         let matrix = Array2::<f32>::zeros((places, 5));
-        let error = refused(match_distances(matrix.view(), &Config::default(), None));
+        let error = refused(match_distances(matrix.view(), &Config::default(), None, &[]));
         assert!(matches!(error, Error::TooFewPlaces { got, .. } if got == places));
     }
 }
@@ -84,11 +84,12 @@ fn every_option_has_its_range() {
         let map = Arc::new(Map::from_descriptors(vec![1_u8; 20], 2, Metric::Manhattan).unwrap());
         assert_eq!(refused(Localizer::new(Arc::clone(&map), config.clone())).to_string(), error.to_string());
         if config.floor != Floor::Global {
-            let batch = refused(match_distances(Array2::zeros((10, 3)).view(), &config, None));
+            let batch = refused(match_distances(Array2::zeros((10, 3)).view(), &config, None, &[]));
             assert_eq!(batch.to_string(), error.to_string());
-            let batch = refused(match_descriptors(&map, &Values::U8(vec![]), &config, None, &mut |_, _| {
-                ControlFlow::Continue(())
-            }));
+            let batch =
+                refused(match_descriptors(&map, &Values::U8(vec![]), &config, None, &[], &mut |_, _| {
+                    ControlFlow::Continue(())
+                }));
             assert_eq!(batch.to_string(), error.to_string());
         }
     }
@@ -187,10 +188,14 @@ fn a_descriptor_has_the_maps_dimension_and_type() {
     let floats = Map::from_descriptors(vec![1.0_f32; 6], 2, Metric::Cosine).unwrap();
     let error = refused(floats.distances([1_u8; 2].as_slice()));
     assert_eq!(error.to_string(), "descriptor: expected float32, got uint8");
-    let error =
-        refused(match_descriptors(&map, &Values::U8(vec![1; 5]), &Config::default(), None, &mut |_, _| {
-            ControlFlow::Continue(())
-        }));
+    let error = refused(match_descriptors(
+        &map,
+        &Values::U8(vec![1; 5]),
+        &Config::default(),
+        None,
+        &[],
+        &mut |_, _| ControlFlow::Continue(()),
+    ));
     says(&error, &["queries", "rows of 2 numbers", "5 numbers"]);
 }
 

@@ -21,7 +21,7 @@ fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec
     let queries = describe_all(&Sad::default(), &revisit, progress).unwrap();
     let runs = weights.map(|weight| {
         let config = Config { weight, floor: Floor::Global, ..Config::default() };
-        match_descriptors(&map, &queries, &config, None, &mut |_, _| ControlFlow::Continue(())).unwrap()
+        match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(())).unwrap()
     });
     (runs, revisit.truth(&reference))
 }

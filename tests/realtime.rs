@@ -107,11 +107,23 @@ fn a_matcher_allocates_nothing_after_construction() {
                 assert!(matches!(matcher.push(&query[1..]), Err(Error::Length { .. })));
                 assert!(matches!(matcher.push(&[]), Err(Error::Length { .. })));
             }
+            assert_eq!(ready, 251 - config.sequence_length, "the full windows were measured too");
+            for (index, query) in queries.iter().enumerate() {
+                if index % 120 == 0 {
+                    matcher.gap();
+                }
+                ready += usize::from(matcher.push(query).unwrap().sequence.is_some());
+            }
             matcher.reset();
             matcher.push(&queries[0]).unwrap();
         });
         assert_eq!(calls, 0, "{config:?}");
-        assert_eq!(ready, 251 - config.sequence_length, "the full windows were measured too");
+        let length = config.sequence_length;
+        assert_eq!(
+            ready,
+            251 - length + 2 * (121 - length) + 11_usize.saturating_sub(length),
+            "those after gaps too"
+        );
     }
 }
 
@@ -136,6 +148,7 @@ fn a_localizer_allocates_nothing_for_a_descriptor() {
                     assert!(matches!(short, Err(Error::Length { .. })));
                     let directionless = localizer.push_descriptor(&zeros);
                     assert_eq!(directionless.is_err(), metric == Metric::Cosine);
+                    localizer.gap();
                 }
                 localizer.reset();
             });
@@ -168,6 +181,9 @@ fn a_screened_localizer_allocates_nothing_either() {
                     looked_at += localizer.looked_at();
                     assert!(matches!(localizer.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
                     localizer.distances();
+                    if query % 25 == 20 {
+                        localizer.gap();
+                    }
                 }
                 localizer.reset();
             });

@@ -136,6 +136,11 @@ proptest! {
                     prop_assert_eq!(localizer.looked_at(), 0);
                 }
                 4 => localizer = localizer.clone(),
+                5 if dice.below(config.sequence_length as u64) == 0 => {
+                    plain.gap();
+                    localizer.gap();
+                    prop_assert_eq!(localizer.distances(), plain.distances());
+                }
                 _ => {}
             }
         }

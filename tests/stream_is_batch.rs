@@ -16,7 +16,7 @@ use surefix::{
 
 #[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
 fn batch(distances: ArrayView2<'_, f32>, config: &Config, trusted: Option<&[bool]>) -> Vec<[u64; 12]> {
-    all_bits(&match_distances(distances, config, trusted).unwrap().fixes)
+    all_bits(&match_distances(distances, config, trusted, &[]).unwrap().fixes)
 }
 
 fn matrix(columns: &[Vec<f32>]) -> Array2<f32> {
@@ -103,7 +103,7 @@ proptest! {
             let row = |j| queries.view().row(j, dim).unwrap();
             (0..m).map(|j| localizer.push_descriptor_with_trust(row(j), trusted.map(|words| words[j]))).collect()
         };
-        let together = |config: &Config| match_descriptors(&map, &queries, config, trusted, &mut |_, _| ControlFlow::Continue(()));
+        let together = |config: &Config| match_descriptors(&map, &queries, config, trusted, &[], &mut |_, _| ControlFlow::Continue(()));
         prop_assert_eq!(all_bits(&together(&config)?.fixes), all_bits(&alone(&config)?));
 
         let distances = |j| map.distances(queries.view().row(j, dim).unwrap());
@@ -123,9 +123,10 @@ fn a_run_without_queries_is_empty() {
     let map = Map::from_descriptors(numbers(surefix::Dtype::U8, 10, 1), 2, Metric::Manhattan).unwrap();
     for floor in [Floor::Running, Floor::Fixed(0.0), Floor::Global] {
         let config = Config { floor, ..Config::default() };
-        assert!(match_distances(nothing.view(), &config, None).unwrap().fixes.is_empty());
+        assert!(match_distances(nothing.view(), &config, None, &[]).unwrap().fixes.is_empty());
         let none = Values::U8(Vec::new());
-        let run = match_descriptors(&map, &none, &config, Some(&[]), &mut |_, _| ControlFlow::Continue(()));
+        let run =
+            match_descriptors(&map, &none, &config, Some(&[]), &[], &mut |_, _| ControlFlow::Continue(()));
         assert_eq!(run.unwrap(), Run { fixes: Vec::new(), places: 5 });
     }
 }
@@ -137,7 +138,7 @@ fn what_is_not_finite_is_named_by_query_and_place() {
         d[[place, query]] = value;
         // A later one must not be named instead, in whatever piece it lies.
         d[[0, 299]] = if query == 299 { 0.5 } else { f32::NAN };
-        in_every_layout(&d, |layout, view| match match_distances(view, &Config::default(), None) {
+        in_every_layout(&d, |layout, view| match match_distances(view, &Config::default(), None, &[]) {
             Err(error @ Error::NotFinite { row: Some(row), index, .. }) => {
                 assert_eq!((row, index), (query, place), "{layout}");
                 assert!(error.to_string().contains(&format!("row {query}, index {place}")), "{error}");
@@ -148,10 +149,11 @@ fn what_is_not_finite_is_named_by_query_and_place() {
     let map = Map::from_descriptors(numbers(surefix::Dtype::F32, 30, 1), 3, Metric::Cosine).unwrap();
     let mut queries = vec![0.5_f32; 300];
     queries[3 * 42 + 1] = f32::NAN;
-    let refused = match_descriptors(&map, &Values::F32(queries), &Config::default(), None, &mut |_, _| {
-        ControlFlow::Continue(())
-    })
-    .unwrap_err();
+    let refused =
+        match_descriptors(&map, &Values::F32(queries), &Config::default(), None, &[], &mut |_, _| {
+            ControlFlow::Continue(())
+        })
+        .unwrap_err();
     assert!(matches!(refused, Error::NotFinite { row: Some(42), index: 1, .. }), "{refused}");
 }
 
@@ -160,10 +162,11 @@ fn a_query_of_zeros_under_the_cosine_is_named_by_its_row() {
     let map = Map::from_descriptors(numbers(surefix::Dtype::F32, 30, 1), 3, Metric::Cosine).unwrap();
     let mut queries = vec![0.5_f32; 300];
     queries[3 * 42..3 * 43].fill(0.0);
-    let refused = match_descriptors(&map, &Values::F32(queries), &Config::default(), None, &mut |_, _| {
-        ControlFlow::Continue(())
-    })
-    .unwrap_err();
+    let refused =
+        match_descriptors(&map, &Values::F32(queries), &Config::default(), None, &[], &mut |_, _| {
+            ControlFlow::Continue(())
+        })
+        .unwrap_err();
     assert!(matches!(refused, Error::NoDirection { row: Some(42), .. }), "{refused}");
 }
 
@@ -175,8 +178,8 @@ fn a_word_too_few_or_too_many_is_refused() {
     for count in [0, 3, 5] {
         let words = vec![true; count];
         let refusals = [
-            match_distances(d.view(), &Config::default(), Some(&words)),
-            match_descriptors(&map, &queries, &Config::default(), Some(&words), &mut |_, _| {
+            match_distances(d.view(), &Config::default(), Some(&words), &[]),
+            match_descriptors(&map, &queries, &Config::default(), Some(&words), &[], &mut |_, _| {
                 ControlFlow::Continue(())
             }),
         ];
@@ -190,8 +193,9 @@ fn a_word_too_few_or_too_many_is_refused() {
 #[test]
 fn the_csv_has_a_line_a_query_and_reads_back() {
     let d = columns(Kind::Smooth, 12, 9, 5);
-    let run = match_distances(matrix(&d).view(), &Config { sequence_length: 3, ..Config::default() }, None)
-        .unwrap();
+    let run =
+        match_distances(matrix(&d).view(), &Config { sequence_length: 3, ..Config::default() }, None, &[])
+            .unwrap();
     let mut out = Vec::new();
     run.write_csv(&mut out).unwrap();
     let text = String::from_utf8(out).unwrap();

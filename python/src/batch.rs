@@ -11,7 +11,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use surefix::descriptor::{Progress, describe_all};
 use surefix::{Floor, Recipe, View, match_descriptors};
 
-use crate::arrays::{Numbers, as_array, flags, matrix, shape_of};
+use crate::arrays::{Numbers, as_array, flags, matrix, shape_of, whole_numbers};
 use crate::error::{OrRaise as _, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
@@ -171,6 +171,8 @@ impl Run {
 ///     What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole matrix.
 /// trusted : array of bool, shape (m,), optional
 ///     An external predictor's words in place of the consensus.
+/// gaps : array or list of int, optional
+///     The queries, in any order, before which there is a gap (``Matcher.gap``): one that does not follow on the one before.
 /// **options
 ///     As for ``Matcher``.
 ///
@@ -181,7 +183,8 @@ impl Run {
 /// Raises
 /// ------
 /// SurefixValueError
-///     For another shape or type, a NaN or an infinity (the error says where), or an option outside its range.
+///     For another shape or type, a NaN or an infinity (the error says where), an option outside its range, or a gap
+///     before a query that there is not.
 ///
 /// Examples
 /// --------
@@ -189,23 +192,27 @@ impl Run {
 /// >>> distances = 1 - np.eye(4, dtype=np.float32)
 /// >>> surefix.match_distances(distances, sequence_length=2).place
 /// array([0, 1, 2, 3])
+/// >>> surefix.match_distances(distances, sequence_length=2, gaps=[2]).ready
+/// array([False,  True, False,  True])
 #[pyfunction]
 #[pyo3(
-    signature = (distances, *, trusted=None, **options),
-    text_signature = "(distances, *, floor='global', trusted=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', speeds=[1.0])"
+    signature = (distances, *, trusted=None, gaps=None, **options),
+    text_signature = "(distances, *, floor='global', trusted=None, gaps=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', speeds=[1.0])"
 )]
 pub(crate) fn match_distances(
     py: Python<'_>,
     distances: &Bound<'_, PyAny>,
     trusted: Option<&Bound<'_, PyAny>>,
+    gaps: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Run> {
     let config = config(py, options, Floor::Global)?;
     let matrix = matrix(distances, "distances")?;
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
+    let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
     let view = matrix.as_array();
     let view = view.into_dimensionality().map_err(|e| crate::error::value(py, e.to_string()))?;
-    let run = py.detach(|| surefix::match_distances(view, &config, trusted.as_deref()));
+    let run = py.detach(|| surefix::match_distances(view, &config, trusted.as_deref(), &gaps));
     Ok(Run(run.or_raise(py)?))
 }
 
@@ -219,6 +226,8 @@ pub(crate) fn match_distances(
 ///     Descriptors are of the map's own type, or of float32 on a map of ready descriptors.
 /// trusted : array of bool, shape (m,), optional
 ///     An external predictor's words in place of the consensus.
+/// gaps : array or list of int, optional
+///     The queries, in any order, before which there is a gap (``Localizer.gap``).
 /// progress : callable, optional
 ///     As for ``Map.from_images``.
 /// **options
@@ -231,7 +240,7 @@ pub(crate) fn match_distances(
 /// Raises
 /// ------
 /// SurefixValueError
-///     As for ``Localizer.push`` and ``Map.from_images``.
+///     As for ``Localizer.push`` and ``Map.from_images``, and for a gap before a query that there is not.
 ///
 /// Examples
 /// --------
@@ -239,25 +248,29 @@ pub(crate) fn match_distances(
 /// >>> route = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32))
 /// >>> surefix.match(route, np.eye(4, dtype=np.float32)[1:]).place
 /// array([1, 2, 3])
+/// >>> surefix.match(route, np.eye(4, dtype=np.float32), gaps=[2]).ready
+/// array([False,  True, False,  True])
 #[pyfunction]
 #[pyo3(
     name = "match",
-    signature = (map, queries, *, trusted=None, progress=None, **options),
-    text_signature = "(map, queries, *, trusted=None, progress=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+    signature = (map, queries, *, trusted=None, gaps=None, progress=None, **options),
+    text_signature = "(map, queries, *, trusted=None, gaps=None, progress=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
 )]
 pub(crate) fn match_(
     py: Python<'_>,
     map: &Map,
     queries: &Bound<'_, PyAny>,
     trusted: Option<&Bound<'_, PyAny>>,
+    gaps: Option<&Bound<'_, PyAny>>,
     progress: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Run> {
     let config = config(py, options, Floor::Running)?;
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
+    let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
     let map = &map.0;
     let matched = |queries: View<'_>, progress: Progress<'_>| {
-        match_descriptors(map, queries, &config, trusted.as_deref(), progress)
+        match_descriptors(map, queries, &config, trusted.as_deref(), &gaps, progress)
     };
     let stacked = stacked(queries)?;
     let queries = stacked.as_ref().unwrap_or(queries);
@@ -288,6 +301,17 @@ pub(crate) fn match_(
     })?;
     let run = with_progress(py, None, |progress| Ok(py.detach(|| matched(values.view(), progress))));
     Ok(Run(run?))
+}
+
+/// The queries before which there is a gap; whether there are such queries is for the crate to say.
+fn indices(gaps: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+    let indices = whole_numbers(gaps, "gaps")?.into_iter().map(|index| {
+        usize::try_from(index).map_err(|_| {
+            let (name, expected) = ("gaps", "indices of queries, from 0".to_owned());
+            to_py(gaps.py(), &surefix::Error::Option { name, expected, got: index.to_string() })
+        })
+    });
+    indices.collect()
 }
 
 /// A list of descriptors as one array of rows; nothing for anything else.

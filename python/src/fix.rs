@@ -24,7 +24,7 @@ fn python_bool(flag: bool) -> &'static str {
 ///     Where the enhanced gradient peaks: ``place`` and ``value``.
 /// sequence : Sequence or None
 ///     The sequence's match: ``place``, ``score``, ``anchors``, ``speed``. None while the matcher warms up, for the
-///     first ``sequence_length - 1`` queries.
+///     first ``sequence_length - 1`` queries, and again after a gap.
 ///
 /// Examples
 /// --------

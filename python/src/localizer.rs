@@ -1,12 +1,12 @@
 //! `surefix.Localizer`.
 
-use numpy::{PyArray1, PyUntypedArrayMethods as _};
+use numpy::{PyArray1, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyIterator};
 use surefix::Floor;
 
 use crate::arrays::{Numbers, as_array};
-use crate::error::{OrRaise as _, busy};
+use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
 use crate::images::{Pixels, path_of};
 use crate::map::Map;
@@ -112,11 +112,29 @@ impl Localizer {
     /// Parameters
     /// ----------
     /// frames : iterable of arrays or paths, or a folder or pattern
-    ///     Each as for ``push``.
+    ///     Each as for ``push``. Or a source that says what was lost, such as those of ``surefix.streams``: an iterable of
+    ///     objects with an ``image`` to push, and ``gap`` and ``dropped``. Where ``gap`` is true, or ``dropped``, the number of
+    ///     frames lost just before this one, is more than 0, ``Localizer.gap`` comes first. It holds even where the image is
+    ///     then refused.
     ///
     /// Returns
     /// -------
     /// iterator of Fix
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     As for ``push``, when the frame's turn comes.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> from types import SimpleNamespace
+    /// >>> images = np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8)
+    /// >>> frames = [SimpleNamespace(image=images[i], gap=False, dropped=int(i == 3)) for i in (0, 1, 3, 4)]
+    /// >>> localizer = surefix.Localizer(surefix.Map.from_images(images))
+    /// >>> [(fix.place, fix.sequence is not None) for fix in localizer.stream(frames)]
+    /// [(0, False), (1, True), (3, False), (4, True)]
     fn stream(slf: &Bound<'_, Self>, frames: &Bound<'_, PyAny>) -> PyResult<FixStream> {
         let py = slf.py();
         let frames = match path_of(frames) {
@@ -126,8 +144,8 @@ impl Localizer {
         Ok(FixStream { localizer: slf.clone().unbind(), frames: frames.unbind() })
     }
 
-    /// The distances from the newest frame to every place, a copy: shape (n,), float32; zeros before the first. On a map with a
-    /// screen, those that were not needed for the fix are computed now.
+    /// The distances from the newest frame to every place, a copy: shape (n,), float32; zeros before the first, and right after a
+    /// gap. On a map with a screen, those that were not needed for the fix are computed now.
     #[getter]
     fn distances<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let py = slf.py();
@@ -141,6 +159,26 @@ impl Localizer {
     #[getter]
     fn looked_at(slf: &Bound<'_, Self>) -> PyResult<usize> {
         Ok(shared(slf)?.0.looked_at())
+    }
+
+    /// Says that the next frame does not follow on the one before: frames were dropped, or the camera was away.
+    ///
+    /// As ``Matcher.gap``: ``fix.sequence`` is None until ``sequence_length`` frames have come; frame numbers and the running
+    /// floor go on.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> rows = np.eye(6, dtype=np.float32)
+    /// >>> localizer = surefix.Localizer(surefix.Map.from_descriptors(rows))
+    /// >>> [localizer.push(row).sequence is None for row in rows[:3]]
+    /// [True, False, False]
+    /// >>> localizer.gap()
+    /// >>> [localizer.push(row).sequence is None for row in rows[4:]]
+    /// [True, False]
+    fn gap(slf: &Bound<'_, Self>) -> PyResult<()> {
+        slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Localizer"))?.0.gap();
+        Ok(())
     }
 
     /// Forgets all frames: the next one is frame 0.
@@ -242,7 +280,32 @@ impl FixStream {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Fix>> {
-        let next = self.frames.bind(py).clone().next();
-        next.map(|frame| Localizer::push(self.localizer.bind(py), &frame?, None)).transpose()
+        let Some(item) = self.frames.bind(py).clone().next() else { return Ok(None) };
+        let (item, localizer) = (item?, self.localizer.bind(py));
+        let Some((image, follows)) = frame_of(&item)? else {
+            return Localizer::push(localizer, &item, None).map(Some);
+        };
+        if !follows {
+            Localizer::gap(localizer)?;
+        }
+        Localizer::push(localizer, &image, None).map(Some)
     }
+}
+
+/// The image of a frame that says what was lost (``surefix.streams.Frame``), and whether it follows on the one before; nothing
+/// for an array or a path.
+fn frame_of<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>, bool)>> {
+    if item.is_instance_of::<PyUntypedArray>() {
+        return Ok(None);
+    }
+    let parts = (item.getattr_opt("image")?, item.getattr_opt("gap")?, item.getattr_opt("dropped")?);
+    let (Some(image), Some(gap), Some(dropped)) = parts else { return Ok(None) };
+    let refuse = |name: &str, expected: &str, got: &Bound<'_, PyAny>| {
+        let got = got.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string());
+        value(item.py(), format!("frame: {name}: expected {expected}, got {got}"))
+    };
+    let cut: bool = gap.extract().map_err(|_| refuse("gap", "True or False", &gap))?;
+    let lost: u64 =
+        dropped.extract().map_err(|_| refuse("dropped", "a whole number of 0 or more", &dropped))?;
+    Ok(Some((image, !cut && lost == 0)))
 }

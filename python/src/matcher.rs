@@ -90,6 +90,27 @@ impl Matcher {
         Ok(Fix(fix.or_raise(py)?))
     }
 
+    /// Says that the next query does not follow on the one before: frames were dropped, or the camera was away.
+    ///
+    /// The diagonal is broken there, so that no gradient is summed and no sequence made across: ``fix.sequence`` is None until
+    /// ``sequence_length`` queries have come. Frame numbers and the running floor go on. A gap before the first query, or
+    /// right after another, changes nothing.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> matcher = surefix.Matcher(places=4)
+    /// >>> columns = 1 - np.eye(4, dtype=np.float32)
+    /// >>> [matcher.push(column).sequence is None for column in columns[:2]]
+    /// [True, False]
+    /// >>> matcher.gap()
+    /// >>> matcher.push(columns[3])
+    /// Fix(frame=2, place=3, score=0, trusted=True, sequence=None)
+    fn gap(slf: &Bound<'_, Self>) -> PyResult<()> {
+        slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Matcher"))?.0.gap();
+        Ok(())
+    }
+
     /// Forgets all queries: the next one is frame 0.
     fn reset(slf: &Bound<'_, Self>) -> PyResult<()> {
         slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Matcher"))?.0.reset();

@@ -174,7 +174,7 @@ impl Localizer {
         frames.into_iter().map(|frame| self.push_image(frame))
     }
 
-    /// The distances from the newest frame to every place; zeros before the first. On a map with a screen, those that were
+    /// The distances from the newest frame to every place; zeros before the first, and right after a gap. On a map with a screen, those that were
     /// not needed for the fix are computed now.
     pub fn distances(&mut self) -> &[f32] {
         match &mut self.way {
@@ -189,6 +189,27 @@ impl Localizer {
         match &self.way {
             Way::Plain(plain) => plain.looked_at(),
             Way::Screened(screened) => screened.looked_at(),
+        }
+    }
+
+    /// Says that the next frame does not follow on the one before, as [`Matcher::gap`] does: until `L` frames have come, fixes
+    /// have no sequence.
+    ///
+    /// ```
+    /// # use std::sync::Arc;
+    /// # use surefix::{Config, Localizer, Map, Metric};
+    /// # let map = Arc::new(Map::from_descriptors(vec![1.0_f32, 0.0, 0.0, 1.0], 2, Metric::Euclidean)?);
+    /// let mut localizer = Localizer::new(map, Config::default())?;
+    /// localizer.push_descriptor([1.0_f32, 0.0].as_slice())?;
+    /// localizer.gap();
+    /// let fix = localizer.push_descriptor([0.0_f32, 1.0].as_slice())?;
+    /// assert_eq!((fix.frame, fix.place, fix.sequence), (1, 1, None));
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    pub fn gap(&mut self) {
+        match &mut self.way {
+            Way::Plain(plain) => plain.gap(),
+            Way::Screened(screened) => screened.gap(),
         }
     }
 

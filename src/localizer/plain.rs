@@ -48,6 +48,11 @@ impl Plain {
         if self.matcher.frames() == 0 { 0 } else { self.matcher.places() }
     }
 
+    pub(super) fn gap(&mut self) {
+        self.matcher.gap();
+        self.distances.fill(0.0);
+    }
+
     pub(super) fn reset(&mut self) {
         self.matcher.reset();
         self.distances.fill(0.0);

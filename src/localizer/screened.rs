@@ -126,7 +126,7 @@ impl Screened {
         self.looked_at
     }
 
-    /// The newest query's distances, all of them; zeros before the first.
+    /// The newest query's distances, all of them; zeros before the first, and right after a gap.
     pub(super) fn distances(&mut self, map: &Map, crew: &mut Option<Crew>) -> &[f32] {
         let Self { bounded, queries, lengths, lower, .. } = self;
         match bounded.newest(&mut Rows { map, crew, queries, lengths }) {
@@ -142,10 +142,16 @@ impl Screened {
         bounded.settled(&mut Rows { map, crew: &mut None, queries, lengths })
     }
 
-    pub(super) fn reset(&mut self) {
-        self.bounded.reset();
+    /// Whether the screen pays is a matter of the route, so that the patience goes on.
+    pub(super) fn gap(&mut self) {
+        self.bounded.gap();
         self.queries.clear();
         self.lengths.clear();
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.gap();
+        self.bounded.reset();
         (self.patience, self.looked_at) = (Patience::new(0), 0);
     }
 

@@ -229,7 +229,7 @@ impl Bounded {
         settled.matcher
     }
 
-    /// The newest query's distances, all of them looked at; nothing before the first.
+    /// The newest query's distances, all of them looked at; nothing before the first, and right after a gap.
     pub(crate) fn newest(&mut self, exact: &mut impl Exact) -> Option<&[f32]> {
         if self.matcher.columns.len() > 0 {
             self.settle_all(0, exact);
@@ -259,10 +259,16 @@ impl Bounded {
         self.upper.len()
     }
 
-    pub(crate) fn reset(&mut self) {
-        self.matcher.reset();
+    /// As [`Matcher::gap`].
+    pub(crate) fn gap(&mut self) {
+        self.matcher.gap();
         self.upper.clear();
         self.looked.clear();
+    }
+
+    pub(crate) fn reset(&mut self) {
+        self.gap();
+        self.matcher.reset();
     }
 
     /// The matcher's options and counters.

@@ -114,7 +114,11 @@ proptest! {
                 prop_assert_eq!(&own, &other);
                 bounded = Bounded::new(Matcher::restore(&own, None).unwrap()).unwrap();
             }
-            if dice.below(20) == 0 {
+            if dice.below(10 + 2 * config.sequence_length as u64) == 0 {
+                plain.gap();
+                bounded.gap();
+                prop_assert!(bounded.newest(&mut known).is_none());
+            } else if dice.below(20) == 0 {
                 let newest = bounded.newest(&mut known).unwrap();
                 prop_assert_eq!(newest, column.as_slice());
             }

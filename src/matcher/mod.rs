@@ -56,7 +56,7 @@ pub struct Fix {
     pub single: Single,
     /// Where the enhanced gradient peaks.
     pub gradient: Peak,
-    /// The sequence's match; nothing for the first `L - 1` queries, while the matcher warms up.
+    /// The sequence's match; nothing for the first `L - 1` queries, and again after a gap, while the matcher warms up.
     pub sequence: Option<Sequence>,
 }
 
@@ -82,7 +82,7 @@ pub struct Matcher {
     frames: u64,
     /// The smallest distance of all queries so far.
     lowest: f32,
-    /// The newest distance vectors, raw: as many as the sequence and the smoothing need.
+    /// The newest distance vectors since the last gap, raw: as many as the sequence and the smoothing need.
     columns: Ring,
     /// In a restored matcher, the gradients of queries before those of `columns`, newest first.
     earlier: Ring,
@@ -199,10 +199,28 @@ impl Matcher {
         }
     }
 
-    /// Forgets all queries: the next one is frame 0. Nothing is allocated.
-    pub fn reset(&mut self) {
+    /// Says that the next query does not follow on the one before: frames were dropped, or the camera was away. The
+    /// diagonal is broken there, so that no gradient is summed and no sequence made across (method 1.5): fixes have no
+    /// sequence until `L` queries have come. Frame numbers and the running floor go on. A gap before the first query, or right
+    /// after another, changes nothing. Nothing is allocated.
+    ///
+    /// ```
+    /// use surefix::{Config, Matcher};
+    /// let mut matcher = Matcher::new(4, Config::default())?;
+    /// matcher.push(&[0.1, 0.8, 0.9, 0.7])?;
+    /// matcher.gap();
+    /// let fix = matcher.push(&[0.9, 0.8, 0.7, 0.2])?;
+    /// assert_eq!((fix.frame, fix.sequence), (1, None)); // warming up again
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    pub fn gap(&mut self) {
         self.columns.clear();
         self.earlier.clear();
+    }
+
+    /// Forgets all queries: the next one is frame 0. Nothing is allocated.
+    pub fn reset(&mut self) {
+        self.gap();
         self.frames = 0;
         self.lowest = f32::INFINITY;
     }
@@ -214,7 +232,7 @@ impl Matcher {
         self.lowest = lowest;
     }
 
-    /// The newest query's distances; nothing before the first.
+    /// The newest query's distances; nothing before the first, and right after a gap.
     pub(crate) fn newest(&self) -> Option<&[f32]> {
         (self.columns.len() > 0).then(|| self.columns.column(0))
     }

@@ -19,7 +19,9 @@ use crate::config::Config;
 use crate::error::Error;
 
 const FORMAT: &str = "surefix-snapshot";
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
+/// What is written where no gap is within reach, which older versions of the library read.
+const WITHOUT_GAP: u64 = 1;
 /// The one metadata entry; a map file has the same.
 const ENTRY: &str = "surefix";
 /// More queries than any camera has sent, and far from where a count overflows.
@@ -34,6 +36,9 @@ struct Header {
     places: usize,
     config: Config,
     frames: u64,
+    /// How many queries have come since a gap, where they are fewer than the window and the smoothing reach back.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    since_gap: Option<u64>,
     /// The smallest distance so far; nothing before the first query.
     lowest: Option<f32>,
     /// The single match's place and trust of each column, newest first.
@@ -70,13 +75,16 @@ impl Matcher {
         let (window, smoothed) = (self.held(self.config.sequence_length), self.held(self.smoothed()));
         let columns = bytes((0..window).flat_map(|age| self.columns.column(age).iter().copied()));
         let gradients = bytes((0..smoothed).flat_map(|age| self.gradient(age)));
+        let (seen, reach) = (self.held(self.columns.capacity()) as u64, self.columns.capacity() as u64);
+        let since_gap = (seen < self.frames.min(reach)).then_some(seen);
         let header = Header {
             format: FORMAT.to_owned(),
-            version: VERSION,
+            version: if since_gap.is_some() { VERSION } else { WITHOUT_GAP },
             map,
             places: self.places,
             config: self.config.clone(),
             frames: self.frames,
+            since_gap,
             lowest: self.lowest.is_finite().then_some(self.lowest),
             anchors: (0..window).map(|age| self.anchor(age)).collect(),
         };
@@ -146,10 +154,16 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     if header.frames > MAX_FRAMES {
         return Err(damaged(&"an impossible number of frames"));
     }
-    let length = header.config.sequence_length;
-    let held = |capacity: usize| usize::try_from(header.frames).unwrap_or(usize::MAX).min(capacity);
+    let (length, smoothed) = (header.config.sequence_length, header.config.smoothing.min(header.places));
+    let seen = header.since_gap.unwrap_or(header.frames);
+    let reached = header.frames.min(length.max(smoothed) as u64);
+    let format = if header.since_gap.is_some() { VERSION } else { WITHOUT_GAP };
+    if header.version != format || (header.since_gap.is_some() && seen >= reached) {
+        return Err(damaged(&"an impossible gap"));
+    }
+    let held = |capacity: usize| usize::try_from(seen).unwrap_or(usize::MAX).min(capacity);
     check_shape(&columns, held(length), header.places)?;
-    check_shape(&gradients, held(header.config.smoothing.min(header.places)), header.places)?;
+    check_shape(&gradients, held(smoothed), header.places)?;
     if header.anchors.len() != held(length) {
         return Err(damaged(&"a wrong number of anchors"));
     }

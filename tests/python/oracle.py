@@ -51,17 +51,25 @@ def gradient_mean(D: Array, kind: str = "halved") -> Array:
     return ((D[1] - D[0]) + (D[-2] - D[-1])) / np.float32(2 * n)
 
 
-def enhance(g: Array, mean: Array, smoothing: int = 3) -> Array:
+def drives(queries: int, gaps: Sequence[int] = ()) -> Array:
+    """1.5: which unbroken drive each query belongs to, (m,): a gap before query `j` begins a new one there."""
+    first_of_a_drive = np.isin(np.arange(queries), np.asarray(gaps, np.int64))
+    return np.cumsum(first_of_a_drive)
+
+
+def enhance(g: Array, mean: Array, smoothing: int = 3, drive: Array | None = None) -> Array:
     """1.2: `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms, in this order, float32.
 
-    A term before the first place or the first query is `mean[j]`, of the *current* column.
-    `smoothing` may exceed both sides of the matrix.
+    A term before the first place or the first query is `mean[j]`, of the *current* column; and so is
+    one of another `drive` (m,) than query `j`'s. `smoothing` may exceed both sides of the matrix.
     """
     n, m = g.shape
+    drive = np.zeros(m) if drive is None else drive
     G = g.copy()
     for k in range(1, smoothing):
         term = np.broadcast_to(mean, (n, m)).copy()
-        term[k:, k:] = g[: max(n - k, 0), : max(m - k, 0)]
+        together = drive[k:] == drive[: max(m - k, 0)]
+        term[k:, k:] = np.where(together, g[: max(n - k, 0), : max(m - k, 0)], term[k:, k:])
         G = G + term
     return G
 
@@ -114,18 +122,29 @@ def in_turn(j: int, length: int) -> list[list[int]]:
 
 
 def sequence(
-    D: Array, i_d: Array, trusted: Array, floor: Array, w: float, length: int, speed: float = 1.0
+    D: Array,
+    i_d: Array,
+    trusted: Array,
+    floor: Array,
+    w: float,
+    length: int,
+    speed: float = 1.0,
+    drive: Array | None = None,
 ) -> tuple[Array, Array]:
     """Eqs. 5 and 6: `L S` (n, m) float64, `inf` where undefined, and the anchors on each diagonal.
 
     Column `j` weights *every* column of its window by `floor[j]`, the floor in force at `j`.
-    Defined where `j >= L-1` and `i >= round(v (L-1))`.
+    Defined where `j >= L-1` and `i >= round(v (L-1))`, and all queries of the window are of one
+    `drive` (m,). Blocks of queries do not begin anew with a drive.
     """
     n, m = D.shape
+    drive = np.zeros(m) if drive is None else drive
     S = np.full((n, m), np.inf)  # sums, for the means of two of them can be equal
     anchors = np.zeros((n, m), np.int64)
     i = np.arange(steps_back(speed, length - 1), n)  # the places with a full window
     for j in range(length - 1, m):
+        if len(set(drive[j - length + 1 : j + 1])) > 1:
+            continue
 
         def cells(q: int, j: int = j) -> Array:
             on_route = i - steps_back(speed, j - q)
@@ -169,14 +188,17 @@ class Run:
     gradient_value: Array
 
 
-def match(D: Array, o: Options, trusted: Array | None = None) -> Run:
+def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int] = ()) -> Run:
     """Sections 1.1 to 1.5 for a matrix `D` (n, m); `trusted` (m,) stands in for the consensus.
 
-    Warming up (`j < L-1`): place and score are the single frame's, no anchors, speed NaN. Ties
-    between speeds: the lowest place, then the first in the list. A speed that never fits is none.
+    `gaps` are queries that do not follow on the one before, in any order; the floors know nothing of
+    them. Warming up (the first `L-1` queries of each drive): place and score are the single frame's,
+    no anchors, speed NaN. Ties between speeds: the lowest place, then the first in the list. A speed
+    that never fits is none.
     """
     D = np.asarray(D, np.float32)
-    G = enhance(gradient(D, o.gradient), gradient_mean(D, o.gradient), o.smoothing)
+    drive = drives(D.shape[1], gaps)
+    G = enhance(gradient(D, o.gradient), gradient_mean(D, o.gradient), o.smoothing, drive)
     i_d, i_g, agreed = consensus(D, G, o.tolerance)
     trusted = agreed if trusted is None else np.asarray(trusted, bool)
     floor = floors(D, o.floor)
@@ -186,7 +208,7 @@ def match(D: Array, o: Options, trusted: Array | None = None) -> Run:
     place, best = i_d.copy(), np.full(len(j), np.inf)
     speed, anchors = np.full(len(j), np.nan), np.zeros(len(j), np.int64)
     for v in o.speeds:
-        S, on_diagonal = sequence(D, i_d, trusted, floor, o.weight, o.sequence_length, v)
+        S, on_diagonal = sequence(D, i_d, trusted, floor, o.weight, o.sequence_length, v, drive)
         i_0 = np.argmin(S, axis=0)
         s = S[i_0, j]
         better = (s < best) | (np.isfinite(s) & (s == best) & (i_0 < place))

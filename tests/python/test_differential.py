@@ -94,6 +94,7 @@ class Case:
     D: Array
     options: Options
     trusted: Array | None
+    gaps: Array
 
 
 def generate(rng: np.random.Generator) -> Case:
@@ -120,14 +121,17 @@ def generate(rng: np.random.Generator) -> Case:
         speeds=fitting,
     )
     trusted = rng.random(m) < 0.5 if rng.random() < 0.2 else None
-    return Case(kind.__name__, D, options, trusted)
+    # None, a few or many, in any order, some twice; and so that long windows fill up between them.
+    one_in = rng.choice([2, 5, 2 * length, 10 * length])
+    gaps = np.flatnonzero(rng.random(m) < 1 / one_in) if rng.random() < 0.5 else np.arange(0)
+    return Case(kind.__name__, D, options, trusted, rng.permutation(np.concatenate([gaps, gaps[:2]])))
 
 
 # The two doors of the library, in the words of `oracle.Run`.
 
 
-def batch(D: Array, options: Options, trusted: Array | None = None) -> oracle.Run:
-    run = surefix.match_distances(D, trusted=trusted, **asdict(options))
+def batch(D: Array, options: Options, trusted: Array | None = None, gaps: Array | None = None) -> oracle.Run:
+    run = surefix.match_distances(D, trusted=trusted, gaps=gaps, **asdict(options))
     return oracle.Run(*(np.asarray(getattr(run, name)) for name in oracle.Run.__annotations__))
 
 
@@ -155,10 +159,17 @@ def row(fix: Any) -> tuple[Any, ...]:
     )
 
 
-def stream(D: Array, options: Options, trusted: Array | None = None) -> oracle.Run:
+def stream(
+    D: Array, options: Options, trusted: Array | None = None, gaps: Array | None = None, cut: int = -1
+) -> oracle.Run:
+    """Pushed column by column; before column `cut`, it is saved and restored."""
     live = matcher(D, options)
     rows = []
     for j, column in enumerate(D.T.copy()):
+        if gaps is not None and j in gaps:
+            live.gap()
+        if j == cut:
+            live = surefix.Matcher.restore(live.snapshot())
         fix = live.push(column) if trusted is None else live.push(column, trusted=bool(trusted[j]))
         assert fix.frame == j
         if fix.sequence is not None:
@@ -179,14 +190,15 @@ def assert_same(got: oracle.Run, want: oracle.Run, what: object, score_rtol: flo
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_stream_and_batch_equal_the_oracle(seed: int) -> None:
-    """Sections 1.1 to 1.5, whole, on generated matrices of every kind and every option."""
+    """Sections 1.1 to 1.5, whole, on generated matrices of every kind and every option, with gaps."""
     rng = np.random.default_rng(seed)
-    ready = anchors = slower = 0
+    ready = anchors = slower = again = 0
     for number in range(CASES_PER_SEED):
         case = generate(rng)
-        want = oracle.match(case.D, case.options, case.trusted)
-        as_batch = batch(case.D, case.options, case.trusted)
-        as_stream = stream(case.D, case.options, case.trusted)
+        cut = int(rng.integers(case.D.shape[1])) if rng.random() < 0.3 else -1
+        want = oracle.match(case.D, case.options, case.trusted, case.gaps)
+        as_batch = batch(case.D, case.options, case.trusted, case.gaps)
+        as_stream = stream(case.D, case.options, case.trusted, case.gaps, cut)
         what = (seed, number, case)
         assert_same(as_batch, want, what, score_rtol=0.0)
         assert_same(as_stream, as_batch, what, score_rtol=0.0)
@@ -194,7 +206,8 @@ def test_stream_and_batch_equal_the_oracle(seed: int) -> None:
         ready += int(want.ready.sum())
         anchors += int(want.anchors.sum())
         slower += int((want.ready & (want.speed != case.options.speeds[0])).sum())
-    assert min(ready, anchors, slower) > 200, "the generator stopped reaching the sequence"
+        again += int(want.ready[case.gaps.min() :].sum()) if len(case.gaps) else 0
+    assert min(ready, anchors, slower, again) > 200, "the generator stopped reaching the sequence"
 
 
 def test_ten_thousand_cases_were_run() -> None:

@@ -51,6 +51,36 @@ def test_enhancement_sums_the_trailing_diagonal() -> None:
     assert_array_equal(oracle.enhance(g, mean, 5)[:, 2], [3 + 120, 6 + 2 + 90, 9 + 5 + 1 + 60])
 
 
+def test_a_drive_begins_at_each_gap() -> None:
+    """1.5: the numbers of the drives of six queries; one before query 0 begins no second."""
+    assert oracle.drives(6).tolist() == [0] * 6
+    assert oracle.drives(6, [4, 2, 4]).tolist() == [0, 0, 1, 1, 2, 2]
+    assert len(set(oracle.drives(6, [0]).tolist())) == 1
+
+
+def test_enhancement_ends_at_a_gap() -> None:
+    """1.2: the gradient of another drive is missing, and the current column's mean stands in."""
+    g = np.array([[1, 2, 3], [4, 5, 6], [7, 8, 9]], np.float32)
+    mean = np.array([10, 20, 30], np.float32)
+    drive = oracle.drives(3, [2])
+    G = oracle.enhance(g, mean, 3, drive)
+    assert_array_equal(G[:, :2], oracle.enhance(g, mean, 3)[:, :2])
+    assert_array_equal(G[:, 2], g[:, 2] + 60)
+    drive = oracle.drives(3, [1])
+    assert_array_equal(oracle.enhance(g, mean, 3, drive)[:, 2], [3 + 60, 6 + 2 + 30, 9 + 5 + 30])
+
+
+def test_no_sequence_reaches_across_a_gap() -> None:
+    """1.5 on 4 x 5, `L` of 2, a gap before query 2: its drive warms up again, under the old floor."""
+    D = np.ones((4, 5))
+    D[0, 0], D[2, 2], D[3, 3] = 0.25, 0.5, 0.75
+    run = oracle.match(D, Options(weight=1.0), trusted=np.ones(5, bool), gaps=[2])
+    assert_array_equal(run.ready, [False, True, False, True, True])
+    assert_array_equal(run.place[:4], [0, 1, 2, 3])
+    assert_array_equal(run.score[:4], [0.25, (0.25 + 1.0) / 2, 0.5, 0.25])
+    assert_array_equal(run.anchors[:4], [0, 1, 0, 2])
+
+
 def test_consensus_within_the_tolerance_and_ties_to_the_lowest() -> None:
     """Eqs. 2 and 3 on three queries: one place apart, two places apart, ties."""
     D = np.array([[0, 0, 1], [5, 5, 1], [5, 5, 1]])
