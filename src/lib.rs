@@ -40,7 +40,7 @@
 //!
 //! All are on by default, and need no C compiler.
 //!
-//! - `image`: read images from files (`ImageFiles`, `read_image`).
+//! - `image`: read images from files (`ImageFiles`, `read_image`, `decode_image`).
 //! - `mmap`: map a large map's file into memory instead of reading it (`Map::open_mapped`).
 //! - `rayon`: build maps and match batches on all cores; without it the same answers come from one.
 
@@ -65,7 +65,7 @@ pub use batch::{Run, match_descriptors, match_distances};
 pub use config::{Config, Floor, Gradient};
 pub use descriptor::{Channels, Image, ImageSource, ImageView, Sad};
 #[cfg(feature = "image")]
-pub use descriptor::{ImageFiles, read_image};
+pub use descriptor::{ImageFiles, decode_image, read_image};
 pub use distance::{Dtype, Metric, Values, View};
 pub use error::Error;
 pub use isa::Isa;

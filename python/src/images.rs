@@ -191,6 +191,29 @@ pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
     image_to_py(py, &image)
 }
 
+/// Decodes the bytes of an image file, such as a camera driver's compressed frame, as ``read_image`` does.
+///
+/// Parameters
+/// ----------
+/// data : bytes
+/// name : str
+///     What the error calls it.
+///
+/// Returns
+/// -------
+/// array of uint8, shape (H, W) for a grey image, (H, W, 3) RGB for any other
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     Where it is not an image that can be decoded.
+#[pyfunction]
+#[pyo3(signature = (data, name="image"))]
+pub(crate) fn decode_image<'py>(py: Python<'py>, data: &[u8], name: &str) -> PyResult<Bound<'py, PyAny>> {
+    let image = py.detach(|| surefix::decode_image(data, name)).or_raise(py)?;
+    image_to_py(py, &image)
+}
+
 /// The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10`` follows ``frame9``.
 ///
 /// Parameters

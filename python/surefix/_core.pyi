@@ -27,6 +27,7 @@ __all__ = [
     "bench_image_latency",
     "bench_latency",
     "bench_read",
+    "decode_image",
     "evaluate",
     "evaluate_trust",
     "find_images",
@@ -407,6 +408,7 @@ def recall_at(
     distances: _Array, truth: _Truth, ks: Iterable[int] = [1, 5, 10], tolerance: float = 1
 ) -> list[float]: ...
 def read_image(path: _Path) -> _UInt8: ...
+def decode_image(data: bytes, name: str = "image") -> _UInt8: ...
 def find_images(place: _Path) -> list[str]: ...
 
 @final

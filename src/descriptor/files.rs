@@ -108,13 +108,23 @@ impl ImageSource for ImageFiles {
 pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
     let path = path.as_ref();
     let io = |source| Error::Io { path: path.to_owned(), action: "read the image", source };
-    let unreadable = |reason: String| Error::Image { name: path.display().to_string(), reason };
-    let bytes = fs::read(path).map_err(io)?;
-    if is_cut_short(&bytes) {
+    decode_image(&fs::read(path).map_err(io)?, &path.display().to_string())
+}
+
+/// Decodes the bytes of an image file, such as a camera driver's compressed frame, as [`read_image`] does.
+///
+/// `name` is what the error calls it.
+///
+/// # Errors
+/// [`Error::Image`] where they are not an image that can be decoded.
+pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
+    let unreadable = |reason: String| Error::Image { name: name.to_owned(), reason };
+    if is_cut_short(bytes) {
         return Err(unreadable("a truncated JPEG: its end marker is missing".to_owned()));
     }
-    let reader = image::ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(io)?;
-    let decoded = reader.decode().map_err(|e| unreadable(e.to_string()))?;
+    let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let decoded =
+        reader.map_err(|e| unreadable(e.to_string()))?.decode().map_err(|e| unreadable(e.to_string()))?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let (channels, pixels) = if decoded.color().has_color() {
         (Channels::Rgb, decoded.into_rgb8().into_raw())

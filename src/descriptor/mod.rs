@@ -18,7 +18,7 @@ mod transpose;
 
 pub use describer::Describer;
 #[cfg(feature = "image")]
-pub use files::{ImageFiles, read_image};
+pub use files::{ImageFiles, decode_image, read_image};
 pub use image::{Channels, Image, ImageView};
 pub use sad::Sad;
 pub use source::{ImageSource, Progress, describe_all};

@@ -32,7 +32,11 @@ maps.command(epilog="Example: surefix map build photos/ -o route.safetensors")(b
 maps.command(epilog="Example: surefix map append route.safetensors more_photos/")(append)
 maps.command(epilog="Example: surefix map info route.safetensors")(info)
 app.add_typer(maps, name="map")
-app.command(epilog="Example: surefix run route.safetensors todays_photos/ -o fixes.csv")(run)
+app.command(
+    epilog="Example: surefix run route.safetensors todays_photos/ -o fixes.csv\n\n"
+    "Example: surefix run route.safetensors drive.mp4 --every 0.5 --gap 2\n\n"
+    "Example: surefix run route.safetensors drive.bag --topic /camera/image --metres 3 --odometry /odom"
+)(run)
 app.command("eval", epilog="Example: surefix eval route.safetensors todays_photos/ --truth identity -o report/")(eval_)
 app.command(epilog="Example: surefix reproduce --data data/ -o report/")(reproduce)
 benches = typer.Typer(invoke_without_command=True)

@@ -3,33 +3,38 @@
 import csv
 import json
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import TracebackType
 from typing import Any, Self, TextIO
 
 from rich.console import Group
 from rich.live import Live
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
 from surefix import Fix
 
-__all__ = ["CsvFixes", "FixRow", "JsonFixes", "LiveFixes"]
+__all__ = ["CsvFixes", "FixRow", "JsonFixes", "LiveFixes", "Moment"]
 
 
 @dataclass(frozen=True)
 class FixRow:
-    """A fix, with the names of its query and place, and how long it took in microseconds."""
+    """A fix, with the names of its query and place, and how long it took in microseconds.
+
+    ``moment`` is there where frames come from a stream that says when they were taken, and what is missing before them.
+    """
 
     query: str
     fix: Fix
     place_name: str | None
     latency_us: float
+    moment: "Moment | None" = None
 
     def fields(self) -> dict[str, Any]:
         """The row's columns; None where there is nothing (yet)."""
         fix, sequence = self.fix, self.fix.sequence
+        when = {} if self.moment is None else asdict(self.moment)
         return {
             "frame": fix.frame,
             "query": self.query,
@@ -45,7 +50,17 @@ class FixRow:
             "gradient_place": fix.gradient.place,
             "gradient_value": fix.gradient.value,
             "latency_us": round(self.latency_us, 1),
+            **when,
         }
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When a frame was taken, in seconds; how many were dropped before it; and whether time is missing there."""
+
+    time: float | None
+    dropped: int
+    gap: bool
 
 
 class _Writer:
@@ -97,10 +112,11 @@ class LiveFixes(_Writer):
 
     SHOWN = 12
 
-    def __init__(self, total: int, beside: _Writer | None) -> None:
+    def __init__(self, total: int | None, beside: _Writer | None) -> None:
         self.beside = beside
         self.rows: deque[FixRow] = deque(maxlen=self.SHOWN)
-        columns = (TextColumn("Localizing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        last = TimeElapsedColumn() if total is None else TimeRemainingColumn()
+        columns = (TextColumn("Localizing"), BarColumn(), MofNCompleteColumn(), last)
         self.progress = Progress(*columns)
         self.task = self.progress.add_task("run", total=total)
         self.live = Live(get_renderable=self._picture, refresh_per_second=12, transient=False)
@@ -131,7 +147,7 @@ class LiveFixes(_Writer):
             anchors = "warming up" if fix.sequence is None else str(fix.sequence.anchors)
             table.add_row(
                 str(fix.frame),
-                Text(row.query),
+                _query(row),
                 str(fix.place),
                 Text(row.place_name or "", "dim"),
                 f"{fix.score:.3f}",
@@ -140,3 +156,13 @@ class LiveFixes(_Writer):
                 f"{row.latency_us:.0f}",
             )
         return Group(table, self.progress)
+
+
+def _query(row: FixRow) -> Text:
+    """Its name, and what is missing before it."""
+    text = Text(row.query)
+    if row.moment is not None and row.moment.dropped:
+        text.append(f" {row.moment.dropped} dropped", "yellow")
+    if row.moment is not None and row.moment.gap:
+        text.append(" gap", "yellow")
+    return text

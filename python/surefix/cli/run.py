@@ -2,18 +2,22 @@
 
 import sys
 import time
+from contextlib import closing
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, TextIO
 
-import numpy as np
 import typer
 
 from surefix import Localizer, Map, SurefixFileError, SurefixValueError
-from surefix.cli.fixes import CsvFixes, FixRow, JsonFixes, LiveFixes
-from surefix.cli.frames import Frames
+from surefix.cli.fixes import CsvFixes, FixRow, JsonFixes, LiveFixes, Moment
+from surefix.cli.tally import Tally
+from surefix.streams import Frame, Stream, open_stream
 
 __all__ = ["run"]
+
+# The heading in the help, of the options about frames.
+F = "Frames"
 
 
 class Format(StrEnum):
@@ -55,7 +59,11 @@ def _speeds(text: str) -> list[float]:
 def run(
     route: Annotated[Path, typer.Argument(help="The map, from `surefix map build`.")],
     queries: Annotated[
-        str, typer.Argument(help="A folder of images, a pattern, or a .npy of images or of descriptors.")
+        str,
+        typer.Argument(
+            help="A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's number or URL, "
+            "or a .npy of images or of descriptors."
+        ),
     ],
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Write the fixes to this file.")] = None,
     form: Annotated[
@@ -78,10 +86,62 @@ def run(
         Screen | None,
         typer.Option(help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers."),
     ] = None,
+    follow: Annotated[
+        bool,
+        typer.Option("--follow", help="A folder: go on with what comes, until Ctrl-C.", rich_help_panel=F),
+    ] = False,
+    idle: Annotated[
+        float | None,
+        typer.Option(min=0, help="With --follow: end when none has come for so many seconds.", rich_help_panel=F),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="A bag: the topic of the images, if there are several.", rich_help_panel=F)
+    ] = None,
+    stride: Annotated[int, typer.Option(min=1, help="Take every n-th frame.", rich_help_panel=F)] = 1,
+    every: Annotated[float | None, typer.Option(help="Take a frame every so many seconds.", rich_help_panel=F)] = None,
+    metres: Annotated[
+        float | None, typer.Option(help="Take a frame every so many metres, by --odometry.", rich_help_panel=F)
+    ] = None,
+    odometry: Annotated[
+        str | None,
+        typer.Option(
+            help="A .csv with the columns time and x,y[,z] or distance, or a topic of the bag: "
+            "Odometry, PoseStamped, PoseWithCovarianceStamped or NavSatFix.",
+            rich_help_panel=F,
+        ),
+    ] = None,
+    gap: Annotated[
+        float | None,
+        typer.Option(help="Frames more than so many seconds apart do not follow on each other.", rich_help_panel=F),
+    ] = None,
+    newest: Annotated[
+        bool | None,
+        typer.Option(
+            help="Where matching is slow, drop frames and go on with the newest; a camera's by default.",
+            rich_help_panel=F,
+        ),
+    ] = None,
 ) -> None:
     """Localize along a route: a fix for each query, as it comes."""
     places = Map.open(route)
-    frames = Frames(queries)
+    for option, value in (("--every", every), ("--metres", metres), ("--gap", gap)):
+        if value is not None and not value > 0:
+            raise typer.BadParameter(f"{option}: expected a number above 0, got {value}")
+    if (metres is None) != (odometry is None):
+        given, lacking = ("--metres", "--odometry") if odometry is None else ("--odometry", "--metres")
+        raise typer.BadParameter(f"{given}: expected {lacking} too")
+    stream = open_stream(
+        queries,
+        topic=topic,
+        follow=follow,
+        idle=idle,
+        gap=gap,
+        stride=stride,
+        every=every,
+        metres=metres,
+        odometry=odometry,
+        newest=newest,
+    )
     try:
         localizer = Localizer(
             places.with_screen("i8") if screen else places,
@@ -95,25 +155,56 @@ def run(
         )
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
-    if out is not None and (frames.holds(out) or (out.exists() and out.samefile(route))):
+    if out is not None and out.exists() and any(out.samefile(file) for file in (route, *_read(stream))):
         raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
-    names = places.names
-    rows: list[FixRow] = []
+    tally = Tally()
     file = None if out is None else _create(out)
     try:
-        with _writer(file, _format(form, out), len(frames)) as writer:
-            for query, frame in frames:
-                start = time.perf_counter_ns()
-                fix = localizer.push(frame)
-                latency = (time.perf_counter_ns() - start) / 1000
-                row = FixRow(query, fix, names[fix.place] if names else None, latency)
-                writer.write(row)
-                rows.append(row)
+        with _writer(file, _format(form, out), stream.estimate) as writer:
+            _localize(localizer, stream, writer, tally)
+    except KeyboardInterrupt:
+        # What has no end of its own is ended so.
+        if not stream.live:
+            raise
     finally:
         # What came before a frame that cannot be read is kept, and said.
         if file is not None:
             file.close()
-        print(_summary(rows, out), file=sys.stderr)
+        print(tally.summary(out), file=sys.stderr)
+
+
+def _localize(localizer: Localizer, stream: Stream, writer: "CsvFixes | JsonFixes | LiveFixes", tally: Tally) -> None:
+    names = localizer.map.names
+    before: tuple[int, ...] | None = None
+    with closing(stream.frames()) as frames:
+        for frame in frames:
+            if frame.breaks:
+                localizer.gap()  # type: ignore[attr-defined]
+            start = time.perf_counter_ns()
+            try:
+                fix = localizer.push(frame.image)
+            except SurefixValueError as error:
+                raise _at(frame, before, error) from None
+            latency = (time.perf_counter_ns() - start) / 1000
+            before = frame.image.shape
+            moment = Moment(frame.time, frame.dropped, frame.gap) if stream.timed or stream.live else None
+            row = FixRow(frame.name, fix, names[fix.place] if names else None, latency, moment)
+            writer.write(row)
+            tally.add(row)
+
+
+def _at(frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError) -> SurefixValueError:
+    """The error, with the frame it is about; where its size is another than that of those before, that is why."""
+    shape = frame.image.shape
+    sizes = ""
+    if before is not None and shape != before:
+        was, is_ = (" x ".join(map(str, size[1::-1])) for size in (before, shape))
+        sizes = f" the images change size here, from {was} to {is_}:"
+    return SurefixValueError(f"{frame.name}:{sizes} {error}")
+
+
+def _read(stream: Stream) -> list[Path]:
+    return [path for path in map(Path, stream.files) if path.exists()]
 
 
 def _create(out: Path) -> TextIO:
@@ -129,22 +220,10 @@ def _format(form: Format | None, out: Path | None) -> Format:
     return Format.json if out is not None and out.suffix in (".json", ".jsonl", ".ndjson") else Format.csv
 
 
-def _writer(file: TextIO | None, form: Format, total: int) -> "CsvFixes | JsonFixes | LiveFixes":
+def _writer(file: TextIO | None, form: Format, total: int | None) -> "CsvFixes | JsonFixes | LiveFixes":
     lines = CsvFixes if form is Format.csv else JsonFixes
     if sys.stdout.isatty():
         return LiveFixes(total, None if file is None else lines(file))
     if file is not None:
         return lines(file)
     return lines(sys.stdout)
-
-
-def _summary(rows: list[FixRow], out: Path | None) -> str:
-    if not rows:
-        return "0 fixes: there were no queries"
-    trusted = sum(row.fix.trusted for row in rows)
-    p50, p99, p999 = np.percentile([row.latency_us for row in rows], (50, 99, 99.9))
-    where = "" if out is None else f", in {out}"
-    return (
-        f"{len(rows)} fixes, {trusted} trusted ({trusted / len(rows):.0%}), "
-        f"latency p50 {p50:.0f} us, p99 {p99:.0f} us, p99.9 {p999:.0f} us{where}"
-    )

@@ -1,0 +1,40 @@
+"""What ``surefix run`` says at its end."""
+
+from array import array
+from pathlib import Path
+
+import numpy as np
+
+from surefix.cli.fixes import FixRow
+
+__all__ = ["Tally"]
+
+
+class Tally:
+    """Counts fixes as they come; a drive of days fits in memory."""
+
+    def __init__(self) -> None:
+        self.latencies = array("f")
+        self.trusted = self.dropped = self.gaps = 0
+
+    def add(self, row: FixRow) -> None:
+        """Count one."""
+        self.latencies.append(row.latency_us)
+        self.trusted += row.fix.trusted
+        if row.moment is not None:
+            self.dropped += row.moment.dropped
+            self.gaps += row.moment.gap
+
+    def summary(self, out: Path | None) -> str:
+        """One line: how many, how many of them are trusted, what is missing, how long they took, and where they are."""
+        count = len(self.latencies)
+        if not count:
+            return "0 fixes: there were no queries"
+        p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
+        missing = f"{self.dropped} frames dropped, " if self.dropped else ""
+        missing += f"{self.gaps} gaps, " if self.gaps else ""
+        where = "" if out is None else f", in {out}"
+        return (
+            f"{count} fixes, {self.trusted} trusted ({self.trusted / count:.0%}), {missing}"
+            f"latency p50 {p50:.0f} us, p99 {p99:.0f} us, p99.9 {p999:.0f} us{where}"
+        )

@@ -1,0 +1,66 @@
+"""Frames from a camera, by OpenCV."""
+
+import time
+from collections.abc import Generator
+from functools import partial
+
+import numpy as np
+
+from surefix.errors import SurefixFileError
+from surefix.streams.extra import load_extra
+from surefix.streams.stream import Shot, Stream
+
+__all__ = ["CameraStream", "is_camera"]
+
+SCHEMES = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://")
+
+
+class CameraStream(Stream):
+    """What a camera sees, as RGB, each frame with the time of its arrival.
+
+    Parameters
+    ----------
+    device : int or str
+        The camera's number, from 0, its device file, or a URL (RTSP, HTTP).
+
+    Raises
+    ------
+    SurefixError
+        Where OpenCV is missing: ``pip install "surefix[camera]"``.
+    SurefixFileError
+        When it is read: where the camera cannot be opened, or gives no frame any more.
+    """
+
+    timed = True
+    live = True
+
+    def __init__(self, device: int | str) -> None:
+        self.device = int(device) if isinstance(device, str) and device.isdecimal() else device
+        self._cv2 = load_extra("cv2", "camera", "a camera")
+        self._closed = False
+
+    def close(self) -> None:
+        """Ends the iteration under way, after the frame that is awaited."""
+        self._closed = True
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """Each frame, by its number from 0."""
+        self._closed = False
+        capture = self._cv2.VideoCapture(self.device)
+        try:
+            if not capture.isOpened():
+                raise SurefixFileError(f"camera {self.device}: cannot open it: is it there, and is it free?")
+            index = 0
+            while not self._closed:
+                there, image = capture.read()
+                if not there:
+                    raise SurefixFileError(f"camera {self.device}: it gives no frame any more, after {index} frames")
+                yield Shot(time.time(), str(index), partial(np.ascontiguousarray, image[..., ::-1]))
+                index += 1
+        finally:
+            capture.release()
+
+
+def is_camera(place: str) -> bool:
+    """Whether this names a camera: a number, a device file or a URL."""
+    return place.isdecimal() or place.startswith(("/dev/video", *SCHEMES))

@@ -1,0 +1,146 @@
+"""Frames from a video file, by PyAV."""
+
+from collections.abc import Generator
+from contextlib import closing
+from functools import partial
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.streams.extra import load_extra
+from surefix.streams.stream import Shot, Stream
+
+__all__ = ["VIDEO_ENDINGS", "VideoStream"]
+
+# What counts as a video by its name; VideoStream itself takes any file.
+VIDEO_ENDINGS = frozenset(
+    {".3gp", ".asf", ".avi", ".flv", ".m2ts", ".m4v", ".mjpeg", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ogv"}
+    | {".ts", ".webm", ".wmv"}
+)
+
+
+class VideoStream(Stream):
+    """The frames of a video's first picture track, upright, as RGB; the time is the frame's own, in seconds.
+
+    Parameters
+    ----------
+    path : str or path
+        Anything that FFmpeg reads.
+
+    Raises
+    ------
+    SurefixError
+        Where PyAV is missing: ``pip install "surefix[video]"``.
+    SurefixFileError
+        Where there is no such file.
+    SurefixValueError
+        Where it is no video. While it is read: where it is damaged, or ends before it should; the error names the
+        frame, and those before it have been given.
+    """
+
+    timed = True
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        self.path = fspath(path)
+        self._av = load_extra("av", "video", "a video")
+        with self._open() as container:
+            self._frames = int(container.streams.video[0].frames)
+            ends, rate = _end(container), container.streams.video[0].average_rate
+        if not self._frames and ends is not None and rate:
+            self._frames = round(ends * float(rate))
+
+    @property
+    def estimate(self) -> int | None:
+        """What the file says of itself."""
+        return self._frames or None
+
+    @property
+    def files(self) -> list[str]:
+        """The file."""
+        return [self.path]
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """Each frame, by its number from 0."""
+        with self._open() as container:
+            track = container.streams.video[0]
+            index, end = 0, 0.0
+            with closing(container.decode(track)) as frames:
+                while True:
+                    try:
+                        frame = next(frames, None)
+                    except (self._av.FFmpegError, EOFError) as error:
+                        raise self._damaged(index, getattr(error, "strerror", None) or str(error)) from None
+                    if frame is None:
+                        break
+                    if frame.is_corrupt:
+                        raise self._damaged(index, "it cannot be decoded whole")
+                    end = max(end, _end_of(frame, track))
+                    yield Shot(frame.time, str(index), partial(_upright, frame))
+                    index += 1
+            self._check_whole(container, index, end)
+
+    def _open(self) -> Any:
+        # FFmpeg would take much that is no file: a URL, a device, a list of files.
+        if not Path(self.path).is_file():
+            raise SurefixFileError(f"{self.path}: cannot read the video: there is no such file")
+        try:
+            container = self._av.open(self.path)
+        except OSError as error:
+            if isinstance(error, (FileNotFoundError, PermissionError)):
+                raise SurefixFileError(f"{self.path}: cannot read the video: {error.strerror}") from None
+            raise self._no_video(str(error.strerror or error)) from None
+        except (self._av.FFmpegError, ValueError) as error:
+            raise self._no_video(getattr(error, "strerror", None) or str(error)) from None
+        if not container.streams.video:
+            container.close()
+            raise self._no_video("it has no picture track")
+        return container
+
+    def _check_whole(self, container: Any, count: int, end: float) -> None:
+        """A reader meets the end of a Matroska or AVI file that was cut short as if it were the end of the video."""
+        expected = _end(container)
+        track = container.streams.video[0]
+        if container.format.name == "avi" and count < track.frames:
+            raise self._damaged(count, f"the file ends after {count} of {track.frames} frames; it was cut short")
+        period = 1 / float(track.average_rate) if track.average_rate else 0.1
+        if expected is not None and end < expected - max(1.5 * period, 0.1):
+            raise self._damaged(count, f"the file ends at {end:.2f} s of {expected:.2f} s; it was cut short")
+        if count == 0:
+            raise self._damaged(0, "the file ends before the first frame")
+
+    def _no_video(self, reason: str) -> SurefixValueError:
+        return SurefixValueError(f"{self.path}: expected a video, got a file that is none, or a damaged one ({reason})")
+
+    def _damaged(self, index: int, reason: str) -> SurefixValueError:
+        return SurefixValueError(f"{self.path}, frame {index}: a damaged video: {reason}")
+
+
+def _end(container: Any) -> float | None:
+    """When the picture track ends, in seconds, as the file's head says; None where it does not say it of this track."""
+    track = container.streams.video[0]
+    if track.duration is not None:
+        return float((track.duration + (track.start_time or 0)) * track.time_base)
+    tagged = track.metadata.get("DURATION", "").split(":")
+    try:
+        hours, minutes, seconds = (float(part) for part in tagged)
+        return 3600 * hours + 60 * minutes + seconds
+    except ValueError:
+        pass
+    # The container's own is that of its longest track.
+    alone = len(container.streams) == 1 and container.duration is not None
+    return (container.duration + (container.start_time or 0)) / 1e6 if alone else None
+
+
+def _end_of(frame: Any, track: Any) -> float:
+    return (frame.time or 0.0) + float((frame.duration or 0) * track.time_base)
+
+
+def _upright(frame: Any) -> npt.NDArray[np.uint8]:
+    """RGB, turned as the file says that it is to be shown."""
+    image: npt.NDArray[np.uint8] = frame.to_ndarray(format="rgb24")
+    quarters = round(frame.rotation / 90) % 4
+    return np.ascontiguousarray(np.rot90(image, quarters)) if quarters else image
