@@ -36,14 +36,12 @@ class Stride(Selection):
     @property
     def count(self) -> int | None:
         """How many are left, where that is known."""
-        count = getattr(self.source, "count", None)
-        return None if count is None else math.ceil(count / self.stride)
+        return None if self.source_count is None else math.ceil(self.source_count / self.stride)
 
     @property
     def estimate(self) -> int | None:
         """About how many are left."""
-        estimate = getattr(self.source, "estimate", None)
-        return None if estimate is None else math.ceil(estimate / self.stride)
+        return None if self.source_estimate is None else math.ceil(self.source_estimate / self.stride)
 
     def chooser(self) -> Callable[[Shot], bool]:
         """Counts."""

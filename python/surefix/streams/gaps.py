@@ -8,12 +8,12 @@ from dataclasses import replace
 from surefix.errors import SurefixValueError
 from surefix.streams.every import time_of
 from surefix.streams.frame import Frame
-from surefix.streams.stream import Shot, Stream, shots_of
+from surefix.streams.stream import Derived, Shot, shots_of
 
 __all__ = ["Gaps"]
 
 
-class Gaps(Stream):
+class Gaps(Derived):
     """All frames of a source; those more than so many seconds after the one before, or earlier than it, say ``gap``.
 
     Put it next to the source, under what passes frames over: then the long wait that ``EveryMetres`` makes of a
@@ -36,30 +36,18 @@ class Gaps(Stream):
     def __init__(self, source: Iterable[Frame], seconds: float) -> None:
         if not (math.isfinite(seconds) and seconds > 0):
             raise SurefixValueError(f"gap: expected seconds above 0, got {seconds}")
-        self.source = source
+        super().__init__(source)
         self.seconds = seconds
-        self.timed = getattr(source, "timed", True)
-        self.live = getattr(source, "live", False)
 
     @property
     def count(self) -> int | None:
         """As many as the source has."""
-        return getattr(self.source, "count", None)
+        return self.source_count
 
     @property
     def estimate(self) -> int | None:
         """As the source says."""
-        return getattr(self.source, "estimate", None)
-
-    @property
-    def files(self) -> list[str]:
-        """Those of the source."""
-        return list(getattr(self.source, "files", ()))
-
-    def close(self) -> None:
-        """Ends the source's iteration."""
-        if isinstance(self.source, Stream):
-            self.source.close()
+        return self.source_estimate
 
     def shots(self) -> Generator[Shot, None, None]:
         """All, marked."""

@@ -9,12 +9,12 @@ from functools import partial
 
 from surefix.errors import SurefixValueError
 from surefix.streams.frame import Frame
-from surefix.streams.stream import Shot, Stream
+from surefix.streams.stream import Derived, Shot, Stream
 
 __all__ = ["KeepNewest"]
 
 
-class KeepNewest(Stream):
+class KeepNewest(Derived):
     """The frames of a source, read in a thread of its own, of which a slow reader gets the newest.
 
     The source never waits. Where the queue is full the oldest frame in it is dropped, and the next one says how many
@@ -49,26 +49,19 @@ class KeepNewest(Stream):
     ('8', 9)
     """
 
-    live = True
-
     def __init__(self, source: Iterable[Frame], size: int = 1) -> None:
         if size < 1:
             raise SurefixValueError(f"size: expected 1 or more, got {size}")
-        self.source = source
+        super().__init__(source)
         self.size = size
-        self.timed = getattr(source, "timed", True)
+        self.live = True
         self.dropped = 0
         self._running: list[_Queue] = []
 
     @property
     def estimate(self) -> int | None:
         """As the source says: those that are dropped are among them."""
-        return getattr(self.source, "estimate", None)
-
-    @property
-    def files(self) -> list[str]:
-        """Those of the source."""
-        return list(getattr(self.source, "files", ()))
+        return self.source_estimate
 
     def close(self) -> None:
         """Ends the iterations that are under way, and their threads."""

@@ -1,7 +1,7 @@
 """What every source of frames is: something to iterate over, that reads a frame when it is wanted, and not before."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from surefix.streams.frame import Frame
 
-__all__ = ["Selection", "Shot", "Stream", "shots_of"]
+__all__ = ["Derived", "Selection", "Shot", "Stream", "shots_of"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,27 +92,43 @@ class Stream(ABC):
         return self.estimate or 0
 
 
-class Selection(Stream):
-    """Some of another stream's frames. What is missing before one that is passed over is missing before the next."""
+class Derived(Stream):
+    """A stream made of another, or of any frames."""
 
     def __init__(self, source: Iterable[Frame]) -> None:
         self.source = source
-        self.timed = getattr(source, "timed", True)
-        self.live = getattr(source, "live", False)
+        self.timed = source.timed if isinstance(source, Stream) else True
+        self.live = source.live if isinstance(source, Stream) else False
 
-    @abstractmethod
-    def chooser(self) -> Callable[[Shot], bool]:
-        """Whether to take each shot, asked in their order; a new one an iteration."""
+    @property
+    def source_count(self) -> int | None:
+        """How many frames the source has, where that is known."""
+        if isinstance(self.source, Stream):
+            return self.source.count
+        return len(self.source) if isinstance(self.source, Sized) else None
+
+    @property
+    def source_estimate(self) -> int | None:
+        """About how many frames the source has."""
+        return self.source.estimate if isinstance(self.source, Stream) else self.source_count
 
     @property
     def files(self) -> list[str]:
         """Those of the source."""
-        return list(getattr(self.source, "files", ()))
+        return self.source.files if isinstance(self.source, Stream) else []
 
     def close(self) -> None:
         """Ends the source's iteration."""
         if isinstance(self.source, Stream):
             self.source.close()
+
+
+class Selection(Derived):
+    """Some of another stream's frames. What is missing before one that is passed over is missing before the next."""
+
+    @abstractmethod
+    def chooser(self) -> Callable[[Shot], bool]:
+        """Whether to take each shot, asked in their order; a new one an iteration."""
 
     def shots(self) -> Generator[Shot, None, None]:
         """Those that are chosen."""

@@ -39,7 +39,7 @@ class VideoStream(Stream):
         Where there is no such file.
     SurefixValueError
         Where it is no video. While it is read: where it is damaged, or ends before it should; the error names the
-        frame, and those before it have been given.
+        frame, and those before it have been given. (A MPEG transport stream does not say where it should end.)
     """
 
     timed = True
@@ -67,6 +67,8 @@ class VideoStream(Stream):
         """Each frame, by its number from 0."""
         with self._open() as container:
             track = container.streams.video[0]
+            # Else what is missing in a damaged frame is made up of the frame before.
+            track.codec_context.options = {"err_detect": "explode"}
             index, end = 0, 0.0
             with closing(container.decode(track)) as frames:
                 while True:
