@@ -9,10 +9,11 @@ import pytest
 
 import surefix
 import surefix.simulate
+import surefix.streams
 
 
 def documented() -> Iterator[tuple[str, Any]]:
-    for module in (surefix, surefix.simulate):
+    for module in (surefix, surefix.simulate, surefix.streams):
         for name in module.__all__:
             if name.startswith("_"):
                 continue
@@ -27,6 +28,7 @@ def documented() -> Iterator[tuple[str, Any]]:
 ALL = dict(documented())
 # Fields whose names say it all, described together in their class's docstring.
 PLAIN = {"surefix.Matches", "surefix.Fix", "surefix.Single", "surefix.Peak", "surefix.Sequence"}
+PLAIN |= {"surefix.streams.Frame", "surefix.streams.Shot"}
 
 
 @pytest.mark.parametrize("name", ALL)

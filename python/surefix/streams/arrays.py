@@ -36,7 +36,7 @@ class ArrayStream(Stream):
 
     @property
     def files(self) -> list[str]:
-        """The file."""
+        """The one that was named."""
         return [self.path]
 
     def shots(self) -> Generator[Shot, None, None]:

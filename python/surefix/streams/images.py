@@ -38,7 +38,7 @@ class ImageStream(Stream):
 
     @property
     def files(self) -> list[str]:
-        """All of them."""
+        """The images, in their order."""
         return list(self.paths)
 
     def shots(self) -> Generator[Shot, None, None]:

@@ -1,6 +1,7 @@
 """Between a source that does not wait and a reader that is now and then slow: a short queue that keeps the newest."""
 
 import threading
+import time
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
@@ -20,7 +21,8 @@ class KeepNewest(Derived):
     The source never waits. Where the queue is full the oldest frame in it is dropped, and the next one says how many
     were (``Frame.dropped``): the drive is broken there. At the end of the source the frames in the queue still come,
     and then its error, if it had one. The thread ends with the iteration, however that ends; where the loop is left by
-    an error of its own, ``close`` ends it at once, and the end of the iterator's life at the latest.
+    an error of its own, ``close`` ends it at once, and the end of the iterator's life at the latest. Only a source that
+    gives no frame for 5 seconds and has no ``close`` keeps its thread until it does.
 
     Parameters
     ----------
@@ -92,8 +94,10 @@ class KeepNewest(Derived):
 class _Queue:
     """The newest frames of one iteration, and the thread that brings them."""
 
-    # A wait without an end cannot be interrupted on every system.
+    # Seconds. A wait without an end cannot be interrupted on every system.
     PATIENCE = 0.5
+    # Seconds. A camera whose network is gone gives no frame and cannot be told to stop.
+    FAREWELL = 5.0
 
     def __init__(self, source: Iterable[Frame], size: int) -> None:
         self.source = source
@@ -119,7 +123,8 @@ class _Queue:
         """Ends the thread."""
         self.stopped = True
         # More than once: a source that is only beginning forgets that it was closed.
-        while self.thread.is_alive():
+        until = time.monotonic() + self.FAREWELL
+        while self.thread.is_alive() and time.monotonic() < until:
             if isinstance(self.source, Stream):
                 self.source.close()
             self.thread.join(0.05)

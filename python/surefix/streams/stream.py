@@ -16,7 +16,10 @@ __all__ = ["Derived", "Selection", "Shot", "Stream", "shots_of"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
-    """A frame that is not decoded yet: most of a 30 Hz camera's are passed over, and need not be."""
+    """A frame that is not decoded yet: most of a 30 Hz camera's are passed over, and need not be.
+
+    ``read`` decodes it; time, name, dropped and gap are those of the ``Frame``.
+    """
 
     time: float | None
     name: str

@@ -60,7 +60,7 @@ class VideoStream(Stream):
 
     @property
     def files(self) -> list[str]:
-        """The file."""
+        """The one that was named."""
         return [self.path]
 
     def shots(self) -> Generator[Shot, None, None]:
