@@ -76,7 +76,7 @@ impl<'py> Images<'py> {
             || object.is_instance_of::<PyTuple>()
             || object.is_instance_of::<PyUntypedArray>();
         if !in_memory && object.hasattr("__len__")? && object.hasattr("__getitem__")? {
-            return Ok(Self::Sequence(Sequence { items: object.clone().unbind(), count: object.len()? }));
+            return Ok(Self::Sequence(Sequence::new(object)?));
         }
         if let Ok(array) = object.cast::<PyUntypedArray>()
             && (array.ndim() < 3 || (array.ndim() == 3 && array.shape()[2] == 3))
@@ -135,10 +135,20 @@ impl ImageSource for Views<'_> {
     }
 }
 
-/// A Python sequence of arrays, such as a data set's images.
+/// A Python sequence of arrays, such as a data set's images, with `names` where it has some.
 pub(crate) struct Sequence {
     items: Py<PyAny>,
     count: usize,
+    names: Option<Vec<String>>,
+}
+
+impl Sequence {
+    fn new(object: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let count = object.len()?;
+        let names = object.getattr("names").ok().and_then(|names| names.extract::<Vec<String>>().ok());
+        let names = names.filter(|names| names.len() == count);
+        Ok(Self { items: object.clone().unbind(), count, names })
+    }
 }
 
 impl ImageSource for Sequence {
@@ -157,9 +167,13 @@ impl ImageSource for Sequence {
         Python::attach(|py| {
             load(py).map_err(|error| {
                 let reason = error.value(py).to_string();
-                Error::Image { name: index.to_string(), reason }
+                Error::Image { name: self.name(index), reason }
             })
         })
+    }
+
+    fn name(&self, index: usize) -> String {
+        self.names.as_ref().map_or_else(|| index.to_string(), |names| names[index].clone())
     }
 }
 

@@ -14,6 +14,8 @@ from rich.text import Text
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix.cli.frames import Frames
 from surefix.cli.positions import read_positions
+from surefix.cli.recording import is_recording, map_of_recording
+from surefix.streams import open_stream
 
 __all__ = ["append", "build", "info"]
 
@@ -40,10 +42,19 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
+def _sad(size: str, patch: int, dtype: Dtype) -> Sad:
+    try:
+        return Sad(_size(size), patch, dtype.value)
+    except SurefixValueError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
 def build(
     references: Annotated[
         str,
-        typer.Argument(help='A folder of images, a pattern ("route/*.png"), or a .npy of images or of descriptors.'),
+        typer.Argument(
+            help='A folder of images, a pattern ("route/*.png"), a .npy of images or of descriptors, a video or a bag.'
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path("route.safetensors"),
     size: Annotated[str, typer.Option(help="SAD: the small image, WIDTHxHEIGHT in pixels.")] = "64x32",
@@ -53,23 +64,39 @@ def build(
     positions: Annotated[
         Path | None, typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.")
     ] = None,
+    topic: Annotated[str | None, typer.Option(help="A bag: the topic of the images, if there are several.")] = None,
+    stride: Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")] = 1,
+    metres: Annotated[
+        float | None, typer.Option(help="A video or a bag: a place every so many metres, by --odometry.")
+    ] = None,
+    odometry: Annotated[
+        str | None,
+        typer.Option(help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."),
+    ] = None,
 ) -> None:
-    """Make a map of a route from its reference images, or from ready descriptors."""
+    """Make a map of a route from its reference images, a video or a bag, or from ready descriptors."""
     start = time.perf_counter()
-    frames = Frames(references)
-    if frames.holds(out):
-        raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
     if not out.absolute().parent.is_dir():
         raise SurefixFileError(f"{out}: cannot write the map: there is no folder {out.absolute().parent}")
     where = None if positions is None else read_positions(positions)
+    if is_recording(references):
+        stream = open_stream(references, topic=topic, stride=stride, metres=metres, odometry=odometry)
+        if out.exists() and any(out.samefile(file) for file in stream.files):
+            raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
+        map_of_recording(stream, _sad(size, patch, dtype), where).save(out)
+        print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
+        return
+    if (topic, stride, metres, odometry) != (None, 1, None, None):
+        raise typer.BadParameter(
+            f"--topic, --stride, --metres, --odometry: expected a video or a bag, got {references}"
+        )
+    frames = Frames(references)
+    if frames.holds(out):
+        raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
     if frames.descriptors is not None:
         Map.from_descriptors(frames.descriptors, metric.value, positions=where).save(out)
     else:
-        try:
-            sad = Sad(_size(size), patch, dtype.value)
-        except SurefixValueError as error:
-            raise typer.BadParameter(str(error)) from None
-        Map.build(out, frames.images, sad, positions=where)
+        Map.build(out, frames.images, _sad(size, patch, dtype), positions=where)
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
 
 

@@ -31,8 +31,8 @@ class Tally:
         if not count:
             return "0 fixes: there were no queries"
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
-        missing = f"{self.dropped} frames dropped, " if self.dropped else ""
-        missing += f"{self.gaps} gaps, " if self.gaps else ""
+        missing = f"{self.dropped} frame{'s' * (self.dropped > 1)} dropped, " if self.dropped else ""
+        missing += f"{self.gaps} gap{'s' * (self.gaps > 1)}, " if self.gaps else ""
         where = "" if out is None else f", in {out}"
         return (
             f"{count} fixes, {self.trusted} trusted ({self.trusted / count:.0%}), {missing}"

@@ -44,7 +44,7 @@ class Stride(Selection):
         return None if self.source_estimate is None else math.ceil(self.source_estimate / self.stride)
 
     def chooser(self) -> Callable[[Shot], bool]:
-        """Counts."""
+        """Counts the shots."""
         taken = -1
 
         def choose(_: Shot) -> bool:

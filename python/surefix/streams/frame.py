@@ -25,6 +25,8 @@ class Frame:
         How many frames were lost between the one before and this one.
     gap : bool
         Whether time is missing before this frame: the drive does not go on from the frame before.
+    breaks : bool
+        Either of the two: the matcher is to be told, by ``Localizer.gap``.
 
     Examples
     --------

@@ -16,7 +16,7 @@ from surefix.streams.metres import EveryMetres
 from surefix.streams.newest import KeepNewest
 from surefix.streams.odometry import Odometry
 from surefix.streams.stream import Stream
-from surefix.streams.video import VIDEO_ENDINGS, VideoStream
+from surefix.streams.video import VideoStream, is_video
 
 __all__ = ["open_stream"]
 
@@ -119,7 +119,7 @@ def _source(
     if topic is not None and not bag:
         raise SurefixValueError(f"topic: expected a bag, got {name}")
     array, camera = file.suffix == ".npy", is_camera(name) and not file.is_dir()
-    video = file.suffix.lower() in VIDEO_ENDINGS and not file.is_dir() and not any(mark in name for mark in "*?[")
+    video = is_video(file)
     if follow:
         if bag or array or camera or video:
             raise SurefixValueError(f"follow: expected a folder or a pattern, got {name}")

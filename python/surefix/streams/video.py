@@ -14,7 +14,7 @@ from surefix.errors import SurefixFileError, SurefixValueError
 from surefix.streams.extra import load_extra
 from surefix.streams.stream import Shot, Stream
 
-__all__ = ["VIDEO_ENDINGS", "VideoStream"]
+__all__ = ["VIDEO_ENDINGS", "VideoStream", "is_video"]
 
 # What counts as a video by its name; VideoStream itself takes any file.
 VIDEO_ENDINGS = frozenset(
@@ -119,6 +119,13 @@ class VideoStream(Stream):
 
     def _damaged(self, index: int, reason: str) -> SurefixValueError:
         return SurefixValueError(f"{self.path}, frame {index}: a damaged video: {reason}")
+
+
+def is_video(place: Path) -> bool:
+    """Whether this is a video by its name, and not a folder or a pattern."""
+    return (
+        place.suffix.lower() in VIDEO_ENDINGS and not place.is_dir() and not any(mark in str(place) for mark in "*?[")
+    )
 
 
 def _end(container: Any) -> float | None:
