@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
-use surefix::{Channels, Error, ImageFiles, ImageSource as _, Map, Sad, read_image};
+use surefix::{Channels, Error, ImageFiles, ImageSource as _, Map, Sad, decode_image, read_image};
 use tempfile::tempdir;
 
 fn grey(width: u32, height: u32) -> DynamicImage {
@@ -49,6 +49,7 @@ fn every_format_is_read_in_its_own_colours() {
             written.save_with_format(&path, format).unwrap();
             let read = read_image(&path).unwrap();
             assert_eq!((read.width(), read.height()), (23, 17), "{ending}");
+            assert_eq!(decode_image(&fs::read(&path).unwrap(), "frame").unwrap(), read, "{ending}");
             let coloured = read.channels() == Channels::Rgb;
             // Some formats keep grey as equal colours: the same brightness in the end.
             let expected =
@@ -175,6 +176,9 @@ fn an_unreadable_image_is_named() {
             assert!(matches!(error, Error::Image { .. }), "{error:?}");
             assert!(error.to_string().contains("frame2.png"), "{error}");
         }
+        let error = decode_image(content, "message 7").unwrap_err();
+        assert!(matches!(error, Error::Image { .. }), "{error:?}");
+        assert!(error.to_string().contains("message 7"), "{error}");
     }
 }
 

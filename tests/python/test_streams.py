@@ -1,5 +1,7 @@
 """Streams of frames: files, arrays, and what passes frames over."""
 
+import subprocess
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -168,7 +170,7 @@ def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
         ("rosbags.highlevel", "bags", "a.bag"),
         ("cv2", "camera", "0"),
     ):
-        monkeypatch.setitem(__import__("sys").modules, module, None)
+        monkeypatch.setitem(sys.modules, module, None)
         package = module.partition(".")[0]
         with pytest.raises(surefix.SurefixError, match=rf'package {package} .*: pip install "surefix\[{extra}\]"'):
             open_stream(place)
@@ -177,3 +179,12 @@ def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
 def test_the_public_streams_are_streams() -> None:
     for kind in (ArrayStream, ImageStream, VideoStream, Stride, Every, Gaps, KeepNewest):
         assert issubclass(kind, Stream)
+
+
+def test_what_is_optional_is_loaded_when_it_is_needed() -> None:
+    imports = "import sys, surefix, surefix.cli, surefix.streams"
+    loaded = imports + "; print([name for name in ('av', 'rosbags', 'cv2') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+    bare = "import sys, surefix; print('surefix.streams' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", bare], capture_output=True, text=True).stdout == "False\n"
