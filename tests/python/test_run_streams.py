@@ -1,6 +1,7 @@
 """`surefix run` on videos, bags and folders that grow."""
 
 import csv
+import io
 import json
 import os
 import pty
@@ -9,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Generator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +22,11 @@ from PIL import Image
 import surefix
 from recordings import Bag, write_video
 from surefix.cli import recording
+from surefix.cli.fixes import JsonFixes
+from surefix.cli.run import localize
+from surefix.cli.tally import Tally
 from surefix.simulate import Route
-from surefix.streams import open_stream
+from surefix.streams import Shot, Stream, open_stream
 
 PLACES = 40
 PLAIN = "frame query place place_name score trusted ready anchors speed single_place single_distance gradient_place"
@@ -144,6 +150,23 @@ def test_images_that_change_size_are_nothing_to_a_sad_map(drive: Path, tmp_path:
     assert [row["query"] for row in found] == [f"{index}.png" for index in range(4)]
 
 
+class Changing(Stream):
+    """Ready descriptors of 5 numbers, and then one of 7."""
+
+    def shots(self) -> Generator[Shot, None, None]:
+        for index in range(4):
+            row = np.ones(7 if index == 3 else 5, np.float32)
+            yield Shot(None, f"row {index}", partial(np.asarray, row))
+
+
+def test_a_change_of_size_that_cannot_be_used_is_named_with_both_sizes() -> None:
+    localizer = surefix.Localizer(surefix.Map.from_descriptors(np.eye(4, 5, dtype=np.float32)))
+    tally = Tally()
+    with pytest.raises(surefix.SurefixValueError, match=r"^row 3: the images change size here, from 5 to 7: .*5.*7"):
+        localize(localizer, Changing(), JsonFixes(io.StringIO()), tally)
+    assert tally.summary(None).startswith("3 fixes, ")
+
+
 def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: Path) -> None:
     arguments = ["run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "1.5"]
     command = [sys.executable, "-m", "surefix", *map(str, arguments)]
@@ -212,6 +235,11 @@ MISTAKES = {
     "time in a folder": (["@images", "--every", 1], 1, "every: expected frames with times"),
     "a video to follow": (["@drive.mkv", "--follow"], 1, "follow: expected a folder or a pattern"),
     "idle without follow": (["@images", "--idle", 1], 1, "idle: expected follow too"),
+    "a file of another kind": (
+        ["@wheels.csv"],
+        1,
+        "wheels.csv: expected a folder of images, a pattern, or",
+    ),
     "no such video": (["nowhere.mp4"], 1, "nowhere.mp4: cannot read the video"),
     "no such bag": (["nowhere.mcap"], 1, "nowhere.mcap: cannot read the bag"),
     "odometry of another clock": (["@drive.bag", "--metres", 3, "--odometry", "@wheels.csv"], 1, "clocks the same?"),

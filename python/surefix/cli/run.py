@@ -14,7 +14,7 @@ from surefix.cli.fixes import CsvFixes, FixRow, JsonFixes, LiveFixes, Moment
 from surefix.cli.tally import Tally
 from surefix.streams import Frame, Stream, open_stream
 
-__all__ = ["run"]
+__all__ = ["localize", "run"]
 
 # The heading in the help, of the options about frames.
 F = "Frames"
@@ -161,7 +161,7 @@ def run(
     file = None if out is None else _create(out)
     try:
         with _writer(file, _format(form, out), stream.estimate) as writer:
-            _localize(localizer, stream, writer, tally)
+            localize(localizer, stream, writer, tally)
     except KeyboardInterrupt:
         # What has no end of its own is ended so.
         if not stream.live:
@@ -173,7 +173,15 @@ def run(
         print(tally.summary(out), file=sys.stderr)
 
 
-def _localize(localizer: Localizer, stream: Stream, writer: "CsvFixes | JsonFixes | LiveFixes", tally: Tally) -> None:
+def localize(localizer: Localizer, stream: Stream, writer: "CsvFixes | JsonFixes | LiveFixes", tally: Tally) -> None:
+    """Push each frame of the stream, and write and count each fix.
+
+    Raises
+    ------
+    SurefixError
+        As the stream does; and for a frame that the localizer refuses: the error names it, and both sizes where images
+        change size there.
+    """
     names = localizer.map.names
     before: tuple[int, ...] | None = None
     with closing(stream.frames()) as frames:

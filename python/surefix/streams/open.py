@@ -6,7 +6,7 @@ from pathlib import Path
 
 from surefix.errors import SurefixValueError
 from surefix.streams.arrays import ArrayStream
-from surefix.streams.bag import BagStream, is_bag
+from surefix.streams.bag import BAG_ENDINGS, BagStream, is_bag
 from surefix.streams.camera import CameraStream, is_camera
 from surefix.streams.every import Every, Stride
 from surefix.streams.follow import FollowStream
@@ -16,7 +16,7 @@ from surefix.streams.metres import EveryMetres
 from surefix.streams.newest import KeepNewest
 from surefix.streams.odometry import Odometry
 from surefix.streams.stream import Stream
-from surefix.streams.video import VideoStream, is_video
+from surefix.streams.video import VIDEO_ENDINGS, VideoStream, is_video
 
 __all__ = ["open_stream"]
 
@@ -130,7 +130,12 @@ def _source(
         return ArrayStream(name)
     if camera:
         return CameraStream(name)
-    return VideoStream(name) if video else ImageStream(name)
+    if video:
+        return VideoStream(name)
+    if file.is_file():
+        endings = ", ".join(sorted(VIDEO_ENDINGS | BAG_ENDINGS | {".npy"}))
+        raise SurefixValueError(f"{name}: expected a folder of images, a pattern, or a file that ends in {endings}")
+    return ImageStream(name)
 
 
 def _odometry(given: Odometry | str | PathLike[str], source: Stream) -> Odometry:
