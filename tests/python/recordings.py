@@ -34,19 +34,27 @@ def write_video(
     codec: str = "ffv1",
     pixels: str = "bgr0",
     rotation: int = 0,
+    sound: float = 0,
 ) -> Path:
-    """A video: without loss by default; ``stamps`` in units of ``1 / rate`` seconds."""
+    """A video: without loss by default; ``stamps`` in units of ``1 / rate`` seconds; silence for ``sound`` seconds."""
     with av.open(str(path), "w") as container:
         track = container.add_stream(codec, rate=rate)
         track.height, track.width = images[0].shape[:2]
         track.pix_fmt = pixels
         if rotation:
             track.set_display_rotation(rotation)
+        silence = container.add_stream("aac", rate=48000, layout="mono") if sound else None
         for index, image in enumerate(images):
             frame = av.VideoFrame.from_ndarray(image, format="rgb24")
             frame.pts, frame.time_base = (index if stamps is None else stamps[index]), Fraction(1, rate)
             container.mux(track.encode(frame))
         container.mux(track.encode())
+        if silence is not None:
+            samples = np.zeros((1, int(48000 * sound)), np.float32)
+            frame = av.AudioFrame.from_ndarray(samples, format="fltp", layout="mono")
+            frame.sample_rate, frame.pts = 48000, 0
+            container.mux(silence.encode(frame))
+            container.mux(silence.encode())
     return path
 
 

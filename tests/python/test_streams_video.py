@@ -18,6 +18,32 @@ def lossless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_video(tmp_path_factory.mktemp("videos") / "drive.mkv", IMAGES)
 
 
+@pytest.mark.parametrize("sound", [0.0, 4.0])
+@pytest.mark.parametrize("stamps", [None, [index * index for index in range(20)]])
+@pytest.mark.parametrize(
+    ("name", "codec"),
+    [
+        ("a.mp4", "libx264"),
+        ("a.mov", "mpeg4"),
+        ("a.mkv", "libx264"),
+        ("a.avi", "mpeg4"),
+        ("a.wmv", "wmv2"),
+        ("a.ts", "libx264"),
+    ],
+)
+def test_a_whole_video_is_never_taken_for_a_damaged_one(
+    tmp_path: Path, name: str, codec: str, stamps: list[int] | None, sound: float
+) -> None:
+    images = pictures(20, 96, 128)
+    path = write_video(tmp_path / name, images, codec=codec, pixels="yuv420p", rate=25, stamps=stamps, sound=sound)
+    times = [frame.time for frame in VideoStream(path) if frame.time is not None]
+    expected = np.arange(20) if stamps is None else np.array(stamps)
+    assert len(times) == 20
+    # A transport stream does not begin at 0; others count in thousandths. With sound, an AVI begins with an empty frame.
+    if not (sound and name == "a.avi"):
+        assert np.allclose(np.array(times) - times[0], expected / 25, atol=2e-3)
+
+
 def until_damage(path: Path) -> tuple[list[Frame], str]:
     """The frames before the error, and what it says."""
     seen: list[Frame] = []

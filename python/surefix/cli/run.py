@@ -206,8 +206,8 @@ def _at(frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError) 
     shape = frame.image.shape
     sizes = ""
     if before is not None and shape != before:
-        was, is_ = (" x ".join(map(str, size[1::-1])) for size in (before, shape))
-        sizes = f" the images change size here, from {was} to {is_}:"
+        was, now = (" x ".join(map(str, size[1::-1])) for size in (before, shape))
+        sizes = f" the images change size here, from {was} to {now}:"
     return SurefixValueError(f"{frame.name}:{sizes} {error}")
 
 

@@ -106,8 +106,6 @@ class VideoStream(Stream):
         """A reader meets the end of a Matroska or AVI file that was cut short as if it were the end of the video."""
         expected = _end(container)
         track = container.streams.video[0]
-        if container.format.name == "avi" and count < track.frames:
-            raise self._damaged(count, f"the file ends after {count} of {track.frames} frames; it was cut short")
         period = 1 / float(track.average_rate) if track.average_rate else 0.1
         if expected is not None and end < expected - max(1.5 * period, 0.1):
             raise self._damaged(count, f"the file ends at {end:.2f} s of {expected:.2f} s; it was cut short")
@@ -131,6 +129,11 @@ def is_video(place: Path) -> bool:
 def _end(container: Any) -> float | None:
     """When the picture track ends, in seconds, as the file's head says; None where it does not say it of this track."""
     track = container.streams.video[0]
+    if container.format.name == "avi":
+        # Its duration is made up from the size of the file; the number of frames is what was written.
+        return float(track.frames / track.average_rate) if track.frames and track.average_rate else None
+    if container.format.name == "asf":
+        return None  # That of the longest track stands with each.
     if track.duration is not None:
         return float((track.duration + (track.start_time or 0)) * track.time_base)
     tagged = track.metadata.get("DURATION", "").split(":")
