@@ -39,7 +39,7 @@ def test_a_whole_video_is_never_taken_for_a_damaged_one(
     times = [frame.time for frame in VideoStream(path) if frame.time is not None]
     expected = np.arange(20) if stamps is None else np.array(stamps)
     assert len(times) == 20
-    # A transport stream does not begin at 0; others count in thousandths. With sound, an AVI begins with an empty frame.
+    # A transport stream does not begin at 0; some count in thousandths; with sound, an AVI begins with an empty frame.
     if not (sound and name == "a.avi"):
         assert np.allclose(np.array(times) - times[0], expected / 25, atol=2e-3)
 
