@@ -168,7 +168,7 @@ def test_a_change_of_size_that_cannot_be_used_is_named_with_both_sizes() -> None
 
 
 def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: Path) -> None:
-    arguments = ["run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "1.5"]
+    arguments = ["run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "4"]
     command = [sys.executable, "-m", "surefix", *map(str, arguments)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         for index in range(12):

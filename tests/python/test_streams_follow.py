@@ -5,6 +5,8 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import closing
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -47,8 +49,11 @@ class Writer(threading.Thread):
             raise self.error
 
 
-def follow(place: Path, idle: float = 1.0, settle: float = 0.1) -> list[Frame]:
-    return list(FollowStream(place, idle=idle, settle=settle, poll=0.02))
+def follow(place: Path, count: int) -> list[Frame]:
+    """The first frames, however long they take."""
+    stream = FollowStream(place, idle=60, settle=0.1, poll=0.02)
+    with closing(stream.frames()) as frames:
+        return list(islice(frames, count))
 
 
 def test_files_that_are_there_and_files_that_come_are_taken_in_order(tmp_path: Path) -> None:
@@ -62,7 +67,7 @@ def test_files_that_are_there_and_files_that_come_are_taken_in_order(tmp_path: P
         (tmp_path / "notes.txt").write_text("not an image")
 
     with Writer(camera):
-        frames = follow(tmp_path)
+        frames = follow(tmp_path, 12)
     assert [frame.name for frame in frames] == [f"frame{index}.png" for index in range(12)]
     assert all(np.array_equal(frame.image, image) for frame, image in zip(frames, IMAGES, strict=True))
     assert [frame.time for frame in frames] == [(tmp_path / frame.name).stat().st_mtime for frame in frames]
@@ -85,7 +90,7 @@ def test_a_file_that_is_written_slowly_is_taken_whole_and_those_after_it_wait(tm
                     (tmp_path / "1.png").write_bytes(png(1))
 
     with Writer(camera):
-        frames = follow(tmp_path)
+        frames = follow(tmp_path, 2)
     assert [frame.name for frame in frames] == [f"0.{form}", "1.png"]
     assert np.array_equal(frames[0].image, surefix.read_image(tmp_path / f"0.{form}"))
 
@@ -100,7 +105,7 @@ def test_a_writer_that_pauses_in_a_file_is_waited_for(tmp_path: Path) -> None:
             file.write(png(0)[300:])
 
     with Writer(camera):
-        (frame,) = follow(tmp_path)
+        (frame,) = follow(tmp_path, 1)
     assert np.array_equal(frame.image, IMAGES[0])
 
 
@@ -138,24 +143,30 @@ def test_a_file_that_is_gone_before_it_is_read_counts_as_dropped(tmp_path: Path)
 
 
 def test_a_pattern_and_an_empty_folder_are_followed_too(tmp_path: Path) -> None:
-    assert follow(tmp_path, idle=0.05) == []
+    assert list(FollowStream(tmp_path, idle=0.05)) == []
 
     def camera() -> None:
         for name in ("left0", "right0", "left1"):
             (tmp_path / f"{name}.png").write_bytes(png(0))
 
     with Writer(camera):
-        frames = follow(tmp_path / "left*.png")
+        frames = follow(tmp_path / "left*.png", 2)
     assert [frame.name for frame in frames] == ["left0.png", "left1.png"]
 
 
 def test_close_ends_the_waiting(tmp_path: Path) -> None:
     stream = open_stream(tmp_path, follow=True)
     assert (type(stream), stream.live, stream.timed) == (FollowStream, True, True)
-    timer = threading.Timer(0.2, stream.close)
-    timer.start()
-    assert list(stream) == []
-    timer.join()
+    over = threading.Event()
+
+    def stop() -> None:
+        # Whenever the other thread has begun.
+        while not over.wait(0.02):
+            stream.close()
+
+    with Writer(stop):
+        assert list(stream) == []
+        over.set()
 
 
 def test_a_queue_wakes_a_stream_that_waits(tmp_path: Path) -> None:
