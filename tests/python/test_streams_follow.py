@@ -165,8 +165,11 @@ def test_close_ends_the_waiting(tmp_path: Path) -> None:
             stream.close()
 
     with Writer(stop):
-        assert list(stream) == []
-        over.set()
+        try:
+            frames = list(stream)
+        finally:
+            over.set()
+    assert frames == []
 
 
 def test_a_queue_wakes_a_stream_that_waits(tmp_path: Path) -> None:
