@@ -49,6 +49,14 @@ def test_a_file_of_a_ros2_bag_is_a_bag_by_itself(tmp_path: Path, ending: str) ->
     assert np.array_equal(frame.image, IMAGES[0])
 
 
+def test_a_bag_of_a_recorder_that_was_interrupted_names_its_files(tmp_path: Path) -> None:
+    with Bag(tmp_path, "mcap") as bag:
+        bag.image("/image", IMAGES[0], TIMES[0])
+    (bag.path / "metadata.yaml").unlink()
+    with pytest.raises(surefix.SurefixValueError, match=r"the metadata\.yaml of a bag; name one of drive_mcap\.mcap$"):
+        open_stream(bag.path)
+
+
 def test_a_message_without_a_stamp_has_the_time_of_its_recording(tmp_path: Path) -> None:
     with Bag(tmp_path, "mcap") as bag:
         bag.image("/image", IMAGES[0], 0.0, recorded=TIMES[3])

@@ -1,11 +1,15 @@
 """A camera, by OpenCV: here one on the network, which this test serves."""
 
+import csv
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import islice
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -96,3 +100,19 @@ def test_a_camera_is_known_by_its_number_its_device_or_its_address() -> None:
 def test_a_camera_that_is_not_there_is_named() -> None:
     with pytest.raises(surefix.SurefixFileError, match=r"camera http://127\.0\.0\.1:1/x: cannot open it"):
         list(open_stream("http://127.0.0.1:1/x"))
+
+
+def test_a_robot_runs_along_a_route_by_its_camera(address: str, tmp_path: Path) -> None:
+    surefix.Map.from_images(IMAGES, progress=False).save(tmp_path / "route.safetensors")
+    out = tmp_path / "fixes.csv"
+    command = [sys.executable, "-m", "surefix", "run", tmp_path / "route.safetensors", address, "-o", out]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    # The camera's end is an error; what came before it is kept.
+    assert done.returncode == 1, done.stderr
+    *_, summary, error = done.stderr.splitlines()
+    assert error.startswith(f"surefix: camera {address}: it gives no frame any more")
+    rows = list(csv.DictReader(out.read_text().splitlines()))
+    assert summary.startswith(f"{len(rows)} fixes, ")
+    assert [int(row["single_place"]) for row in rows] == [int(row["query"]) for row in rows]
+    seen = len(rows) + sum(int(row["dropped"]) for row in rows)
+    assert int(error.split()[-2]) == seen

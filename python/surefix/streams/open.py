@@ -135,7 +135,17 @@ def _source(
     if file.is_file():
         endings = ", ".join(sorted(VIDEO_ENDINGS | BAG_ENDINGS | {".npy"}))
         raise SurefixValueError(f"{name}: expected a folder of images, a pattern, or a file that ends in {endings}")
-    return ImageStream(name)
+    try:
+        return ImageStream(name)
+    except SurefixValueError:
+        parts = sorted(path.name for path in file.glob("*") if is_bag(path)) if file.is_dir() else []
+        if not parts:
+            raise
+        # A recorder that was interrupted leaves a bag's folder so.
+        listed = ", ".join(parts)
+        raise SurefixValueError(
+            f"{name}: expected images, or the metadata.yaml of a bag; name one of {listed}"
+        ) from None
 
 
 def _odometry(given: Odometry | str | PathLike[str], source: Stream) -> Odometry:
