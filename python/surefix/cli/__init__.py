@@ -28,7 +28,10 @@ app = typer.Typer(
     epilog="Start with: surefix demo",
 )
 maps = typer.Typer(no_args_is_help=True, help="Make a map of a route, make it longer, or look at one.")
-maps.command(epilog="Example: surefix map build photos/ -o route.safetensors")(build)
+maps.command(
+    epilog="Example: surefix map build photos/ -o route.safetensors\n\n"
+    "Example: surefix map build survey.bag --metres 2 --odometry /odom -o route.safetensors"
+)(build)
 maps.command(epilog="Example: surefix map append route.safetensors more_photos/")(append)
 maps.command(epilog="Example: surefix map info route.safetensors")(info)
 app.add_typer(maps, name="map")

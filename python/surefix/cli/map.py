@@ -66,6 +66,7 @@ def build(
     ] = None,
     topic: Annotated[str | None, typer.Option(help="A bag: the topic of the images, if there are several.")] = None,
     stride: Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")] = 1,
+    every: Annotated[float | None, typer.Option(help="A video or a bag: take a frame every so many seconds.")] = None,
     metres: Annotated[
         float | None, typer.Option(help="A video or a bag: a place every so many metres, by --odometry.")
     ] = None,
@@ -80,15 +81,15 @@ def build(
         raise SurefixFileError(f"{out}: cannot write the map: there is no folder {out.absolute().parent}")
     where = None if positions is None else read_positions(positions)
     if is_recording(references):
-        stream = open_stream(references, topic=topic, stride=stride, metres=metres, odometry=odometry)
+        stream = open_stream(references, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry)
         if out.exists() and any(out.samefile(file) for file in stream.files):
             raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
         map_of_recording(stream, _sad(size, patch, dtype), where).save(out)
         print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
         return
-    if (topic, stride, metres, odometry) != (None, 1, None, None):
+    if (topic, stride, every, metres, odometry) != (None, 1, None, None, None):
         raise typer.BadParameter(
-            f"--topic, --stride, --metres, --odometry: expected a video or a bag, got {references}"
+            f"--topic, --stride, --every, --metres, --odometry: expected a video or a bag, got {references}"
         )
     frames = Frames(references)
     if frames.holds(out):
