@@ -187,7 +187,7 @@ def localize(localizer: Localizer, stream: Stream, writer: "CsvFixes | JsonFixes
     with closing(stream.frames()) as frames:
         for frame in frames:
             if frame.breaks:
-                localizer.gap()  # type: ignore[attr-defined]
+                localizer.gap()
             start = time.perf_counter_ns()
             try:
                 fix = localizer.push(frame.image)
