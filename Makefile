@@ -88,8 +88,9 @@ $(VENV)/installed: $(VENV)/wheel
 	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[plot]"
 	@touch $@
 
+# Rerun is as large as all the rest: `dev` leaves it out, and the checks do not.
 $(VENV)/dev: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[dev]"
+	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[dev,live]"
 	@touch $@
 
 $(VENV)/rivals: $(VENV)/installed

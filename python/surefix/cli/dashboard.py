@@ -1,24 +1,20 @@
 """The demo's drive as it goes, on a terminal."""
 
 import sys
-import time
 from collections import Counter, deque
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.color import Color
-from rich.console import Console, ConsoleOptions, Group, RenderResult
-from rich.live import Live
-from rich.measure import Measurement
+from rich.console import Console, Group
 from rich.panel import Panel
-from rich.segment import Segment
-from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
 from surefix import Fix
+from surefix.live.half_blocks import HalfBlocks
+from surefix.live.paced import PacedLive
 from surefix.plot.outcome import Outcome
 from surefix.simulate import Traverse
 
@@ -46,9 +42,8 @@ class Dashboard:
     PAUSE = 1 / 15
 
     def __init__(self, reference: Traverse, total: int) -> None:
-        self.on = sys.stderr.isatty()
-        self.console = Console(stderr=True, force_terminal=self.on)
-        self.live = Live(console=self.console, auto_refresh=False)
+        self.console = Console(stderr=True, force_terminal=sys.stderr.isatty())
+        self.paced = PacedLive(self.console, self.PAUSE)
         self.reference = reference
         self.total = total
         self.image: Image | None = None
@@ -57,7 +52,6 @@ class Dashboard:
         self.latency: list[float] = []
         self.width = min(self.WIDTH, self.console.width)
         self.route: list[Counter[Outcome]] = [Counter() for _ in range(min(max(8, self.width - 4), total))]
-        self.due = 0.0
         encoding = (self.console.encoding or "").lower()
         self.unicode = encoding.startswith("utf")
         marks = ("●", "✖", "○", "·") if self.unicode else ("o", "X", "o", "x")
@@ -66,20 +60,17 @@ class Dashboard:
         self.pictures = self.unicode and roomy and self.console.color_system in ("truecolor", "256")
 
     def __enter__(self) -> Self:
-        if self.on:
-            self.live.start()
+        self.paced.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        if self.on:
-            self.live.update(self._panel(), refresh=True)
-            self.live.stop()
+        self.paced.stop(self._panel)
 
     def show(self, image: Image, fix: Fix, truth: int, right: bool, latency: float) -> None:
         """Take one fix, and draw it if it is time to."""
-        if not self.on:
+        if not self.paced.on:
             return
         outcome = Outcome.of(right, fix.trusted)
         self.image = image
@@ -87,12 +78,7 @@ class Dashboard:
         self.route[fix.frame * len(self.route) // self.total][outcome] += 1
         self.fixes.append((fix, truth, outcome, latency))
         self.latency.append(latency)
-        start = time.perf_counter()
-        if start >= self.due:
-            self.live.update(self._panel(), refresh=True)
-            end = time.perf_counter()
-            # On a slow terminal, the drive has most of the time.
-            self.due = end + max(self.PAUSE, 2 * (end - start))
+        self.paced.draw(self._panel)
 
     def _panel(self) -> Panel:
         parts = [self._pictures()] if self.pictures and self.fixes else []
@@ -106,7 +92,7 @@ class Dashboard:
         wide = (self.width - 6) // 2
         pair = Table.grid(padding=(0, 2, 0, 0))
         if self.image is not None:
-            pair.add_row(_HalfBlocks(self.image, wide), _HalfBlocks(self.reference[fix.place], wide))
+            pair.add_row(HalfBlocks(self.image, wide), HalfBlocks(self.reference[fix.place], wide))
         answer = Text(f"map, place {fix.place}: {self.marks[outcome]} {outcome.value}", COLOURS[outcome])
         pair.add_row(Text(f"camera, frame {fix.frame}", "dim"), answer)
         pair.add_row("")
@@ -157,25 +143,3 @@ class Dashboard:
         median = 1000 * float(np.median(self.latency)) if self.latency else 0.0
         done = sum(self.counts.values())
         return Text(f"{done} of {self.total} frames, {share}, {median:.2f} ms a fix (median)", "dim")
-
-
-class _HalfBlocks:
-    """An image in characters that are half foreground and half background: two pixels each."""
-
-    def __init__(self, image: Image, width: int) -> None:
-        self.width = min(width, image.shape[1])
-        height = max(2, round(self.width * image.shape[0] / image.shape[1]) // 2 * 2)
-        rows = np.linspace(0, image.shape[0], height, endpoint=False).astype(int)
-        columns = np.linspace(0, image.shape[1], self.width, endpoint=False).astype(int)
-        sums = np.add.reduceat(np.add.reduceat(image.astype(np.int64), rows, axis=0), columns, axis=1)
-        heights, widths = np.diff(rows, append=image.shape[0]), np.diff(columns, append=image.shape[1])
-        self.pixels = (sums // np.outer(heights, widths)[:, :, None]).tolist()
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        for upper, lower in zip(self.pixels[::2], self.pixels[1::2], strict=True):
-            for above, below in zip(upper, lower, strict=True):
-                yield Segment("▀", Style(color=Color.from_rgb(*above), bgcolor=Color.from_rgb(*below)))
-            yield Segment.line()
-
-    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
-        return Measurement(self.width, self.width)

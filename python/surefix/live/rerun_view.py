@@ -1,0 +1,276 @@
+"""A drive in rerun: its viewer, a recording to open later, or both."""
+
+import os
+import sys
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surefix import Fix, Localizer, Map, SurefixError, SurefixFileError
+from surefix.live.colours import FAINT, HERE, MINIMUM, PEAK, TRUSTED, UNTRUSTED
+from surefix.live.columns import Columns
+from surefix.live.pictures import heat, shrunk_jpeg
+from surefix.live.references import References
+from surefix.live.rerun_layout import layout
+from surefix.live.rerun_viewer import load_rerun, open_viewer
+from surefix.live.thinning import Thinning
+from surefix.live.view import Seen
+
+__all__ = ["RerunView"]
+
+Image = NDArray[np.uint8]
+
+# From the epoch, and not from the start of a video: 2001 and later.
+EPOCH = 1e9
+
+
+class RerunView:
+    """A drive in the rerun viewer, and in a recording: what the camera sees and the place it is matched to, the distances
+    with their minimum and gradient peak, the newest columns of their matrix, the trusted track, score and latency.
+
+    Each query is a row on the timeline ``frame``, and on ``time`` where frames have one. The entity ``fix`` has the fix
+    itself, number by number, for whoever reads a recording back. Distances of more places than ``places_drawn`` are
+    thinned, their minima kept, and the matrix has the newest queries only: what a query costs does not grow.
+
+    Parameters
+    ----------
+    map : Map
+        The localizer's map. Its positions, where it has any, become the track's ground.
+    save : path, optional
+        Write a recording, to be opened by ``rerun FILE.rrd``. A file of that name is replaced.
+    spawn : bool, optional
+        Open the viewer, or use the one that is open. By default, where nothing is saved.
+    references : path, optional
+        The folder of the map's images, as for ``References``.
+    port : int
+        Where the viewer listens.
+    memory : str
+        How much the viewer and its server may keep each, as "2GB" or "50%", before they forget what is oldest.
+    columns : int, optional
+        How many of the newest queries the matrix has; by default as many as fill its view.
+    places_drawn : int
+        How many distances are drawn.
+
+    Raises
+    ------
+    SurefixError
+        Where rerun is not installed, the viewer cannot be opened, or the recording cannot be written.
+
+    Notes
+    -----
+    Positions are drawn from the map's first, which keeps metres of a national grid exact; of two coordinates, the
+    second is drawn upwards. On a map with a screen, the view asks for all distances, which the push was spared.
+
+    Examples
+    --------
+    >>> view = RerunView(route, save="drive.rrd")     # doctest: +SKIP
+    >>> view.update(frame, fix, localizer, 85.0)      # doctest: +SKIP
+    >>> view.close()                                  # doctest: +SKIP
+    """
+
+    WIDEST = 480
+    ROWS = 160
+    PLACES_ON_ROUTE = 20_000
+
+    def __init__(
+        self,
+        map: Map,
+        save: str | os.PathLike[str] | None = None,
+        *,
+        spawn: bool | None = None,
+        references: str | Path | None = None,
+        port: int = 9876,
+        memory: str = "2GB",
+        columns: int | None = None,
+        places_drawn: int = 1000,
+    ) -> None:
+        self.positions = map.positions
+        self.origin = np.zeros(3) if self.positions is None else self.positions[0]
+        self.save = None if save is None else Path(save)
+        self.references = References(map, references)
+        rows = min(len(map), self.ROWS)
+        self.columns = Columns(len(map), columns or max(60, 3 * rows // 2), rows)
+        self.thinning = Thinning(len(map), places_drawn)
+        self.rr = load_rerun()
+        self.recording = self.rr.RecordingStream("surefix")
+        if not self.rr.is_enabled(self.recording):
+            raise SurefixError("rerun is turned off: expected the environment variable RERUN to be unset or on")
+        self.recording.set_log_time_enabled(False)
+        self.recording.set_log_tick_enabled(False)
+        self.started = False
+        self.shown: int | None = None
+        self.dropped = 0
+        self.recording.set_sinks(*self._sinks(spawn if spawn is not None else save is None, port, memory))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
+        """Log one frame and its fix; as ``View.update``."""
+        seen = Seen.of(frame, fix)
+        if not self.started:
+            self._start(seen)
+            self.started = True
+        self._set_time(seen, fix)
+        self._log_images(seen, fix)
+        distances = localizer.distances
+        self._log_distances(distances, fix)
+        self._log_matrix(distances, fix)
+        self._log_track(fix)
+        self._log_numbers(seen, fix, latency_us)
+
+    def close(self) -> None:
+        """Send what is left, and finish the file. The viewer stays open.
+
+        Raises
+        ------
+        SurefixFileError
+            Where there is no recording in the end.
+        """
+        if self.recording is None:
+            return
+        recording, self.recording = self.recording, None
+        try:
+            recording.flush(timeout_sec=10)
+        except (RuntimeError, ValueError) as error:
+            # The viewer was closed before the drive was over, which is no mistake.
+            print(f"rerun: {error}", file=sys.stderr)
+        recording.disconnect()
+        if self.save is not None and not self.save.is_file():
+            raise SurefixFileError(f"{self.save}: the recording is not there any more")
+
+    def _sinks(self, spawn: bool, port: int, memory: str) -> list[Any]:
+        sinks = []
+        if spawn:
+            open_viewer(self.rr, port, memory)
+            sinks.append(self.rr.GrpcSink(f"rerun+http://127.0.0.1:{port}/proxy"))
+        if self.save is not None:
+            try:
+                sinks.append(self.rr.FileSink(self.save))
+            except RuntimeError as error:
+                raise SurefixFileError(f"{self.save}: cannot write the recording: {error}") from None
+        return sinks
+
+    def _start(self, seen: Seen) -> None:
+        """What stays for the whole drive: the layout, the styles, the route."""
+        rr, log = self.rr, self.recording.log
+        self.recording.send_blueprint(
+            layout(
+                camera=seen.image is not None,
+                references=bool(self.references),
+                dimensions=0 if self.positions is None else self.positions.shape[1],
+                matrix=self.columns.values.shape,
+            )
+        )
+        points = {"trusted": (TRUSTED, 3.0), "untrusted": (UNTRUSTED, 1.5)}
+        for name, (colour, size) in points.items():
+            style = rr.SeriesPoints(colors=_rgb(colour), names=name, markers="circle", marker_sizes=size)
+            log(f"place/{name}", style, static=True)
+        log("score", rr.SeriesLines(colors=_rgb(MINIMUM), names="score", widths=1.5), static=True)
+        log("latency_us", rr.SeriesLines(colors=_rgb(PEAK), names="push, microseconds", widths=1.5), static=True)
+        if self.positions is not None:
+            step = -(-len(self.positions) // self.PLACES_ON_ROUTE)
+            log("route/places", self._points(self.positions[::step], FAINT, 1.5), static=True)
+
+    def _set_time(self, seen: Seen, fix: Fix) -> None:
+        self.recording.set_time("frame", sequence=fix.frame)
+        if seen.time is None:
+            self.recording.disable_timeline("time")
+        elif seen.time >= EPOCH:
+            self.recording.set_time("time", timestamp=seen.time)
+        else:
+            self.recording.set_time("time", duration=seen.time)
+
+    def _log_images(self, seen: Seen, fix: Fix) -> None:
+        if seen.image is not None:
+            self.recording.log("camera", self._jpeg(seen.image))
+        if self.references and fix.place != self.shown:
+            self.shown = fix.place
+            reference = self.references.image(fix.place)
+            self.recording.log(
+                "matched", self.rr.Clear(recursive=False) if reference is None else self._jpeg(reference)
+            )
+
+    def _jpeg(self, image: Image) -> Any:
+        return self.rr.EncodedImage(contents=shrunk_jpeg(image, self.WIDEST), media_type="image/jpeg")
+
+    def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
+        """All distances as bars, those of the minimum and of the gradient peak in colours."""
+        chart, log = self.rr.BarChart, self.recording.log
+        places = self.thinning.smallest(distances)
+        wide = float(self.thinning.width)
+        values = distances[places]
+        middles = (places // self.thinning.width + 0.5) * wide - 0.5
+        log("distances/all", chart(values, abscissa=middles, widths=np.full(len(values), wide), color=_rgb(UNTRUSTED)))
+        # On a long route, one bar would be too thin to see.
+        thick = max(wide, len(distances) / 150)
+        for name, place, colour in (
+            ("minimum", fix.single.place, MINIMUM),
+            ("gradient_peak", fix.gradient.place, PEAK),
+        ):
+            bar = chart(distances[[place]], abscissa=[float(place)], widths=[thick], color=_rgb(colour))
+            log(f"distances/{name}", bar)
+
+    def _log_matrix(self, distances: NDArray[np.float32], fix: Fix) -> None:
+        rr = self.rr
+        self.columns.add(distances, fix)
+        picture = rr.EncodedImage(contents=heat(self.columns.levels()), media_type="image/png")
+        self.recording.log("matrix/distances", picture)
+        for name, trusted, colour, size in (("untrusted", False, UNTRUSTED, 1.5), ("trusted", True, TRUSTED, 3.0)):
+            radius = rr.Radius.ui_points(size)
+            self.recording.log(
+                f"matrix/{name}", rr.Points2D(self.columns.cells(trusted), colors=_rgb(colour), radii=radius)
+            )
+
+    def _log_track(self, fix: Fix) -> None:
+        name, colour, size = ("trusted", TRUSTED, 5.0) if fix.trusted else ("untrusted", UNTRUSTED, 2.0)
+        self.recording.log(f"place/{name}", self.rr.Scalars(fix.place))
+        if self.positions is not None:
+            at = self.positions[[fix.place]]
+            self.recording.log(f"route/{name}", self._points(at, colour, size))
+            self.recording.log("route/here", self._points(at, HERE, 8.0 if fix.trusted else 4.0))
+
+    def _points(self, at: NDArray[np.float64], colour: str, size: float) -> Any:
+        """Positions as points: from the first place's, and with two coordinates, the second upwards."""
+        drawn = (at - self.origin).astype(np.float32)
+        kind = self.rr.Points3D
+        if drawn.shape[1] == 2:
+            drawn[:, 1] *= -1
+            kind = self.rr.Points2D
+        return kind(drawn, colors=_rgb(colour), radii=self.rr.Radius.ui_points(size))
+
+    def _log_numbers(self, seen: Seen, fix: Fix, latency_us: float) -> None:
+        rr, log, sequence = self.rr, self.recording.log, fix.sequence
+        log("score", rr.Scalars(fix.score))
+        log("latency_us", rr.Scalars(latency_us))
+        self.dropped += seen.dropped
+        log(
+            "fix",
+            rr.AnyValues(
+                query=seen.name,
+                place=fix.place,
+                score=fix.score,
+                trusted=fix.trusted,
+                ready=sequence is not None,
+                anchors=-1 if sequence is None else sequence.anchors,
+                speed=float("nan") if sequence is None else sequence.speed,
+                single_place=fix.single.place,
+                single_distance=fix.single.distance,
+                gradient_place=fix.gradient.place,
+                gradient_value=fix.gradient.value,
+                latency_us=latency_us,
+                dropped=self.dropped,
+            ),
+        )
+
+
+def _rgb(colour: str) -> list[int]:
+    return list(bytes.fromhex(colour[1:]))
