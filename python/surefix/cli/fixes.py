@@ -1,21 +1,13 @@
-"""How the command line writes fixes: as CSV, as JSON lines, or live on a terminal."""
+"""How the command line writes fixes: as CSV, or as JSON lines."""
 
 import csv
 import json
-from collections import deque
 from dataclasses import asdict, dataclass
-from types import TracebackType
-from typing import Any, Self, TextIO
-
-from rich.console import Group
-from rich.live import Live
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
-from rich.text import Text
+from typing import Any, TextIO
 
 from surefix import Fix
 
-__all__ = ["CsvFixes", "FixRow", "JsonFixes", "LiveFixes", "Moment"]
+__all__ = ["CsvFixes", "FixRow", "JsonFixes", "Moment"]
 
 
 @dataclass(frozen=True)
@@ -63,22 +55,7 @@ class Moment:
     gap: bool
 
 
-class _Writer:
-    """Writes rows as they come. Used as a context."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        return None
-
-    def write(self, row: FixRow) -> None:
-        """Take one row."""
-
-
-class CsvFixes(_Writer):
+class CsvFixes:
     """A line of names, then a line a fix; booleans in lower case, an empty field where there is nothing."""
 
     def __init__(self, file: TextIO) -> None:
@@ -95,7 +72,7 @@ class CsvFixes(_Writer):
         self.file.flush()
 
 
-class JsonFixes(_Writer):
+class JsonFixes:
     """One JSON object a line."""
 
     def __init__(self, file: TextIO) -> None:
@@ -105,64 +82,3 @@ class JsonFixes(_Writer):
         """Write one line."""
         self.file.write(json.dumps(row.fields()) + "\n")
         self.file.flush()
-
-
-class LiveFixes(_Writer):
-    """The newest fixes in a table that moves with the drive, and a bar; ``beside`` gets each row too."""
-
-    SHOWN = 12
-
-    def __init__(self, total: int | None, beside: _Writer | None) -> None:
-        self.beside = beside
-        self.rows: deque[FixRow] = deque(maxlen=self.SHOWN)
-        last = TimeElapsedColumn() if total is None else TimeRemainingColumn()
-        columns = (TextColumn("Localizing"), BarColumn(), MofNCompleteColumn(), last)
-        self.progress = Progress(*columns)
-        self.task = self.progress.add_task("run", total=total)
-        self.live = Live(get_renderable=self._picture, refresh_per_second=12, transient=False)
-
-    def __enter__(self) -> Self:
-        self.live.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.live.stop()
-
-    def write(self, row: FixRow) -> None:
-        """Show one row."""
-        self.rows.append(row)
-        self.progress.advance(self.task)
-        if self.beside is not None:
-            self.beside.write(row)
-
-    def _picture(self) -> Group:
-        table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-        for name in ("frame", "query", "place", "", "score", "trusted", "anchors", "us"):
-            table.add_column(name, justify="left" if name in ("query", "", "trusted") else "right")
-        for row in list(self.rows):
-            fix = row.fix
-            trusted = Text("● trusted", "bold green") if fix.trusted else Text("○", "dim")
-            anchors = "warming up" if fix.sequence is None else str(fix.sequence.anchors)
-            table.add_row(
-                str(fix.frame),
-                _query(row),
-                str(fix.place),
-                Text(row.place_name or "", "dim"),
-                f"{fix.score:.3f}",
-                trusted,
-                anchors,
-                f"{row.latency_us:.0f}",
-            )
-        return Group(table, self.progress)
-
-
-def _query(row: FixRow) -> Text:
-    """Its name, and what is missing before it."""
-    text = Text(row.query)
-    if row.moment is not None and row.moment.dropped:
-        text.append(f" {row.moment.dropped} dropped", "yellow")
-    if row.moment is not None and row.moment.gap:
-        text.append(" gap", "yellow")
-    return text

@@ -2,7 +2,8 @@
 
 import sys
 import time
-from contextlib import closing
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -10,14 +11,20 @@ from typing import Annotated, TextIO
 import typer
 
 from surefix import Localizer, Map, SurefixFileError, SurefixValueError
-from surefix.cli.fixes import CsvFixes, FixRow, JsonFixes, LiveFixes, Moment
+from surefix.cli.fixes import CsvFixes, FixRow, JsonFixes, Moment
 from surefix.cli.tally import Tally
+from surefix.cli.views import open_views
+from surefix.live import View
 from surefix.streams import Frame, Stream, open_stream
 
 __all__ = ["localize", "run"]
 
-# The heading in the help, of the options about frames.
+# The headings in the help, of the options about frames and about seeing them.
 F = "Frames"
+S = "Seeing it"
+
+
+Writer = CsvFixes | JsonFixes
 
 
 class Format(StrEnum):
@@ -121,6 +128,15 @@ def run(
             rich_help_panel=F,
         ),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Open rerun's viewer; without rerun, the terminal's.", rich_help_panel=S)
+    ] = False,
+    save: Annotated[
+        Path | None, typer.Option(help="Write a recording, to be opened by rerun FILE.rrd.", rich_help_panel=S)
+    ] = None,
+    references: Annotated[
+        Path | None, typer.Option(help="The map's images, to be shown beside the queries.", rich_help_panel=S)
+    ] = None,
 ) -> None:
     """Localize along a route: a fix for each query, as it comes."""
     places = Map.open(route)
@@ -157,24 +173,30 @@ def run(
         raise typer.BadParameter(str(error)) from None
     if out is not None and out.exists() and any(out.samefile(file) for file in (route, *_read(stream))):
         raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
+    if save is not None:
+        _check_save(save, [*([] if out is None else [out]), route, *_read(stream)])
     tally = Tally()
-    file = None if out is None else _create(out)
-    try:
-        with _writer(file, _format(form, out), stream.estimate) as writer:
-            localize(localizer, stream, writer, tally)
-    except KeyboardInterrupt:
-        # What has no end of its own is ended so.
-        if not stream.live:
-            raise
-    finally:
-        # What came before a frame that cannot be read is kept, and said.
-        if file is not None:
-            file.close()
-        print(tally.summary(out), file=sys.stderr)
+    with ExitStack() as opened:
+        # First, so that a view which cannot be opened leaves the file as it was.
+        seen = open_views(places, stream.estimate, live=live, save=save, references=references)
+        views = opened.enter_context(seen)
+        file = None if out is None else opened.enter_context(_create(out))
+        try:
+            localize(localizer, stream, _writer(file, _format(form, out)), tally, views)
+        except KeyboardInterrupt:
+            # What has no end of its own is ended so.
+            if not stream.live:
+                raise
+        finally:
+            # What came before a frame that cannot be read is kept, and said, on a terminal that is free again.
+            opened.close()
+            print(tally.summary(out), file=sys.stderr)
 
 
-def localize(localizer: Localizer, stream: Stream, writer: "CsvFixes | JsonFixes | LiveFixes", tally: Tally) -> None:
-    """Push each frame of the stream, and write and count each fix.
+def localize(
+    localizer: Localizer, stream: Stream, writer: Writer | None, tally: Tally, views: Sequence[View] = ()
+) -> None:
+    """Push each frame of the stream, write and count each fix, and show it in the views.
 
     Raises
     ------
@@ -197,8 +219,11 @@ def localize(localizer: Localizer, stream: Stream, writer: "CsvFixes | JsonFixes
             before = frame.image.shape
             moment = Moment(frame.time, frame.dropped, frame.gap) if stream.timed or stream.live else None
             row = FixRow(frame.name, fix, names[fix.place] if names else None, latency, moment)
-            writer.write(row)
+            if writer is not None:
+                writer.write(row)
             tally.add(row)
+            for view in views:
+                view.update(frame, fix, localizer, latency)
 
 
 def _at(frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError) -> SurefixValueError:
@@ -215,6 +240,13 @@ def _read(stream: Stream) -> list[Path]:
     return [path for path in map(Path, stream.files) if path.exists()]
 
 
+def _check_save(save: Path, others: list[Path]) -> None:
+    if save.suffix != ".rrd":
+        raise typer.BadParameter(f"--save: expected a name that ends in .rrd, got {save}")
+    if any(save == file or (save.exists() and file.exists() and save.samefile(file)) for file in others):
+        raise typer.BadParameter(f"--save: {save} is read or written here for something else; name another file")
+
+
 def _create(out: Path) -> TextIO:
     try:
         return out.open("w", encoding="utf-8", newline="")
@@ -228,10 +260,9 @@ def _format(form: Format | None, out: Path | None) -> Format:
     return Format.json if out is not None and out.suffix in (".json", ".jsonl", ".ndjson") else Format.csv
 
 
-def _writer(file: TextIO | None, form: Format, total: int | None) -> "CsvFixes | JsonFixes | LiveFixes":
+def _writer(file: TextIO | None, form: Format) -> Writer | None:
+    """What writes the fixes: none where they would run over the view of the terminal."""
     lines = CsvFixes if form is Format.csv else JsonFixes
-    if sys.stdout.isatty():
-        return LiveFixes(total, None if file is None else lines(file))
     if file is not None:
         return lines(file)
-    return lines(sys.stdout)
+    return None if sys.stdout.isatty() else lines(sys.stdout)

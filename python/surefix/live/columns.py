@@ -39,7 +39,7 @@ class Columns:
         self.matched.append((self.thinning.group(fix.single.place), fix.trusted))
 
     def levels(self) -> NDArray[np.uint8]:
-        """The columns as a picture, (rows, count): from 255, the smallest distance in it, to 1; 0 where there is none."""
+        """The columns as a picture, (rows, count): 255 is the smallest distance in it, 1 the largest, 0 is none."""
         known = np.isfinite(self.values)
         if not known.any():
             return np.zeros(self.values.shape, np.uint8)

@@ -28,8 +28,8 @@ EPOCH = 1e9
 
 
 class RerunView:
-    """A drive in the rerun viewer, and in a recording: what the camera sees and the place it is matched to, the distances
-    with their minimum and gradient peak, the newest columns of their matrix, the trusted track, score and latency.
+    """A drive in the rerun viewer, and in a recording: what the camera sees and the place it is matched to, the
+    distances with their minimum and gradient peak, the newest columns of their matrix, the trusted track, the score.
 
     Each query is a row on the timeline ``frame``, and on ``time`` where frames have one. The entity ``fix`` has the fix
     itself, number by number, for whoever reads a recording back. Distances of more places than ``places_drawn`` are

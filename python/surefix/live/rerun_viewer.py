@@ -5,17 +5,12 @@ import shutil
 import sys
 import sysconfig
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 from surefix import SurefixError
+from surefix.streams.extra import load_extra
 
-__all__ = ["has_rerun", "load_rerun", "open_viewer"]
-
-
-def has_rerun() -> bool:
-    """Whether rerun is installed."""
-    return find_spec("rerun") is not None
+__all__ = ["load_rerun", "open_viewer", "viewer_obstacle"]
 
 
 def load_rerun() -> Any:
@@ -26,11 +21,16 @@ def load_rerun() -> Any:
     SurefixError
         Where it is not installed: the error says what to install.
     """
-    try:
-        import rerun
-    except ImportError as error:
-        raise SurefixError(f'the live view needs rerun ({error}): pip install "surefix[live]"') from None
-    return rerun
+    return load_extra("rerun", "live", "the live view")
+
+
+def viewer_obstacle() -> str | None:
+    """Why rerun's viewer cannot be opened here, in a few words; None where it can."""
+    if find_spec("rerun") is None:
+        return 'rerun is not installed: pip install "surefix[live]"'
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return "rerun's viewer needs a screen, and DISPLAY names none"
+    return None
 
 
 def open_viewer(rr: Any, port: int, memory: str) -> None:
@@ -41,10 +41,8 @@ def open_viewer(rr: Any, port: int, memory: str) -> None:
     SurefixError
         Where there is no screen to open it on, or it does not start.
     """
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise SurefixError("rerun's viewer needs a screen, and there is none here (no DISPLAY): save the drive instead")
-    # In a virtual environment that is not activated, the shell's path does not lead to it.
-    beside = shutil.which("rerun", path=sysconfig.get_path("scripts"))
+    if obstacle := viewer_obstacle():
+        raise SurefixError(obstacle)
     try:
         rr.spawn(
             port=port,
@@ -52,7 +50,8 @@ def open_viewer(rr: Any, port: int, memory: str) -> None:
             memory_limit=memory,
             server_memory_limit=memory,
             hide_welcome_screen=True,
-            executable_path=None if beside is None else str(Path(beside)),
+            # In a virtual environment that is not activated, the shell's path does not lead to it.
+            executable_path=shutil.which("rerun", path=sysconfig.get_path("scripts")),
         )
     except (RuntimeError, OSError) as error:
         raise SurefixError(f"rerun's viewer did not open: {error}") from None

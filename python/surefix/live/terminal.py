@@ -12,8 +12,8 @@ from surefix import Fix, Localizer, Map
 from surefix.live.paced import PacedLive
 from surefix.live.references import References
 from surefix.live.route_bar import RouteBar
-from surefix.live.tally import Tally
-from surefix.live.terminal_panel import Moment, Row, panel
+from surefix.live.terminal_panel import Row, Scene, panel
+from surefix.live.totals import Totals
 from surefix.live.view import Seen
 
 __all__ = ["TerminalView"]
@@ -66,7 +66,7 @@ class TerminalView:
         self.references = References(map, references)
         self.route = RouteBar(len(map))
         self.places = len(map)
-        self.tally = Tally()
+        self.totals = Totals()
         self.rows: deque[Row] = deque(maxlen=self.KEPT)
         self.newest: tuple[Seen, Fix, Localizer] | None = None
         self.paced = PacedLive(self.console, self.PAUSE)
@@ -83,7 +83,7 @@ class TerminalView:
     def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
         """Take one frame and its fix, and draw them if it is time to; as ``View.update``."""
         seen = Seen.of(frame, fix)
-        self.tally.add(seen, fix, latency_us, time.monotonic())
+        self.totals.add(seen, fix, latency_us, time.monotonic())
         row = Row(seen.name, fix, self._name(fix.place), latency_us)
         if not self.paced.on:
             self.console.print(row.line(), markup=False, highlight=False, soft_wrap=True)
@@ -105,7 +105,7 @@ class TerminalView:
     def _picture(self) -> RenderableType:
         assert self.newest is not None
         seen, fix, localizer = self.newest
-        moment = Moment(
+        scene = Scene(
             places=self.places,
             total=self.total,
             fix=fix,
@@ -114,6 +114,6 @@ class TerminalView:
             distances=localizer.distances,
             route=self.route,
             rows=list(self.rows),
-            tally=self.tally,
+            totals=self.totals,
         )
-        return panel(moment, self.console)
+        return panel(scene, self.console)

@@ -15,9 +15,9 @@ from surefix.live.half_blocks import HalfBlocks
 from surefix.live.route_bar import RouteBar
 from surefix.live.sparkline import sparkline
 from surefix.live.strip import Strip
-from surefix.live.tally import Tally
+from surefix.live.totals import Totals
 
-__all__ = ["Moment", "Row", "panel"]
+__all__ = ["Row", "Scene", "panel"]
 
 WIDEST = 110
 # From here on the fixes have these columns, too.
@@ -44,7 +44,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class Scene:
     """All that one picture shows."""
 
     places: int
@@ -55,46 +55,46 @@ class Moment:
     distances: NDArray[np.float32]
     route: RouteBar
     rows: list[Row]
-    tally: Tally
+    totals: Totals
 
 
-def panel(moment: Moment, console: Console) -> RenderableType:
-    """The moment, with what the console has room for: first of all where the drive is, last of all its images."""
+def panel(scene: Scene, console: Console) -> RenderableType:
+    """The scene, with what the console has room for: first of all where the drive is, last of all its images."""
     unicode = (console.encoding or "").lower().startswith("utf")
     width = min(console.width, WIDEST)
     inside = max(1, width - 4)
-    strip = Strip(moment.places, inside)
+    strip = Strip(scene.places, inside)
     # One line stays free for the cursor, and two are the frame's.
     room = console.height - 3
-    top: list[RenderableType] = [_headline(moment, unicode)]
+    top: list[RenderableType] = [_headline(scene, unicode)]
     below: list[RenderableType] = []
-    summary = _lines(str(moment.tally), inside)
+    summary = _lines(str(scene.totals), inside)
     room -= 1 + len(summary)
     if room >= 3:
-        top += ["", moment.route.draw(strip, unicode)]
+        top += ["", scene.route.draw(strip, unicode)]
         room -= 3
     if room >= 6:
         lines = (3 if room >= 16 else 2) if unicode else 1
-        below += ["", _distances_label(moment, unicode), sparkline(moment.distances, moment.fix, strip, lines, unicode)]
+        below += ["", _distances_label(scene, unicode), sparkline(scene.distances, scene.fix, strip, lines, unicode)]
         room -= 4 + lines
     if room >= 4:
-        shown = min(len(moment.rows), room - 2, 12)
-        below += ["", _table(moment.rows[len(moment.rows) - shown :], width, unicode)]
+        shown = min(len(scene.rows), room - 2, 12)
+        below += ["", _table(scene.rows[len(scene.rows) - shown :], width, unicode)]
         room -= 2 + shown
     if room >= 8 and inside >= 40 and unicode and not console.no_color and console.color_system in ("truecolor", "256"):
-        top += _images(moment, inside, min(room - 2, 16))
+        top += _images(scene, inside, min(room - 2, 16))
     body = Group(*top, *below, *(["", *summary] if room >= 1 else summary))
-    of = "" if moment.total is None else f" of {moment.total}"
-    title = Text(f"frame {moment.fix.frame + 1}{of}", "bold")
+    of = "" if scene.total is None else f" of {scene.total}"
+    title = Text(f"frame {scene.fix.frame + 1}{of}", "bold")
     return Panel(body, title=title, title_align="left", width=width, border_style="dim")
 
 
-def _headline(moment: Moment, unicode: bool) -> Text:
-    fix, row = moment.fix, moment.rows[-1]
+def _headline(scene: Scene, unicode: bool) -> Text:
+    fix, row = scene.fix, scene.rows[-1]
     text = Text(no_wrap=True, overflow="ellipsis")
     mark, word, style = _trust(fix, unicode)
     text.append(f"{mark} place {fix.place}", f"bold {style}")
-    text.append(f" of {moment.places}", "dim")
+    text.append(f" of {scene.places}", "dim")
     text.append(f"  {word}", style)
     text.append(f"  score {fix.score:.3f}")
     if fix.sequence is None:
@@ -110,8 +110,8 @@ def _trust(fix: Fix, unicode: bool) -> tuple[str, str, str]:
     return ("○" if unicode else "o"), "not trusted", "dim"
 
 
-def _distances_label(moment: Moment, unicode: bool) -> Text:
-    fix = moment.fix
+def _distances_label(scene: Scene, unicode: bool) -> Text:
+    fix = scene.fix
     text = Text("distances: ", "dim", no_wrap=True, overflow="ellipsis")
     text.append("▲ " if unicode else "^ ", f"bold {MINIMUM}")
     text.append(f"smallest {fix.single.distance:.3f} at {fix.single.place}, ")
@@ -120,8 +120,8 @@ def _distances_label(moment: Moment, unicode: bool) -> Text:
     return text
 
 
-def _images(moment: Moment, inside: int, lines: int) -> list[RenderableType]:
-    images = [image for image in (moment.image, moment.reference) if image is not None]
+def _images(scene: Scene, inside: int, lines: int) -> list[RenderableType]:
+    images = [image for image in (scene.image, scene.reference) if image is not None]
     if not images:
         return []
     pair = Table.grid(padding=(0, 2, 0, 0))

@@ -7,10 +7,10 @@ import numpy as np
 from surefix import Fix
 from surefix.live.view import Seen
 
-__all__ = ["Tally"]
+__all__ = ["Totals"]
 
 
-class Tally:
+class Totals:
     """Counts since the start; latency and pace of the newest pushes. Its memory does not grow."""
 
     NEWEST = 1000
