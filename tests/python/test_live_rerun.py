@@ -220,7 +220,7 @@ def test_of_a_long_route_every_minimum_is_kept_and_a_row_does_not_grow(tmp_path:
 def test_a_large_image_is_made_small(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (1000, 2000, 3), np.uint8)
     grey = noise[:, :, 0].copy()
-    route = surefix.Map.from_images([noise, grey], progress=False)
+    route = surefix.Map.from_images([noise, grey, noise[::-1].copy()], progress=False)
     record(tmp_path / "a.rrd", route, [noise, grey])
     recording = Recording(tmp_path / "a.rrd")
     assert recording.picture("camera", 0).size == (400, 200)

@@ -73,11 +73,12 @@ class Dashboard:
         if not self.paced.on:
             return
         outcome = Outcome.of(right, fix.trusted)
-        self.image = image
-        self.counts[outcome] += 1
-        self.route[fix.frame * len(self.route) // self.total][outcome] += 1
-        self.fixes.append((fix, truth, outcome, latency))
-        self.latency.append(latency)
+        with self.paced.lock:
+            self.image = image
+            self.counts[outcome] += 1
+            self.route[fix.frame * len(self.route) // self.total][outcome] += 1
+            self.fixes.append((fix, truth, outcome, latency))
+            self.latency.append(latency)
         self.paced.draw(self._panel)
 
     def _panel(self) -> Panel:

@@ -103,7 +103,11 @@ class RerunView:
         self.started = False
         self.shown: int | None = None
         self.dropped = 0
-        self.recording.set_sinks(*self._sinks(spawn if spawn is not None else save is None, port, memory))
+        sinks = self._sinks(spawn if spawn is not None else save is None, port, memory)
+        try:
+            self.recording.set_sinks(*sinks)
+        except RuntimeError as error:
+            raise SurefixFileError(f"{self.save}: cannot write the recording: {error}") from None
 
     def __enter__(self) -> Self:
         return self
@@ -153,10 +157,7 @@ class RerunView:
             open_viewer(self.rr, port, memory)
             sinks.append(self.rr.GrpcSink(f"rerun+http://127.0.0.1:{port}/proxy"))
         if self.save is not None:
-            try:
-                sinks.append(self.rr.FileSink(self.save))
-            except RuntimeError as error:
-                raise SurefixFileError(f"{self.save}: cannot write the recording: {error}") from None
+            sinks.append(self.rr.FileSink(self.save))
         return sinks
 
     def _start(self, seen: Seen) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 from rich.console import Console, RenderableType
 
 from surefix import Fix, Localizer, Map
@@ -68,7 +69,8 @@ class TerminalView:
         self.places = len(map)
         self.totals = Totals()
         self.rows: deque[Row] = deque(maxlen=self.KEPT)
-        self.newest: tuple[Seen, Fix, Localizer] | None = None
+        self.newest: tuple[Seen, Fix] | None = None
+        self.distances = np.zeros(len(map), np.float32)
         self.paced = PacedLive(self.console, self.PAUSE)
         self.paced.start()
 
@@ -83,14 +85,18 @@ class TerminalView:
     def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
         """Take one frame and its fix, and draw them if it is time to; as ``View.update``."""
         seen = Seen.of(frame, fix)
-        self.totals.add(seen, fix, latency_us, time.monotonic())
         row = Row(seen.name, fix, self._name(fix.place), latency_us)
         if not self.paced.on:
             self.console.print(row.line(), markup=False, highlight=False, soft_wrap=True)
             return
-        self.route.add(fix)
-        self.rows.append(row)
-        self.newest = seen, fix, localizer
+        with self.paced.lock:
+            self.totals.add(seen, fix, latency_us, time.monotonic())
+            self.route.add(fix)
+            self.rows.append(row)
+            self.newest = seen, fix
+            # Those that a screen spares the push are asked for only where they are drawn at once.
+            if localizer.map.screen is None or self.paced.is_due:
+                self.distances = localizer.distances
         self.paced.draw(self._picture)
 
     def close(self) -> None:
@@ -104,14 +110,14 @@ class TerminalView:
 
     def _picture(self) -> RenderableType:
         assert self.newest is not None
-        seen, fix, localizer = self.newest
+        seen, fix = self.newest
         scene = Scene(
             places=self.places,
             total=self.total,
             fix=fix,
             image=seen.image,
             reference=self.references.image(fix.place),
-            distances=localizer.distances,
+            distances=self.distances,
             route=self.route,
             rows=list(self.rows),
             totals=self.totals,

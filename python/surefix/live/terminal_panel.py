@@ -68,7 +68,7 @@ def panel(scene: Scene, console: Console) -> RenderableType:
     room = console.height - 3
     top: list[RenderableType] = [_headline(scene, unicode)]
     below: list[RenderableType] = []
-    summary = _lines(str(scene.totals), inside)
+    summary = _lines(str(scene.totals), inside, unicode)[: max(0, room - 1)]
     room -= 1 + len(summary)
     if room >= 3:
         top += ["", scene.route.draw(strip, unicode)]
@@ -158,12 +158,13 @@ def _table(rows: list[Row], width: int, unicode: bool) -> Table:
     return table
 
 
-def _lines(words: str, width: int) -> list[Text]:
+def _lines(words: str, width: int, unicode: bool) -> list[Text]:
     """Parts with points between, in as few lines as they fit."""
     lines: list[str] = []
+    between = " · " if unicode else " | "
     for part in words.split(" · "):
         if lines and len(lines[-1]) + 3 + len(part) <= width:
-            lines[-1] += " · " + part
+            lines[-1] += between + part
         else:
             lines.append(part)
     return [Text(line, "dim", no_wrap=True, overflow="ellipsis") for line in lines]
