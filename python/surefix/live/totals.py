@@ -46,5 +46,7 @@ class Totals:
         if elapsed > 0:
             parts.append(f"{(len(self.times) - 1) / elapsed:.0f} frames a second")
         parts.append(f"{p50:.0f} us a push, p99 {p99:.0f}")
-        parts.append(f"{self.dropped} dropped" + (f", {self.gaps} gaps" if self.gaps else ""))
+        parts.append(
+            f"{self.dropped} dropped" + (f", {self.gaps} gap{'s' if self.gaps > 1 else ''}" if self.gaps else "")
+        )
         return " · ".join(parts)
