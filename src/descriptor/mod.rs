@@ -1,4 +1,4 @@
-//! From images to descriptors (method 1.7).
+//! From images to descriptors (method 1.7), and what is done to those of others (method 1.10).
 #![allow(clippy::inline_always, reason = "what is not inlined is not compiled for the instruction set")]
 
 mod describer;
@@ -9,17 +9,26 @@ mod image;
 #[cfg(test)]
 mod naive;
 mod patches;
+mod post;
+#[cfg(test)]
+mod post_tests;
+mod projection;
 mod resize;
+mod running;
 mod sad;
 mod source;
 #[cfg(test)]
 mod tests;
 mod transpose;
+mod whiten;
 
 pub use describer::Describer;
 #[cfg(feature = "image")]
 pub use files::{ImageFiles, decode_image, read_image};
 pub use image::{Channels, Image, ImageView};
+pub(crate) use post::{Passage, Stage};
+pub use post::{Post, Step, standardized};
+pub use running::Running;
 pub use sad::Sad;
 pub use source::{ImageSource, Progress, describe_all};
 pub(crate) use source::{describe_each, describe_into, go_on};

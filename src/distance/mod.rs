@@ -151,6 +151,16 @@ pub(crate) fn short_products(isa: Isa, query: &[i16], rows: &[i8], out: &mut [f3
     scan::shorts(isa, query, rows, out, |_, sum| sum as f32);
 }
 
+/// Writes the product of `vector` with each row into `out`, which has a number for each row: summed in f64, rounded once.
+pub(crate) fn products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f32]) {
+    scan::floats::<Products, _, _, _>(isa, vector, rows, out, |_, sum| sum as f32);
+}
+
+/// The same, not rounded.
+pub(crate) fn wide_products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f64]) {
+    scan::floats::<Products, _, _, _>(isa, vector, rows, out, |_, sum| sum);
+}
+
 /// The distances of bytes to bytes, exact until the one rounding at the end.
 fn bytes<B: Byte>(query: &[B], values: &[B], length: f64, rows: Rows<'_>, out: &mut [f32]) {
     let Rows { dim, metric, unit, norms, isa, .. } = rows;

@@ -256,7 +256,7 @@ def drives(
 def test_ctrl_c_leaves_the_terminal_whole(drives: Path) -> None:
     arguments = ["run", str(drives / "route.safetensors"), str(drives / "winter"), "--follow"]
     code, text = run_on_a_terminal(arguments, until=b"frame59.png")
-    assert code == 0, "a folder that grows is ended so"
+    assert code == 0, f"a folder that grows is ended so: {text[-3000:]}"
     assert text.rindex("\x1b[?25h") > text.rindex("\x1b[?25l"), "the cursor is there again"
     after = text[text.rindex("\x1b[?25h") :]
     assert "60 fixes" in after

@@ -1,0 +1,75 @@
+//! A drive's statistics, as far as it has come.
+
+use crate::error::Error;
+
+/// Standardises vector after vector by the mean and the population standard deviation of those that came, the newest among them
+/// (Welford, 1962): what a stream can know of its own statistics.
+///
+/// It gives what [`standardized`](super::standardized) would give for the newest of the rows so far, up to rounding; the first vector becomes zeros.
+/// Where a dimension has been the same so far, it gives 0.
+///
+/// ```
+/// use surefix::descriptor::Running;
+/// let mut running = Running::new(2);
+/// let mut out = [0.0; 2];
+/// running.push(&[1.0, 5.0], &mut out)?;
+/// assert_eq!(out, [0.0, 0.0]);
+/// running.push(&[3.0, 5.0], &mut out)?;
+/// assert_eq!(out, [1.0, 0.0]);
+/// # Ok::<(), surefix::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Running {
+    count: u64,
+    mean: Vec<f64>,
+    /// The sum of squared differences from the mean.
+    square: Vec<f64>,
+}
+
+impl Running {
+    /// For vectors of `dim` numbers; none has come yet.
+    pub fn new(dim: usize) -> Self {
+        Self { count: 0, mean: vec![0.0; dim], square: vec![0.0; dim] }
+    }
+
+    /// Takes a vector in, and writes it standardised to `out`.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for another length, [`Error::NotFinite`] for a NaN or an infinity. Nothing has changed then.
+    pub fn push(&mut self, vector: &[f32], out: &mut [f32]) -> Result<(), Error> {
+        for (what, got) in [("descriptor", vector.len()), ("out", out.len())] {
+            if got != self.mean.len() {
+                return Err(Error::Length { what, expected: self.mean.len(), got });
+            }
+        }
+        crate::distance::View::from(vector).check_finite("descriptor", vector.len())?;
+        self.count += 1;
+        let count = self.count as f64;
+        let state = self.mean.iter_mut().zip(&mut self.square);
+        for ((&x, out), (mean, square)) in vector.iter().zip(out).zip(state) {
+            let x = f64::from(x);
+            let before = x - *mean;
+            *mean += before / count;
+            *square += before * (x - *mean);
+            *out = if *square > 0.0 { ((x - *mean) / (*square / count).sqrt()) as f32 } else { 0.0 };
+        }
+        Ok(())
+    }
+
+    /// How many vectors have come.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// How many numbers a vector has.
+    pub fn dim(&self) -> usize {
+        self.mean.len()
+    }
+
+    /// Forgets all vectors.
+    pub fn reset(&mut self) {
+        self.count = 0;
+        self.mean.fill(0.0);
+        self.square.fill(0.0);
+    }
+}
