@@ -142,7 +142,7 @@ pub fn match_descriptors<'a>(
     progress: Progress<'_>,
 ) -> Result<Run, Error> {
     let queries = queries.into();
-    let dim = map.dim();
+    let dim = map.input_dim();
     if !queries.len().is_multiple_of(dim) {
         let (expected, got) = (format!("rows of {dim} numbers"), format!("{} numbers", queries.len()));
         return Err(Error::Shape { what: "queries", expected, got });
@@ -227,7 +227,7 @@ fn for_each_query(
             || (),
             |(), query| {
                 let mut out = vec![0.0; map.places()];
-                if let Some(row) = queries.row(query, map.dim()) {
+                if let Some(row) = queries.row(query, map.input_dim()) {
                     map.distances_into(row, &mut out).map_err(|error| of_query(error, query))?;
                 }
                 Ok(out)
@@ -244,6 +244,9 @@ fn for_each_query(
 fn of_query(error: Error, query: usize) -> Error {
     match error {
         Error::NoDirection { .. } => Error::NoDirection { what: "queries", row: Some(query) },
+        Error::NotFinite { what: what @ "descriptor", index, value, .. } => {
+            Error::NotFinite { what, row: Some(query), index, value }
+        }
         Error::NotFinite { index, value, .. } => {
             Error::NotFinite { what: "distances (row: query)", row: Some(query), index, value }
         }

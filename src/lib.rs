@@ -63,7 +63,7 @@ pub mod simulate;
 
 pub use batch::{Run, match_descriptors, match_distances};
 pub use config::{Config, Floor, Gradient};
-pub use descriptor::{Channels, Image, ImageSource, ImageView, Sad};
+pub use descriptor::{Channels, Image, ImageSource, ImageView, Post, Sad, Step};
 #[cfg(feature = "image")]
 pub use descriptor::{ImageFiles, decode_image, read_image};
 pub use distance::{Dtype, Metric, Values, View};

@@ -179,7 +179,7 @@ fn a_newer_version_says_to_upgrade() {
     ];
     for bytes in newer {
         let error = open(&bytes).unwrap_err();
-        assert!(matches!(error, Error::MapVersion { found: 7, supported: 1, .. }), "{error}");
+        assert!(matches!(error, Error::MapVersion { found: 7, supported: 2, .. }), "{error}");
         assert!(error.to_string().contains("upgrade surefix"), "{error}");
     }
 }

@@ -11,7 +11,8 @@ use std::thread;
 
 use cases::{DTYPES, Dice, Kind, all_bits, columns, numbers};
 use surefix::{
-    Channels, Config, Dtype, Error, Fix, Floor, Gradient, Image, Localizer, Map, Matcher, Metric, Run, Sad,
+    Channels, Config, Dtype, Error, Fix, Floor, Gradient, Image, Localizer, Map, Matcher, Metric, Post, Run,
+    Sad, Step, Values,
 };
 
 /// The system's allocator, counting what each thread asks of it.
@@ -155,6 +156,29 @@ fn a_localizer_allocates_nothing_for_a_descriptor() {
             assert_eq!(calls, 0, "{metric} {dtype}");
         }
     }
+}
+
+#[test]
+fn post_processing_allocates_nothing_either() {
+    const DIM: usize = 120;
+    let Values::F32(raw) = numbers(Dtype::F32, 40 * DIM, 3) else { unreachable!() };
+    let steps = [
+        Step::Standardize,
+        Step::Projection { dim: 200, seed: 1 },
+        Step::Pca { dim: 30, whiten: true },
+        Step::Normalize,
+    ];
+    let (post, rows) = Post::fit(&steps, &raw, DIM).unwrap();
+    let map = Map::from_descriptors(rows, 30, Metric::Cosine).unwrap().with_post(post).unwrap();
+    let mut localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
+    let mut copy = localizer.clone();
+    let calls = allocations(|| {
+        for row in raw.chunks_exact(DIM) {
+            assert_eq!(localizer.push_descriptor(row).unwrap(), copy.push_descriptor(row).unwrap());
+            assert!(matches!(localizer.push_descriptor(&row[1..]), Err(Error::Length { .. })));
+        }
+    });
+    assert_eq!(calls, 0);
 }
 
 /// Where the screen leaves few rows in doubt, and where it gives up.

@@ -68,16 +68,28 @@ pub struct Post {
 }
 
 /// The memory that one vector passes through.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Passage {
     now: Vec<f32>,
     next: Vec<f32>,
 }
 
+impl Clone for Passage {
+    /// A copy with room for as much, so that it need not grow.
+    fn clone(&self) -> Self {
+        Self { now: Vec::with_capacity(self.now.capacity()), next: Vec::with_capacity(self.next.capacity()) }
+    }
+}
+
 impl Passage {
     pub(crate) fn new(post: &Post) -> Self {
-        let most = post.stages.iter().map(|stage| stage.matrix.len() / stage.width().max(1)).max();
-        let room = post.input.max(most.unwrap_or(0));
+        let (mut width, mut room) = (post.input, post.input);
+        for stage in &post.stages {
+            let output = stage.output(width);
+            // Principal components are computed beside the centred vector.
+            room = room.max(width + output);
+            width = output;
+        }
         Self { now: Vec::with_capacity(room), next: Vec::with_capacity(room) }
     }
 }
@@ -247,8 +259,13 @@ fn pass<'a>(
 }
 
 impl Stage {
+    /// Without any numbers yet.
+    pub(crate) fn new(step: Step) -> Self {
+        Self { step, offset: Vec::new(), scale: Vec::new(), matrix: Vec::new() }
+    }
+
     fn fit(step: Step, rows: &[f32], dim: usize) -> Result<Self, Error> {
-        let mut stage = Self { step, offset: Vec::new(), scale: Vec::new(), matrix: Vec::new() };
+        let mut stage = Self::new(step);
         match step {
             Step::Standardize => {
                 let (mean, deviation) = moments(rows, dim);
@@ -278,14 +295,6 @@ impl Stage {
         match self.step {
             Step::Pca { dim, .. } | Step::Projection { dim, .. } => dim,
             Step::Standardize | Step::Normalize => input,
-        }
-    }
-
-    /// How many numbers a row of the matrix has.
-    fn width(&self) -> usize {
-        match self.step {
-            Step::Pca { dim, .. } | Step::Projection { dim, .. } => dim,
-            Step::Standardize | Step::Normalize => 1,
         }
     }
 

@@ -32,6 +32,27 @@ impl Running {
         Self { count: 0, mean: vec![0.0; dim], square: vec![0.0; dim] }
     }
 
+    /// The same, as if one vector had come before: the mean of references, that far from itself as these are on average. So the first
+    /// ones of a drive are standardised by the references, and what follows more and more by the drive.
+    ///
+    /// ```
+    /// # use surefix::descriptor::Running;
+    /// let mut running = Running::after(&[1.0, 5.0, 3.0, 5.0], 2)?;
+    /// let mut out = [0.0; 2];
+    /// running.push(&[4.0, 5.0], &mut out)?;
+    /// assert!(out[0] > 0.0);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As for [`Post::fit`](super::Post::fit).
+    pub fn after(references: &[f32], dim: usize) -> Result<Self, Error> {
+        let (post, _) = super::Post::fit(&[super::Step::Standardize], references, dim)?;
+        let stage = &post.stages()[0];
+        let square = stage.scale.iter().map(|&s| if s > 0.0 { (s * s).recip() } else { 0.0 }).collect();
+        Ok(Self { count: 1, mean: stage.offset.clone(), square })
+    }
+
     /// Takes a vector in, and writes it standardised to `out`.
     ///
     /// # Errors
@@ -56,7 +77,7 @@ impl Running {
         Ok(())
     }
 
-    /// How many vectors have come.
+    /// How many vectors have come, the references as one.
     pub fn count(&self) -> u64 {
         self.count
     }
@@ -66,7 +87,7 @@ impl Running {
         self.mean.len()
     }
 
-    /// Forgets all vectors.
+    /// Forgets all vectors, and the references.
     pub fn reset(&mut self) {
         self.count = 0;
         self.mean.fill(0.0);

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::config::Config;
 use crate::crew::{Crew, Sought, threads_for};
-use crate::descriptor::{Describer, ImageView};
+use crate::descriptor::{Describer, ImageView, Passage};
 use crate::distance::{Query, Values, View};
 use crate::error::Error;
 use crate::map::{Map, Recipe};
@@ -50,6 +50,8 @@ pub struct Localizer {
     crew: Option<Crew>,
     /// Describes images the map's own way, where the map has one.
     describer: Option<(Describer, Values)>,
+    /// Where a descriptor passes through the map's post-processing.
+    through: Option<Passage>,
 }
 
 /// How a descriptor becomes a fix.
@@ -119,7 +121,8 @@ impl Localizer {
             _ => Way::Plain(Box::new(Plain::new(matcher))),
         };
         let crew = automatic(&map);
-        Ok(Self { map, way, crew, describer })
+        let through = map.post().map(Passage::new);
+        Ok(Self { map, way, crew, describer, through })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -130,7 +133,7 @@ impl Localizer {
         self.push_image_with_trust(image.into(), None)
     }
 
-    /// Localizes by a descriptor: float32, or of the map's own type.
+    /// Localizes by a descriptor: float32, or of the map's own type; on a map with post-processing as it is before that.
     ///
     /// # Errors
     /// As for [`Map::distances_into`]. The localizer is then as it was.
@@ -162,6 +165,7 @@ impl Localizer {
         descriptor: View<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
+        let descriptor = self.map.passed(descriptor, self.through.as_mut())?;
         self.way.push(&self.map, &mut self.crew, self.map.query(descriptor)?, trusted)
     }
 

@@ -12,7 +12,7 @@ use super::names::Names;
 use super::parts::{Part, Small, checked_norms};
 use super::storage::Storage;
 use super::{Map, Positions, Recipe};
-use crate::descriptor::{ImageSource, Progress, describe_each, go_on};
+use crate::descriptor::{ImageSource, Post, Progress, describe_each, go_on};
 use crate::distance::{Values, norm};
 use crate::error::Error;
 
@@ -29,17 +29,20 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Append`] unless both have descriptors of one length, type, metric and recipe, both or neither have names, and both
-    /// or neither have positions, of as many coordinates; where this map has a screen, so has the longer one, with the errors of
+    /// [`Error::Append`] unless both have descriptors of one length, type, metric and recipe that went through the same post-processing,
+    /// both or neither have names, and both or neither have positions, of as many coordinates; where this map has a screen, so has the longer one, with the errors of
     /// [`with_screen`](Self::with_screen).
     pub fn extended(&self, more: &Self) -> Result<Self, Error> {
         check_before("the map", &self.layout(), &more.layout())?;
+        check_post("the map", self.post(), more.post())?;
         let longer = Self {
             rows: Arc::new(Storage::joined(self.descriptors(), more.descriptors())),
             places: self.places + more.places,
             norms: [self.norms.as_slice(), &more.norms].concat(),
             names: self.names.as_ref().zip(more.names.as_ref()).map(|(a, b)| a.followed_by(b)),
             positions: self.positions().zip(more.positions()).map(|(a, b)| a.followed_by(b)),
+            post: self.post.clone(),
+            learned: self.learned.clone(),
             fingerprint: OnceLock::new(),
             screen: None,
             ..*self
@@ -56,8 +59,11 @@ impl Map {
     /// # Errors
     /// As for [`open`](Self::open), [`extended`](Self::extended) and [`save`](Self::save). The file is then as it was.
     pub fn append(path: impl AsRef<Path>, more: &Self) -> Result<(), Error> {
-        let old = Old::open(path.as_ref())?;
+        let mut old = Old::open(path.as_ref())?;
         check_before(&old.name(), &old.layout, &more.layout())?;
+        let post = old.small.post(&old.layout).map_err(|refusal| refusal.of(old.path))?;
+        check_post(&old.name(), post.as_ref(), more.post())?;
+        old.post = post;
         let longer = Longer {
             places: more.places,
             positions: more.positions(),
@@ -132,6 +138,22 @@ fn check_before(name: &str, map: &Layout, more: &Layout) -> Result<(), Error> {
     check_positions(name, map.axes, more.axes)
 }
 
+/// Whether the rows of both went through the same.
+fn check_post(name: &str, map: Option<&Post>, more: Option<&Post>) -> Result<(), Error> {
+    let said = |post: Option<&Post>| match post {
+        None => "descriptors without post-processing".to_owned(),
+        Some(post) => format!("descriptors after {:?}", post.steps()),
+    };
+    if map == more {
+        return Ok(());
+    }
+    let (expected, mut got) = (said(map), said(more));
+    if expected == got {
+        got = "the same fitted on other references (use the map's own)".to_owned();
+    }
+    Err(misfit(name, &expected, &got))
+}
+
 fn check_positions(name: &str, map: usize, more: usize) -> Result<(), Error> {
     let positions = |axes| match axes {
         0 => "no positions".to_owned(),
@@ -152,6 +174,7 @@ struct Old<'a> {
     /// Where the header ends.
     start: u64,
     small: Small,
+    post: Option<Post>,
 }
 
 /// What it becomes longer by, but for the rows.
@@ -168,7 +191,7 @@ impl<'a> Old<'a> {
             let mut file = File::open(path)?;
             let length = file.metadata()?.len();
             let (layout, start) = Layout::read(&mut file, length)?;
-            let mut old = Self { path, file, layout, start, small: Small::default() };
+            let mut old = Self { path, file, layout, start, small: Small::default(), post: None };
             for (part, span) in old.layout.parts() {
                 if part != Part::Rows {
                     let bytes = old.bytes(span)?;
@@ -210,7 +233,9 @@ impl<'a> Old<'a> {
             out.floats(longer.positions.map_or(&[], Positions::metres))?;
             out.floats(self.small.norms.as_deref().unwrap_or_default())?;
             out.floats(longer.norms)?;
+            out.vectors_of_post(self.post.as_ref())?;
             rows(&self, out)?;
+            out.matrices_of_post(self.post.as_ref())?;
             names.iter().flatten().try_for_each(|bytes| out.bytes(bytes))
         })
     }

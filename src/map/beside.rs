@@ -7,6 +7,7 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 
 use super::layout::Layout;
+use crate::descriptor::Post;
 use crate::error::Error;
 
 /// How much is copied from one file to another between two looks at whether to go on.
@@ -68,6 +69,18 @@ impl Beside<'_> {
 
     pub(super) fn floats(&mut self, numbers: &[f64]) -> Result<(), Error> {
         numbers.iter().try_for_each(|x| self.bytes(&x.to_le_bytes()))
+    }
+
+    /// What post-processing adds and multiplies with, step by step: before the rows.
+    pub(super) fn vectors_of_post(&mut self, post: Option<&Post>) -> Result<(), Error> {
+        let stages = post.map_or(&[][..], Post::stages).iter();
+        stages.flat_map(|stage| [&stage.offset, &stage.scale]).try_for_each(|numbers| self.floats(numbers))
+    }
+
+    /// Its matrices: behind the rows.
+    pub(super) fn matrices_of_post(&mut self, post: Option<&Post>) -> Result<(), Error> {
+        let mut stages = post.map_or(&[][..], Post::stages).iter();
+        stages.try_for_each(|stage| self.numbers(bytemuck::must_cast_slice(&stage.matrix), size_of::<f32>()))
     }
 
     /// Numbers of `size` bytes each, as they lie in memory.

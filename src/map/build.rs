@@ -73,6 +73,9 @@ impl Map {
             norms: None,
             rows: 0..0,
             names: None,
+            post: Vec::new(),
+            post_parts: Vec::new(),
+            learned: None,
         };
         let layout = layout.placed(Some(names.bytes().len()));
         write_beside(path.as_ref(), |out| {

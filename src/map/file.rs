@@ -32,7 +32,9 @@ impl Map {
             out.head(&self.layout())?;
             out.floats(self.positions().map_or(&[], Positions::metres))?;
             out.floats(&self.norms)?;
+            out.vectors_of_post(self.post())?;
             out.numbers(self.descriptors().bytes(), self.dtype().size())?;
+            out.matrices_of_post(self.post())?;
             out.bytes(self.names.as_ref().map_or(&[], Names::bytes))
         })
     }
@@ -122,7 +124,7 @@ fn read(mut from: impl Read, length: u64) -> Result<Map, Refusal> {
         // Those of the file, so that the same map mapped gives the same bits.
         map.norms = norms;
     }
-    Ok(small.finish(map))
+    small.finish(&layout, map)
 }
 
 /// Room for the rows, or the system's word that there is none.
@@ -155,5 +157,5 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
         None => checked_norms(super::lengths(rows.view(), layout.dim, layout.metric)?)?,
     };
     let Layout { places, dim, metric, recipe, .. } = layout;
-    Ok(small.finish(Map::of_parts(rows, places, dim, metric, recipe, norms)))
+    small.finish(&layout, Map::of_parts(rows, places, dim, metric, recipe, norms))
 }

@@ -2,23 +2,29 @@
 //!
 //! The file is a safetensors file, so any reader of those can open it. Tensors, from the strictest alignment to the loosest:
 //! `positions` (places, axes), float64 metres; `norms` (places), float64, the length of each descriptor where the metric is the
-//! cosine; `descriptors` (places, dim); `names`, the UTF-8 names with a NUL after each. All but the descriptors are
-//! optional. One metadata entry, `surefix`, holds the rest as JSON.
+//! cosine; `post.K.offset` and `post.K.scale`, float64, of step `K` of the post-processing; `descriptors` (places, dim); `post.K.matrix`,
+//! float32, as many rows as the step gives numbers; `names`, the UTF-8 names with a NUL after each. All but the descriptors are
+//! optional. One metadata entry, `surefix`, holds the rest as JSON. A file with post-processing has version 2, so that a reader that knows
+//! nothing of it does not compare queries as they come.
 
 use std::collections::HashMap;
 use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use safetensors::tensor::{Dtype as FileDtype, Metadata, TensorInfo};
 use serde::{Deserialize, Serialize};
 
 use super::{Map, Recipe, count_places};
+use crate::descriptor::{Post, Step};
 use crate::distance::{Dtype, Metric};
 use crate::error::Error;
 
 const FORMAT: &str = "surefix-map";
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
+/// That of a file without post-processing, which older versions of the library read.
+const WITHOUT_POST: u64 = 1;
 /// The one metadata entry: one, so that the same map gives the same bytes.
 const ENTRY: &str = "surefix";
 /// The length of the header comes first.
@@ -34,6 +40,11 @@ struct Entry {
     version: u64,
     metric: Metric,
     descriptor: Recipe,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    post: Vec<Step>,
+    /// The recipe of a learned descriptor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    learned: Option<serde_json::Value>,
 }
 
 /// What a map is but for its numbers, and where in the file those lie: bytes from the end of the header on.
@@ -50,6 +61,10 @@ pub(super) struct Layout {
     pub(super) norms: Option<Range<usize>>,
     pub(super) rows: Range<usize>,
     pub(super) names: Option<Range<usize>>,
+    pub(super) post: Vec<Step>,
+    /// The tensors of the steps, in the order of the file.
+    pub(super) post_parts: Vec<PostPart>,
+    pub(super) learned: Option<Arc<str>>,
 }
 
 /// Why a file is not one of a map that can be read here.
@@ -96,6 +111,9 @@ impl Map {
             norms: None,
             rows: 0..0,
             names: None,
+            post: self.post().map(Post::steps).unwrap_or_default(),
+            post_parts: self.post().map(post_parts).unwrap_or_default(),
+            learned: self.learned.clone(),
         }
         .placed(self.names.as_ref().map(|names| names.bytes().len()))
     }
@@ -112,7 +130,13 @@ impl Layout {
         };
         self.positions = (self.axes > 0).then(|| next(self.places * self.axes * 8));
         self.norms = (self.metric == Metric::Cosine).then(|| next(self.places * 8));
+        for part in self.post_parts.iter_mut().filter(|part| part.kind != PostKind::Matrix) {
+            part.span = next(part.span.len());
+        }
         self.rows = next(self.places * self.dim * self.dtype.size());
+        for part in self.post_parts.iter_mut().filter(|part| part.kind == PostKind::Matrix) {
+            part.span = next(part.span.len());
+        }
         self.names = names.map(next);
         self
     }
@@ -129,15 +153,23 @@ impl Layout {
         if let Some(span) = &self.norms {
             tensors.push(part("norms", FileDtype::F64, vec![self.places], span));
         }
+        let post = |matrix: bool| {
+            let parts = self.post_parts.iter().filter(move |part| (part.kind == PostKind::Matrix) == matrix);
+            parts.map(|p| part(&p.name(), p.kind.dtype(), p.shape.clone(), &p.span)).collect::<Vec<_>>()
+        };
+        tensors.extend(post(false));
         tensors.push(part("descriptors", file_dtype(self.dtype), vec![self.places, self.dim], &self.rows));
+        tensors.extend(post(true));
         if let Some(span) = &self.names {
             tensors.push(part("names", FileDtype::U8, vec![span.len()], span));
         }
         let entry = Entry {
             format: FORMAT.to_owned(),
-            version: VERSION,
+            version: if self.post.is_empty() { WITHOUT_POST } else { VERSION },
             metric: self.metric,
             descriptor: self.recipe,
+            post: self.post.clone(),
+            learned: self.learned.as_deref().map(serde_json::from_str).transpose()?,
         };
         let entries = HashMap::from([(ENTRY.to_owned(), serde_json::to_string(&entry)?)]);
         let metadata = Metadata::new(Some(entries), tensors).map_err(io::Error::other)?;
@@ -215,8 +247,103 @@ impl Layout {
         };
         let names = optional("names", FileDtype::U8, &mut |_| true, "UTF-8 text".to_owned())?;
         let (metric, recipe, rows) = (entry.metric, entry.descriptor, span(rows));
-        Ok(Self { metric, recipe, dtype, places, dim, axes, positions, norms, rows, names })
+        if !entry.post.is_empty() && entry.version == WITHOUT_POST {
+            let reason = format!("post-processing: expected version {VERSION}, got {}", entry.version);
+            return Err(Refusal::Foreign(reason));
+        }
+        if !entry.post.is_empty() && (dtype != Dtype::F32 || recipe != Recipe::Ready) {
+            let reason = "post-processing: expected ready descriptors of F32".to_owned();
+            return Err(Refusal::Foreign(reason));
+        }
+        let post_parts = read_post_parts(metadata, entry.post.len())?;
+        let learned = entry.learned.map(|recipe| recipe.to_string().into());
+        let post = entry.post;
+        Ok(Self {
+            metric,
+            recipe,
+            dtype,
+            places,
+            dim,
+            axes,
+            positions,
+            norms,
+            rows,
+            names,
+            post,
+            post_parts,
+            learned,
+        })
     }
+}
+
+/// A tensor of a step of post-processing.
+#[derive(Clone, Debug)]
+pub(super) struct PostPart {
+    pub(super) step: usize,
+    pub(super) kind: PostKind,
+    shape: Vec<usize>,
+    pub(super) span: Range<usize>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PostKind {
+    Offset,
+    Scale,
+    Matrix,
+}
+
+impl PostKind {
+    const ALL: [Self; 3] = [Self::Offset, Self::Scale, Self::Matrix];
+
+    fn dtype(self) -> FileDtype {
+        if self == Self::Matrix { FileDtype::F32 } else { FileDtype::F64 }
+    }
+}
+
+impl PostPart {
+    fn name(&self) -> String {
+        let kind = match self.kind {
+            PostKind::Offset => "offset",
+            PostKind::Scale => "scale",
+            PostKind::Matrix => "matrix",
+        };
+        format!("post.{}.{kind}", self.step)
+    }
+}
+
+/// The tensors of a chain, those that there are; where they lie is still to be said.
+fn post_parts(post: &Post) -> Vec<PostPart> {
+    let mut parts = Vec::new();
+    let mut width = post.input();
+    for (step, stage) in post.stages().iter().enumerate() {
+        let output = stage.output(width);
+        let shapes = [
+            (PostKind::Offset, vec![stage.offset.len()], 8 * stage.offset.len()),
+            (PostKind::Scale, vec![stage.scale.len()], 8 * stage.scale.len()),
+            (PostKind::Matrix, vec![output, width], 4 * stage.matrix.len()),
+        ];
+        let there = shapes.into_iter().filter(|(_, _, bytes)| *bytes > 0);
+        parts.extend(there.map(|(kind, shape, bytes)| PostPart { step, kind, shape, span: 0..bytes }));
+        width = output;
+    }
+    parts
+}
+
+fn read_post_parts(metadata: &Metadata, steps: usize) -> Result<Vec<PostPart>, Refusal> {
+    let mut parts = Vec::new();
+    for (step, kind) in (0..steps).flat_map(|step| PostKind::ALL.map(|kind| (step, kind))) {
+        let mut part = PostPart { step, kind, shape: Vec::new(), span: 0..0 };
+        let Some(info) = metadata.info(&part.name()) else { continue };
+        let axes = if kind == PostKind::Matrix { 2 } else { 1 };
+        if info.dtype != kind.dtype() || info.shape.len() != axes {
+            let expected = format!("{:?} of {axes} axes", kind.dtype());
+            let got = format!("{:?} {:?}", info.dtype, info.shape);
+            return Err(Refusal::Foreign(format!("{}: expected {expected}, got {got}", part.name())));
+        }
+        (part.shape, part.span) = (info.shape.clone(), info.data_offsets.0..info.data_offsets.1);
+        parts.push(part);
+    }
+    Ok(parts)
 }
 
 fn misfit(what: &'static str, expected: String, info: &TensorInfo) -> Refusal {

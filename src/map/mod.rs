@@ -5,6 +5,7 @@ mod beside;
 mod build;
 mod file;
 mod layout;
+mod learned;
 mod names;
 mod parts;
 mod positions;
@@ -20,7 +21,7 @@ use std::sync::{Arc, OnceLock};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
-use crate::descriptor::Sad;
+use crate::descriptor::{Passage, Post, Sad};
 use crate::distance::{self, Dtype, Metric, Query, Rows, Values, View, each_type, norm};
 use crate::error::Error;
 use crate::isa::Isa;
@@ -63,6 +64,10 @@ pub struct Map {
     norms: Vec<f64>,
     names: Option<Names>,
     positions: Option<Positions>,
+    /// What the rows, and the queries, go through.
+    post: Option<Arc<Post>>,
+    /// The recipe of the descriptor that somebody else computes, as JSON.
+    learned: Option<Arc<str>>,
     fingerprint: OnceLock<u64>,
     isa: Isa,
 }
@@ -104,6 +109,8 @@ impl Map {
             norms,
             names: None,
             positions: None,
+            post: None,
+            learned: None,
             fingerprint: OnceLock::new(),
             isa: Isa::best(),
         }
@@ -200,7 +207,8 @@ impl Map {
         self.positions.as_ref()
     }
 
-    /// The distances from a descriptor to every place: one number a place, in route order.
+    /// The distances from a descriptor to every place: one number a place, in route order. On a map with post-processing, the descriptor
+    /// goes through that first.
     /// SAD distances are in units of `z`, whatever the type that they are stored in (method 1.7).
     ///
     /// # Errors
@@ -214,11 +222,12 @@ impl Map {
     /// Like [`distances`](Self::distances), into memory that the caller keeps.
     ///
     /// # Errors
-    /// [`Error::Length`] for a descriptor that has not `dim()` numbers or an `out` that has not `places()`;
+    /// [`Error::Length`] for a descriptor that has not [`input_dim`](Self::input_dim) numbers or an `out` that has not `places()`;
     /// [`Error::Dtype`] unless it is of the map's own type, or float32 on a map of ready descriptors; [`Error::NotFinite`] for a NaN or an infinity;
-    /// [`Error::NoDirection`] for zeros under the cosine. `out` is then unchanged.
+    /// [`Error::NoDirection`] for zeros under the cosine, or where post-processing normalises them. `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
-        let query = self.query(descriptor)?;
+        let mut through = self.post.as_deref().map(Passage::new);
+        let query = self.query(self.passed(descriptor, through.as_mut())?)?;
         if out.len() != self.places {
             return Err(Error::Length { what: "distances", expected: self.places, got: out.len() });
         }
@@ -226,7 +235,7 @@ impl Map {
         Ok(())
     }
 
-    /// A descriptor that can be compared with the map's.
+    /// A descriptor that can be compared with the map's: processed already, where the map has post-processing.
     ///
     /// # Errors
     /// Those of [`distances_into`](Self::distances_into) that are about the descriptor.
@@ -282,6 +291,9 @@ impl Map {
             let kind = format!("{} {} {} {:?}", self.dtype(), self.metric, self.dim, self.recipe);
             hash.write(kind.as_bytes());
             hash.write(self.rows.view().bytes());
+            if let Some(post) = &self.post {
+                learned::hash(post, &mut hash);
+            }
             hash.finish()
         })
     }

@@ -3,9 +3,10 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::layout::{Layout, Refusal};
+use super::layout::{Layout, PostKind, PostPart, Refusal};
 use super::names::Names;
 use super::{Map, Positions};
+use crate::descriptor::{Post, Stage, Step};
 use crate::error::Error;
 
 /// A part of the file.
@@ -13,6 +14,8 @@ use crate::error::Error;
 pub(super) enum Part {
     Positions,
     Norms,
+    /// A tensor of post-processing, by its number.
+    Post(usize),
     Rows,
     Names,
 }
@@ -28,6 +31,8 @@ impl Layout {
         ];
         let mut parts: Vec<_> =
             each.into_iter().filter_map(|(part, span)| span.map(|span| (part, span))).collect();
+        let post = self.post_parts.iter().enumerate();
+        parts.extend(post.map(|(index, part)| (Part::Post(index), part.span.clone())));
         parts.sort_by_key(|(_, span)| (span.start, span.end));
         parts
     }
@@ -39,6 +44,8 @@ pub(super) struct Small {
     pub(super) positions: Option<Positions>,
     pub(super) norms: Option<Vec<f64>>,
     pub(super) names: Option<Names>,
+    /// What the steps of the post-processing have been told so far.
+    stages: Vec<Stage>,
 }
 
 impl Small {
@@ -61,16 +68,48 @@ impl Small {
                 }
                 self.names = Some(names);
             }
+            Part::Post(index) => {
+                if self.stages.is_empty() {
+                    self.stages = untold(&layout.post);
+                }
+                let PostPart { step, kind, .. } = layout.post_parts[index];
+                match kind {
+                    PostKind::Offset => self.stages[step].offset = floats(&bytes),
+                    PostKind::Scale => self.stages[step].scale = floats(&bytes),
+                    PostKind::Matrix => {
+                        let numbers = bytes.as_chunks().0.iter();
+                        self.stages[step].matrix = numbers.map(|x| f32::from_le_bytes(*x)).collect();
+                    }
+                }
+            }
             Part::Rows => {}
         }
         Ok(())
     }
 
-    /// The map with its names and positions.
-    pub(super) fn finish(self, mut map: Map) -> Map {
+    /// The post-processing, where there is some.
+    ///
+    /// # Errors
+    /// What does not fit together.
+    pub(super) fn post(&mut self, layout: &Layout) -> Result<Option<Post>, Refusal> {
+        if layout.post.is_empty() {
+            return Ok(None);
+        }
+        let mut stages = std::mem::take(&mut self.stages);
+        if stages.is_empty() {
+            // None of the steps has a tensor.
+            stages = untold(&layout.post);
+        }
+        Post::of_stages(stages, layout.dim).map(Some).map_err(Refusal::Foreign)
+    }
+
+    /// The map with its names and positions, and what its queries go through.
+    pub(super) fn finish(mut self, layout: &Layout, mut map: Map) -> Result<Map, Refusal> {
+        map.post = self.post(layout)?.map(Into::into);
+        map.learned.clone_from(&layout.learned);
         map.positions = self.positions;
         map.names = self.names;
-        map
+        Ok(map)
     }
 }
 
@@ -83,6 +122,11 @@ pub(super) fn checked_norms(norms: Vec<f64>) -> Result<Vec<f64>, Refusal> {
             Err(Refusal::Foreign(format!("norms: expected finite numbers above 0, got {got} at row {row}")))
         }
     }
+}
+
+/// Steps that have been told nothing yet.
+fn untold(steps: &[Step]) -> Vec<Stage> {
+    steps.iter().map(|&step| Stage::new(step)).collect()
 }
 
 fn floats(bytes: &[u8]) -> Vec<f64> {

@@ -119,11 +119,19 @@ impl Window<'_> {
 }
 
 /// The search for the best diagonal of all slopes.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Search {
     pub(super) diagonals: Vec<Diagonal>,
     /// Room for the diagonals with trusted cells.
     pub(super) anchored: Vec<(usize, f64)>,
+}
+
+impl Clone for Search {
+    /// A copy with as much room, so that a push of it allocates nothing either.
+    fn clone(&self) -> Self {
+        let anchored = Vec::with_capacity(self.anchored.capacity());
+        Self { diagonals: self.diagonals.clone(), anchored }
+    }
 }
 
 impl Search {

@@ -1,0 +1,130 @@
+"""Post-processing of learned descriptors: fitted on the references, kept with the map, done to each query (method 1.10).
+
+>>> import numpy as np, surefix
+>>> from surefix.post import Normalize, Pca, Standardize
+>>> raw = np.random.default_rng(0).standard_normal((100, 64), np.float32)
+>>> route = surefix.Map.from_descriptors(raw, post=[Standardize(), Pca(16), Normalize()])
+>>> route.dim, route.input_dim
+(16, 64)
+>>> surefix.Localizer(route).push(raw[7]).place     # a vector as it comes from the network
+7
+"""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix._core import Post, Running, fit_post
+from surefix.errors import SurefixValueError
+
+__all__ = ["Normalize", "Pca", "Post", "RandomProjection", "Running", "Standardize", "Step", "fit", "standardized"]
+
+
+@dataclass(frozen=True, slots=True)
+class Standardize:
+    """Each dimension less its mean over the references, in units of its population standard deviation.
+
+    A dimension that is the same in all references becomes 0.
+    """
+
+    step: ClassVar[str] = "standardize"
+
+
+@dataclass(frozen=True, slots=True)
+class Pca:
+    """The coordinates along the ``dim`` directions in which the references differ most; whitened by default.
+
+    As scikit-learn's ``PCA(dim, whiten=True)`` computes them. There are no more than the references span: fewer than there
+    are references.
+    """
+
+    dim: int
+    whiten: bool = True
+    step: ClassVar[str] = "pca"
+
+
+@dataclass(frozen=True, slots=True)
+class Normalize:
+    """To the length 1."""
+
+    step: ClassVar[str] = "normalize"
+
+
+@dataclass(frozen=True, slots=True)
+class RandomProjection:
+    """The products with ``dim`` vectors of random signs, divided by ``sqrt(dim)``: distances stay about what they are.
+
+    Achlioptas, *Database-friendly random projections*, 2003. The same ``seed`` gives the same signs everywhere.
+    """
+
+    dim: int
+    seed: int = 0
+    step: ClassVar[str] = "projection"
+
+
+Step = Standardize | Pca | Normalize | RandomProjection
+
+
+def fit(references: Any, steps: Iterable[Step]) -> Post:
+    """A chain of steps, fitted on references: each on what those before it make of them.
+
+    Parameters
+    ----------
+    references : array of float32, shape (n, dim)
+    steps : iterable of Standardize, Pca, Normalize and RandomProjection
+
+    Raises
+    ------
+    SurefixValueError
+        For references of another shape or type, fewer than two, a NaN or an infinity; for more principal components than
+        they span; for a row of zeros that is to have the length 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.post import Standardize, fit
+    >>> fit(np.float32([[1, 5], [3, 5]]), [Standardize()]).apply(np.float32([5, 5]))
+    array([3., 0.], dtype=float32)
+    """
+    return fit_post(references, _as_json(steps))[0]
+
+
+def standardized(rows: Any) -> npt.NDArray[np.float32]:
+    """Rows standardised by their own statistics: for a whole drive that is there before it is matched.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.post import standardized
+    >>> standardized(np.float32([[1, 5], [3, 5]]))
+    array([[-1.,  0.],
+           [ 1.,  0.]], dtype=float32)
+    """
+    return fit_post(rows, _as_json([Standardize()]))[1]
+
+
+def _as_json(steps: Any) -> str:
+    """The steps as the core reads them.
+
+    Raises
+    ------
+    SurefixValueError
+        Where one is none.
+    """
+    listed = [steps] if isinstance(steps, Step) else list(steps)
+    for step in listed:
+        if not isinstance(step, Step):
+            raise SurefixValueError(
+                f"post: expected steps such as Standardize(), Pca(512), Normalize() and RandomProjection(512), got {step!r}"
+            )
+        for name, value in asdict(step).items():
+            whole = isinstance(value, int) and 0 <= value < 2**63
+            if name == "whiten" and not isinstance(value, bool):
+                raise SurefixValueError(f"post: {type(step).__name__}: expected whiten to be True or False, got {value!r}")
+            if name != "whiten" and (not whole or isinstance(value, bool)):
+                raise SurefixValueError(f"post: {type(step).__name__}: expected {name} to be a whole number, got {value!r}")
+    return json.dumps([{"step": step.step, **asdict(step)} for step in listed])
