@@ -1,0 +1,167 @@
+"""The published models of visual place recognition, from where their authors keep them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from surefix.descriptors.extra import needed
+from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
+from surefix.descriptors.torch import Torch
+from surefix.errors import SurefixError, SurefixValueError
+
+if TYPE_CHECKING:
+    import torch
+
+__all__ = ["HUB_MODELS", "HubModel", "from_hub"]
+
+
+@dataclass(frozen=True)
+class HubModel:
+    """One published model: its repository and entry point for torch.hub, and the images that it was published with."""
+
+    paper: str
+    repository: str
+    entry: str
+    # Width and height; of what the authors evaluate or train with.
+    size: tuple[int, int]
+    options: Mapping[str, object] = field(default_factory=dict)
+    mean: tuple[float, float, float] = IMAGENET_MEAN
+    std: tuple[float, float, float] = IMAGENET_STD
+    resample: str = "bilinear"
+    note: str = ""
+
+
+# Vision transformers with patches of 14 pixels take sides that are multiples of it: 322 = 23 * 14.
+HUB_MODELS: Mapping[str, HubModel] = MappingProxyType(
+    {
+        "netvlad": HubModel(
+            "Arandjelovic et al., CVPR 2016; these weights by Ge et al., ECCV 2020 (OpenIBL)",
+            "yxgeee/OpenIBL",
+            "vgg16_netvlad",
+            (640, 480),
+            {"pretrained": True},
+            # The mean of VGG's bytes; the spread of 1 / 255 leaves them bytes.
+            (0.48501960784313836, 0.4579568627450961, 0.4076039215686255),
+            (1 / 255, 1 / 255, 1 / 255),
+        ),
+        "cosplace": HubModel(
+            "Berton et al., CVPR 2022",
+            "gmberton/CosPlace",
+            "get_trained_model",
+            (512, 512),
+            {"backbone": "ResNet50", "fc_output_dim": 2048},
+        ),
+        "eigenplaces": HubModel(
+            "Berton et al., ICCV 2023",
+            "gmberton/EigenPlaces",
+            "get_trained_model",
+            (512, 512),
+            {"backbone": "ResNet50", "fc_output_dim": 2048},
+        ),
+        "mixvpr": HubModel(
+            "Ali-bey et al., WACV 2023",
+            "jarvisyjw/MixVPR",
+            "get_trained_model",
+            (320, 320),
+            {"pretrained": True},
+            resample="bicubic",
+            note="its authors' repository, amaralibey/MixVPR, has no entry for torch.hub; this one is of a third party",
+        ),
+        "salad": HubModel("Izquierdo and Civera, CVPR 2024", "serizba/salad", "dinov2_salad", (322, 322)),
+        "megaloc": HubModel("Berton and Masone, 2025", "gmberton/MegaLoc", "get_trained_model", (322, 322)),
+        "anyloc": HubModel(
+            "Keetha et al., RA-L 2023",
+            "AnyLoc/DINO",
+            "get_vlad_model",
+            (322, 322),
+            {"backbone": "DINOv2", "domain": "urban"},
+            note="the other domains: indoor, aerial, structured, unstructured, global",
+        ),
+    }
+)
+# Those whose entry point must be told the device, as moving them later makes another model.
+_TOLD_DEVICE = ("anyloc",)
+
+
+def from_hub(
+    name: str,
+    *,
+    size: tuple[int, int] | None = None,
+    device: "str | torch.device | None" = None,
+    batch: int = 8,
+    autocast: "bool | torch.dtype" = False,
+    **options: object,
+) -> Torch:
+    """A published model by its name, with the images that its authors use.
+
+    The first time, torch.hub downloads the code and the weights from GitHub, and **runs that code**; from then on it
+    takes them from its own folder (``torch.hub.get_dir()``, or ``TORCH_HOME``), so that a robot needs no network: copy
+    that folder. Some take further packages, which they name.
+
+    Parameters
+    ----------
+    name : {"netvlad", "cosplace", "eigenplaces", "mixvpr", "salad", "megaloc", "anyloc"}
+        ``HUB_MODELS`` says what each of them is.
+    size : (int, int), optional
+        Width and height of the images, in place of the published ones; for salad, megaloc and anyloc multiples of 14.
+    device, batch, autocast
+        As for ``Torch``.
+    **options
+        For the model's entry point, such as ``backbone="ResNet18", fc_output_dim=512`` for cosplace, or
+        ``domain="indoor"`` for anyloc.
+
+    Raises
+    ------
+    SurefixValueError
+        For an unknown name.
+    SurefixError
+        Where PyTorch is missing, or the model cannot be had; it says from where, and how to get it.
+
+    Examples
+    --------
+    >>> from surefix.descriptors import from_hub
+    >>> route = surefix.Map.from_images("photos/monday", descriptor=from_hub("megaloc"))        # doctest: +SKIP
+    """
+    model = HUB_MODELS.get(name)
+    if model is None:
+        raise SurefixValueError(f"name: expected one of {', '.join(HUB_MODELS)}, got {name!r}")
+    library = needed("torch", f"the model {name}", "PyTorch", "torch")
+    given = {**model.options, **options}
+    if name in _TOLD_DEVICE and device is not None:
+        given["device"] = str(device)
+    try:
+        module = library.hub.load(model.repository, model.entry, trust_repo=True, verbose=False, **given)
+    except Exception as error:
+        # Whatever that code raises; without a network, it is one of four kinds.
+        raise SurefixError(_refusal(name, model, given, error, library.hub.get_dir())) from error
+    if name in _TOLD_DEVICE:
+        device = None
+    return Torch(
+        module,
+        device=device,
+        batch=batch,
+        # Another backbone is another descriptor.
+        name=f"hub:{name}" + "".join(f",{key}={value}" for key, value in sorted(options.items())),
+        autocast=autocast,
+        size=size or model.size,
+        mean=model.mean,
+        std=model.std,
+        resample=model.resample,
+        recipe={"repository": model.repository, "entry": model.entry, "options": _plain(given)},
+    )
+
+
+def _refusal(name: str, model: HubModel, options: Mapping[str, object], error: Exception, folder: str) -> str:
+    arguments = "".join(f", {key}={value!r}" for key, value in options.items())
+    reason = str(error).strip().split("\n")[0] or type(error).__name__
+    note = f" ({model.note})" if model.note else ""
+    return (
+        f"{name}: cannot load {model.entry} of https://github.com/{model.repository}{note}: {reason}. Where there is "
+        f"no network, run torch.hub.load({model.repository!r}, {model.entry!r}{arguments}) on a machine that has "
+        f"one, and copy its torch.hub.get_dir() to {folder}"
+    )
+
+
+def _plain(options: Mapping[str, object]) -> dict[str, object]:
+    return {key: value if isinstance(value, (bool, int, float, str)) else str(value) for key, value in options.items()}

@@ -1,0 +1,231 @@
+"""Any network that an ONNX file holds, run by onnxruntime."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix.descriptors.descriptor import as_images, checked_rows
+from surefix.descriptors.extra import needed
+from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
+from surefix.errors import SurefixFileError, SurefixValueError
+
+__all__ = ["Onnx"]
+
+NUMBERS: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+# Makes calls to a service in the cloud, and is never meant here.
+REMOTE = "AzureExecutionProvider"
+
+
+class Onnx:
+    """A network from an ONNX file as a descriptor: RGB images in, one of its outputs, flattened, as the vector.
+
+    Needs ``pip install "surefix[learned]"``.
+
+    Parameters
+    ----------
+    path : str or path
+        The model: one input (n, 3, H, W), float32 or float16.
+    output : str, optional
+        Which of its outputs; may be left out where there is one.
+    size : (int, int), optional
+        Width and height that images are resized to (Pillow's antialiased bilinear); by default what the model asks
+        for, and where it takes any size, the images as they are.
+    mean, std : three floats, optional
+        Of RGB / 255, which the network was trained with: ImageNet's by default; None for both leaves 0 to 1.
+    batch : int
+        Images a run. A model that is fixed to its own number of images gets that many, filled up at the end.
+    providers : list of str, optional
+        What onnxruntime runs it on, such as ``["CUDAExecutionProvider", "CPUExecutionProvider"]``; by default all that
+        the installed onnxruntime offers, in its order.
+    threads : int, optional
+        Threads of one operation; onnxruntime's choice by default.
+
+    Raises
+    ------
+    SurefixFileError
+        Where the file cannot be read.
+    SurefixValueError
+        Where it is no ONNX model, has no such output, or takes other images than these.
+    SurefixError
+        Where onnxruntime is missing.
+
+    Notes
+    -----
+    ``recipe`` has the file's name and SHA-256. Weights that lie in a second file beside the model are not in the sum.
+
+    Examples
+    --------
+    >>> from surefix.descriptors import Onnx
+    >>> network = Onnx("efficientnet_lite0.onnx", output="feat_s16", size=(256, 128))           # doctest: +SKIP
+    >>> network.describe(surefix.read_image("photo.jpg")).shape                                 # doctest: +SKIP
+    (1, 14336)
+    """
+
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        output: str | None = None,
+        size: tuple[int, int] | None = None,
+        mean: Sequence[float] | None = IMAGENET_MEAN,
+        std: Sequence[float] | None = IMAGENET_STD,
+        batch: int = 8,
+        providers: Sequence[str] | None = None,
+        threads: int | None = None,
+    ) -> None:
+        self.path = Path(path)
+        if not isinstance(batch, int) or batch < 1:
+            raise SurefixValueError(f"batch: expected a whole number of at least 1, got {batch!r}")
+        self._sha256 = _sha256(self.path)
+        self._session = _open(self.path, providers, threads)
+        node = self._only_input()
+        self._input_name: str = node.name
+        self._number = self._number_of(node)
+        fixed_batch, fixed_size = self._fixed(node)
+        wanted = NetworkInput(size, mean, std)
+        if fixed_size is not None and wanted.size not in (None, fixed_size):
+            raise SurefixValueError(
+                f"{self.path}: expected the size {fixed_size}, which the model is fixed to (its input is "
+                f"{_shape(node)}), got {wanted.size}"
+            )
+        self._input = NetworkInput(wanted.size or fixed_size, mean, std)
+        self.output = self._chosen(output)
+        self.batch = batch if fixed_batch is None else fixed_batch
+        self._fill = fixed_batch is not None
+
+    @property
+    def name(self) -> str:
+        """``onnx:``, the file's name without its ending, and the output."""
+        return f"onnx:{self.path.stem}/{self.output}"
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height that images are resized to; None where they stay as they are."""
+        return self._input.size
+
+    @property
+    def recipe(self) -> Mapping[str, object]:
+        """The model's file and its SHA-256, the output, and how images are prepared."""
+        return {
+            "name": self.name,
+            "kind": "onnx",
+            "file": self.path.name,
+            "sha256": self._sha256,
+            "output": self.output,
+            **self._input.recipe,
+        }
+
+    def describe(self, images: Sequence[npt.NDArray[np.uint8]] | npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+        """The vectors of some images, (n, dim); of one image, given as an array, (1, dim).
+
+        Raises
+        ------
+        SurefixValueError
+            Where an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an image.
+        """
+        several = as_images(images)
+        if not several:
+            raise SurefixValueError("images: expected at least one, got none")
+        runs = [self._run(several[start : start + self.batch], start) for start in range(0, len(several), self.batch)]
+        return runs[0] if len(runs) == 1 else np.concatenate(runs)
+
+    def __repr__(self) -> str:
+        return f"Onnx({str(self.path)!r}, output={self.output!r}, size={self.size})"
+
+    def _run(self, images: list[npt.NDArray[np.uint8]], start: int) -> npt.NDArray[np.float32]:
+        count = len(images)
+        if self._fill:
+            images = images + [images[-1]] * (self.batch - count)
+        planes = self._input.batch(images).astype(self._number, copy=False)
+        try:
+            (output,) = self._session.run([self.output], {self._input_name: planes})
+        except Exception as error:
+            # What onnxruntime raises has no base of its own.
+            height, width = planes.shape[2:]
+            raise SurefixValueError(
+                f"{self.path}: the model does not run on {len(images)} images of {width} x {height}: {_short(error)}"
+            ) from None
+        what = f"{self.path}, output {self.output}"
+        if not isinstance(output, np.ndarray) or output.ndim < 2 or output.shape[0] != len(images):
+            got = f"the shape {output.shape}" if isinstance(output, np.ndarray) else type(output).__name__
+            raise SurefixValueError(
+                f"{what}: expected a vector an image, ({len(images)}, ...) for {len(images)} images, got {got}"
+            )
+        rows = output.reshape(len(images), -1)[:count]
+        return checked_rows(rows, count, what, [f"image {start + index} of the call" for index in range(count)])
+
+    def _only_input(self) -> Any:
+        inputs = self._session.get_inputs()
+        if len(inputs) != 1:
+            named = ", ".join(f"{node.name} {_shape(node)}" for node in inputs) or "none"
+            raise SurefixValueError(f"{self.path}: expected a model with one input, images, got {named}")
+        return inputs[0]
+
+    def _number_of(self, node: Any) -> type[np.floating[Any]]:
+        number = NUMBERS.get(node.type)
+        if number is None:
+            raise SurefixValueError(f"{self.path}: expected an input of float32 or float16, got {node.type}")
+        return number
+
+    def _fixed(self, node: Any) -> tuple[int | None, tuple[int, int] | None]:
+        """The number and the size of images that the model is fixed to."""
+        shape = node.shape
+        if len(shape) != 4 or (isinstance(shape[1], int) and shape[1] != 3):
+            raise SurefixValueError(
+                f"{self.path}: expected an input of RGB images, (n, 3, H, W), got {node.name} {_shape(node)}"
+            )
+        count, height, width = (side if isinstance(side, int) and side > 0 else None for side in (shape[0], *shape[2:]))
+        if (height is None) != (width is None):
+            raise SurefixValueError(f"{self.path}: expected both sides of the input free or fixed, got {_shape(node)}")
+        return count, None if height is None or width is None else (width, height)
+
+    def _chosen(self, output: str | None) -> str:
+        nodes = self._session.get_outputs()
+        listed = ", ".join(f"{node.name} {_shape(node)}" for node in nodes)
+        if output is None and len(nodes) == 1:
+            return str(nodes[0].name)
+        if output is None:
+            raise SurefixValueError(f"{self.path}: expected output=NAME, as the model has several: {listed}")
+        if output not in [node.name for node in nodes]:
+            raise SurefixValueError(f"{self.path}: expected one of the outputs {listed}, got {output!r}")
+        return output
+
+
+def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> Any:
+    runtime = needed("onnxruntime", "an ONNX model", "onnxruntime", "surefix[learned]")
+    offered = [provider for provider in runtime.get_available_providers() if provider != REMOTE]
+    unknown = [provider for provider in providers or () if provider not in offered]
+    if unknown:
+        raise SurefixValueError(f"providers: expected some of {', '.join(offered)}, got {', '.join(unknown)}")
+    options = runtime.SessionOptions()
+    # Failures come as errors; the runtime's own account of them would go to stderr as well.
+    options.log_severity_level = 4
+    if threads is not None:
+        options.intra_op_num_threads = threads
+    try:
+        return runtime.InferenceSession(str(path), options, providers=list(providers or offered))
+    except Exception as error:
+        raise SurefixValueError(
+            f"{path}: not an ONNX model that onnxruntime {runtime.__version__} can load: {_short(error)}"
+        ) from None
+
+
+def _sha256(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise SurefixFileError(f"{path}: cannot read the model: {error.strerror or error}") from None
+
+
+def _shape(node: Any) -> str:
+    return "(" + ", ".join("?" if side is None else str(side) for side in node.shape) + ")"
+
+
+def _short(error: Exception) -> str:
+    """The message of onnxruntime, without its code and the path that is said already."""
+    return " ".join(str(error).split("\n")[0].split(" : ")[-1].split())

@@ -1,0 +1,207 @@
+"""Any PyTorch module as a descriptor."""
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix.descriptors.descriptor import as_images, checked_rows
+from surefix.descriptors.extra import needed
+from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
+from surefix.errors import SurefixError, SurefixValueError
+
+if TYPE_CHECKING:
+    import torch
+
+__all__ = ["Torch"]
+
+
+class Torch:
+    """A network in PyTorch as a descriptor: RGB images in, its output, flattened, as the vector.
+
+    It runs in inference mode and as in ``module.eval()``; after each call the module is in training again where it
+    was. On the CPU, images go in and vectors come out in the memory that they lie in.
+
+    Needs PyTorch: see https://pytorch.org/get-started.
+
+    Parameters
+    ----------
+    module : torch.nn.Module
+        Takes (n, 3, H, W) float32, gives (n, ...).
+    transform : callable, optional
+        Makes a tensor (3, H, W) of a Pillow image in RGB, as torchvision's transforms do. Without it, images are
+        resized to ``size`` (Pillow's antialiased bilinear, or ``resample="bicubic"``) and normalised.
+    device : str or torch.device, optional
+        The module is moved there, if it is not there already; by default it stays where its parameters are.
+    batch : int
+        Images a run.
+    name : str, optional
+        What the map remembers; ``torch:`` and the module's class by default.
+    autocast : bool or torch.dtype
+        True computes in the device's usual half precision, a type in that one; False, the default, in the module's.
+    size : (int, int), optional
+        Width and height, without a ``transform``; by default images stay as they are.
+    mean, std : three floats, optional
+        Of RGB / 255, without a ``transform``: ImageNet's by default, None for both leaves 0 to 1.
+    resample : {"bilinear", "bicubic"}
+    recipe : mapping, optional
+        More that belongs into the recipe, such as where the weights came from.
+
+    Raises
+    ------
+    SurefixError
+        Where PyTorch is missing.
+    SurefixValueError
+        Where the module is none, or an option is not what it must be.
+
+    Examples
+    --------
+    >>> from surefix.descriptors import Torch
+    >>> backbone = torchvision.models.resnet18(weights="DEFAULT")                               # doctest: +SKIP
+    >>> backbone.fc = torch.nn.Identity()                                                       # doctest: +SKIP
+    >>> Torch(backbone, size=(320, 240)).describe(image).shape                                  # doctest: +SKIP
+    (1, 512)
+    """
+
+    def __init__(
+        self,
+        module: "torch.nn.Module",
+        transform: Callable[[Any], Any] | None = None,
+        device: "str | torch.device | None" = None,
+        batch: int = 8,
+        name: str | None = None,
+        autocast: "bool | torch.dtype" = False,
+        *,
+        size: tuple[int, int] | None = None,
+        mean: Sequence[float] | None = IMAGENET_MEAN,
+        std: Sequence[float] | None = IMAGENET_STD,
+        resample: str = "bilinear",
+        recipe: Mapping[str, object] | None = None,
+    ) -> None:
+        library = needed("torch", "a PyTorch module", "PyTorch", "torch")
+        if not isinstance(module, library.nn.Module):
+            raise SurefixValueError(f"module: expected a torch.nn.Module, got {type(module).__name__}")
+        if not isinstance(batch, int) or batch < 1:
+            raise SurefixValueError(f"batch: expected a whole number of at least 1, got {batch!r}")
+        if transform is not None and (size is not None or not callable(transform)):
+            raise SurefixValueError("transform: expected something to call with an image, and then no size")
+        self.module, self.transform, self.batch, self.autocast = module, transform, batch, autocast
+        self.name = name or f"torch:{type(module).__name__}"
+        self._torch = library
+        self._input = NetworkInput(size, mean, std, resample)
+        here = next((tensor.device for tensor in module.parameters()), library.device("cpu"))
+        try:
+            self.device = here if device is None else library.device(device)
+            if self.device != here:
+                module.to(self.device)
+        except (RuntimeError, AssertionError) as error:
+            raise SurefixValueError(f"device: {_first_line(error)}") from None
+        self._recipe = {
+            "name": self.name,
+            "kind": "torch",
+            "module": type(module).__name__,
+            "weights_sha256": _sha256(library, module),
+            "autocast": str(autocast),
+            **(self._input.recipe if transform is None else {"transform": repr(transform)}),
+            **(recipe or {}),
+        }
+
+    @property
+    def recipe(self) -> Mapping[str, object]:
+        """The module's class, a SHA-256 over its weights as they were given, and how images are prepared."""
+        return dict(self._recipe)
+
+    def describe(self, images: Sequence[npt.NDArray[np.uint8]] | npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+        """The vectors of some images, (n, dim); of one image, given as an array, (1, dim).
+
+        Raises
+        ------
+        SurefixValueError
+            Where an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an image.
+        """
+        several = as_images(images)
+        if not several:
+            raise SurefixValueError("images: expected at least one, got none")
+        with _evaluating(self.module):
+            runs = [
+                self._run(several[start : start + self.batch], start) for start in range(0, len(several), self.batch)
+            ]
+        return runs[0] if len(runs) == 1 else np.concatenate(runs)
+
+    def __repr__(self) -> str:
+        return f"Torch({type(self.module).__name__}, device={str(self.device)!r}, name={self.name!r})"
+
+    def _run(self, images: list[npt.NDArray[np.uint8]], start: int) -> npt.NDArray[np.float32]:
+        with self._torch.inference_mode(), self._precision():
+            planes = self._planes(images).to(self.device, non_blocking=True)
+            try:
+                output = self.module(planes)
+            except Exception as error:
+                raise SurefixValueError(
+                    f"{self.name}: the module does not run on images of the shape {tuple(planes.shape)}: "
+                    f"{_first_line(error)}"
+                ) from error
+            if not isinstance(output, self._torch.Tensor):
+                raise SurefixValueError(
+                    f"{self.name}: expected a module that gives a tensor, ({len(images)}, ...) for {len(images)} "
+                    f"images, got {type(output).__name__}; wrap it in one that picks what is the vector"
+                )
+            if output.ndim < 2 or output.shape[0] != len(images):
+                raise SurefixValueError(
+                    f"{self.name}: expected a vector an image, ({len(images)}, ...) for {len(images)} images, "
+                    f"got the shape {tuple(output.shape)}"
+                )
+            rows = np.from_dlpack(output.flatten(1).to("cpu", self._torch.float32).contiguous())
+        names = [f"image {start + index} of the call" for index in range(len(images))]
+        return checked_rows(rows, len(images), self.name, names)
+
+    def _planes(self, images: list[npt.NDArray[np.uint8]]) -> Any:
+        if self.transform is None:
+            return self._torch.from_dlpack(self._input.batch(images))
+        pillow = needed("PIL.Image", "a transform of images", "Pillow", "surefix[learned]")
+        planes = [self.transform(pillow.fromarray(image).convert("RGB")) for image in images]
+        for index, plane in enumerate(planes):
+            if not isinstance(plane, self._torch.Tensor) or plane.shape != planes[0].shape:
+                got = tuple(plane.shape) if isinstance(plane, self._torch.Tensor) else type(plane).__name__
+                raise SurefixValueError(
+                    f"transform: expected tensors of one shape, (3, H, W), got {got} for image {index} of the batch"
+                )
+        return self._torch.stack(planes)
+
+    def _precision(self) -> Any:
+        if self.autocast is False:
+            return nullcontext()
+        dtype = None if self.autocast is True else self.autocast
+        return self._torch.autocast(self.device.type, dtype=dtype)
+
+
+@contextmanager
+def _evaluating(module: "torch.nn.Module") -> Iterator[None]:
+    """As by ``eval()``; then each part of it as it was."""
+    training = [part for part in module.modules() if part.training]
+    module.eval()
+    try:
+        yield
+    finally:
+        for part in training:
+            part.training = True
+
+
+def _sha256(library: Any, module: "torch.nn.Module") -> str:
+    """Over the names, types, shapes and bytes of all weights and buffers, in the order of their names."""
+    state = hashlib.sha256()
+    for name, tensor in sorted(module.state_dict().items()):
+        if not hasattr(tensor, "detach"):
+            raise SurefixError(f"{type(module).__name__}: expected a state of tensors, got {name} of another kind")
+        flat = tensor.detach().cpu().contiguous().flatten()
+        state.update(f"{name} {flat.dtype} {tuple(tensor.shape)}\0".encode())
+        # Bytes, as NumPy does not know all of PyTorch's types.
+        state.update(memoryview(flat.view(library.uint8).numpy()))
+    return state.hexdigest()
+
+
+def _first_line(error: BaseException) -> str:
+    return str(error).strip().split("\n")[0]
