@@ -30,12 +30,12 @@ def standardized(rows: Rows, like: Rows) -> Rows:
 
 
 def standardized_so_far(rows: Rows, references: Rows) -> Rows:
-    """Each row by the statistics of the rows up to it (Welford), which begin as those of one reference drive's share.
+    """Each row by the statistics of the rows up to it, itself among them (Welford).
 
-    The references count as ``BEGIN`` rows, so that the first queries are not divided by a spread of nothing.
+    They begin as those of the references, which count as one row: the first queries have no spread of their own.
     """
-    count, mean = float(BEGIN), references.mean(axis=0, dtype=np.float64)
-    squares = count * references.var(axis=0, dtype=np.float64)
+    count, mean = 1.0, references.mean(axis=0, dtype=np.float64)
+    squares = references.var(axis=0, dtype=np.float64)
     out = np.empty_like(rows)
     for index, row in enumerate(rows):
         count += 1
@@ -44,9 +44,6 @@ def standardized_so_far(rows: Rows, references: Rows) -> Rows:
         squares = squares + off * (row - mean)
         out[index] = (row - mean) / np.maximum(np.sqrt(squares / count), SMALLEST)
     return out
-
-
-BEGIN = 1
 
 
 def figures(route: surefix.Map, queries: object) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import surefix
+import surefix.descriptors
 import surefix.simulate
 import surefix.streams
 

@@ -15,7 +15,8 @@ import pytest
 from PIL import Image
 
 import surefix
-from surefix.datasets import ImageArray
+import surefix.descriptors
+from surefix.datasets import ImageArray, ImageFiles
 from surefix.descriptors import Descriptor, extract
 from surefix.simulate import Route
 
@@ -61,7 +62,7 @@ def test_every_kind_of_images_gives_the_same_rows(folder: Path) -> None:
         list(IMAGES),
         tuple(IMAGES),
         ImageArray(IMAGES),
-        surefix.datasets.ImageFiles(paths) if hasattr(surefix, "datasets") else paths,
+        ImageFiles(paths),
         (image for image in IMAGES),
         iter(paths),
         (Frame(image) for image in IMAGES),
@@ -313,3 +314,44 @@ def test_a_number_that_is_none_is_found_wherever_it_is(tmp_path: Path) -> None:
 
         with pytest.raises(surefix.SurefixValueError, match=rf"got -?(nan|inf) for image {image}, at index {index} of"):
             extract(IMAGES, Given(), progress=False)
+
+
+@pytest.mark.parametrize(
+    ("module", "call", "message"),
+    [
+        (
+            "onnxruntime",
+            lambda d: d.Onnx(__file__),
+            'takes onnxruntime, which is not .*: pip install "surefix.learned."',
+        ),
+        ("h5py", lambda d: d.load("a.h5"), 'takes h5py, which is not installed: pip install "surefix.files."'),
+        (
+            "faiss",
+            lambda d: d.metric_of("a.faiss"),
+            'takes faiss, which is not installed: pip install "surefix.files."',
+        ),
+        ("torch", lambda d: d.Torch(None), "takes PyTorch, which is not installed"),
+        ("torch", lambda d: d.from_hub("megaloc"), "the model megaloc takes PyTorch, which is not installed"),
+    ],
+)
+def test_a_missing_package_is_named_in_a_line(
+    module: str, call: Any, message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.chdir(tmp_path)
+    Path("a.h5").touch()
+    with pytest.raises(surefix.SurefixError, match=message) as caught:
+        call(surefix.descriptors)
+    assert "\n" not in str(caught.value)
+
+
+def test_nothing_optional_is_imported_before_it_is_used() -> None:
+    code = """
+        import sys, surefix.descriptors as d
+        assert "surefix.descriptors.onnx" not in sys.modules
+        d.Onnx, d.Torch, d.PatchNetVlad, d.from_hub, d.load, d.extract, d.reranked_distances
+        optional = {"onnxruntime", "torch", "PIL", "h5py", "faiss", "safetensors", "patchnetvlad", "cv2"}
+        assert not optional & set(sys.modules), optional & set(sys.modules)
+        assert callable(d.extract) and set(d.__all__) <= set(dir(d))
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True)

@@ -145,3 +145,10 @@ def test_other_endings_and_other_numbers_are_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.array([{}], dtype=object), allow_pickle=True)
     with pytest.raises(surefix.SurefixValueError, match=r"not a \.npy array"):
         load(tmp_path / "a.npy")
+
+
+def test_a_tensor_that_numpy_has_no_type_for_is_refused(tmp_path: Path) -> None:
+    header = b'{"rows":{"dtype":"BF16","shape":[2,3],"data_offsets":[0,12]}}'
+    (tmp_path / "a.safetensors").write_bytes(len(header).to_bytes(8, "little") + header + bytes(12))
+    with pytest.raises(surefix.SurefixValueError, match=r"a\.safetensors"):
+        load(tmp_path / "a.safetensors")

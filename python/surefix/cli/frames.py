@@ -1,11 +1,12 @@
-"""What the command line takes as a whole: a folder, a pattern, or a ``.npy`` of images or of descriptors."""
+"""What the command line takes as a whole: a folder, a pattern, a ``.npy`` of images, or a file of descriptors."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy.typing as npt
 
-from surefix import find_images
+from surefix import SurefixValueError, find_images
+from surefix.descriptors.ready import ENDINGS
 from surefix.streams.arrays import load_frames
 
 __all__ = ["Frames"]
@@ -14,18 +15,22 @@ __all__ = ["Frames"]
 class Frames:
     """Frames in route order, all known at once; see ``surefix.streams`` for those that come one by one.
 
+    ``key`` chooses one of several arrays of a file of descriptors; see ``surefix.descriptors.load``.
+
     Raises
     ------
     SurefixError
         Where there are none, or the file is not an array of images or of descriptors.
     """
 
-    def __init__(self, place: str) -> None:
+    def __init__(self, place: str, key: str | None = None) -> None:
         self.place = place
         self.paths: list[str] | None = None
         self.array: npt.NDArray[Any] | None = None
-        if Path(place).suffix == ".npy":
-            self.array = load_frames(place)
+        if Path(place).suffix.lower() in ENDINGS:
+            self.array = load_frames(place, key)
+        elif key is not None:
+            raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
         else:
             self.paths = find_images(place)
 

@@ -13,8 +13,10 @@ from rich.text import Text
 
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix.cli.frames import Frames
+from surefix.cli.network import map_of_network, open_network
 from surefix.cli.positions import read_positions
 from surefix.cli.recording import is_recording, map_of_recording
+from surefix.descriptors import metric_of
 from surefix.streams import open_stream
 
 __all__ = ["append", "build", "info"]
@@ -42,9 +44,9 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _sad(size: str, patch: int, dtype: Dtype) -> Sad:
+def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
     try:
-        return Sad(_size(size), patch, dtype.value)
+        return Sad(_size(size or "64x32"), patch, dtype.value)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
 
@@ -53,14 +55,39 @@ def build(
     references: Annotated[
         str,
         typer.Argument(
-            help='A folder of images, a pattern ("route/*.png"), a .npy of images or of descriptors, a video or a bag.'
+            help='A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a bag; or ready '
+            "descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index."
         ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path("route.safetensors"),
-    size: Annotated[str, typer.Option(help="SAD: the small image, WIDTHxHEIGHT in pixels.")] = "64x32",
+    size: Annotated[
+        str | None,
+        typer.Option(
+            help="The small image, WIDTHxHEIGHT in pixels. SAD: 64x32 by default; --model: what the network asks for."
+        ),
+    ] = None,
     patch: Annotated[int, typer.Option(min=1, help="SAD: the side of a patch, in pixels.")] = 8,
     dtype: Annotated[Dtype, typer.Option(help="SAD: how descriptors are kept.")] = Dtype.u8,
-    metric: Annotated[Metric, typer.Option(help="Ready descriptors: how they are compared.")] = Metric.cosine,
+    metric: Annotated[
+        Metric | None,
+        typer.Option(
+            help="Ready descriptors and --model: how they are compared; as a faiss index says, else cosine.",
+            show_default=False,
+        ),
+    ] = None,
+    key: Annotated[
+        str | None, typer.Option(help="Ready descriptors: which array of the file, if it has several.")
+    ] = None,
+    model: Annotated[Path | None, typer.Option(help="An ONNX file: describe the images by this network.")] = None,
+    output: Annotated[str | None, typer.Option(help="--model: which of its outputs, if it has several.")] = None,
+    mean: Annotated[
+        str | None, typer.Option(help='--model: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet\'s by default.')
+    ] = None,
+    std: Annotated[str | None, typer.Option(help="--model: as --mean, the standard deviation.")] = None,
+    batch: Annotated[int, typer.Option(min=1, help="--model: images at a time.")] = 8,
+    cache: Annotated[
+        Path | None, typer.Option(help="--model: keep what is described here, and go on there after an interruption.")
+    ] = None,
     positions: Annotated[
         Path | None, typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.")
     ] = None,
@@ -80,7 +107,14 @@ def build(
     if not out.absolute().parent.is_dir():
         raise SurefixFileError(f"{out}: cannot write the map: there is no folder {out.absolute().parent}")
     where = None if positions is None else read_positions(positions)
+    network = None
+    if model is not None:
+        network = open_network(model, output, None if size is None else _size(size), mean, std, batch)
+    elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
+        raise typer.BadParameter("--output, --mean, --std, --batch, --cache: expected --model too, got none")
     if is_recording(references):
+        if network is not None or key is not None:
+            raise typer.BadParameter(f"--model, --key: expected images or descriptors, got the recording {references}")
         stream = open_stream(references, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry)
         if out.exists() and any(out.samefile(file) for file in stream.files):
             raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
@@ -91,11 +125,16 @@ def build(
         raise typer.BadParameter(
             f"--topic, --stride, --every, --metres, --odometry: expected a video or a bag, got {references}"
         )
-    frames = Frames(references)
-    if frames.holds(out):
+    frames = Frames(references, key)
+    if frames.holds(out) or any(file is not None and out.exists() and out.samefile(file) for file in (model, cache)):
         raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
     if frames.descriptors is not None:
-        Map.from_descriptors(frames.descriptors, metric.value, positions=where).save(out)
+        if network is not None:
+            raise typer.BadParameter(f"--model: expected images, got the ready descriptors {references}")
+        by = metric.value if metric else metric_of(references) or "cosine"
+        Map.from_descriptors(frames.descriptors, by, positions=where).save(out)
+    elif network is not None:
+        map_of_network(frames.images, network, metric.value if metric else "cosine", where, cache).save(out)
     else:
         Map.build(out, frames.images, _sad(size, patch, dtype), positions=where)
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")

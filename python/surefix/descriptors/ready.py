@@ -123,7 +123,7 @@ def _safetensors(path: Path, key: str | None) -> Rows:
         raise SurefixValueError(f"{path}: not a .safetensors file, or a truncated one ({error})") from None
     except (TypeError, AttributeError) as error:
         # bfloat16, for one, is no number of NumPy's.
-        raise SurefixValueError(f"{path}, {key}: expected {', '.join(NUMBERS)}, got another type ({error})") from None
+        raise SurefixValueError(f"{path}: expected {', '.join(NUMBERS)}, got another type ({error})") from None
     return array
 
 

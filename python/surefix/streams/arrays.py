@@ -3,11 +3,13 @@
 from collections.abc import Generator
 from functools import partial
 from os import PathLike, fspath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from surefix.descriptors.ready import load
 from surefix.errors import SurefixFileError, SurefixValueError
 from surefix.streams.stream import Shot, Stream
 
@@ -16,6 +18,8 @@ __all__ = ["ArrayStream", "load_frames"]
 
 class ArrayStream(Stream):
     """The rows of a ``.npy``: uint8 images, (n, H, W) or (n, H, W, 3), or ready descriptors (n, dim). No times.
+
+    Ready descriptors also from the other files that ``surefix.descriptors.load`` reads.
 
     Raises
     ------
@@ -45,8 +49,14 @@ class ArrayStream(Stream):
             yield Shot(None, str(index), partial(np.asarray, row))
 
 
-def load_frames(place: str) -> npt.NDArray[Any]:
-    """The array of a ``.npy`` of images or of descriptors.
+def load_frames(place: str, key: str | None = None) -> npt.NDArray[Any]:
+    """The array of a ``.npy`` of images or of descriptors, or that of another file of descriptors.
+
+    Parameters
+    ----------
+    place : str
+    key : str, optional
+        As for ``surefix.descriptors.load``.
 
     Raises
     ------
@@ -55,6 +65,10 @@ def load_frames(place: str) -> npt.NDArray[Any]:
     SurefixValueError
         Where it holds something else.
     """
+    if Path(place).suffix.lower() != ".npy":
+        return load(place, key)
+    if key is not None:
+        raise SurefixValueError(f"{place}: expected no key, as such a file holds one array, got {key!r}")
     try:
         array: npt.NDArray[Any] = np.load(place, allow_pickle=False)
     except OSError as error:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from os import PathLike, fspath
 from pathlib import Path
 
+from surefix.descriptors.ready import ENDINGS
 from surefix.errors import SurefixValueError
 from surefix.streams.arrays import ArrayStream
 from surefix.streams.bag import BAG_ENDINGS, BagStream, is_bag
@@ -39,8 +40,9 @@ def open_stream(
     Parameters
     ----------
     place : str, path, int, or list of files
-        A folder of images or a pattern; a ``.npy``; a video file; a bag (``.bag``, ``.mcap``, ``.db3``, or the folder
-        of a ROS 2 bag); a camera's number, device file or URL; or a list of image files.
+        A folder of images or a pattern; a ``.npy``, or another file of descriptors; a video file; a bag (``.bag``,
+        ``.mcap``, ``.db3``, or the folder of a ROS 2 bag); a camera's number, device file or URL; or a list of image
+        files.
     topic : str, optional
         Of a bag: the images' topic, where there are several.
     follow : bool
@@ -118,7 +120,7 @@ def _source(
     bag = is_bag(file)
     if topic is not None and not bag:
         raise SurefixValueError(f"topic: expected a bag, got {name}")
-    array, camera = file.suffix == ".npy", is_camera(name) and not file.is_dir()
+    array, camera = file.suffix.lower() in ENDINGS, is_camera(name) and not file.is_dir()
     video = is_video(file)
     if follow:
         if bag or array or camera or video:
@@ -133,7 +135,7 @@ def _source(
     if video:
         return VideoStream(name)
     if file.is_file():
-        endings = ", ".join(sorted(VIDEO_ENDINGS | BAG_ENDINGS | {".npy"}))
+        endings = ", ".join(sorted({*VIDEO_ENDINGS, *BAG_ENDINGS, *ENDINGS}))
         raise SurefixValueError(f"{name}: expected a folder of images, a pattern, or a file that ends in {endings}")
     try:
         return ImageStream(name)

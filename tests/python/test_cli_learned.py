@@ -1,0 +1,141 @@
+"""``surefix map build`` with a network, and with the files of ready descriptors that other programs write."""
+
+import csv
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import faiss
+import h5py
+import numpy as np
+import pytest
+from PIL import Image
+from safetensors.numpy import save_file
+
+import surefix
+import tiny_network
+from surefix.descriptors import Onnx, extract
+from surefix.simulate import Route
+
+PLACES = 30
+
+
+def surefix_(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "surefix", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={"COLUMNS": "400", "NO_COLOR": "1"})
+    assert done.returncode == code, (done.stdout, done.stderr)
+    assert "Traceback" not in done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("learned")
+    (folder / "summer").mkdir()
+    reference = Route(places=PLACES, size=(64, 32)).reference()
+    for index in range(PLACES):
+        Image.fromarray(reference[index]).save(folder / "summer" / f"frame{index}.png")
+    tiny_network.save(folder / "tiny.onnx")
+    return folder
+
+
+def test_a_map_is_made_by_a_network(drive: Path, tmp_path: Path) -> None:
+    out, cache = tmp_path / "route.safetensors", tmp_path / "summer.cache"
+    options = ("--model", drive / "tiny.onnx", "--output", "map", "--size", "32x16", "--cache", cache)
+    done = surefix_("map", "build", drive / "summer", "-o", out, *options)
+    assert re.fullmatch(rf"Made {re.escape(str(out))}: 30 places x 640 float32, 0\.1 MB, in [\d.]+ s\n", done.stdout)
+    network = Onnx(drive / "tiny.onnx", "map", (32, 16))
+    route = surefix.Map.open(out)
+    np.testing.assert_array_equal(route.descriptors, extract(drive / "summer", network, progress=False))
+    assert route.metric == "cosine"
+    assert route.names == [f"frame{index}.png" for index in range(PLACES)]
+    # All is in the cache: the same map again.
+    before = out.read_bytes()
+    surefix_("map", "build", drive / "summer", "-o", out, *options)
+    assert out.read_bytes() == before
+    plain = ("--mean", "none", "--std", "none", "--metric", "euclidean")
+    surefix_("map", "build", drive / "summer", "-o", out, *options[:-2], *plain)
+    expected = extract(drive / "summer", Onnx(drive / "tiny.onnx", "map", (32, 16), None, None), progress=False)
+    np.testing.assert_array_equal(surefix.Map.open(out).descriptors, expected)
+    assert surefix.Map.open(out).metric == "euclidean"
+
+
+def test_mistakes_with_a_network_are_said_in_a_line(drive: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "rows.npy", np.eye(4, dtype=np.float32))
+    out, model, summer = tmp_path / "out", drive / "tiny.onnx", drive / "summer"
+    usage = (
+        ((summer, "--model", model), "expected output=NAME, as the model has several"),
+        ((summer, "--model", model, "--output", "maps"), "got 'maps'"),
+        ((summer, "--model", model, "--output", "map", "--size", "big"), "expected WIDTHxHEIGHT"),
+        ((summer, "--model", model, "--output", "map", "--mean", "1,2"), "--mean: expected three numbers with commas"),
+        ((summer, "--output", "map"), "expected --model too"),
+        ((summer, "--cache", "c"), "expected --model too"),
+        ((tmp_path / "rows.npy", "--model", model, "--output", "map"), "--model: expected images"),
+    )
+    for arguments, message in usage:
+        said = surefix_("map", "build", *arguments, "-o", out, code=2).stderr
+        assert message in " ".join(re.sub(r"[│╭╮╰╯─]", " ", said).split())
+    (tmp_path / "bad.onnx").write_text("no model")
+    failures = (
+        ((summer, "--model", tmp_path / "no.onnx"), "no.onnx: cannot read the model: No such file or directory"),
+        ((summer, "--key", "a"), "--key: expected a file of descriptors"),
+    )
+    for arguments, message in failures:
+        assert message in surefix_("map", "build", *arguments, "-o", out, code=1).stderr
+    assert not out.exists()
+
+
+def test_ready_descriptors_of_every_kind_are_mapped_and_run(tmp_path: Path) -> None:
+    rows = np.random.default_rng(6).standard_normal((12, 9)).astype(np.float32)
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    np.save(tmp_path / "a.npy", rows)
+    np.savez(tmp_path / "a.npz", rows)
+    save_file({"rows": rows}, tmp_path / "a.safetensors")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["rows"] = rows
+    for make, name in ((faiss.IndexFlatIP, "a.faiss"), (faiss.IndexFlatL2, "b.index")):
+        index = make(9)
+        index.add(rows)
+        faiss.write_index(index, str(tmp_path / name))
+    for name, metric in (
+        ("a.npy", "cosine"),
+        ("a.npz", "cosine"),
+        ("a.safetensors", "cosine"),
+        ("a.h5", "cosine"),
+        ("a.faiss", "cosine"),
+        ("b.index", "euclidean"),
+    ):
+        out, fixes = tmp_path / "route.map", tmp_path / "fixes.csv"
+        surefix_("map", "build", tmp_path / name, "-o", out)
+        route = surefix.Map.open(out)
+        assert route.metric == metric
+        np.testing.assert_array_equal(route.descriptors, rows)
+        surefix_("run", out, tmp_path / name, "-o", fixes)
+        with fixes.open(newline="") as lines:
+            assert [int(row["place"]) for row in csv.DictReader(lines)] == list(range(12))
+
+
+def test_one_array_of_several_is_chosen_with_key(tmp_path: Path) -> None:
+    rows = np.random.default_rng(6).standard_normal((12, 9)).astype(np.float32)
+    np.savez(tmp_path / "a.npz", first=rows, second=rows[::-1])
+    out = tmp_path / "route.map"
+    surefix_("map", "build", tmp_path / "a.npz", "--key", "second", "-o", out)
+    np.testing.assert_array_equal(surefix.Map.open(out).descriptors, rows[::-1])
+    said = surefix_("map", "build", tmp_path / "a.npz", "-o", out, code=1).stderr
+    assert said == f"surefix: {tmp_path / 'a.npz'}: expected a key, as it holds 2 arrays: first, second\n"
+
+
+def test_the_example_compares_on_any_route(drive: Path) -> None:
+    route = Route(places=PLACES, size=(64, 32))
+    for name, traverse in (("summer", route.reference()), ("winter", route.revisit())):
+        np.save(drive / f"{name}.npy", np.stack([traverse[index] for index in range(PLACES)]))
+    example = Path(__file__).resolve().parents[2] / "examples" / "learned.py"
+    options = [drive / "tiny.onnx", "--output", "map", "--output", "mean", "--size", "64", "32"]
+    drives = ["generated", drive / "summer.npy", drive / "winter.npy"]
+    command = [sys.executable, *map(str, [example, *options, *drives])]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    rows = [line.split(" | ") for line in done.stdout.splitlines()]
+    assert len(rows) == 2 + 1 + 2 * 4
+    assert {len(row) for row in rows[2:]} == {7}
+    assert all(0 <= float(row[3]) <= 1 for row in rows[2:])
