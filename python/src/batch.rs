@@ -15,6 +15,7 @@ use crate::arrays::{Numbers, as_array, flags, matrix, shape_of, whole_numbers};
 use crate::error::{OrRaise as _, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
+use crate::learned;
 use crate::map::Map;
 use crate::options::config;
 use crate::simulate::Traverse;
@@ -228,6 +229,8 @@ pub(crate) fn match_distances(
 ///     An external predictor's words in place of the consensus.
 /// gaps : array or list of int, optional
 ///     The queries, in any order, before which there is a gap (``Localizer.gap``).
+/// descriptor : surefix.descriptors.Descriptor, optional
+///     On a map of learned descriptors: what describes the images, as for ``Localizer``.
 /// progress : callable, optional
 ///     As for ``Map.from_images``.
 /// **options
@@ -253,15 +256,17 @@ pub(crate) fn match_distances(
 #[pyfunction]
 #[pyo3(
     name = "match",
-    signature = (map, queries, *, trusted=None, gaps=None, progress=None, **options),
-    text_signature = "(map, queries, *, trusted=None, gaps=None, progress=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+    signature = (map, queries, *, trusted=None, gaps=None, descriptor=None, progress=None, **options),
+    text_signature = "(map, queries, *, trusted=None, gaps=None, descriptor=None, progress=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
 )]
+#[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
 pub(crate) fn match_(
     py: Python<'_>,
     map: &Map,
     queries: &Bound<'_, PyAny>,
     trusted: Option<&Bound<'_, PyAny>>,
     gaps: Option<&Bound<'_, PyAny>>,
+    descriptor: Option<&Bound<'_, PyAny>>,
     progress: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Run> {
@@ -275,9 +280,21 @@ pub(crate) fn match_(
     let stacked = stacked(queries)?;
     let queries = stacked.as_ref().unwrap_or(queries);
     let array = if is_images(queries) { None } else { as_array(queries, "queries").ok() };
+    let are_rows = array.as_ref().is_some_and(|array| array.ndim() == 2);
+    let extracted = match descriptor.filter(|_| !are_rows) {
+        None => None,
+        Some(descriptor) => {
+            learned::checked(descriptor, map)?;
+            Some(learned::extracted(queries, descriptor, progress)?)
+        }
+    };
+    let array = match &extracted {
+        Some(extracted) => Some(as_array(extracted, "queries")?),
+        None => array,
+    };
     if let Some(array) = array.as_ref().filter(|array| array.ndim() == 2) {
-        if array.shape()[1] != map.dim() {
-            let (expected, got) = (map.dim(), array.shape()[1]);
+        if array.shape()[1] != map.input_dim() {
+            let (expected, got) = (map.input_dim(), array.shape()[1]);
             return Err(to_py(py, &surefix::Error::Length { what: "queries: each row", expected, got }));
         }
         let numbers = Numbers::new(array, "queries")?;
@@ -287,7 +304,8 @@ pub(crate) fn match_(
         return Ok(Run(run?));
     }
     let Recipe::Sad(sad) = map.recipe() else {
-        let expected = format!("descriptors (m, {}), as this map was made of ready ones", map.dim());
+        let dim = map.input_dim();
+        let expected = format!("descriptors (m, {dim}), as this map was made of ready ones, or descriptor=");
         let got = match &array {
             Some(array) => shape_of(array),
             None => "images".to_owned(),

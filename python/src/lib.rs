@@ -10,11 +10,13 @@ mod error;
 mod evaluate;
 mod fix;
 mod images;
+mod learned;
 mod localizer;
 mod map;
 mod matcher;
 mod options;
 mod places;
+mod post;
 mod sad;
 mod simulate;
 mod trust;
@@ -40,6 +42,8 @@ mod _core {
     use crate::map::Map;
     #[pymodule_export]
     use crate::matcher::Matcher;
+    #[pymodule_export]
+    use crate::post::{Post, Running, fit_post};
     #[pymodule_export]
     use crate::sad::Sad;
     #[pymodule_export]

@@ -9,6 +9,7 @@ use crate::arrays::{Numbers, as_array};
 use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
 use crate::images::{Pixels, path_of};
+use crate::learned;
 use crate::map::Map;
 use crate::options::{config, whole};
 
@@ -18,6 +19,8 @@ use crate::options::{config, whole};
 /// ----------
 /// map : Map
 ///     The known route. Many localizers can share one.
+/// descriptor : surefix.descriptors.Descriptor, optional
+///     On a map of learned descriptors: what describes the images that are pushed. Its name is the one in the map's recipe.
 /// threads : int, optional
 ///     How many threads scan the map, the caller's own among them. None for what suits the map: one for every 8 MB, up to
 ///     all cores, so one for a map below 16 MB. The answers are the same to the last bit. A forked child has one.
@@ -37,25 +40,28 @@ use crate::options::{config, whole};
 /// >>> [fix.place for fix in localizer.stream(frames)]
 /// [0, 1, 2, 3, 4]
 #[pyclass(module = "surefix")]
-pub(crate) struct Localizer(surefix::Localizer);
+pub(crate) struct Localizer(surefix::Localizer, Option<Py<PyAny>>);
 
 #[pymethods]
 impl Localizer {
     #[new]
     #[pyo3(
-        signature = (map, *, threads=None, **options),
-        text_signature = "(map, *, threads=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+        signature = (map, *, descriptor=None, threads=None, **options),
+        text_signature = "(map, *, descriptor=None, threads=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
     )]
     fn new(
         py: Python<'_>,
         map: &Map,
+        descriptor: Option<&Bound<'_, PyAny>>,
         threads: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let config = config(py, options, Floor::Running)?;
         let threads = threads.map(|given| whole("threads", given)).transpose()?;
+        let descriptor = descriptor.map(|given| learned::checked(given, &map.0)).transpose()?;
         let localizer = surefix::Localizer::new(map.0.clone(), config);
-        Ok(Self(localizer.and_then(|localizer| localizer.with_threads(threads)).or_raise(py)?))
+        let localizer = localizer.and_then(|localizer| localizer.with_threads(threads)).or_raise(py)?;
+        Ok(Self(localizer, descriptor))
     }
 
     /// Takes one camera frame, and says where the robot is.
@@ -64,7 +70,8 @@ impl Localizer {
     /// ----------
     /// frame : array or path
     ///     A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images were; or a
-    ///     descriptor, (dim,), of the map's own type, or float32 on a map of ready descriptors.
+    ///     descriptor, (input_dim,), of the map's own type, or float32 on a map of ready descriptors, as it is before
+    ///     post-processing.
     /// trusted : bool, optional
     ///     An external predictor's word in place of the consensus.
     ///
@@ -81,6 +88,11 @@ impl Localizer {
     fn push(slf: &Bound<'_, Self>, frame: &Bound<'_, PyAny>, trusted: Option<bool>) -> PyResult<Fix> {
         let py = slf.py();
         let locked = || slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"));
+        let described = {
+            let this = shared(slf)?;
+            learned::described(frame, this.0.map(), this.1.as_ref().map(|given| given.bind(py)))?
+        };
+        let frame = described.as_ref().unwrap_or(frame);
         if let Some(path) = path_of(frame) {
             let mut this = locked()?;
             let localizer = &mut this.0;
@@ -224,22 +236,24 @@ impl Localizer {
     /// Localizer(Map(4 places x 4 float32, cosine, 0.0 MB), frames=0)
     #[staticmethod]
     #[pyo3(
-        signature = (map, blob, *, threads=None, **options),
-        text_signature = "(map, blob, *, threads=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+        signature = (map, blob, *, descriptor=None, threads=None, **options),
+        text_signature = "(map, blob, *, descriptor=None, threads=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
     )]
     fn restore(
         py: Python<'_>,
         map: &Map,
         blob: &[u8],
+        descriptor: Option<&Bound<'_, PyAny>>,
         threads: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let threads = threads.map(|given| whole("threads", given)).transpose()?;
         let expected = options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
+        let descriptor = descriptor.map(|given| learned::checked(given, &map.0)).transpose()?;
         let map = map.0.clone();
         let localizer =
             py.detach(|| surefix::Localizer::restore(map, blob, expected.as_ref())?.with_threads(threads));
-        Ok(Self(localizer.or_raise(py)?))
+        Ok(Self(localizer.or_raise(py)?, descriptor))
     }
 
     /// The map that it localizes on.

@@ -10,7 +10,9 @@ use surefix::{Dtype, Recipe};
 use crate::arrays::{Numbers, as_array, check_axes, rows_to_py};
 use crate::error::{OrRaise as _, value};
 use crate::images::{Images, progress_callback, with_progress};
+use crate::learned;
 use crate::places::{self, with_positions};
+use crate::post::{self, Post};
 use crate::sad::Sad;
 
 /// A known route: one descriptor a place, in route order, and all that is needed to use them.
@@ -38,12 +40,17 @@ impl Map {
     /// images : str, path, iterable of paths, iterable or sequence of uint8 arrays, array (n, H, W) or (n, H, W, 3)
     ///     A folder or a pattern like ``"route/*.png"`` is sorted as a person would: ``frame10`` follows ``frame9``.
     ///     Files, and the items of a sequence that is no list, are read when it is their turn. All images have one size.
-    /// descriptor : Sad, optional
-    ///     The recipe; ``Sad()`` by default.
+    /// descriptor : Sad or surefix.descriptors.Descriptor, optional
+    ///     The recipe; ``Sad()`` by default. With a learned descriptor, images are described by
+    ///     ``surefix.descriptors.extract``, a batch at a time, and may have any sizes that it takes.
     /// positions : array, shape (n, 2) or (n, 3), optional
     ///     Where each place is, in planar metres.
     /// progress : callable, optional
     ///     Called with ``(done, total)``; returning False stops. By default a bar on a terminal; False for none.
+    /// metric, post : optional
+    ///     For a learned descriptor, as for ``from_descriptors``.
+    /// cache : path, optional
+    ///     For a learned descriptor: a file from which it goes on after an interruption, as for ``extract``.
     ///
     /// Returns
     /// -------
@@ -52,7 +59,8 @@ impl Map {
     /// Raises
     /// ------
     /// SurefixValueError
-    ///     For an image that cannot be read or has another size (the error names it), or fewer than two images.
+    ///     For an image that cannot be read or has another size (the error names it), or fewer than two images; for metric, post
+    ///     or cache with SAD, which has its own metric and needs neither.
     /// SurefixFileError
     ///     Where there is no such folder.
     ///
@@ -63,14 +71,26 @@ impl Map {
     /// >>> len(route), route.dim, route.descriptor
     /// (5, 2048, Sad(size=(64, 32), patch=8, dtype='u8'))
     #[staticmethod]
-    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None))]
-    fn from_images(
-        py: Python<'_>,
-        images: &Bound<'_, PyAny>,
-        descriptor: Option<&Bound<'_, PyAny>>,
-        positions: Option<&Bound<'_, PyAny>>,
-        progress: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
+    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None, metric=None, post=None, cache=None))]
+    #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
+    fn from_images<'py>(
+        py: Python<'py>,
+        images: &Bound<'py, PyAny>,
+        descriptor: Option<&Bound<'py, PyAny>>,
+        positions: Option<&Bound<'py, PyAny>>,
+        progress: Option<&Bound<'py, PyAny>>,
+        metric: Option<&Bound<'py, PyAny>>,
+        post: Option<&Bound<'py, PyAny>>,
+        cache: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, Self>> {
+        if let Some(descriptor) = descriptor.filter(|given| learned::is_learned(given)) {
+            return learned::map_of_images(images, descriptor, positions, progress, metric, post, cache);
+        }
+        if [metric, post, cache].iter().any(Option::is_some) {
+            let reason =
+                "metric, post, cache: expected a learned descriptor beside them, got Sad, which needs none";
+            return Err(value(py, reason.to_owned()));
+        }
         let sad = places::recipe(py, descriptor)?;
         let positions = places::positions(positions)?;
         let images = Images::new(images)?;
@@ -78,7 +98,7 @@ impl Map {
         let map = with_progress(py, callback.as_ref(), |progress| {
             images.with_source(py, |source| surefix::Map::from_images(source, sad, progress))
         })?;
-        Ok(Self(Arc::new(with_positions(map, positions).or_raise(py)?)))
+        Bound::new(py, Self(Arc::new(with_positions(map, positions).or_raise(py)?)))
     }
 
     /// Makes the map of a traverse's images straight into a file, on all cores: the file that ``from_images(...).save(path)`` would
@@ -220,6 +240,11 @@ impl Map {
     ///     A name for each place.
     /// screen : {"i8"}, optional
     ///     As for ``with_screen``.
+    /// post : list of steps, or a fitted surefix.post.Post, optional
+    ///     What the descriptors, float32, go through before they are kept, fitted on them; see ``surefix.post``. Queries go through
+    ///     the same: from then on ``distances``, ``Localizer.push`` and ``match`` take vectors as they are before it.
+    /// recipe : mapping, optional
+    ///     Where the descriptors come from, for a learned descriptor: what JSON can hold, with a "name".
     ///
     /// Returns
     /// -------
@@ -229,11 +254,13 @@ impl Map {
     /// ------
     /// SurefixValueError
     ///     For fewer than two rows, another type, a NaN or an infinity (the error names its row), a row of zeros under
-    ///     the cosine, or another number of positions or names than of rows; and as for ``with_screen``.
+    ///     the cosine, or another number of positions or names than of rows; as for ``with_screen`` and ``surefix.post.fit``; for a
+    ///     recipe without a name.
     #[staticmethod]
+    #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     #[pyo3(
-        signature = (descriptors, metric=None, positions=None, names=None, *, screen=None),
-        text_signature = "(descriptors, metric='cosine', positions=None, names=None, *, screen=None)"
+        signature = (descriptors, metric=None, positions=None, names=None, *, screen=None, post=None, recipe=None),
+        text_signature = "(descriptors, metric='cosine', positions=None, names=None, *, screen=None, post=None, recipe=None)"
     )]
     fn from_descriptors(
         py: Python<'_>,
@@ -242,8 +269,11 @@ impl Map {
         positions: Option<&Bound<'_, PyAny>>,
         names: Option<&Bound<'_, PyAny>>,
         screen: Option<&Bound<'_, PyAny>>,
+        post: Option<&Bound<'_, PyAny>>,
+        recipe: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
+        let recipe = recipe.map(learned::recipe_text).transpose()?;
         let metric = metric.map_or_else(|| "cosine".to_owned(), ToString::to_string).parse().or_raise(py)?;
         let positions = places::positions(positions)?;
         let array = as_array(descriptors, "descriptors")?;
@@ -254,7 +284,21 @@ impl Map {
         }
         let numbers = Numbers::new(&array, "descriptors")?;
         let rows = numbers.view()?;
-        let map = py.detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric)).or_raise(py)?;
+        let map = match post {
+            None => {
+                py.detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric)).or_raise(py)?
+            }
+            Some(post) => {
+                let (post, rows) = post::fitted(post, rows, dim)?;
+                let dim = post.output();
+                let map = py.detach(|| surefix::Map::from_descriptors(rows, dim, metric)?.with_post(post));
+                map.or_raise(py)?
+            }
+        };
+        let map = match recipe {
+            Some(recipe) => map.with_learned_recipe(&recipe).or_raise(py)?,
+            None => map,
+        };
         let map = match names {
             Some(names) => map.with_names(places::names(names)?).or_raise(py)?,
             None => map,
@@ -354,7 +398,8 @@ impl Map {
     ///
     /// Parameters
     /// ----------
-    /// descriptor : array, shape (dim,), of the map's own type, or of float32 on a map of ready descriptors
+    /// descriptor : array, shape (input_dim,), of the map's own type, or of float32 on a map of ready descriptors
+    ///     As it is before post-processing, where the map has some.
     ///
     /// Returns
     /// -------
@@ -386,6 +431,25 @@ impl Map {
     #[getter]
     fn dim(&self) -> usize {
         self.0.dim()
+    }
+
+    /// How many numbers a query has: before post-processing, where the map has some, else ``dim``.
+    #[getter]
+    fn input_dim(&self) -> usize {
+        self.0.input_dim()
+    }
+
+    /// What queries go through before they are compared, and descriptors went through; None where there is nothing.
+    #[getter]
+    fn post(&self) -> Option<Post> {
+        self.0.post().cloned().map(Post)
+    }
+
+    /// Where a learned map's descriptors come from, a dict with a "name"; None where nobody said.
+    #[getter]
+    fn recipe<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let text = self.0.learned_recipe();
+        text.map(|text| py.import("json")?.call_method1("loads", (text,))).transpose()
     }
 
     /// The type of the descriptors' numbers.

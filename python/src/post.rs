@@ -1,7 +1,5 @@
 //! `surefix.post`: what descriptors go through.
 
-use std::sync::Arc;
-
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
 use surefix::descriptor::Running as Statistics;
@@ -187,12 +185,24 @@ fn float32<'a>(py: Python<'_>, numbers: View<'a>, what: &str) -> PyResult<&'a [f
     }
 }
 
-/// A map whose queries go through a fitted chain.
-pub(crate) fn with_post(map: surefix::Map, post: &Post) -> Result<surefix::Map, surefix::Error> {
-    map.with_post(post.0.clone())
-}
-
-/// That of a map.
-pub(crate) fn of_map(map: &Arc<surefix::Map>) -> Option<Post> {
-    map.post().cloned().map(Post)
+/// A chain for rows of `dim` numbers, and the rows as it makes them: `given` is fitted already, or steps that are fitted now.
+pub(crate) fn fitted(
+    given: &Bound<'_, PyAny>,
+    rows: View<'_>,
+    dim: usize,
+) -> PyResult<(surefix::Post, Vec<f32>)> {
+    let py = given.py();
+    let rows = float32(py, rows, "descriptors: with post")?;
+    if let Ok(post) = given.cast::<Post>() {
+        let post = &post.get().0;
+        if post.input() != dim {
+            let (what, expected) = ("descriptors: each", post.input());
+            return Err(surefix::Error::Length { what, expected, got: dim }).or_raise(py);
+        }
+        let done = py.detach(|| post.apply(rows)).or_raise(py)?;
+        return Ok((post.clone(), done));
+    }
+    let steps: String = py.import("surefix.post")?.call_method1("as_json", (given,))?.extract()?;
+    let steps: Vec<Step> = serde_json::from_str(&steps).map_err(|e| value(py, format!("post: {e}")))?;
+    py.detach(|| surefix::Post::fit(&steps, rows, dim)).or_raise(py)
 }

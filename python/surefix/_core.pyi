@@ -1,6 +1,7 @@
 """The compiled part of surefix. Docstrings live in the Rust sources; stubtest holds these signatures to the binary."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Sequence as _Sequence
 from os import PathLike
 from typing import Any, Literal, Protocol, SupportsFloat, SupportsIndex, TypeAlias, final
 
@@ -16,8 +17,10 @@ __all__ = [
     "Map",
     "Matcher",
     "Peak",
+    "Post",
     "Route",
     "Run",
+    "Running",
     "Sad",
     "Sequence",
     "Single",
@@ -31,6 +34,7 @@ __all__ = [
     "evaluate",
     "evaluate_trust",
     "find_images",
+    "fit_post",
     "instruction_set",
     "match",
     "match_distances",
@@ -61,6 +65,13 @@ class _Frame(Protocol):
     def gap(self) -> bool: ...
     @property
     def dropped(self) -> int: ...
+
+class _Descriptor(Protocol):
+    @property
+    def name(self) -> str: ...
+    @property
+    def recipe(self) -> Mapping[str, object]: ...
+    def describe(self, images: _Sequence[npt.NDArray[np.uint8]], /) -> npt.NDArray[np.float32]: ...
 
 _Array: TypeAlias = npt.NDArray[Any] | _HasArray | _HasDlpack
 _Path: TypeAlias = str | PathLike[str]
@@ -147,10 +158,13 @@ class Map:
     @staticmethod
     def from_images(
         images: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
-        descriptor: Sad | None = None,
+        descriptor: Sad | _Descriptor | None = None,
         *,
         positions: npt.ArrayLike | None = None,
         progress: _Progress = None,
+        metric: Literal["cosine", "euclidean", "manhattan"] | str | None = None,
+        post: Post | Iterable[Any] | None = None,
+        cache: _Path | None = None,
     ) -> Map: ...
     @staticmethod
     def from_descriptors(
@@ -160,6 +174,8 @@ class Map:
         names: Iterable[str] | None = None,
         *,
         screen: Literal["i8"] | None = None,
+        post: Post | Iterable[Any] | None = None,
+        recipe: Mapping[str, Any] | None = None,
     ) -> Map: ...
     @staticmethod
     def build(
@@ -188,6 +204,12 @@ class Map:
     @property
     def dim(self) -> int: ...
     @property
+    def input_dim(self) -> int: ...
+    @property
+    def post(self) -> Post | None: ...
+    @property
+    def recipe(self) -> dict[str, Any] | None: ...
+    @property
     def dtype(self) -> np.dtype[Any]: ...
     @property
     def metric(self) -> Literal["cosine", "euclidean", "manhattan"]: ...
@@ -201,6 +223,28 @@ class Map:
     def positions(self) -> _Float64 | None: ...
     @property
     def names(self) -> list[str] | None: ...
+
+@final
+class Post:
+    def apply(self, vectors: _Array) -> _Float32: ...
+    @property
+    def input_dim(self) -> int: ...
+    @property
+    def output_dim(self) -> int: ...
+    @property
+    def steps(self) -> list[dict[str, Any]]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+def fit_post(references: _Array, steps: str) -> tuple[Post, _Float32]: ...
+
+@final
+class Running:
+    def __new__(cls, dim: int | None = None, *, references: _Array | None = None) -> Running: ...
+    def push(self, vector: _Array) -> _Float32: ...
+    @property
+    def count(self) -> int: ...
+    def reset(self) -> None: ...
 
 @final
 class Matcher:
@@ -243,6 +287,7 @@ class Localizer:
         cls,
         map: Map,
         *,
+        descriptor: _Descriptor | None = None,
         threads: SupportsIndex | None = None,
         sequence_length: SupportsIndex = 2,
         weight: SupportsFloat = 0.99,
@@ -262,6 +307,7 @@ class Localizer:
         map: Map,
         blob: bytes,
         *,
+        descriptor: _Descriptor | None = None,
         threads: SupportsIndex | None = None,
         sequence_length: SupportsIndex = 2,
         weight: SupportsFloat = 0.99,
@@ -331,6 +377,7 @@ def match(
     *,
     trusted: _Array | list[bool] | None = None,
     gaps: _Array | list[int] | None = None,
+    descriptor: _Descriptor | None = None,
     progress: _Progress = None,
     sequence_length: SupportsIndex = 2,
     weight: SupportsFloat = 0.99,

@@ -1,4 +1,4 @@
-"""Post-processing of learned descriptors: fitted on the references, kept with the map, done to each query (method 1.10).
+"""Post-processing of learned descriptors: fitted on the references, kept with the map, done to each query.
 
 >>> import numpy as np, surefix
 >>> from surefix.post import Normalize, Pca, Standardize
@@ -21,7 +21,18 @@ import numpy.typing as npt
 from surefix._core import Post, Running, fit_post
 from surefix.errors import SurefixValueError
 
-__all__ = ["Normalize", "Pca", "Post", "RandomProjection", "Running", "Standardize", "Step", "fit", "standardized"]
+__all__ = [
+    "Normalize",
+    "Pca",
+    "Post",
+    "RandomProjection",
+    "Running",
+    "Standardize",
+    "Step",
+    "as_json",
+    "fit",
+    "standardized",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +49,8 @@ class Standardize:
 class Pca:
     """The coordinates along the ``dim`` directions in which the references differ most; whitened by default.
 
-    As scikit-learn's ``PCA(dim, whiten=True)`` computes them. There are no more than the references span: fewer than there
-    are references.
+    As scikit-learn's ``PCA(dim, whiten=True)`` computes them. There are no more than the references span: fewer than
+    there are references.
     """
 
     dim: int
@@ -80,8 +91,8 @@ def fit(references: Any, steps: Iterable[Step]) -> Post:
     Raises
     ------
     SurefixValueError
-        For references of another shape or type, fewer than two, a NaN or an infinity; for more principal components than
-        they span; for a row of zeros that is to have the length 1.
+        For references of another shape or type, fewer than two, a NaN or an infinity; for more principal components
+        than they span; for a row of zeros that is to have the length 1.
 
     Examples
     --------
@@ -90,7 +101,7 @@ def fit(references: Any, steps: Iterable[Step]) -> Post:
     >>> fit(np.float32([[1, 5], [3, 5]]), [Standardize()]).apply(np.float32([5, 5]))
     array([3., 0.], dtype=float32)
     """
-    return fit_post(references, _as_json(steps))[0]
+    return fit_post(references, as_json(steps))[0]
 
 
 def standardized(rows: Any) -> npt.NDArray[np.float32]:
@@ -104,10 +115,10 @@ def standardized(rows: Any) -> npt.NDArray[np.float32]:
     array([[-1.,  0.],
            [ 1.,  0.]], dtype=float32)
     """
-    return fit_post(rows, _as_json([Standardize()]))[1]
+    return fit_post(rows, as_json([Standardize()]))[1]
 
 
-def _as_json(steps: Any) -> str:
+def as_json(steps: Any) -> str:
     """The steps as the core reads them.
 
     Raises
@@ -119,12 +130,17 @@ def _as_json(steps: Any) -> str:
     for step in listed:
         if not isinstance(step, Step):
             raise SurefixValueError(
-                f"post: expected steps such as Standardize(), Pca(512), Normalize() and RandomProjection(512), got {step!r}"
+                f"post: expected steps such as Standardize(), Pca(512), RandomProjection(512), Normalize(), "
+                f"got {step!r}"
             )
         for name, value in asdict(step).items():
             whole = isinstance(value, int) and 0 <= value < 2**63
             if name == "whiten" and not isinstance(value, bool):
-                raise SurefixValueError(f"post: {type(step).__name__}: expected whiten to be True or False, got {value!r}")
+                raise SurefixValueError(
+                    f"post: {type(step).__name__}: expected whiten to be True or False, got {value!r}"
+                )
             if name != "whiten" and (not whole or isinstance(value, bool)):
-                raise SurefixValueError(f"post: {type(step).__name__}: expected {name} to be a whole number, got {value!r}")
+                raise SurefixValueError(
+                    f"post: {type(step).__name__}: expected {name} to be a whole number, got {value!r}"
+                )
     return json.dumps([{"step": step.step, **asdict(step)} for step in listed])

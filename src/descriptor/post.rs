@@ -319,7 +319,9 @@ impl Stage {
                 out.resize(wanted, 0.0);
                 products(Isa::best(), vector, &self.matrix, out);
                 let unit = (wanted as f64).sqrt().recip();
-                out.iter_mut().for_each(|x| *x = (f64::from(*x) * unit) as f32);
+                for x in out.iter_mut() {
+                    *x = (f64::from(*x) * unit) as f32;
+                }
             }
             Step::Normalize => {
                 let length = crate::distance::norm(vector.into());
@@ -340,7 +342,9 @@ pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
     for row in rows.chunks_exact(dim) {
         mean.iter_mut().zip(row).for_each(|(mean, &x)| *mean += f64::from(x));
     }
-    mean.iter_mut().for_each(|mean| *mean /= count);
+    for mean in &mut mean {
+        *mean /= count;
+    }
     let mut square = vec![0.0; dim];
     let mut differs = vec![false; dim];
     for row in rows.chunks_exact(dim) {

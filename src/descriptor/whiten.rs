@@ -82,7 +82,9 @@ pub(super) fn principal(
                 component.iter().fold(0.0_f64, |most, &x| if x.abs() > most.abs() { x } else { most });
             let deviation = (value(at) / (count - 1) as f64).sqrt();
             let unit = largest.signum() / length / if whiten { deviation } else { 1.0 };
-            component.iter_mut().for_each(|x| *x *= unit);
+            for x in &mut component {
+                *x *= unit;
+            }
             component
         },
     );

@@ -147,11 +147,9 @@ fn check_post(name: &str, map: Option<&Post>, more: Option<&Post>) -> Result<(),
     if map == more {
         return Ok(());
     }
-    let (expected, mut got) = (said(map), said(more));
-    if expected == got {
-        got = "the same fitted on other references (use the map's own)".to_owned();
-    }
-    Err(misfit(name, &expected, &got))
+    let (expected, got) = (said(map), said(more));
+    let refitted = "the same fitted on other references (use the map's own)";
+    Err(misfit(name, &expected, if expected == got { refitted } else { &got }))
 }
 
 fn check_positions(name: &str, map: usize, more: usize) -> Result<(), Error> {

@@ -177,7 +177,7 @@ def test_a_terminal_gets_a_live_table_and_a_summary(drives: Path) -> None:
     text = seen.decode()
     assert "\x1b[" in text
     assert "frame59.png" in text
-    assert "60/60" in text
+    assert "frame 60 of 60" in text
     assert "60 fixes" in text
 
 

@@ -40,6 +40,36 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_a_drive_is_localized_by_the_network_that_made_the_map(drive: Path, tmp_path: Path) -> None:
+    out = tmp_path / "route.safetensors"
+    made = ("--model", drive / "tiny.onnx", "--output", "map", "--size", "32x16")
+    surefix_("map", "build", drive / "summer", "-o", out, *made, "--post", "standardize,pca:12,normalize")
+    route = surefix.Map.open(out)
+    assert (route.input_dim, route.dim) == (640, 12)
+    assert route.recipe is not None
+    done = surefix_("run", out, drive / "summer", "--model", drive / "tiny.onnx")
+    rows = list(csv.DictReader(done.stdout.splitlines()))
+    network = Onnx(drive / "tiny.onnx", "map", (32, 16))
+    localizer = surefix.Localizer(route)
+    fixes = [localizer.push(vector) for vector in extract(drive / "summer", network, progress=False)]
+    assert [(int(row["place"]), row["score"]) for row in rows] == [(fix.place, str(fix.score)) for fix in fixes]
+    assert [fix.place for fix in fixes] == list(range(PLACES))
+    other = tmp_path / "tiny.onnx"
+    other.write_bytes((drive / "tiny.onnx").read_bytes())
+    surefix_("run", out, drive / "summer", "--model", other)
+    without = surefix_("run", out, drive / "summer", code=1)
+    assert "Localizer(map, descriptor=...) with" in without.stderr
+    sad = tmp_path / "sad.safetensors"
+    surefix_("map", "build", drive / "summer", "-o", sad)
+    assert "which names none" in surefix_("run", sad, drive / "summer", "--model", other, code=2).stderr
+    for post in ("sharpen", "pca", "pca:x", "normalize:3", ""):
+        refused = surefix_("map", "build", drive / "summer", "-o", sad, *made, "--post", post, code=2)
+        assert "--post: expected standardize, pca:N" in refused.stderr
+    assert (
+        "got images for SAD" in surefix_("map", "build", drive / "summer", "-o", sad, "--post", "pca:3", code=2).stderr
+    )
+
+
 def test_a_map_is_made_by_a_network(drive: Path, tmp_path: Path) -> None:
     out, cache = tmp_path / "route.safetensors", tmp_path / "summer.cache"
     options = ("--model", drive / "tiny.onnx", "--output", "map", "--size", "32x16", "--cache", cache)

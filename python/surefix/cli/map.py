@@ -13,7 +13,7 @@ from rich.text import Text
 
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix.cli.frames import Frames
-from surefix.cli.network import map_of_network, open_network
+from surefix.cli.network import map_of_network, open_network, steps_of
 from surefix.cli.positions import read_positions
 from surefix.cli.recording import is_recording, map_of_recording
 from surefix.descriptors import metric_of
@@ -85,6 +85,13 @@ def build(
     ] = None,
     std: Annotated[str | None, typer.Option(help="--model: as --mean, the standard deviation.")] = None,
     batch: Annotated[int, typer.Option(min=1, help="--model: images at a time.")] = 8,
+    post: Annotated[
+        str | None,
+        typer.Option(
+            help="Ready descriptors and --model: what they, and queries later, go through: standardize, pca:N, "
+            "projection:N, normalize, with commas."
+        ),
+    ] = None,
     cache: Annotated[
         Path | None, typer.Option(help="--model: keep what is described here, and go on there after an interruption.")
     ] = None,
@@ -107,14 +114,17 @@ def build(
     if not out.absolute().parent.is_dir():
         raise SurefixFileError(f"{out}: cannot write the map: there is no folder {out.absolute().parent}")
     where = None if positions is None else read_positions(positions)
+    steps = None if post is None else steps_of(post)
     network = None
     if model is not None:
         network = open_network(model, output, None if size is None else _size(size), mean, std, batch)
     elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
         raise typer.BadParameter("--output, --mean, --std, --batch, --cache: expected --model too, got none")
     if is_recording(references):
-        if network is not None or key is not None:
-            raise typer.BadParameter(f"--model, --key: expected images or descriptors, got the recording {references}")
+        if network is not None or key is not None or steps is not None:
+            raise typer.BadParameter(
+                f"--model, --key, --post: expected images or descriptors, got the recording {references}"
+            )
         stream = open_stream(references, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry)
         if out.exists() and any(out.samefile(file) for file in stream.files):
             raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
@@ -132,9 +142,11 @@ def build(
         if network is not None:
             raise typer.BadParameter(f"--model: expected images, got the ready descriptors {references}")
         by = metric.value if metric else metric_of(references) or "cosine"
-        Map.from_descriptors(frames.descriptors, by, positions=where).save(out)
+        Map.from_descriptors(frames.descriptors, by, positions=where, post=steps).save(out)
     elif network is not None:
-        map_of_network(frames.images, network, metric.value if metric else "cosine", where, cache).save(out)
+        map_of_network(frames.images, network, metric.value if metric else "cosine", where, cache, steps).save(out)
+    elif steps is not None:
+        raise typer.BadParameter(f"--post: expected ready descriptors or --model, got images for SAD: {references}")
     else:
         Map.build(out, frames.images, _sad(size, patch, dtype), positions=where)
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")

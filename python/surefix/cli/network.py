@@ -2,16 +2,19 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import typer
 
 from surefix import Map, SurefixValueError
-from surefix.descriptors import Onnx, extract
+from surefix.descriptors import Onnx
+from surefix.descriptors.mapping import map_of_images
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
+from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 
-__all__ = ["map_of_network", "open_network"]
+__all__ = ["map_of_network", "network_of", "open_network", "steps_of"]
 
 
 def open_network(
@@ -38,11 +41,50 @@ def map_of_network(
     metric: str,
     positions: npt.NDArray[np.float64] | None,
     cache: Path | None,
+    post: list[Step] | None = None,
 ) -> Map:
-    """The map of a drive's images, described by the network, with their files' names."""
-    rows = extract(images, network, cache=cache)
-    names = None if isinstance(images, np.ndarray) else [Path(image).name for image in images]
-    return Map.from_descriptors(rows, metric, positions=positions, names=names)
+    """The map of a drive's images, described by the network, with their files' names and the network's recipe."""
+    return map_of_images(images, network, metric, positions, post, cache)
+
+
+def network_of(recipe: dict[str, Any], model: Path) -> Onnx:
+    """The network that made a map, from the recipe in it and the model's file.
+
+    Raises
+    ------
+    BadParameter
+        Where the map was made by something else than an ONNX network.
+    """
+    wanted = ("output", "size", "mean", "std")
+    if not str(recipe.get("name", "")).startswith("onnx:") or not all(key in recipe for key in wanted):
+        raise typer.BadParameter(f"--model: expected a map made with one, got a map by {recipe.get('name')!r}")
+    size, mean, std = (None if recipe[key] is None else tuple(recipe[key]) for key in wanted[1:])
+    network = Onnx(model, recipe["output"], size, mean, std)
+    if network.recipe["sha256"] != recipe.get("sha256"):
+        raise typer.BadParameter(
+            f"--model: expected {recipe['file']} as it was when the map was made, got another model"
+        )
+    return network
+
+
+def steps_of(text: str) -> list[Step]:
+    """The steps of ``--post``: names with commas, such as ``standardize,pca:512,normalize``."""
+    steps: list[Step] = []
+    for part in text.split(","):
+        name, _, number = part.strip().partition(":")
+        count = int(number) if number.isdecimal() else 0
+        if (name, number) == ("standardize", ""):
+            steps.append(Standardize())
+        elif (name, number) == ("normalize", ""):
+            steps.append(Normalize())
+        elif name == "pca" and count:
+            steps.append(Pca(count))
+        elif name == "projection" and count:
+            steps.append(RandomProjection(count))
+        else:
+            expected = "standardize, pca:N, projection:N and normalize, with commas"
+            raise typer.BadParameter(f"--post: expected {expected}, got {part!r}")
+    return steps
 
 
 def _three(option: str, text: str) -> tuple[float, ...] | None:

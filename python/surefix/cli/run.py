@@ -12,6 +12,7 @@ import typer
 
 from surefix import Localizer, Map, SurefixFileError, SurefixValueError
 from surefix.cli.fixes import CsvFixes, FixRow, JsonFixes, Moment
+from surefix.cli.network import network_of
 from surefix.cli.tally import Tally
 from surefix.cli.views import open_views
 from surefix.live import View
@@ -93,6 +94,10 @@ def run(
         Screen | None,
         typer.Option(help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers."),
     ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="A map of `surefix map build --model`: the ONNX file, to describe the images that come."),
+    ] = None,
     follow: Annotated[
         bool,
         typer.Option("--follow", help="A folder: go on with what comes, until Ctrl-C.", rich_help_panel=F),
@@ -158,9 +163,15 @@ def run(
         odometry=odometry,
         newest=newest,
     )
+    network = None
+    if model is not None:
+        if places.recipe is None:
+            raise typer.BadParameter(f"--model: expected a map made with one, got {route}, which names none")
+        network = network_of(places.recipe, model)
     try:
         localizer = Localizer(
             places.with_screen("i8") if screen else places,
+            descriptor=network,
             sequence_length=sequence_length,
             weight=weight,
             tolerance=tolerance,

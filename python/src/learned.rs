@@ -1,0 +1,133 @@
+//! Descriptors that Python computes: `surefix.descriptors`.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use surefix::Recipe;
+
+use crate::arrays::as_array;
+use crate::error::value;
+use crate::images::{path_of, read_image};
+use crate::map::Map;
+use crate::sad::Sad;
+
+/// Whether a `descriptor` argument is one of Python's.
+pub(crate) fn is_learned(given: &Bound<'_, PyAny>) -> bool {
+    !given.is_none() && !given.is_instance_of::<Sad>() && given.hasattr("describe").unwrap_or(false)
+}
+
+/// The map of images that such a descriptor describes.
+pub(crate) fn map_of_images<'py>(
+    images: &Bound<'py, PyAny>,
+    descriptor: &Bound<'py, PyAny>,
+    positions: Option<&Bound<'py, PyAny>>,
+    progress: Option<&Bound<'py, PyAny>>,
+    metric: Option<&Bound<'py, PyAny>>,
+    post: Option<&Bound<'py, PyAny>>,
+    cache: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, Map>> {
+    let py = images.py();
+    let options = PyDict::new(py);
+    for (name, option) in [
+        ("positions", positions),
+        ("progress", progress),
+        ("metric", metric),
+        ("post", post),
+        ("cache", cache),
+    ] {
+        if let Some(option) = option {
+            options.set_item(name, option)?;
+        }
+    }
+    let module = py.import("surefix.descriptors.mapping")?;
+    let map = module.call_method("map_of_images", (images, descriptor), Some(&options))?;
+    Ok(map.cast_into()?)
+}
+
+/// Images described one batch after the other: an array (n, dim).
+pub(crate) fn extracted<'py>(
+    images: &Bound<'py, PyAny>,
+    descriptor: &Bound<'py, PyAny>,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let options = PyDict::new(images.py());
+    options.set_item("progress", progress)?;
+    let module = images.py().import("surefix.descriptors")?;
+    module.call_method("extract", (images, descriptor), Some(&options))
+}
+
+/// A recipe as JSON.
+pub(crate) fn recipe_text(recipe: &Bound<'_, PyAny>) -> PyResult<String> {
+    let py = recipe.py();
+    let as_dict = py.get_type::<PyDict>().call1((recipe,));
+    let text = as_dict.and_then(|recipe| py.import("json")?.call_method1("dumps", (recipe,))?.extract());
+    text.map_err(|e| {
+        value(py, format!("recipe: expected a mapping that JSON can hold, with a \"name\": {}", e.value(py)))
+    })
+}
+
+/// The name in a map's recipe.
+fn name_of(map: &surefix::Map) -> Option<String> {
+    let recipe: serde_json::Value = serde_json::from_str(map.learned_recipe()?).ok()?;
+    recipe.get("name")?.as_str().map(ToOwned::to_owned)
+}
+
+/// The descriptor for a localizer on this map.
+pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyResult<Py<PyAny>> {
+    let py = descriptor.py();
+    if map.recipe() != Recipe::Ready || !is_learned(descriptor) {
+        let expected = "a learned descriptor, with name, recipe and describe(images), on a map of such";
+        let got = descriptor.get_type().name()?;
+        return Err(value(py, format!("descriptor: expected {expected}, got {got}")));
+    }
+    let name: String = descriptor.getattr("name")?.extract()?;
+    if let Some(expected) = name_of(map)
+        && name != expected
+    {
+        return Err(value(py, format!("descriptor: expected {expected:?}, as the map's own, got {name:?}")));
+    }
+    Ok(descriptor.clone().unbind())
+}
+
+/// What `frame` is as a vector, where it is an image and the map's descriptors are learned.
+pub(crate) fn described<'py>(
+    frame: &Bound<'py, PyAny>,
+    map: &surefix::Map,
+    descriptor: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Option<Bound<'py, PyAny>>> {
+    use numpy::PyUntypedArrayMethods as _;
+    let py = frame.py();
+    let Some(descriptor) = descriptor else {
+        let name = name_of(map).filter(|_| is_image(frame));
+        return match name {
+            None => Ok(None),
+            Some(name) => {
+                let expected = format!(
+                    "a descriptor ({},), or Localizer(map, descriptor=...) with {name:?}",
+                    map.input_dim()
+                );
+                Err(value(py, format!("frame: expected {expected}, got an image")))
+            }
+        };
+    };
+    if !is_image(frame) {
+        return Ok(None);
+    }
+    let image = match path_of(frame) {
+        Some(path) => read_image(py, path)?,
+        None => frame.clone(),
+    };
+    let vectors = descriptor.call_method1("describe", (PyList::new(py, [image])?,))?;
+    let shape = as_array(&vectors, "descriptor")?.shape().to_vec();
+    if shape.len() != 2 || shape[0] != 1 {
+        let name = descriptor.getattr("name")?;
+        let reason = format!("{name}: expected a vector for one image, shape (1, dim), got {shape:?}");
+        return Err(value(py, reason));
+    }
+    vectors.get_item(0).map(Some)
+}
+
+/// Whether it can only be an image: a file's, or an array of more than one axis.
+fn is_image(frame: &Bound<'_, PyAny>) -> bool {
+    use numpy::PyUntypedArrayMethods as _;
+    path_of(frame).is_some() || as_array(frame, "frame").is_ok_and(|array| array.ndim() > 1)
+}
