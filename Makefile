@@ -8,11 +8,13 @@ SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src pytho
 # The optimised profile keeps the checks of a debug build.
 CARGO_TEST := cargo test --locked --profile test-release
 
-.PHONY: demo test lint rust instructions instructions-accept wheel python examples bench performance clean help
+.PHONY: demo test lint rust instructions instructions-accept wheel python examples docs figures bench performance clean help
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
+	@echo "make docs    the documentation, in out/docs/index.html"
+	@echo "make figures              the pictures of the documentation's pages, made anew"
 	@echo "make bench   how fast it is here: in Rust, and from Python beside its rivals, which are installed for it"
 	@echo "make performance          the tables of docs/performance.md, made anew"
 	@echo "make instructions-accept  the instruction counts that make test guards, made anew"
@@ -22,7 +24,7 @@ help:
 demo: $(VENV)/installed
 	$(BIN)/surefix demo --out out/demo
 
-test: lint rust instructions python examples
+test: lint rust instructions python examples docs
 	$(BIN)/surefix demo --out out/demo
 	$(BIN)/surefix bench --quick --out out/bench
 	@echo; echo "== summaries"
@@ -33,8 +35,8 @@ lint: $(VENV)/dev
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
 	cargo clippy --locked --no-default-features -- -D warnings
-	$(BIN)/ruff check python tests benches examples
-	$(BIN)/ruff format --check python tests benches examples
+	$(BIN)/ruff check python tests benches examples docs/*.py docs/_ext
+	$(BIN)/ruff format --check python tests benches examples docs/*.py docs/_ext
 
 # The same tests on all cores and on one; then the examples in the documentation.
 rust:
@@ -61,6 +63,14 @@ instructions:
 
 instructions-accept:
 	$(PYTHON) benches/instructions.py --accept
+
+# Of the installed wheel. A warning ends the build: a link into nowhere, a name without a page, a notebook that fails.
+docs: $(VENV)/docs
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --fresh-env -d target/doctrees docs out/docs
+	@echo "Made out/docs/index.html"
+
+figures: $(VENV)/docs
+	$(BIN)/python docs/pages.py
 
 # Quickly, to see that it works: make bench QUICK=--quick
 bench: $(VENV)/rivals
@@ -91,6 +101,10 @@ $(VENV)/installed: $(VENV)/wheel
 # Rerun is as large as all the rest: `dev` leaves it out, and the checks do not.
 $(VENV)/dev: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[dev,live]"
+	@touch $@
+
+$(VENV)/docs: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[docs]"
 	@touch $@
 
 $(VENV)/rivals: $(VENV)/installed

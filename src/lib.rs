@@ -77,3 +77,8 @@ pub use matcher::{Fix, Matcher, Peak, Sequence, Single};
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// So is that of the documentation's page for robots.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/howto/rust.md")]
+struct RealTimePage;

@@ -1,0 +1,131 @@
+"""The pages of the documentation, and their examples run in order: what a page says is printed must be printed.
+
+A block of ``python`` is run, and a block of ``text`` right after it is what it prints; each ``$`` line of a ``console``
+block is run by the shell, and the lines after it are what it prints. In both, ``...`` stands for anything. Blocks of
+``sh``, such as those that install something, are not run; those of ``rust`` are cargo's to run. Code in a comment of a
+page draws its pictures, and is not shown.
+
+Each ``NAME.png`` that the examples of ``a/page.md`` write is the picture ``images/page-NAME.png``. Run as a program,
+this draws all of them anew.
+"""
+
+import contextlib
+import doctest
+import io
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+
+from PIL import Image
+
+__all__ = ["DOCS", "IMAGES", "PAGES", "Block", "blocks", "run"]
+
+DOCS = Path(__file__).resolve().parent
+IMAGES = DOCS / "images"
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
+
+FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+SECONDS = 120
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code of a page: its language, its text, the line that it begins in, and whether it is in a comment."""
+
+    language: str
+    text: str
+    line: int
+    hidden: bool
+
+
+def blocks(page: str) -> list[Block]:
+    """All blocks of a page, in order."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return [
+        Block(m[1].strip(), m[2], text.count("\n", 0, m.start()) + 2, text[: m.start()].endswith("<!--\n"))
+        for m in FENCE.finditer(text)
+    ]
+
+
+def run(page: str, folder: Path) -> dict[str, bytes]:
+    """Runs a page's examples in ``folder``, which is the working folder meanwhile.
+
+    Returns
+    -------
+    dict
+        The pictures that they drew, as PNG, by the names that they have among the images.
+
+    Raises
+    ------
+    AssertionError
+        Where something else is printed than the page says; it names the page and the line.
+    """
+    names: dict[str, object] = {"__name__": "__main__"}
+    with contextlib.chdir(folder):
+        for block, expected in _with_output(blocks(page)):
+            where = f"{page}:{block.line}"
+            if block.language == "python":
+                code = "\n" * (block.line - 1) + block.text
+                said = io.StringIO()
+                with contextlib.redirect_stdout(said):
+                    exec(compile(code, str(DOCS / page), "exec"), names)
+                if expected is not None:
+                    _compare(where, expected, said.getvalue())
+            elif block.language == "console":
+                for command, shown in _commands(block.text):
+                    _compare(f"{where}: {command}", shown, _shell(command))
+    return {f"{Path(page).stem}-{drawn.name}": drawn.read_bytes() for drawn in sorted(folder.glob("*.png"))}
+
+
+def _with_output(found: list[Block]) -> Iterator[tuple[Block, str | None]]:
+    for block, after in zip_longest(found, found[1:]):
+        yield block, after.text if after is not None and after.language == "text" else None
+
+
+def _commands(text: str) -> Iterator[tuple[str, str]]:
+    """Each command of a console block, and what follows it."""
+    for part in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
+        command, _, shown = part.partition("\n")
+        while command.endswith("\\"):
+            more, _, shown = shown.partition("\n")
+            command = command[:-1] + more
+        yield command, shown
+
+
+def _shell(command: str) -> str:
+    here = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    environment = {**os.environ, "PATH": here, "COLUMNS": "120"}
+    done = subprocess.run(
+        ["sh", "-c", command],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+    )
+    return done.stdout
+
+
+def _compare(where: str, expected: str, got: str) -> None:
+    # Spaces at the ends of lines, as tables have them, are not seen on a page.
+    expected, got = (re.sub(r"[ ]+$", "", text, flags=re.MULTILINE) for text in (expected, got))
+    if not doctest.OutputChecker().check_output(expected, got, doctest.ELLIPSIS):
+        raise AssertionError(f"{where}: expected\n{expected}\ngot\n{got}")
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        if any(".png" in block.text for block in blocks(page)):
+            with tempfile.TemporaryDirectory() as folder:
+                for name, drawn in run(page, Path(folder)).items():
+                    # 256 colours, rare ones kept, are enough, and half of the bytes.
+                    picture = Image.open(io.BytesIO(drawn)).convert("RGB")
+                    picture.quantize(256, Image.Quantize.MAXCOVERAGE).save(IMAGES / name, optimize=True)
+                    print(f"{IMAGES / name}: {(IMAGES / name).stat().st_size / 1000:.0f} kB")
