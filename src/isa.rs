@@ -10,6 +10,11 @@ use crate::error::Error;
 ///
 /// The best one that the processor has is chosen when a map, a matcher or a describer is made; the answers do not depend
 /// on it. The environment variable `SUREFIX_ISA` names another one for a whole process, such as `scalar`.
+/// ```
+/// use surefix::Isa;
+///
+/// assert!(Isa::Scalar.is_available() && Isa::best().is_available());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Isa {

@@ -16,12 +16,15 @@
 //! use surefix::{Config, Localizer, Map, Sad};
 //!
 //! // A generated road stands in for two drives of your own: `ImageFiles::find("photos/monday")`.
-//! let route = Route::new(RouteConfig { places: 100, width: 64, height: 32, ..RouteConfig::default() })?;
+//! let config = RouteConfig { places: 100, width: 64, height: 32, ..RouteConfig::default() };
+//! let route = Route::new(config)?;
 //! let summer = route.traverse(Conditions::reference())?;
 //! let winter = route.traverse(Conditions::revisit())?;
 //!
-//! let map = Map::from_images(&summer, Sad::default(), &mut |_done, _total| ControlFlow::Continue(()))?;
-//! let mut localizer = Localizer::new(Arc::new(map), Config { sequence_length: 5, ..Config::default() })?;
+//! let mut progress = |_done, _total| ControlFlow::Continue(());
+//! let map = Map::from_images(&summer, Sad::default(), &mut progress)?;
+//! let config = Config { sequence_length: 5, ..Config::default() };
+//! let mut localizer = Localizer::new(Arc::new(map), config)?;
 //! for frame in 0..winter.len() {
 //!     let fix = localizer.push_image(&winter.frame(frame))?;
 //!     if fix.trusted {

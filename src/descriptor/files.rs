@@ -12,6 +12,18 @@ use crate::error::Error;
 const ENDINGS: [&str; 11] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "ppm", "pgm", "pbm", "pnm"];
 
 /// Image files in route order. `frame10` follows `frame9`.
+///
+/// ```no_run
+/// use std::ops::ControlFlow;
+/// use surefix::{ImageFiles, Map, Sad};
+///
+/// let photos = ImageFiles::find("photos/monday")?;
+/// Map::build("route.safetensors", &photos, Sad::default(), None, &mut |done, total| {
+///     eprint!("\r{done} of {total}");
+///     ControlFlow::Continue(())
+/// })?;
+/// # Ok::<(), surefix::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ImageFiles {
     paths: Vec<PathBuf>,

@@ -43,6 +43,16 @@ pub struct Image {
 }
 
 /// An image in somebody else's memory: what a camera driver hands over, without a copy.
+///
+/// ```
+/// use surefix::{Channels, ImageView};
+///
+/// let buffer = [0, 64, 128, 255, 32, 16]; // 3 x 2 grey pixels
+/// let image = ImageView::new(3, 2, Channels::Grey, &buffer)?;
+/// assert_eq!((image.width(), image.height()), (3, 2));
+/// assert!(ImageView::new(3, 2, Channels::Rgb, &buffer).is_err());
+/// # Ok::<(), surefix::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageView<'a> {
     width: usize,

@@ -11,6 +11,30 @@ use crate::error::Error;
 use crate::parallel::{each_row, threads};
 
 /// A traverse's images, in route order, each loaded when it is needed.
+///
+/// ```
+/// use std::ops::ControlFlow;
+/// use surefix::{Channels, Error, Image, ImageSource, Map, Sad};
+///
+/// /// Grey frames that lie in one long buffer.
+/// struct Recording(Vec<u8>);
+///
+/// impl ImageSource for Recording {
+///     fn len(&self) -> usize {
+///         self.0.len() / (64 * 32)
+///     }
+///
+///     fn load(&self, index: usize) -> Result<Image, Error> {
+///         let frame = &self.0[index * 64 * 32..(index + 1) * 64 * 32];
+///         Image::new(64, 32, Channels::Grey, frame.to_vec())
+///     }
+/// }
+///
+/// let frames = Recording((0..5 * 64 * 32).map(|i: usize| (i * i % 251) as u8).collect());
+/// let map = Map::from_images(&frames, Sad::default(), &mut |_, _| ControlFlow::Continue(()))?;
+/// assert_eq!(map.places(), 5);
+/// # Ok::<(), Error>(())
+/// ```
 pub trait ImageSource: Sync {
     /// How many images there are.
     fn len(&self) -> usize;

@@ -98,6 +98,19 @@ pub struct Curve {
 ///
 /// Queries that are not ready, and those that the truth ignores, are left out.
 ///
+/// ```
+/// use surefix::evaluate::{Match, Recall, Truth, evaluate};
+///
+/// let found = |place, score| Match { place, score, ready: true, accepted: true };
+/// let matches = [found(0, 0.1), found(1, 0.2), found(7, 0.3), found(3, 0.4)];
+/// let truth = Truth::places(vec![Some(0), Some(1), Some(2), Some(3)], 0);
+/// let curve = evaluate(&matches, &truth, Recall::Correct)?;
+/// assert_eq!(curve.correct(), 3);
+/// assert_eq!(curve.points()[1].precision, 1.0); // the two surest are right
+/// assert_eq!(curve.points()[2].false_positives, 1);
+/// # Ok::<(), surefix::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Length`] where the truth speaks of another number of queries, [`Error::NotFinite`] for a score that is a NaN.
 pub fn evaluate(matches: &[Match], truth: &Truth, recall: Recall) -> Result<Curve, Error> {

@@ -12,6 +12,17 @@ use crate::parallel::each;
 /// For each `K` of `ks`: the share of the queries that have a true place which have one among their `K` nearest places.
 /// Ties go to the lowest place; 0 where no query has a true place.
 ///
+/// ```
+/// use ndarray::array;
+/// use surefix::evaluate::{Truth, recall_at};
+///
+/// // Two places and two queries: the second query's true place is only its second nearest.
+/// let distances = array![[0.1, 0.2], [0.9, 0.3]];
+/// let truth = Truth::places(vec![Some(0), Some(1)], 0);
+/// assert_eq!(recall_at(&distances.view(), &truth, &[1, 2])?, [0.5, 1.0]);
+/// # Ok::<(), surefix::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Length`] where the truth speaks of another number of queries than the matrix (places by queries) has columns, or
 /// of another route (see [`Truth::check_places`]); [`Error::Option`] for a K of 0;

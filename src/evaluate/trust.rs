@@ -5,6 +5,13 @@ use crate::batch::Run;
 use crate::error::Error;
 
 /// The confusion table of a trust flag: positive is trusted, true is a correct single match.
+///
+/// ```
+/// use surefix::evaluate::TrustTable;
+///
+/// let table = TrustTable { true_positives: 9, false_positives: 1, false_negatives: 6, true_negatives: 4 };
+/// assert_eq!((table.precision(), table.recall(), table.share_trusted()), (0.9, 0.6, 0.5));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TrustTable {
     /// Trusted, and correct.

@@ -7,6 +7,22 @@ use crate::map::Positions;
 use crate::parallel::each;
 
 /// Where each query really was.
+///
+/// By place, a query off the map among them; or by metres:
+///
+/// ```
+/// use surefix::Positions;
+/// use surefix::evaluate::{Truth, Verdict};
+///
+/// let truth = Truth::places(vec![Some(4), None], 1);
+/// assert_eq!(truth.judge(0, 5), Verdict::Correct);
+/// assert_eq!(truth.judge(1, 5), Verdict::Wrong); // nothing is right there
+///
+/// let along = |metres: &[f64]| Positions::new(metres.iter().flat_map(|&x| [x, 0.0]).collect(), 2);
+/// let truth = Truth::positions(along(&[0.0, 10.0, 20.0])?, along(&[12.0])?, 5.0)?;
+/// assert_eq!(truth.judge(0, 1), Verdict::Correct);
+/// # Ok::<(), surefix::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Truth(Kind);
 

@@ -3,6 +3,15 @@
 use crate::error::Error;
 
 /// Where each place is: planar metres, two or three coordinates a place.
+///
+/// ```
+/// use surefix::{Map, Metric, Positions};
+///
+/// let map = Map::from_descriptors(vec![0.0_f32, 1.0, 2.0], 1, Metric::Euclidean)?;
+/// let map = map.with_positions(Positions::new(vec![0.0, 0.0, 3.0, 0.0, 6.0, 0.5], 2)?)?;
+/// assert_eq!(map.positions().map(|positions| positions.len()), Some(3));
+/// # Ok::<(), surefix::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Positions {
     metres: Vec<f64>,
