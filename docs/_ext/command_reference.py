@@ -26,12 +26,18 @@ def _section(command: Any, name: str, parent: Any) -> list[str]:
     path = context.command_path
     usage = " ".join([path, *command.collect_usage_pieces(context)])
     lines = [f"({path.replace(' ', '-')})=", f"## {path}", "", _plain(command.help or ""), ""]
-    example = re.match(r"(?:Example|Start with): (.*)", command.epilog or "")
     lines += ["```text", usage, "```", ""]
-    if example:
-        lines += ["For example:", "", "```sh", example[1], "```", ""]
+    examples = re.findall(r"(?:Example|Start with): (.*)", command.epilog or "")
+    if examples:
+        lines += ["For example:", "", "```sh", *examples, "```", ""]
+    heading = None
     for parameter in command.get_params(context):
-        lines += _definition(parameter, context)
+        # The help shows some options under a heading of their own.
+        if parameter.rich_help_panel != heading and (definition := _definition(parameter, context)):
+            heading = parameter.rich_help_panel
+            lines += [f"**{heading}**" if heading else "**Others**", "", *definition]
+        else:
+            lines += _definition(parameter, context)
     for sub, below in getattr(command, "commands", {}).items():
         lines += _section(below, sub, context)
     return lines
