@@ -4,11 +4,21 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LOG := target/test.log
+ON_LINUX := $(filter Linux,$(shell uname -s))
 SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src python -type f -not -name '*.pyc')
 # The optimised profile keeps the checks of a debug build.
 CARGO_TEST := cargo test --locked --profile test-release
 
-.PHONY: demo test lint rust instructions instructions-accept wheel python examples docs figures bench performance clean help
+# Where the wheel for this machine alone goes; those for others are in dist.
+WHEELS := target/wheels
+# The oldest Linux that the wheels for others run on: glibc 2.17, of 2012.
+LINUX := manylinux2014
+TOOLS := .tools/bin
+# What the public names are compared with: the last release, or the commit before this one.
+BASELINE ?= $(shell git describe --tags --abbrev=0 2>/dev/null || git rev-parse HEAD~1)
+
+.PHONY: demo test lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance clean help
+.PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
@@ -18,7 +28,9 @@ help:
 	@echo "make bench   how fast it is here: in Rust, and from Python beside its rivals, which are installed for it"
 	@echo "make performance          the tables of docs/performance.md, made anew"
 	@echo "make instructions-accept  the instruction counts that make test guards, made anew"
-	@echo "make wheel   the Python wheel, in dist"
+	@echo "make wheel   the Python wheel for any Linux of this processor, in dist"
+	@echo "make wheel-aarch64   the one for 64-bit ARM Linux; make check-aarch64 runs it under qemu"
+	@echo "make release-check   what a release must pass beside make test: crate, licences, names, sdist, wheel"
 	@echo "make clean   remove all that the targets made"
 
 demo: $(VENV)/installed
@@ -35,8 +47,8 @@ lint: $(VENV)/dev
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
 	cargo clippy --locked --no-default-features -- -D warnings
-	$(BIN)/ruff check python tests benches examples docs/*.py docs/_ext
-	$(BIN)/ruff format --check python tests benches examples docs/*.py docs/_ext
+	$(BIN)/ruff check python tests benches examples packaging docs/*.py docs/_ext
+	$(BIN)/ruff format --check python tests benches examples packaging docs/*.py docs/_ext
 
 # The same tests on all cores and on one; then the examples in the documentation.
 rust:
@@ -81,7 +93,50 @@ bench: $(VENV)/rivals
 performance: $(VENV)/rivals
 	$(BIN)/surefix bench --docs docs/performance.md
 
-wheel: $(VENV)/wheel
+# Zig links against an old glibc, so that the wheel is for more than this machine's Linux.
+wheel: $(VENV)/packaging
+	@rm -f dist/*_$$(uname -m).whl
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/maturin build --release --locked $(if $(ON_LINUX),--zig --compatibility $(LINUX)) --out dist
+	$(BIN)/python packaging/audit.py dist/*_$$(uname -m).whl
+
+wheel-aarch64: $(VENV)/packaging
+	@rm -f dist/*_aarch64.whl
+	$(BIN)/python packaging/aarch64_wheel.py --compatibility $(LINUX) --out dist
+	$(BIN)/python packaging/audit.py dist/*_aarch64.whl
+
+check-aarch64: $(VENV)/installed
+	@ls dist/*_aarch64.whl >/dev/null 2>&1 || $(MAKE) wheel-aarch64
+	$(BIN)/python packaging/aarch64_answers.py dist/*_aarch64.whl
+
+sdist: $(VENV)/made
+	@rm -f dist/*.tar.gz
+	$(BIN)/maturin sdist --out dist
+
+release-check: check-crate check-licences check-api check-sdist check-wheel check-new-user
+	@echo "release-check: all passed; the aarch64 wheel has a check of its own, make check-aarch64"
+
+# As crates.io would get it: packed, and built from the pack.
+check-crate:
+	cargo package --locked
+	$(PYTHON) packaging/crate.py
+
+check-licences: $(TOOLS)/cargo-deny
+	$(TOOLS)/cargo-deny --locked check licenses bans sources
+
+check-api: $(TOOLS)/cargo-semver-checks
+	@echo "check-api: the public names against those of $(BASELINE)"
+	$(TOOLS)/cargo-semver-checks semver-checks --baseline-rev $(BASELINE)
+
+check-sdist: sdist
+	$(BIN)/python packaging/sdist.py dist/*.tar.gz
+
+check-wheel: wheel
+
+check-new-user: wheel
+	$(BIN)/python packaging/new_user.py dist/*_$$(uname -m).whl
+
+$(TOOLS)/cargo-%:
+	cargo install --quiet --locked --root .tools cargo-$*
 
 $(VENV)/made:
 	$(PYTHON) -m venv $(VENV)
@@ -89,29 +144,33 @@ $(VENV)/made:
 	@touch $@
 
 $(VENV)/wheel: $(VENV)/made $(SOURCES)
-	@rm -rf dist
-	$(BIN)/maturin build --release --locked --out dist
+	@rm -rf $(WHEELS)
+	$(BIN)/maturin build --release --locked --out $(WHEELS)
+	@touch $@
+
+$(VENV)/packaging: $(VENV)/made
+	$(BIN)/python -m pip install --quiet auditwheel ziglang
 	@touch $@
 
 $(VENV)/installed: $(VENV)/wheel
-	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps dist/*.whl
-	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[plot]"
+	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps $(WHEELS)/*.whl
+	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[plot]"
 	@touch $@
 
 # Rerun is as large as all the rest: `dev` leaves it out, and the checks do not.
 $(VENV)/dev: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[dev,live]"
+	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[dev,live]"
 	@touch $@
 
 $(VENV)/docs: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[docs]"
+	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[docs]"
 	@touch $@
 
 $(VENV)/rivals: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet "$$(echo dist/*.whl)[bench]"
+	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[bench]"
 	@touch $@
 
 clean:
-	rm -rf $(VENV) target dist out
+	rm -rf $(VENV) .tools target dist out
 
 SHELL := /bin/bash

@@ -5,7 +5,7 @@ use std::io::{BufWriter, Write as _};
 use std::path::PathBuf;
 
 use numpy::{Element, PyArray1, PyUntypedArrayMethods as _};
-use pyo3::exceptions::PyIndexError;
+use pyo3::exceptions::{PyIndexError, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use surefix::descriptor::{Progress, describe_all};
@@ -118,7 +118,7 @@ impl Run {
     ///
     /// Raises
     /// ------
-    /// ImportError
+    /// ModuleNotFoundError
     ///     Where pandas is not installed.
     fn to_dataframe<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let py = slf.py();
@@ -137,7 +137,8 @@ impl Run {
         ] {
             columns.set_item(name, slf.getattr(name)?)?;
         }
-        let frame = py.import("pandas")?.getattr("DataFrame")?.call1((columns,))?;
+        let pandas = py.import("pandas").map_err(|error| name_the_extra(py, error))?;
+        let frame = pandas.getattr("DataFrame")?.call1((columns,))?;
         frame.getattr("index")?.setattr("name", "frame")?;
         Ok(frame)
     }
@@ -352,4 +353,16 @@ fn is_images(queries: &Bound<'_, PyAny>) -> bool {
         || queries.is_instance_of::<Traverse>()
         || queries.is_instance_of::<PyList>()
         || queries.is_instance_of::<PyTuple>()
+}
+
+/// Where pandas itself is missing, what to install; any other error as it is.
+fn name_the_extra(py: Python<'_>, error: PyErr) -> PyErr {
+    let missing = error.is_instance_of::<PyModuleNotFoundError>(py)
+        && error.value(py).getattr("name").is_ok_and(|name| name.eq("pandas").unwrap_or(false));
+    if !missing {
+        return error;
+    }
+    PyModuleNotFoundError::new_err(
+        "a DataFrame needs pandas, which is not installed: pip install 'surefix[dataframe]'",
+    )
 }

@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from math import isfinite
-
-from matplotlib.axes import Axes
+from typing import TYPE_CHECKING
 
 from surefix.bench.line import Result, Row
 from surefix.bench.table import factor
 from surefix.plot.theme import LIGHT, Theme
 from surefix.report.page import Picture
 from surefix.reproduce.comparison import drawn
+
+if TYPE_CHECKING:
+    # Not before surefix.plot, which says what to install where there is no matplotlib.
+    from matplotlib.axes import Axes
 
 __all__ = ["draw", "picture"]
 
@@ -28,7 +31,7 @@ def _shown(results: Sequence[Result]) -> list[Row]:
     return [row for result in results for row in result.rows if isfinite(row.ratio) and row.ratio > 0]
 
 
-def draw(ax: Axes, results: Sequence[Result], theme: Theme = LIGHT) -> Axes:
+def draw(ax: "Axes", results: Sequence[Result], theme: Theme = LIGHT) -> "Axes":
     """Draws a line from level to each ratio, on a logarithmic scale, under the name of the work.
 
     A round blue end is as fast as it is to be, an orange cross is not, and a grey one is held to nothing. The upright
@@ -71,7 +74,7 @@ def draw(ax: Axes, results: Sequence[Result], theme: Theme = LIGHT) -> Axes:
     return ax
 
 
-def _draw_row(ax: Axes, row: Row, y: float, theme: Theme) -> None:
+def _draw_row(ax: "Axes", row: Row, y: float, theme: Theme) -> None:
     good = row.met is not False and not row.problem
     colour = theme.muted if row.met is None else theme.trusted_right if good else theme.trusted_wrong
     ax.plot([1, row.ratio], [y, y], color=colour, linewidth=2.2, solid_capstyle="butt", alpha=0.75, zorder=2)

@@ -49,11 +49,11 @@ class Rivals:
     def missing(self) -> Sequence[str]:
         """A sentence for each that is not installed."""
         return [
-            f"{title} is not installed, so it is not compared: pip install {packages[0]}"
+            f"{title} is not installed, so it is not compared: pip install 'surefix[bench]'"
             if module != "threadpoolctl"
             else f"{title} is not installed, so NumPy's matrix products use as many threads as they like: "
-            f"pip install {packages[0]}"
-            for module, title, packages in PACKAGES
+            "pip install 'surefix[bench]'"
+            for module, title, _ in PACKAGES
             if module not in self.modules
         ]
 

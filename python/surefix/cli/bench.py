@@ -3,6 +3,7 @@
 import shlex
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -55,6 +56,8 @@ def bench(
         print(f"{name}: {value}")
     for sentence in rivals.missing:
         print(sentence)
+    if (out or docs) and find_spec("matplotlib") is None:
+        print("matplotlib is not installed, so tables are written and no picture: pip install 'surefix[plot]'")
     # Before the minutes that it takes.
     _make_folder(out)
     results: list[Result | Skipped] = []

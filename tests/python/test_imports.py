@@ -1,0 +1,51 @@
+"""What is imported when: nobody waits for a package that they do not use."""
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {
+    "PIL",
+    "av",
+    "cv2",
+    "faiss",
+    "h5py",
+    "matplotlib",
+    "onnxruntime",
+    "pandas",
+    "rerun",
+    "rosbags",
+    "safetensors",
+    "scipy",
+    "sklearn",
+    "torch",
+}
+
+
+def loaded(code: str) -> set[str]:
+    """The packages that are there after ``code``, in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys\n{code}\nprint(*{{name.partition('.')[0] for name in sys.modules}})"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(done.stdout.split()[-500:])
+
+
+def test_the_library_needs_numpy_alone() -> None:
+    found = loaded("import surefix")
+    assert "numpy" in found
+    assert not found & (HEAVY | {"rich", "typer", "concurrent", "asyncio"})
+
+
+@pytest.mark.parametrize("module", ["descriptors", "live", "post", "streams"])
+def test_optional_packages_wait_until_they_are_used(module: str) -> None:
+    assert not loaded(f"import surefix.{module}") & HEAVY
+
+
+def test_help_needs_the_command_lines_libraries_only() -> None:
+    found = loaded("from surefix.cli import app")
+    assert {"rich", "typer"} <= found
+    assert not found & HEAVY
