@@ -54,10 +54,10 @@ pub(crate) struct Stage {
 ///
 /// ```
 /// use surefix::descriptor::{Post, Step};
-/// let rows = [1.0_f32, 2.0, 3.0, 6.0, 5.0, 10.0];
+/// let rows = [1.0_f32, 2.0, 3.0, 7.0, 5.0, 9.0];
 /// let (post, done) = Post::fit(&[Step::Standardize, Step::Normalize], &rows, 2)?;
 /// assert_eq!(done[..2], post.apply(&rows[..2])?);
-/// assert!((done[0] + 0.5_f32.sqrt()).abs() < 1e-6);
+/// assert!((done[0].hypot(done[1]) - 1.0).abs() < 1e-6);
 /// # Ok::<(), surefix::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
