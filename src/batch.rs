@@ -129,6 +129,19 @@ pub fn match_distances(
 /// the queries, in any order, before which there is a gap ([`Matcher::gap`]).
 /// `progress` hears of queries done and to do; `Break` from it stops the work.
 ///
+/// ```
+/// use std::ops::ControlFlow;
+/// use surefix::{Config, Map, Metric, match_descriptors};
+///
+/// let rows: Vec<f32> = (0..20).flat_map(|i| [i as f32, (i * i % 7) as f32]).collect();
+/// let map = Map::from_descriptors(rows.clone(), 2, Metric::Euclidean)?;
+/// let queries = &rows[2 * 2..]; // the same drive, from place 2 on
+/// let mut progress = |_done, _total| ControlFlow::Continue(());
+/// let run = match_descriptors(&map, queries, &Config::default(), None, &[], &mut progress)?;
+/// assert!(run.fixes.iter().all(|fix| fix.place == fix.frame as usize + 2));
+/// # Ok::<(), surefix::Error>(())
+/// ```
+///
 /// # Errors
 /// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] where the map's dimension does not divide the
 /// numbers; [`Error::Length`] where `trusted` has not one word a query; [`Error::Option`] for a gap before a query that there

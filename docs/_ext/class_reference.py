@@ -47,6 +47,13 @@ def _members(name: str) -> list[str]:
     return sorted(public, key=lambda member: order.index(member) if member in order else len(order))
 
 
+def _whole_sentence(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """Napoleon takes what stands before a colon in an attribute's first line for a type, but not after a comment."""
+    if what in ("attribute", "property") and lines:
+        lines[:0] = ["..", ""]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("class-reference", ClassReference)
+    app.connect("autodoc-process-docstring", _whole_sentence, priority=400)
     return {"parallel_read_safe": True}

@@ -56,8 +56,12 @@ def _definition(parameter: Any, context: Any) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """The text with nothing in it that Markdown takes for its own, but code."""
-    return re.sub(r"([*_<>\[\]])", r"\\\1", text)
+    """The text with nothing in it that Markdown takes for its own, but code; options become code."""
+    pieces = text.split("`")
+    for index in range(0, len(pieces), 2):
+        plain = re.sub(r"([*_<>\[\]])", r"\\\1", pieces[index])
+        pieces[index] = re.sub(r"(?<![\w-])--[a-z][a-z-]*", r"`\g<0>`", plain)
+    return "`".join(pieces)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

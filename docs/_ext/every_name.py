@@ -12,13 +12,11 @@ import surefix
 
 # The command line has a reference of its own; the others serve it, or the benchmark.
 NOT_FOR_USERS = {"bench", "cli", "errors", "machine", "matches"}
-# Their pages come with them.
-NOT_YET = {"descriptors", "live", "post", "streams"}
 
 
 def _modules() -> list[str]:
     names = [module.name for module in pkgutil.iter_modules(surefix.__path__)]
-    public = [name for name in names if not name.startswith("_") and name not in NOT_FOR_USERS | NOT_YET]
+    public = [name for name in names if not name.startswith("_") and name not in NOT_FOR_USERS]
     return ["surefix", *(f"surefix.{name}" for name in public)]
 
 
