@@ -107,7 +107,16 @@ class FollowStream(Stream):
             if self.idle is not None and time.monotonic() - news >= self.idle:
                 return
             # Most of the time is the matcher's, even where listing takes long.
-            self._ended.wait(max(self.poll, 0.0 if new else 4 * (time.monotonic() - begin)))
+            self._pause(max(self.poll, 0.0 if new else 4 * (time.monotonic() - begin)))
+
+    def _pause(self, seconds: float) -> None:
+        """Sleeps for so long, or until the end.
+
+        Not by waiting for the event: where Ctrl-C comes in the middle of that, its lock can be left as it must not be.
+        """
+        until = time.monotonic() + seconds
+        while not self._ended.is_set() and (left := until - time.monotonic()) > 0:
+            time.sleep(min(left, 0.05))
 
     def _when_whole(self, path: str) -> tuple[float, npt.NDArray[np.uint8]] | None:
         """When a file was last written, and its image, once it is whole; None where it is gone."""
@@ -131,7 +140,7 @@ class FollowStream(Stream):
                 except SurefixValueError:
                     if unchanged >= self.PATIENCE:
                         raise
-            self._ended.wait(max(self.poll, 0.001))
+            self._pause(max(self.poll, 0.001))
         return None
 
     def _listed(self) -> list[str]:
