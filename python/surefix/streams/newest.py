@@ -4,9 +4,10 @@ import threading
 import time
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
+from queue import Empty, SimpleQueue
 
 from surefix.errors import SurefixValueError
 from surefix.streams.frame import Frame
@@ -105,19 +106,25 @@ class _Queue:
         self.size = size
         self.error: BaseException | None = None
         self.ended = self.stopped = False
-        self.changed = threading.Condition()
+        self.lock = threading.Lock()
+        # Holds something where there may be news. (No condition: where Ctrl-C comes in the middle of a wait for one,
+        # its lock can be left as it must not be.)
+        self.news: SimpleQueue[None] = SimpleQueue()
         self.thread = threading.Thread(target=self._read, name="surefix-newest", daemon=True)
 
     def take(self) -> Frame | None:
         """The oldest frame that waits; None at the end."""
-        with self.changed:
-            while not self.frames and not self.ended:
-                self.changed.wait(self.PATIENCE)
-            if self.frames:
-                return self.frames.popleft()
-            if self.error is not None and not self.stopped:
-                raise self.error
-            return None
+        while True:
+            with self.lock:
+                if self.frames:
+                    return self.frames.popleft()
+                if self.ended:
+                    break
+            with suppress(Empty):
+                self.news.get(timeout=self.PATIENCE)
+        if self.error is not None and not self.stopped:
+            raise self.error
+        return None
 
     def stop(self) -> None:
         """Ends the thread."""
@@ -140,9 +147,9 @@ class _Queue:
         except BaseException as error:  # Whatever it is, the reader is to have it.
             self.error = error
         finally:
-            with self.changed:
+            with self.lock:
                 self.ended = True
-                self.changed.notify_all()
+            self.news.put(None)
 
     def _put_all(self, frames: Iterator[Frame]) -> None:
         for frame in frames:
@@ -151,7 +158,7 @@ class _Queue:
             self._put(frame)
 
     def _put(self, frame: Frame) -> None:
-        with self.changed:
+        with self.lock:
             if len(self.frames) == self.size:
                 lost = self.frames.popleft()
                 after = self.frames.popleft() if self.frames else frame
@@ -161,4 +168,5 @@ class _Queue:
                 else:
                     self.frames.appendleft(heir)
             self.frames.append(frame)
-            self.changed.notify()
+        if self.news.empty():
+            self.news.put(None)
