@@ -13,37 +13,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import numpy.typing as npt
 
 import surefix
 from surefix.descriptors import Onnx, extract
-
-Rows = npt.NDArray[np.float32]
-# A number that hardly varies is noise, and is not made larger.
-SMALLEST = 1e-6
-
-
-def standardized(rows: Rows, like: Rows) -> Rows:
-    """Each number less its mean over ``like``, divided by its spread there."""
-    mean, std = like.mean(axis=0, dtype=np.float64), like.std(axis=0, dtype=np.float64)
-    return ((rows - mean) / np.maximum(std, SMALLEST)).astype(np.float32)
-
-
-def standardized_so_far(rows: Rows, references: Rows) -> Rows:
-    """Each row by the statistics of the rows up to it, itself among them (Welford).
-
-    They begin as those of the references, which count as one row: the first queries have no spread of their own.
-    """
-    count, mean = 1.0, references.mean(axis=0, dtype=np.float64)
-    squares = references.var(axis=0, dtype=np.float64)
-    out = np.empty_like(rows)
-    for index, row in enumerate(rows):
-        count += 1
-        off = row - mean
-        mean = mean + off / count
-        squares = squares + off * (row - mean)
-        out[index] = (row - mean) / np.maximum(np.sqrt(squares / count), SMALLEST)
-    return out
+from surefix.post import Running, Standardize, fit, standardized
 
 
 def figures(route: surefix.Map, queries: object) -> str:
@@ -55,11 +28,6 @@ def figures(route: surefix.Map, queries: object) -> str:
     precision = f"{right[trusted].mean():.3f}" if trusted.any() else "none trusted"
     area = surefix.evaluate(run, truth, tolerance=1, recall="correct").auc(0.2)
     return f"{right.mean():.3f} | {trusted.mean():.3f} | {precision} | {area:.3f} |"
-
-
-def learned_map(rows: Rows) -> surefix.Map:
-    """A map of vectors; the cosine does not mind their lengths."""
-    return surefix.Map.from_descriptors(rows, metric="cosine")
 
 
 def main() -> None:
@@ -83,12 +51,16 @@ def main() -> None:
             with TemporaryDirectory() as folder:
                 theirs = extract(references, network, cache=Path(folder, "references"))
                 ours = extract(queries, network, cache=Path(folder, "queries"))
-                plain, fitted = learned_map(np.array(theirs)), learned_map(standardized(theirs, theirs))
+                theirs, ours = np.array(theirs), np.array(ours)
+                # The cosine does not mind their lengths.
+                plain = surefix.Map.from_descriptors(theirs)
+                fitted = surefix.Map.from_descriptors(standardized(theirs))
+                running = Running(references=theirs)
                 for statistics, route, rows in (
-                    ("not standardised", plain, np.array(ours)),
-                    ("the query drive's own", fitted, standardized(ours, ours)),
-                    ("the references'", fitted, standardized(ours, theirs)),
-                    ("so far", fitted, standardized_so_far(ours, theirs)),
+                    ("not standardised", plain, ours),
+                    ("the query drive's own", fitted, standardized(ours)),
+                    ("the references'", fitted, fit(theirs, [Standardize()]).apply(ours)),
+                    ("so far", fitted, np.array([running.push(row) for row in ours])),
                 ):
                     print(f"| {name} | {output} | {statistics} | {figures(route, rows)}", flush=True)
 
