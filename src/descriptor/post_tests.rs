@@ -75,11 +75,11 @@ proptest! {
     }
 
     #[test]
-    fn a_chain_is_its_steps_and_one_vector_is_as_many(count in 6..20_usize, dim in 4..30_usize, seed: u64) {
+    fn a_chain_is_its_steps_and_one_vector_is_as_many(count in 6..20_usize, dim in 16..40_usize, seed: u64) {
         let rows = rows(count, dim, seed);
         let steps = [
             Step::Standardize,
-            Step::Projection { dim: 5, seed },
+            Step::Projection { dim: 12, seed },
             Step::Pca { dim: 3, whiten: true },
             Step::Normalize,
         ];
