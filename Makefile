@@ -14,8 +14,8 @@ WHEELS := target/wheels
 # The oldest Linux that the wheels for others run on: glibc 2.17, of 2012.
 LINUX := manylinux2014
 TOOLS := .tools/bin
-# What the public names are compared with: the last release, or the commit before this one.
-BASELINE ?= $(shell git describe --tags --abbrev=0 2>/dev/null || git rev-parse HEAD~1)
+# What the public names are compared with: the last release before this commit, or the commit before it.
+BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
 .PHONY: demo test lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance clean help
 .PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64
@@ -129,6 +129,7 @@ check-api: $(TOOLS)/cargo-semver-checks
 
 check-sdist: sdist
 	$(BIN)/python packaging/sdist.py dist/*.tar.gz
+	$(BIN)/python packaging/new_user.py dist/*.tar.gz
 
 check-wheel: wheel
 
