@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use proptest::prelude::*;
@@ -49,6 +49,20 @@ fn saved(map: &Map) -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
+/// The map, mapped where the library can.
+fn open_mapped(path: &Path) -> Result<Map, Error> {
+    #[cfg(feature = "mmap")]
+    {
+        // SAFETY: each test writes its files before it opens them, and nobody else knows them.
+        #[allow(unsafe_code)]
+        unsafe {
+            Map::open_mapped(path)
+        }
+    }
+    #[cfg(not(feature = "mmap"))]
+    Map::open(path)
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -67,9 +81,7 @@ proptest! {
                 processed.chunks_exact(map.dim()).map(|row| by_hand.push_descriptor(row).unwrap()).collect();
             let (_folder, path) = saved(&map);
             let opened = Map::open(&path).unwrap();
-            // SAFETY: nobody else knows the file.
-            #[allow(unsafe_code)]
-            let mapped = unsafe { Map::open_mapped(&path) }.unwrap();
+            let mapped = open_mapped(&path).unwrap();
             for map in [map, opened, mapped] {
                 let batch = match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()));
                 prop_assert_eq!(&batch.unwrap().fixes, &expected);
@@ -178,9 +190,7 @@ fn files_that_do_not_fit_together_are_refused() {
         header["__metadata__"]["surefix"] = entry.to_string().into();
         let text = header.to_string().into_bytes();
         fs::write(&tried, [&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat()).unwrap();
-        // SAFETY: it is written before, and not while it is open.
-        #[allow(unsafe_code)]
-        let mapped = unsafe { Map::open_mapped(&tried) }.map(|_| ());
+        let mapped = open_mapped(&tried).map(|_| ());
         let read = Map::open(&tried).map(|_| ());
         if let (Err(read), Err(mapped)) = (&read, &mapped) {
             assert!(read.to_string().contains("tried.safetensors"), "{read}");
