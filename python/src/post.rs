@@ -2,6 +2,7 @@
 
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use surefix::descriptor::Running as Statistics;
 use surefix::{Step, View};
 
@@ -108,6 +109,9 @@ pub(crate) fn fit_post<'py>(
     Ok((Post(post), rows))
 }
 
+/// The most numbers of a vector whose statistics are kept: memory that is asked for is there.
+const LONGEST: usize = 1 << 24;
+
 /// Standardises vector after vector by the mean and standard deviation of those that came, the newest among them: what a stream can know of
 /// its own statistics (Welford, 1962).
 ///
@@ -135,7 +139,7 @@ impl Running {
     #[pyo3(signature = (dim=None, *, references=None))]
     fn new(py: Python<'_>, dim: Option<usize>, references: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         match (dim, references) {
-            (Some(dim), None) if dim > 0 => Ok(Self(Statistics::new(dim))),
+            (Some(dim), None) if (1..=LONGEST).contains(&dim) => Ok(Self(Statistics::new(dim))),
             (None, Some(references)) => {
                 let array = as_array(references, "references")?;
                 check_axes(&array, "references", 2)?;
@@ -143,7 +147,7 @@ impl Running {
                 let (rows, dim) = (float32(py, numbers.view()?, "references")?, array.shape()[1]);
                 Ok(Self(py.detach(|| Statistics::after(rows, dim)).or_raise(py)?))
             }
-            _ => Err(value(py, "Running: expected dim, of at least 1, or references".to_owned())),
+            _ => Err(value(py, format!("Running: expected dim, from 1 to {LONGEST}, or references"))),
         }
     }
 
@@ -169,6 +173,34 @@ impl Running {
     #[getter]
     fn count(&self) -> u64 {
         self.0.count()
+    }
+
+    /// The state as bytes; ``Running.restore`` goes on from it bit-identically. Keep it beside the localizer's own snapshot, which
+    /// does not hold it.
+    fn snapshot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyBytes>> {
+        let py = slf.py();
+        let this = slf.try_borrow().map_err(|_| busy(py, "Running"))?;
+        Ok(PyBytes::new(py, &this.0.snapshot().or_raise(py)?))
+    }
+
+    /// Statistics that go on where the snapshot was taken.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     Where the bytes are damaged, no such snapshot, or of a newer version.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from surefix.post import Running
+    /// >>> running = Running(2)
+    /// >>> _ = running.push(np.float32([1, 5]))
+    /// >>> Running.restore(running.snapshot()).count
+    /// 1
+    #[staticmethod]
+    fn restore(py: Python<'_>, blob: &[u8]) -> PyResult<Self> {
+        Ok(Self(Statistics::restore(blob).or_raise(py)?))
     }
 
     /// Forgets all vectors, and the references.

@@ -15,6 +15,7 @@ mod post_tests;
 mod projection;
 mod resize;
 mod running;
+mod running_snapshot;
 mod sad;
 mod source;
 #[cfg(test)]

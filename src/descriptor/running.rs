@@ -20,10 +20,10 @@ use crate::error::Error;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Running {
-    count: u64,
-    mean: Vec<f64>,
+    pub(super) count: u64,
+    pub(super) mean: Vec<f64>,
     /// The sum of squared differences from the mean.
-    square: Vec<f64>,
+    pub(super) square: Vec<f64>,
 }
 
 impl Running {

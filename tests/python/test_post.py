@@ -75,6 +75,13 @@ def test_running_statistics_are_those_of_the_rows_so_far() -> None:
     with pytest.raises(surefix.SurefixValueError, match="finite"):
         running.push(np.full(12, np.nan, np.float32))
     assert running.count == 25
+    restored = Running.restore(running.snapshot())
+    assert restored.count == 25
+    np.testing.assert_array_equal(restored.push(references[0]), running.push(references[0]))
+    blob = running.snapshot()
+    for wrong in (b"", blob[:-1], blob[:-1] + b"?", surefix.Matcher(3).snapshot()):
+        with pytest.raises(surefix.SurefixValueError, match="snapshot: damaged or not one of running statistics"):
+            Running.restore(wrong)
     running.reset()
     assert running.count == 0
 
