@@ -6,6 +6,8 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
+use serde_json::Value;
+
 use super::beside::{Beside, swap_to_file_order, write_beside};
 use super::layout::{Layout, Refusal};
 use super::names::Names;
@@ -29,7 +31,7 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Append`] unless both have descriptors of one length, type, metric and recipe that went through the same post-processing,
+    /// [`Error::Append`] unless both have descriptors of one length, type, metric and recipe (where both say theirs) that went through the same post-processing,
     /// both or neither have names, and both or neither have positions, of as many coordinates; where this map has a screen, so has the longer one, with the errors of
     /// [`with_screen`](Self::with_screen).
     pub fn extended(&self, more: &Self) -> Result<Self, Error> {
@@ -135,7 +137,20 @@ fn check_before(name: &str, map: &Layout, more: &Layout) -> Result<(), Error> {
             return Err(misfit(name, &expected, &got));
         }
     }
+    check_learned(name, map, more)?;
     check_positions(name, map.axes, more.axes)
+}
+
+/// Whether what is known of the descriptors' origin fits together. Of ready descriptors, nothing need be known.
+fn check_learned(name: &str, map: &Layout, more: &Layout) -> Result<(), Error> {
+    let parsed = |recipe: &str| serde_json::from_str::<Value>(recipe).ok();
+    let said = |recipe: &str| recipe.chars().take(200).collect::<String>();
+    match (map.learned.as_deref(), more.learned.as_deref()) {
+        (Some(map), Some(more)) if parsed(map) != parsed(more) => {
+            Err(misfit(name, &format!("descriptors by the recipe {}", said(map)), &said(more)))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Whether the rows of both went through the same.

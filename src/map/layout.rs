@@ -16,6 +16,7 @@ use std::sync::Arc;
 use safetensors::tensor::{Dtype as FileDtype, Metadata, TensorInfo};
 use serde::{Deserialize, Serialize};
 
+use super::learned::is_recipe;
 use super::{Map, Recipe, count_places};
 use crate::descriptor::{Post, Step};
 use crate::distance::{Dtype, Metric};
@@ -256,6 +257,10 @@ impl Layout {
             return Err(Refusal::Foreign(reason));
         }
         let post_parts = read_post_parts(metadata, entry.post.len())?;
+        if entry.learned.as_ref().is_some_and(|learned| recipe != Recipe::Ready || !is_recipe(learned)) {
+            let reason = "learned: expected an object with a name, beside ready descriptors".to_owned();
+            return Err(Refusal::Foreign(reason));
+        }
         let learned = entry.learned.map(|recipe| recipe.to_string().into());
         let post = entry.post;
         Ok(Self {

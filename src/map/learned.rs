@@ -9,6 +9,9 @@ use crate::descriptor::{Passage, Post};
 use crate::distance::{Dtype, View};
 use crate::error::Error;
 
+/// The longest recipe, in bytes: however it is written, the header of a file has room for it.
+const LONGEST_RECIPE: usize = 1 << 20;
+
 impl Map {
     /// The same map, whose rows are what `post` made of the references. Each query goes through it before it is compared: from now on,
     /// descriptors of [`Post::input`] numbers are what is pushed, matched, and asked the distances of.
@@ -40,7 +43,8 @@ impl Map {
             let (what, expected, got) = ("post: what it gives", self.dim, post.output());
             return Err(Error::Length { what, expected, got });
         }
-        self.post = Some(post.into());
+        // A chain without steps is none.
+        self.post = (!post.stages().is_empty()).then(|| post.into());
         Ok(self)
     }
 
@@ -55,7 +59,7 @@ impl Map {
     }
 
     /// The same map with the recipe of its descriptors, which somebody else computes: a JSON object with a `name`, and what else is needed to make
-    /// them again. It is kept in the file and means nothing to this library.
+    /// them again, in at most 1 MiB. It is kept in the file and means nothing to this library.
     ///
     /// # Errors
     /// [`Error::Option`] unless it is that, and for a map of SAD descriptors, which has its recipe.
@@ -68,8 +72,13 @@ impl Map {
         if self.recipe != Recipe::Ready {
             return Err(refused("a map of SAD descriptors".to_owned()));
         }
-        let parsed: Value = serde_json::from_str(recipe).map_err(|e| refused(e.to_string()))?;
-        if !parsed.get("name").is_some_and(Value::is_string) {
+        if recipe.len() > LONGEST_RECIPE {
+            return Err(refused(format!("{} bytes, where {LONGEST_RECIPE} are the most", recipe.len())));
+        }
+        // As deep as in the file, which must be read again.
+        let [parsed]: [Value; 1] =
+            serde_json::from_str(&format!("[{recipe}]")).map_err(|e| refused(e.to_string()))?;
+        if !is_recipe(&parsed) {
             return Err(refused(recipe.chars().take(80).collect()));
         }
         self.learned = Some(recipe.into());
@@ -96,6 +105,11 @@ impl Map {
             }
         }
     }
+}
+
+/// Whether it says what the descriptor is called.
+pub(super) fn is_recipe(recipe: &Value) -> bool {
+    recipe.get("name").is_some_and(Value::is_string)
 }
 
 /// Takes in all that decides what comes out.

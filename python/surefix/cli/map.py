@@ -167,13 +167,14 @@ def append(
     The map's rows are copied, never read into memory, and an old map stays until the new one is whole.
     """
     start = time.perf_counter()
-    metric = _look(file).metric
+    old = _look(file)
     frames = Frames(references)
     if frames.holds(file):
         raise typer.BadParameter(f"REFERENCES: {references} is the map itself")
     where = None if positions is None else read_positions(positions)
     if frames.descriptors is not None:
-        Map.append(file, Map.from_descriptors(frames.descriptors, metric, positions=where))
+        more = Map.from_descriptors(frames.descriptors, old.metric, where, post=old.post, recipe=old.recipe)
+        Map.append(file, more)
     else:
         Map.append(file, frames.images, positions=where)
     seconds = time.perf_counter() - start
