@@ -256,8 +256,12 @@ fn for_each_query(
 /// The same error, which says which query it was.
 fn of_query(error: Error, query: usize) -> Error {
     match error {
-        Error::NoDirection { .. } => Error::NoDirection { what: "queries", row: Some(query) },
-        Error::NotFinite { what: what @ "descriptor", index, value, .. } => {
+        Error::NoDirection { what: "descriptor", .. } => {
+            Error::NoDirection { what: "queries", row: Some(query) }
+        }
+        // What post-processing made of it.
+        Error::NoDirection { what, .. } => Error::NoDirection { what, row: Some(query) },
+        Error::NotFinite { what, index, value, .. } if what.starts_with("descriptor") => {
             Error::NotFinite { what, row: Some(query), index, value }
         }
         Error::NotFinite { index, value, .. } => {

@@ -75,8 +75,8 @@ pub enum Error {
         value: f32,
     },
 
-    /// A vector of zeros has no direction, so no cosine distance.
-    #[error("{what}{}: expected a vector that is not all zeros, as the cosine distance needs a direction", of_row(*.row))]
+    /// A vector of zeros has no direction: neither a cosine distance nor a multiple of length 1.
+    #[error("{what}{}: expected a vector that is not all zeros, which have no direction", of_row(*.row))]
     NoDirection {
         /// What the vector is.
         what: &'static str,

@@ -164,6 +164,11 @@ fn other_maps_have_no_post_processing() {
     assert!(say(short).contains("expected 4 values, got 5"));
     assert!(matches!(map.distances([1_u8; 5].as_slice()), Err(Error::Dtype { .. })));
     assert!(matches!(map.distances([0.0_f32; 5].as_slice()), Err(Error::NoDirection { .. })));
+    let zeros = map.distances([0.0_f32; 5].as_slice()).unwrap_err().to_string();
+    assert_eq!(
+        zeros,
+        "descriptor, when normalized: expected a vector that is not all zeros, which have no direction"
+    );
     let queries = [&raw[..5], &[0.0; 5]].concat();
     let batch = match_descriptors(&map, &queries, &Config::default(), None, &[], &mut |_, _| {
         ControlFlow::Continue(())
@@ -172,6 +177,62 @@ fn other_maps_have_no_post_processing() {
     for recipe in ["", "[]", "{}", r#"{"name": 3}"#, "nonsense"] {
         assert!(map.clone().with_learned_recipe(recipe).is_err(), "{recipe}");
     }
+}
+
+#[test]
+fn places_by_another_recipe_do_not_follow() {
+    let (map, _) = route(CHAINS[2], 12, 9, Metric::Euclidean, 3);
+    let by = |recipe: &str| map.clone().with_learned_recipe(recipe).unwrap();
+    let first = by(r#"{"name": "net", "sha256": "1", "size": [2, 1]}"#);
+    let (_folder, path) = saved(&first);
+    let before = fs::read(&path).unwrap();
+    for other in [r#"{"name": "other"}"#, r#"{"name": "net", "sha256": "2", "size": [2, 1]}"#] {
+        let other = by(other);
+        for refused in [first.extended(&other).map(|_| ()), Map::append(&path, &other)] {
+            let refused = refused.unwrap_err();
+            assert!(matches!(refused, Error::Append { .. }), "{refused}");
+            assert!(refused.to_string().contains(r#"by the recipe {"name""#), "{refused}");
+        }
+        assert_eq!(fs::read(&path).unwrap(), before);
+    }
+    // The same in another order, and nothing said.
+    for same in [by(r#"{"size": [2, 1], "sha256": "1", "name": "net"}"#), map.clone()] {
+        assert_eq!(first.extended(&same).unwrap().learned_recipe(), first.learned_recipe());
+        Map::append(&path, &same).unwrap();
+    }
+    assert_eq!(Map::open(&path).unwrap().places(), 36);
+}
+
+/// What is taken can be saved, and what is saved can be opened.
+#[test]
+fn a_recipe_that_a_file_cannot_hold_is_refused_at_once() {
+    let (map, _) = route(CHAINS[0], 4, 5, Metric::Cosine, 1);
+    let mut taken = 0;
+    for depth in 0..200 {
+        let recipe = format!(r#"{{"name": "deep", "x": {}1{}}}"#, "[".repeat(depth), "]".repeat(depth));
+        if let Ok(map) = map.clone().with_learned_recipe(&recipe) {
+            let (_folder, path) = saved(&map);
+            assert!(Map::open(&path).unwrap().learned_recipe().is_some());
+            taken += 1;
+        }
+    }
+    assert!((100..150).contains(&taken), "{taken}");
+    let long = |count| format!(r#"{{"name": "{}"}}"#, r"\\".repeat(count));
+    let (_folder, path) = saved(&map.clone().with_learned_recipe(&long(524_000)).unwrap());
+    assert_eq!(Map::open(&path).unwrap().learned_recipe().unwrap(), long(524_000).replace(": ", ":"));
+    let refused = map.clone().with_learned_recipe(&long(525_000)).unwrap_err().to_string();
+    assert!(refused.contains("1048576 are the most"), "{refused}");
+    assert!(map.with_learned_recipe(r#"{"name": "a"}, {"name": "b"}"#).is_err());
+}
+
+#[test]
+fn a_chain_without_steps_is_none() {
+    let raw = numbers(20, 1);
+    let (post, rows) = Post::fit(&[], &raw, 5).unwrap();
+    let map = Map::from_descriptors(rows, 5, Metric::Cosine).unwrap().with_post(post).unwrap();
+    assert_eq!((map.post(), map.input_dim()), (None, 5));
+    let (_folder, path) = saved(&map);
+    assert_eq!(Map::open(&path).unwrap().post(), None);
 }
 
 /// Every kind of damage to the entry and to the tensors is refused, and says what.
@@ -235,6 +296,16 @@ fn files_that_do_not_fit_together_are_refused() {
         flat[name]["shape"] = json!([bytes]);
         changed.push((flat, entry.clone()));
     }
+    for learned in [json!(3), json!({}), json!({"name": 3})] {
+        let mut entry = entry.clone();
+        entry["learned"] = learned;
+        changed.push((header.clone(), entry));
+    }
+    // A matrix, which a length has none of.
+    let mut more = header.clone();
+    let end = payload.len();
+    more["post.3.matrix"] = json!({"dtype": "F32", "shape": [3, 3], "data_offsets": [end, end + 36]});
+    assert!(open(&more, &entry, &[payload, &[0; 36]].concat()).is_err());
     for (header, entry) in &changed {
         assert!(open(header, entry, payload).is_err(), "{entry} {header}");
     }

@@ -9,6 +9,9 @@ use crate::error::Error;
 use crate::isa::Isa;
 use crate::parallel::each;
 
+/// The most numbers that a projection gives.
+const MOST: usize = 1 << 20;
+
 /// One step of post-processing, as it is asked for. In a chain, each works on what the one before gives.
 ///
 /// As JSON: `{"step": "standardize"}`, `{"step": "pca", "dim": 512, "whiten": true}`, `{"step": "normalize"}`,
@@ -100,7 +103,7 @@ impl Post {
     ///
     /// # Errors
     /// [`Error::Shape`] where `dim` does not divide the numbers; [`Error::NotFinite`] for a NaN or an infinity, in the references or
-    /// after a step; [`Error::Option`] for a `dim` of 0 or, of the principal components, more than the references span;
+    /// after a step; [`Error::Option`] for a `dim` of 0, or of more than the references span or memory holds;
     /// [`Error::NoDirection`] for a row of zeros that is to have the length 1; [`Error::TooFewPlaces`] below two rows.
     pub fn fit(steps: &[Step], rows: &[f32], dim: usize) -> Result<(Self, Vec<f32>), Error> {
         if dim == 0 || !rows.len().is_multiple_of(dim) {
@@ -153,7 +156,8 @@ impl Post {
                     }
                     stage.matrix.len() / width
                 }
-                _ => width,
+                _ if stage.matrix.is_empty() => width,
+                _ => return Err(format!("{}: expected none in such a step", name("matrix"))),
             };
             let (offset, scale) = match stage.step {
                 Step::Standardize => (width, width),
@@ -242,18 +246,18 @@ fn pass<'a>(
     through: &'a mut Passage,
     row: Option<usize>,
 ) -> Result<&'a [f32], Error> {
-    let what = "descriptor";
-    let check = |numbers: &[f32]| match crate::distance::first_not_finite(numbers) {
+    let check = |what, numbers: &[f32]| match crate::distance::first_not_finite(numbers) {
         Some((index, value)) => Err(Error::NotFinite { what, row, index, value }),
         None => Ok(()),
     };
-    check(vector)?;
+    check("descriptor", vector)?;
     through.now.clear();
     through.now.extend_from_slice(vector);
     for stage in stages {
-        stage.pass(&through.now, &mut through.next).ok_or(Error::NoDirection { what, row })?;
+        let zeros = Error::NoDirection { what: "descriptor, when normalized", row };
+        stage.pass(&through.now, &mut through.next).ok_or(zeros)?;
         std::mem::swap(&mut through.now, &mut through.next);
-        check(&through.now)?;
+        check(stage.name(), &through.now)?;
     }
     Ok(&through.now)
 }
@@ -276,18 +280,31 @@ impl Stage {
                 (stage.offset, stage.matrix) = principal(rows, dim, wanted, whiten)?;
             }
             Step::Projection { dim: wanted, seed } => {
-                if wanted == 0 {
-                    return Err(Error::Option {
-                        name: "projection dim",
-                        expected: "at least 1".to_owned(),
-                        got: "0".to_owned(),
-                    });
+                let refused = |expected: String| {
+                    let (name, got) = ("projection dim", wanted.to_string());
+                    Error::Option { name, expected, got }
+                };
+                if !(1..=MOST).contains(&wanted) {
+                    return Err(refused(format!("from 1 to {MOST}")));
                 }
-                stage.matrix = projection::signs(wanted, dim, seed);
+                let signs = projection::signs(wanted, dim, seed);
+                stage.matrix = signs.ok_or_else(|| {
+                    refused(format!("so few that {dim} signs for each, of 4 bytes, fit into memory"))
+                })?;
             }
             Step::Normalize => {}
         }
         Ok(stage)
+    }
+
+    /// What a vector is after this, for errors.
+    fn name(&self) -> &'static str {
+        match self.step {
+            Step::Standardize => "descriptor, standardized",
+            Step::Pca { .. } => "descriptor, as principal components",
+            Step::Projection { .. } => "descriptor, projected",
+            Step::Normalize => "descriptor, normalized",
+        }
     }
 
     /// How many numbers a vector has after this, of `input` before.

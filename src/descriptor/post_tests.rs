@@ -142,7 +142,7 @@ fn a_projection_keeps_distances_about_and_is_the_same_everywhere() {
     }
     // SplitMix64 from the seed 0 begins with 0xE220A8397B1DCDAF.
     let signs = super::projection::signs(1, 8, 0);
-    assert_eq!(signs, [1.0, 1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0]);
+    assert_eq!(signs.unwrap(), [1.0, 1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0]);
 }
 
 #[test]
@@ -151,21 +151,70 @@ fn what_cannot_be_is_refused() {
     assert_eq!(standardized(&flat, 2).unwrap(), [0.0; 6]);
     let say = |steps: &[Step], rows: &[f32], dim| Post::fit(steps, rows, dim).unwrap_err().to_string();
     let normalize = say(&[Step::Standardize, Step::Normalize], &flat, 2);
-    assert!(normalize.contains("row 0"), "{normalize}");
+    assert!(normalize.contains("when normalized (row 0)"), "{normalize}");
     let line = [1.0_f32, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0];
     let pca = |dim| Step::Pca { dim, whiten: true };
     assert!(Post::fit(&[pca(1)], &line, 2).is_ok());
     assert!(say(&[pca(2)], &line, 2).contains("from 1 to 1, what 4 references of 2 numbers span"));
     assert!(say(&[pca(0)], &line, 2).contains("pca dim"));
     assert!(say(&[Step::Projection { dim: 0, seed: 1 }], &line, 2).contains("projection dim"));
+    for dim in [1 << 21, 1 << 40, usize::MAX / 2] {
+        assert!(say(&[Step::Projection { dim, seed: 1 }], &line, 2).contains("from 1 to 1048576"));
+    }
+    assert_eq!(super::projection::signs(1 << 45, 1 << 10, 0), None, "no memory");
+    assert_eq!(super::projection::signs(usize::MAX, 2, 0), None);
     assert!(say(&[], &line, 3).contains("rows of at least one number"));
     assert!(say(&[], &line, 8).contains("at least 2 places"));
     assert!(say(&[], &[1.0, f32::NAN, 2.0, 3.0], 2).contains("NaN"));
     let huge = [f32::MAX, -f32::MAX, f32::MAX, f32::MAX];
-    assert!(say(&[Step::Projection { dim: 1, seed: 0 }], &huge, 2).contains("finite"));
+    let huge = say(&[Step::Projection { dim: 1, seed: 0 }], &huge, 2);
+    assert!(huge.contains("descriptor, projected: expected finite numbers"), "{huge}");
     let (post, _) = Post::fit(&[Step::Normalize], &line, 2).unwrap();
     assert!(matches!(post.apply(&[1.0, 2.0, 3.0]), Err(Error::Shape { .. })));
     assert!(matches!(post.apply(&[1.0, 2.0, 0.0, 0.0]), Err(Error::NoDirection { row: Some(1), .. })));
     let mut through = super::Passage::new(&post);
     assert!(matches!(post.pass(&[1.0], &mut through), Err(Error::Length { expected: 2, got: 1, .. })));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn restored_statistics_go_on_to_the_last_bit(cut in 0..20_usize, dim in 1..8_usize, seed: u64, after: bool) {
+        let (queries, references) = (rows(30, dim, seed), rows(5, dim, !seed));
+        let mut whole = if after { Running::after(&references, dim)? } else { Running::new(dim) };
+        let (mut a, mut b) = (vec![0.0; dim], vec![0.0; dim]);
+        for query in queries[..cut * dim].chunks_exact(dim) {
+            whole.push(query, &mut a)?;
+        }
+        let blob = whole.snapshot()?;
+        let mut restored = Running::restore(&blob)?;
+        prop_assert_eq!(&restored, &whole);
+        prop_assert_eq!(restored.snapshot()?, blob);
+        for query in queries[cut * dim..].chunks_exact(dim) {
+            whole.push(query, &mut a)?;
+            restored.push(query, &mut b)?;
+            let bits = |out: &[f32]| out.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            prop_assert_eq!(bits(&a), bits(&b));
+        }
+    }
+
+    #[test]
+    fn damaged_statistics_are_refused(at: prop::sample::Index, to: u8, cut: prop::sample::Index) {
+        let mut running = Running::new(3);
+        running.push(&[1.0, 2.0, 3.0], &mut [0.0; 3])?;
+        let blob = running.snapshot()?;
+        let short = &blob[..cut.index(blob.len())];
+        let refused = matches!(Running::restore(short), Err(Error::Snapshot { .. }));
+        prop_assert!(refused);
+        let mut changed = blob.clone();
+        let at = at.index(blob.len());
+        changed[at] = to;
+        match Running::restore(&changed) {
+            // A flip in a blank, or none.
+            Ok(restored) => prop_assert_eq!(restored, running),
+            Err(Error::Snapshot { .. }) => {}
+            Err(other) => prop_assert!(false, "{}", other),
+        }
+    }
 }

@@ -11,6 +11,7 @@ from sklearn.preprocessing import StandardScaler, normalize
 
 import surefix
 from surefix.post import Normalize, Pca, Post, RandomProjection, Running, Standardize, fit, standardized
+from test_cli import surefix_
 
 Rows = NDArray[np.float32]
 
@@ -110,6 +111,9 @@ def test_a_map_keeps_what_its_queries_go_through(tmp_path: Path) -> None:
         np.testing.assert_array_equal(run.score, expected.score)
         localizer = surefix.Localizer(one)
         assert [localizer.push(query) for query in queries] == [run[index] for index in range(30)]
+    more = surefix.Map.from_descriptors(queries, post=route.post, recipe={"name": "another"})
+    with pytest.raises(surefix.SurefixValueError, match=r'by the recipe .*"mine".*got .*"another"'):
+        route.extended(more)
     more = surefix.Map.from_descriptors(queries, post=route.post, recipe=route.recipe)
     longer = route.extended(more)
     assert len(longer) == 90
@@ -134,16 +138,35 @@ def test_a_plain_reader_finds_the_chain_in_the_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(route.distances(query), distances, rtol=1e-5)
 
 
+def test_vectors_appended_on_the_command_line_go_through_the_map_s_own_chain(tmp_path: Path) -> None:
+    references, more = rows(60, 50), rows(8, 50, 1)
+    route = surefix.Map.from_descriptors(references, "euclidean", post=STEPS, recipe={"name": "mine"})
+    file = tmp_path / "route.safetensors"
+    route.save(file)
+    np.save(tmp_path / "more.npy", more)
+    np.save(tmp_path / "processed.npy", fit(references, STEPS).apply(more))
+    surefix_("map", "append", file, tmp_path / "more.npy")
+    longer = surefix.Map.open(file)
+    np.testing.assert_array_equal(longer.descriptors[60:], fit(references, STEPS).apply(more))
+    assert (longer.post, longer.recipe, len(longer)) == (route.post, route.recipe, 68)
+    done = surefix_("map", "append", file, tmp_path / "processed.npy", code=1)
+    assert "expected 50 values, got 10" in done.stderr
+    assert len(surefix.Map.open(file)) == 68
+
+
 MISTAKES = [
     (lambda r: fit(r, [Pca(60)]), "from 1 to 49, what 60 references of 50 numbers span|from 1 to 50"),
     (lambda r: fit(r, [Pca(0)]), "pca dim"),
     (lambda r: fit(r, [Pca(-1)]), "expected dim to be a whole number, got -1"),
     (lambda r: fit(r, [RandomProjection(2.5)]), "expected dim to be a whole number, got 2.5"),  # type: ignore[arg-type]
+    (lambda r: fit(r, [RandomProjection(2**62)]), "projection dim.*from 1 to 1048576"),
     (lambda r: fit(r, ["pca"]), "expected steps such as"),  # type: ignore[list-item]
     (lambda r: fit(r.astype(np.float64), [Normalize()]), "float64"),
     (lambda r: fit(r[0], [Normalize()]), "references"),
     (lambda r: fit(r[:1], [Normalize()]), "at least 2 places, got 1"),
-    (lambda r: fit(np.zeros_like(r), [Normalize()]), "row 0"),
+    (lambda r: fit(np.zeros_like(r), [Normalize()]), r"descriptor, when normalized \(row 0\)"),
+    (lambda r: fit(r * 1e-30, [Standardize()]).apply(r * 1e30), "descriptor, standardized: expected finite numbers"),
+    (lambda r: surefix.Map.from_descriptors(r, recipe={"name": "x" * 2**20}), "1048576 are the most"),
     (lambda r: fit(r, [Normalize()]).apply(r[:, 1:]), "expected 50 values, got 49"),
     (lambda r: surefix.Map.from_descriptors(r.astype(np.float16), post=[Normalize()]), "expected float32, got float16"),
     (lambda r: surefix.Map.from_descriptors(r, recipe={"size": 3}), '"name"'),
@@ -152,6 +175,7 @@ MISTAKES = [
     (lambda r: surefix.Map.from_descriptors(r[:, 1:], post=fit(r, [Normalize()])), "expected 50 values, got 49"),
     (lambda r: Running(), "expected dim"),
     (lambda r: Running(0), "expected dim"),
+    (lambda r: Running(2**60), "expected dim"),
 ]
 
 
