@@ -154,7 +154,7 @@ class RerunView:
     def _sinks(self, spawn: bool, port: int, memory: str) -> list[Any]:
         sinks = []
         if spawn:
-            open_viewer(self.rr, port, memory)
+            open_viewer(self.recording, port, memory)
             sinks.append(self.rr.GrpcSink(f"rerun+http://127.0.0.1:{port}/proxy"))
         if self.save is not None:
             sinks.append(self.rr.FileSink(self.save))

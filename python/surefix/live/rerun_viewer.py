@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import socket
 import sys
 import sysconfig
 from importlib.util import find_spec
@@ -33,7 +34,7 @@ def viewer_obstacle() -> str | None:
     return None
 
 
-def open_viewer(rr: Any, port: int, memory: str) -> None:
+def open_viewer(recording: Any, port: int, memory: str) -> None:
     """Open rerun's viewer in a window of its own, or find the one that listens at ``port``. It outlives the process.
 
     Raises
@@ -43,8 +44,13 @@ def open_viewer(rr: Any, port: int, memory: str) -> None:
     """
     if obstacle := viewer_obstacle():
         raise SurefixError(obstacle)
+    chosen = os.environ.get("RUST_LOG")
+    # What the viewer has to say goes to this terminal, where the drive is drawn.
+    os.environ.setdefault("RUST_LOG", "error")
     try:
-        rr.spawn(
+        load_rerun().spawn(
+            # Without one, rerun takes itself for turned off, and opens nothing.
+            recording=recording,
             port=port,
             connect=False,
             memory_limit=memory,
@@ -55,3 +61,11 @@ def open_viewer(rr: Any, port: int, memory: str) -> None:
         )
     except (RuntimeError, OSError) as error:
         raise SurefixError(f"rerun's viewer did not open: {error}") from None
+    finally:
+        if chosen is None:
+            del os.environ["RUST_LOG"]
+    # Rerun does not say whether it worked.
+    try:
+        socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+    except OSError as error:
+        raise SurefixError(f"rerun's viewer did not open: nothing answers at port {port} ({error})") from None
