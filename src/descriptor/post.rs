@@ -120,7 +120,7 @@ impl Post {
         for step in steps {
             let stage = Stage::fit(*step, &rows, post.output)?;
             let output = stage.output(post.output);
-            rows = apply(std::slice::from_ref(&stage), &rows, post.output, output, Some(()))?;
+            rows = apply(std::slice::from_ref(&stage), &rows, post.output, output, true)?;
             post.stages.push(stage);
             post.output = output;
         }
@@ -204,8 +204,8 @@ impl Post {
             let expected = format!("rows of {} numbers", self.input);
             return Err(Error::Shape { what: "vectors", expected, got: format!("{} numbers", rows.len()) });
         }
-        let row = (rows.len() > self.input).then_some(());
-        apply(&self.stages, rows, self.input, self.output, row)
+        let several = rows.len() > self.input;
+        apply(&self.stages, rows, self.input, self.output, several)
     }
 
     /// Does the steps to one vector, in memory that is used again.
@@ -227,11 +227,11 @@ fn apply(
     rows: &[f32],
     input: usize,
     output: usize,
-    named: Option<()>,
+    named: bool,
 ) -> Result<Vec<f32>, Error> {
     let done = each(0..rows.len() / input, Passage::default, |through, row| {
         let vector = &rows[row * input..(row + 1) * input];
-        pass(stages, vector, through, named.map(|()| row)).map(<[f32]>::to_vec)
+        pass(stages, vector, through, named.then_some(row)).map(<[f32]>::to_vec)
     });
     let mut all = Vec::with_capacity(rows.len() / input * output);
     for row in done {

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from surefix.descriptors.extra import needed
+from surefix._extra import needed
 from surefix.errors import SurefixValueError
 
 __all__ = ["read_index"]

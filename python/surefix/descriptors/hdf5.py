@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.descriptors.extra import needed
+from surefix._extra import needed
 from surefix.errors import SurefixValueError
 
 __all__ = ["read_hdf5"]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from surefix.descriptors.extra import needed
+from surefix._extra import needed
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.descriptors.torch import Torch
 from surefix.errors import SurefixError, SurefixValueError

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.descriptors.extra import needed
+from surefix._extra import needed
 from surefix.descriptors.reranked import reranked_distances
 from surefix.errors import SurefixFileError, SurefixValueError
 

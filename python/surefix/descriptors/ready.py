@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from surefix.descriptors.extra import needed
+from surefix._extra import needed
 from surefix.descriptors.faiss_index import read_index
 from surefix.descriptors.hdf5 import read_hdf5
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from surefix._extra import needed
 from surefix.descriptors.descriptor import as_images, checked_rows
-from surefix.descriptors.extra import needed
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixError, SurefixValueError
 

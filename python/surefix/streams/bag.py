@@ -7,8 +7,8 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
+from surefix._extra import needed
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
-from surefix.streams.extra import load_extra
 from surefix.streams.ros_image import IMAGE, image_of
 from surefix.streams.stream import Shot, Stream
 
@@ -82,8 +82,8 @@ def open_bag(path: str) -> Iterator[Any]:
     SurefixError
         As ``BagStream`` does.
     """
-    highlevel = load_extra("rosbags.highlevel", "bags", "a bag")
-    typesys = load_extra("rosbags.typesys", "bags", "a bag")
+    highlevel = needed("rosbags.highlevel", "a bag", "rosbags", "surefix[bags]")
+    typesys = needed("rosbags.typesys", "a bag", "rosbags", "surefix[bags]")
     if not Path(path).exists():
         raise SurefixFileError(f"{path}: cannot read the bag: there is no such file or folder")
     # Bags of ROS 2 before Iron do not say what their messages look like; those taken here have never changed.

@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
+from surefix._extra import needed
 from surefix.errors import SurefixFileError
-from surefix.streams.extra import load_extra
 from surefix.streams.stream import Shot, Stream
 
 __all__ = ["CameraStream", "is_camera"]
@@ -36,7 +36,7 @@ class CameraStream(Stream):
 
     def __init__(self, device: int | str) -> None:
         self.device = int(device) if isinstance(device, str) and device.isdecimal() else device
-        self._cv2 = load_extra("cv2", "camera", "a camera")
+        self._cv2 = needed("cv2", "a camera", "OpenCV", "surefix[camera]")
         self._closed = False
 
     def close(self) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from surefix._extra import needed
 from surefix.errors import SurefixFileError, SurefixValueError
-from surefix.streams.extra import load_extra
 from surefix.streams.stream import Shot, Stream
 
 __all__ = ["VIDEO_ENDINGS", "VideoStream", "is_video"]
@@ -46,7 +46,7 @@ class VideoStream(Stream):
 
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path = fspath(path)
-        self._av = load_extra("av", "video", "a video")
+        self._av = needed("av", "a video", "PyAV", "surefix[video]")
         with self._open() as container:
             self._frames = int(container.streams.video[0].frames)
             ends, rate = _end(container), container.streams.video[0].average_rate
