@@ -30,6 +30,7 @@ def scripts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.delenv("RUST_LOG", raising=False)
+    monkeypatch.delenv("CI", raising=False)  # Where it is set, rerun warns of every viewer.
     folder = tmp_path / "scripts"
     folder.mkdir()
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(folder))
