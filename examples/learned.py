@@ -16,7 +16,7 @@ import numpy as np
 
 import surefix
 from surefix.descriptors import Onnx, extract
-from surefix.post import Running, Standardize, fit, standardized
+from surefix.post import Standardize, standardized
 
 
 def figures(route: surefix.Map, queries: object) -> str:
@@ -53,16 +53,15 @@ def main() -> None:
                 ours = extract(queries, network, cache=Path(folder, "queries"))
                 theirs, ours = np.array(theirs), np.array(ours)
                 # The cosine does not mind their lengths.
-                plain = surefix.Map.from_descriptors(theirs)
-                fitted = surefix.Map.from_descriptors(standardized(theirs))
-                running = Running(references=theirs)
-                for statistics, route, rows in (
-                    ("not standardised", plain, ours),
-                    ("the query drive's own", fitted, standardized(ours)),
-                    ("the references'", fitted, fit(theirs, [Standardize()]).apply(ours)),
-                    ("so far", fitted, np.array([running.push(row) for row in ours])),
+                for statistics, steps, rows in (
+                    ("not standardised", [], ours),
+                    ("the references'", [Standardize()], ours),
+                    ("so far", [Standardize("running")], ours),
                 ):
+                    route = surefix.Map.from_descriptors(theirs, post=steps)
                     print(f"| {name} | {output} | {statistics} | {figures(route, rows)}", flush=True)
+                route = surefix.Map.from_descriptors(standardized(theirs))
+                print(f"| {name} | {output} | the drive's own | {figures(route, standardized(ours))}", flush=True)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use ndarray::ArrayView2;
 
 use crate::config::{Config, Floor};
-use crate::descriptor::Progress;
+use crate::descriptor::{Passage, Progress};
 use crate::distance::{View, first_not_finite};
 use crate::error::Error;
 use crate::map::Map;
@@ -233,16 +233,35 @@ fn for_each_query(
     mut visit: impl FnMut(usize, &[f32]) -> Result<(), Error>,
 ) -> Result<(), Error> {
     let at_once = (HELD / map.places()).clamp(1, 256);
+    // What a query becomes may depend on those before it.
+    let mut drive = map.post().filter(|post| post.runs()).map(Passage::of_drive);
+    let mut passed = Vec::new();
     for start in (0..count).step_by(at_once) {
         let indices = start..count.min(start + at_once);
+        if let Some(through) = &mut drive {
+            passed.clear();
+            for query in indices.clone() {
+                let Some(row) = queries.row(query, map.input_dim()) else { continue };
+                let row = map.passed(row, Some(through)).map_err(|error| of_query(error, query))?;
+                if let View::F32(row) = row {
+                    passed.extend_from_slice(row);
+                }
+                through.keep();
+            }
+        }
         let columns = each(
             indices.clone(),
             || (),
             |(), query| {
                 let mut out = vec![0.0; map.places()];
-                if let Some(row) = queries.row(query, map.input_dim()) {
-                    map.distances_into(row, &mut out).map_err(|error| of_query(error, query))?;
-                }
+                let done = if drive.is_some() {
+                    let at = (query - start) * map.dim();
+                    map.distances_of_passed(View::F32(&passed[at..at + map.dim()]), &mut out)
+                } else {
+                    let row = queries.row(query, map.input_dim());
+                    row.map_or(Ok(()), |row| map.distances_into(row, &mut out))
+                };
+                done.map_err(|error| of_query(error, query))?;
                 Ok(out)
             },
         );

@@ -215,11 +215,11 @@ fn a_newer_version_says_to_upgrade() {
     // A newer one may lack what this version needs, so the version is looked at first.
     for lacks in ["", "anchors", "config"] {
         let newer = with_header(&blob, |header| {
-            header["version"] = 3.into();
+            header["version"] = 4.into();
             header.as_object_mut().unwrap().remove(lacks);
         });
         let message = reason(Localizer::restore(Arc::clone(&map), &newer, Some(&config)));
-        assert!(message.contains("format 3") && message.contains("upgrade"), "{message}");
+        assert!(message.contains("format 4") && message.contains("upgrade"), "{message}");
     }
     let foreign = with_header(&blob, |header| header["format"] = "surefix-map".into());
     reason(Matcher::restore(&foreign, None));

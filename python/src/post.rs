@@ -29,7 +29,8 @@ pub(crate) struct Post(pub(crate) surefix::Post);
 
 #[pymethods]
 impl Post {
-    /// Does the steps to one vector, (input_dim,), or to many, (n, input_dim).
+    /// Does the steps to one vector, (input_dim,), or to many, (n, input_dim), as they were done to the references. (Statistics of a
+    /// drive, ``Standardize("running")``, are kept by a ``Localizer``, and by ``match``.)
     ///
     /// Returns
     /// -------
@@ -80,6 +81,7 @@ impl Post {
         let flag = |flag| if flag { "True" } else { "False" };
         let say = |step: &Step| match *step {
             Step::Standardize => "Standardize()".to_owned(),
+            Step::StandardizeRunning => "Standardize(statistics='running')".to_owned(),
             Step::Pca { dim, whiten } => format!("Pca(dim={dim}, whiten={})", flag(whiten)),
             Step::Normalize => "Normalize()".to_owned(),
             Step::Projection { dim, seed } => format!("RandomProjection(dim={dim}, seed={seed})"),

@@ -11,9 +11,9 @@
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -40,8 +40,17 @@ class Standardize:
     """Each dimension less its mean over the references, in units of its population standard deviation.
 
     A dimension that is the same in all references becomes 0.
+
+    Parameters
+    ----------
+    statistics : "references" or "running"
+        What the queries of a drive are standardised by: the references' own mean and deviation, or those of the drive's
+        queries so far, the newest among them, which begin with the references' as if these were one query. With
+        "running", a ``Localizer`` keeps the drive's, in its snapshots too, until ``reset``, and ``match`` takes its
+        queries as one drive. The references are standardised by their own either way.
     """
 
+    statistics: Literal["references", "running"] = "references"
     step: ClassVar[str] = "standardize"
 
 
@@ -134,13 +143,26 @@ def as_json(steps: Any) -> str:
                 f"got {step!r}"
             )
         for name, value in asdict(step).items():
-            whole = isinstance(value, int) and 0 <= value < 2**63
-            if name == "whiten" and not isinstance(value, bool):
-                raise SurefixValueError(
-                    f"post: {type(step).__name__}: expected whiten to be True or False, got {value!r}"
-                )
-            if name != "whiten" and (not whole or isinstance(value, bool)):
-                raise SurefixValueError(
-                    f"post: {type(step).__name__}: expected {name} to be a whole number, got {value!r}"
-                )
-    return json.dumps([{"step": step.step, **asdict(step)} for step in listed])
+            expected, fits = _EXPECTED[name]
+            if not fits(value):
+                raise SurefixValueError(f"post: {type(step).__name__}: expected {name} to be {expected}, got {value!r}")
+    return json.dumps([_plain(step) for step in listed])
+
+
+def _plain(step: Step) -> dict[str, Any]:
+    if isinstance(step, Standardize):
+        return {"step": step.step if step.statistics == "references" else f"{step.step}_running"}
+    return {"step": step.step, **asdict(step)}
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
+
+
+# What each field of a step may be.
+_EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
+    "statistics": ('"references" or "running"', lambda value: value in ("references", "running")),
+    "whiten": ("True or False", lambda value: isinstance(value, bool)),
+    "dim": ("a whole number", _is_whole),
+    "seed": ("a whole number", _is_whole),
+}

@@ -8,6 +8,7 @@ mod grey;
 mod image;
 #[cfg(test)]
 mod naive;
+mod passage;
 mod patches;
 mod post;
 #[cfg(test)]
@@ -18,6 +19,7 @@ mod running;
 mod running_snapshot;
 mod sad;
 mod source;
+mod stage;
 #[cfg(test)]
 mod tests;
 mod transpose;
@@ -27,9 +29,10 @@ pub use describer::Describer;
 #[cfg(feature = "image")]
 pub use files::{ImageFiles, decode_image, read_image};
 pub use image::{Channels, Image, ImageView};
-pub(crate) use post::{Passage, Stage};
+pub(crate) use passage::Passage;
 pub use post::{Post, Step, standardized};
 pub use running::Running;
 pub use sad::Sad;
 pub use source::{ImageSource, Progress, describe_all};
 pub(crate) use source::{describe_each, describe_into, go_on};
+pub(crate) use stage::Stage;

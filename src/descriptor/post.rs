@@ -2,27 +2,26 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::projection;
-use super::whiten::principal;
-use crate::distance::products;
+use super::passage::Passage;
+use super::stage::Stage;
 use crate::error::Error;
-use crate::isa::Isa;
 use crate::parallel::each;
-
-/// The most numbers that a projection gives.
-const MOST: usize = 1 << 20;
 
 /// One step of post-processing, as it is asked for. In a chain, each works on what the one before gives.
 ///
-/// As JSON: `{"step": "standardize"}`, `{"step": "pca", "dim": 512, "whiten": true}`, `{"step": "normalize"}`,
-/// `{"step": "projection", "dim": 512, "seed": 0}`.
+/// As JSON: `{"step": "standardize"}`, `{"step": "standardize_running"}`, `{"step": "pca", "dim": 512, "whiten": true}`,
+/// `{"step": "normalize"}`, `{"step": "projection", "dim": 512, "seed": 0}`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(tag = "step", rename_all = "lowercase", deny_unknown_fields)]
+#[serde(tag = "step", rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum Step {
     /// Each dimension less its mean over the references, in units of its population standard deviation; 0 where all references have
     /// the same number.
     Standardize,
+    /// The references as by [`Standardize`](Self::Standardize); each query of a drive by the mean and the deviation of the drive's queries so
+    /// far, which begin with the references' own as if those were one query ([`Running::after`](super::Running::after)). A
+    /// [`Localizer`](crate::Localizer) keeps these, in its snapshots too.
+    StandardizeRunning,
     /// The coordinates along the `dim` directions in which the references differ most (principal component analysis).
     Pca {
         /// How many, up to what the references span.
@@ -41,18 +40,6 @@ pub enum Step {
     },
 }
 
-/// A step that knows what it does: all are `matrix (x - offset) scale`, or the division by the length.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Stage {
-    pub(crate) step: Step,
-    /// What is subtracted, a number a dimension; or nothing.
-    pub(crate) offset: Vec<f64>,
-    /// What is multiplied with, a number a dimension; or nothing.
-    pub(crate) scale: Vec<f64>,
-    /// Rows that are multiplied with; or nothing.
-    pub(crate) matrix: Vec<f32>,
-}
-
 /// A chain of steps that has been fitted on the references, so that queries are treated as these were.
 ///
 /// ```
@@ -68,33 +55,6 @@ pub struct Post {
     stages: Vec<Stage>,
     input: usize,
     output: usize,
-}
-
-/// The memory that one vector passes through.
-#[derive(Debug, Default)]
-pub(crate) struct Passage {
-    now: Vec<f32>,
-    next: Vec<f32>,
-}
-
-impl Clone for Passage {
-    /// A copy with room for as much, so that it need not grow.
-    fn clone(&self) -> Self {
-        Self { now: Vec::with_capacity(self.now.capacity()), next: Vec::with_capacity(self.next.capacity()) }
-    }
-}
-
-impl Passage {
-    pub(crate) fn new(post: &Post) -> Self {
-        let (mut width, mut room) = (post.input, post.input);
-        for stage in &post.stages {
-            let output = stage.output(width);
-            // Principal components are computed beside the centred vector.
-            room = room.max(width + output);
-            width = output;
-        }
-        Self { now: Vec::with_capacity(room), next: Vec::with_capacity(room) }
-    }
 }
 
 impl Post {
@@ -137,7 +97,8 @@ impl Post {
         for (index, stage) in stages.iter().enumerate().rev() {
             let name = |part: &str| format!("post.{index}.{part}");
             let finite = stage.offset.iter().chain(&stage.scale).all(|x| x.is_finite())
-                && stage.matrix.iter().all(|x| x.is_finite());
+                && stage.matrix.iter().all(|x| x.is_finite())
+                && (stage.step != Step::StandardizeRunning || stage.variances().all(f64::is_finite));
             if !finite {
                 return Err(format!("{}: expected finite numbers", name("*")));
             }
@@ -160,7 +121,7 @@ impl Post {
                 _ => return Err(format!("{}: expected none in such a step", name("matrix"))),
             };
             let (offset, scale) = match stage.step {
-                Step::Standardize => (width, width),
+                Step::Standardize | Step::StandardizeRunning => (width, width),
                 Step::Pca { .. } => (width, 0),
                 _ => (0, 0),
             };
@@ -194,7 +155,13 @@ impl Post {
         self.output
     }
 
-    /// Does the steps to vectors of [`input`](Self::input) numbers, one after the other, on all cores.
+    /// Whether what a query becomes depends on those before it.
+    pub(crate) fn runs(&self) -> bool {
+        self.stages.iter().any(|stage| stage.step == Step::StandardizeRunning)
+    }
+
+    /// Does the steps to vectors of [`input`](Self::input) numbers, one after the other, on all cores. Each is treated as the references were:
+    /// statistics of a drive are a localizer's.
     ///
     /// # Errors
     /// [`Error::Shape`] where these are no such vectors, [`Error::NotFinite`] for a NaN or an infinity, in them or after a step, and
@@ -253,128 +220,19 @@ fn pass<'a>(
     check("descriptor", vector)?;
     through.now.clear();
     through.now.extend_from_slice(vector);
+    let mut drives = through.drives.iter_mut();
     for stage in stages {
-        let zeros = Error::NoDirection { what: "descriptor, when normalized", row };
-        stage.pass(&through.now, &mut through.next).ok_or(zeros)?;
+        let drive = if stage.step == Step::StandardizeRunning { drives.next() } else { None };
+        if let Some(drive) = drive {
+            drive.look(&through.now, &mut through.next);
+        } else {
+            let zeros = Error::NoDirection { what: "descriptor, when normalized", row };
+            stage.pass(&through.now, &mut through.next).ok_or(zeros)?;
+        }
         std::mem::swap(&mut through.now, &mut through.next);
         check(stage.name(), &through.now)?;
     }
     Ok(&through.now)
-}
-
-impl Stage {
-    /// Without any numbers yet.
-    pub(crate) fn new(step: Step) -> Self {
-        Self { step, offset: Vec::new(), scale: Vec::new(), matrix: Vec::new() }
-    }
-
-    fn fit(step: Step, rows: &[f32], dim: usize) -> Result<Self, Error> {
-        let mut stage = Self::new(step);
-        match step {
-            Step::Standardize => {
-                let (mean, deviation) = moments(rows, dim);
-                stage.scale = deviation.iter().map(|&s| if s > 0.0 { s.recip() } else { 0.0 }).collect();
-                stage.offset = mean;
-            }
-            Step::Pca { dim: wanted, whiten } => {
-                (stage.offset, stage.matrix) = principal(rows, dim, wanted, whiten)?;
-            }
-            Step::Projection { dim: wanted, seed } => {
-                let refused = |expected: String| {
-                    let (name, got) = ("projection dim", wanted.to_string());
-                    Error::Option { name, expected, got }
-                };
-                if !(1..=MOST).contains(&wanted) {
-                    return Err(refused(format!("from 1 to {MOST}")));
-                }
-                let signs = projection::signs(wanted, dim, seed);
-                stage.matrix = signs.ok_or_else(|| {
-                    refused(format!("so few that {dim} signs for each, of 4 bytes, fit into memory"))
-                })?;
-            }
-            Step::Normalize => {}
-        }
-        Ok(stage)
-    }
-
-    /// What a vector is after this, for errors.
-    fn name(&self) -> &'static str {
-        match self.step {
-            Step::Standardize => "descriptor, standardized",
-            Step::Pca { .. } => "descriptor, as principal components",
-            Step::Projection { .. } => "descriptor, projected",
-            Step::Normalize => "descriptor, normalized",
-        }
-    }
-
-    /// How many numbers a vector has after this, of `input` before.
-    pub(crate) fn output(&self, input: usize) -> usize {
-        match self.step {
-            Step::Pca { dim, .. } | Step::Projection { dim, .. } => dim,
-            Step::Standardize | Step::Normalize => input,
-        }
-    }
-
-    /// Does the step; nothing for zeros that have no direction.
-    fn pass(&self, vector: &[f32], out: &mut Vec<f32>) -> Option<()> {
-        out.clear();
-        let dim = vector.len();
-        match self.step {
-            Step::Standardize => {
-                let parts = vector.iter().zip(self.offset.iter().zip(&self.scale));
-                out.extend(parts.map(|(&x, (&offset, &scale))| ((f64::from(x) - offset) * scale) as f32));
-            }
-            Step::Pca { dim: wanted, .. } => {
-                // The centred vector first, and then the products behind it.
-                out.extend(vector.iter().zip(&self.offset).map(|(&x, &mean)| (f64::from(x) - mean) as f32));
-                out.resize(dim + wanted, 0.0);
-                let (centred, coordinates) = out.split_at_mut(dim);
-                products(Isa::best(), centred, &self.matrix, coordinates);
-                out.drain(..dim);
-            }
-            Step::Projection { dim: wanted, .. } => {
-                out.resize(wanted, 0.0);
-                products(Isa::best(), vector, &self.matrix, out);
-                let unit = (wanted as f64).sqrt().recip();
-                for x in out.iter_mut() {
-                    *x = (f64::from(*x) * unit) as f32;
-                }
-            }
-            Step::Normalize => {
-                let length = crate::distance::norm(vector.into());
-                if length == 0.0 {
-                    return None;
-                }
-                out.extend(vector.iter().map(|&x| (f64::from(x) / length) as f32));
-            }
-        }
-        Some(())
-    }
-}
-
-/// The mean of each dimension over the rows, and its population standard deviation: exactly 0 where all are the same.
-pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
-    let count = (rows.len() / dim) as f64;
-    let mut mean = vec![0.0; dim];
-    for row in rows.chunks_exact(dim) {
-        mean.iter_mut().zip(row).for_each(|(mean, &x)| *mean += f64::from(x));
-    }
-    for mean in &mut mean {
-        *mean /= count;
-    }
-    let mut square = vec![0.0; dim];
-    let mut differs = vec![false; dim];
-    for row in rows.chunks_exact(dim) {
-        for (((square, differs), mean), (&x, &first)) in
-            square.iter_mut().zip(&mut differs).zip(&mean).zip(row.iter().zip(rows))
-        {
-            *square += (f64::from(x) - mean).powi(2);
-            *differs |= x != first;
-        }
-    }
-    let deviation = square.iter().zip(&differs);
-    let deviation = deviation.map(|(square, &differs)| if differs { (square / count).sqrt() } else { 0.0 });
-    (mean, deviation.collect())
 }
 
 /// Rows standardised by their own statistics, as [`Step::Standardize`] does: for a whole drive that is there before it is matched.

@@ -1,5 +1,6 @@
 //! A drive's statistics, as far as it has come.
 
+use super::stage::Stage;
 use crate::error::Error;
 
 /// Standardises vector after vector by the mean and the population standard deviation of those that came, the newest among them
@@ -48,9 +49,19 @@ impl Running {
     /// As for [`Post::fit`](super::Post::fit).
     pub fn after(references: &[f32], dim: usize) -> Result<Self, Error> {
         let (post, _) = super::Post::fit(&[super::Step::Standardize], references, dim)?;
-        let stage = &post.stages()[0];
-        let square = stage.scale.iter().map(|&s| if s > 0.0 { (s * s).recip() } else { 0.0 }).collect();
-        Ok(Self { count: 1, mean: stage.offset.clone(), square })
+        Ok(Self::after_stage(&post.stages()[0]))
+    }
+
+    /// After the references that the stage was fitted on.
+    pub(super) fn after_stage(stage: &Stage) -> Self {
+        Self { count: 1, mean: stage.offset.clone(), square: stage.variances().collect() }
+    }
+
+    /// [`after_stage`](Self::after_stage), in this one's memory.
+    pub(super) fn become_after(&mut self, stage: &Stage) {
+        self.count = 1;
+        self.mean.copy_from_slice(&stage.offset);
+        self.square.iter_mut().zip(stage.variances()).for_each(|(square, variance)| *square = variance);
     }
 
     /// Takes a vector in, and writes it standardised to `out`.
@@ -65,16 +76,20 @@ impl Running {
         }
         crate::distance::View::from(vector).check_finite("descriptor", vector.len())?;
         self.count += 1;
-        let count = self.count as f64;
         let state = self.mean.iter_mut().zip(&mut self.square);
         for ((&x, out), (mean, square)) in vector.iter().zip(out).zip(state) {
-            let x = f64::from(x);
-            let before = x - *mean;
-            *mean += before / count;
-            *square += before * (x - *mean);
-            *out = if *square > 0.0 { ((x - *mean) / (*square / count).sqrt()) as f32 } else { 0.0 };
+            (*mean, *square, *out) = taken_in(x, *mean, *square, self.count as f64);
         }
         Ok(())
+    }
+
+    /// What [`push`](Self::push) does, of as many numbers and finite ones; the statistics with the vector go to `next`.
+    pub(super) fn look(&self, vector: &[f32], next: &mut Self, out: &mut [f32]) {
+        next.count = self.count + 1;
+        let state = self.mean.iter().zip(&self.square).zip(next.mean.iter_mut().zip(&mut next.square));
+        for ((&x, out), ((&mean, &square), (next_mean, next_square))) in vector.iter().zip(out).zip(state) {
+            (*next_mean, *next_square, *out) = taken_in(x, mean, square, next.count as f64);
+        }
     }
 
     /// How many vectors have come, the references as one.
@@ -93,4 +108,14 @@ impl Running {
         self.mean.fill(0.0);
         self.square.fill(0.0);
     }
+}
+
+/// The mean and the sum of squared differences with `x`, which is number `count`; and `x` standardised by them.
+fn taken_in(x: f32, mean: f64, square: f64, count: f64) -> (f64, f64, f32) {
+    let x = f64::from(x);
+    let before = x - mean;
+    let mean = mean + before / count;
+    let square = square + before * (x - mean);
+    let standardized = if square > 0.0 { ((x - mean) / (square / count).sqrt()) as f32 } else { 0.0 };
+    (mean, square, standardized)
 }

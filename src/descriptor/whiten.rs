@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use super::post::moments;
+use super::stage::moments;
 use crate::distance::wide_products;
 use crate::error::Error;
 use crate::isa::Isa;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::config::Config;
 use crate::crew::{Crew, Sought, threads_for};
-use crate::descriptor::{Describer, ImageView, Passage};
+use crate::descriptor::{Describer, ImageView, Passage, Running};
 use crate::distance::{Query, Values, View};
 use crate::error::Error;
 use crate::map::{Map, Recipe};
@@ -50,7 +50,7 @@ pub struct Localizer {
     crew: Option<Crew>,
     /// Describes images the map's own way, where the map has one.
     describer: Option<(Describer, Values)>,
-    /// Where a descriptor passes through the map's post-processing.
+    /// Where a descriptor passes through the map's post-processing, and what is known of the drive there.
     through: Option<Passage>,
 }
 
@@ -121,7 +121,7 @@ impl Localizer {
             _ => Way::Plain(Box::new(Plain::new(matcher))),
         };
         let crew = automatic(&map);
-        let through = map.post().map(Passage::new);
+        let through = map.post().map(Passage::of_drive);
         Ok(Self { map, way, crew, describer, through })
     }
 
@@ -166,7 +166,11 @@ impl Localizer {
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
         let descriptor = self.map.passed(descriptor, self.through.as_mut())?;
-        self.way.push(&self.map, &mut self.crew, self.map.query(descriptor)?, trusted)
+        let fix = self.way.push(&self.map, &mut self.crew, self.map.query(descriptor)?, trusted)?;
+        if let Some(through) = &mut self.through {
+            through.keep();
+        }
+        Ok(fix)
     }
 
     /// Fixes for frame after frame of a camera, as they are asked for.
@@ -197,7 +201,7 @@ impl Localizer {
     }
 
     /// Says that the next frame does not follow on the one before, as [`Matcher::gap`] does: until `L` frames have come, fixes
-    /// have no sequence.
+    /// have no sequence. The running floor goes on, and so do a drive's statistics, where the map's post-processing keeps such.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -223,6 +227,9 @@ impl Localizer {
             Way::Plain(plain) => plain.reset(),
             Way::Screened(screened) => screened.reset(),
         }
+        if let (Some(through), Some(post)) = (&mut self.through, self.map.post()) {
+            through.reset(post);
+        }
     }
 
     /// The state as bytes, without the map; [`restore`](Self::restore) goes on from it bit-identically. It is the same whether
@@ -233,9 +240,11 @@ impl Localizer {
     /// As for [`Matcher::snapshot`].
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
         let map = Some(self.map.fingerprint());
+        let running = self.through.iter().flat_map(Passage::running);
+        let running = running.map(Running::snapshot).collect::<Result<Vec<_>, _>>()?;
         match &self.way {
-            Way::Plain(plain) => plain.matcher().save(map),
-            Way::Screened(screened) => screened.settled(&self.map).save(map),
+            Way::Plain(plain) => plain.matcher().save(map, &running),
+            Way::Screened(screened) => screened.settled(&self.map).save(map, &running),
         }
     }
 
@@ -253,7 +262,16 @@ impl Localizer {
             };
             return Err(Error::Snapshot { reason });
         }
-        Self::with_matcher(map, saved.matcher)
+        let mut localizer = Self::with_matcher(map, saved.matcher)?;
+        let fits = match &mut localizer.through {
+            Some(through) => through.go_on(saved.running),
+            None => saved.running.is_empty(),
+        };
+        if !fits {
+            let reason = "damaged: statistics of another chain than the map's".to_owned();
+            return Err(Error::Snapshot { reason });
+        }
+        Ok(localizer)
     }
 
     /// The map.

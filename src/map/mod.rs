@@ -208,7 +208,7 @@ impl Map {
     }
 
     /// The distances from a descriptor to every place: one number a place, in route order. On a map with post-processing, the descriptor
-    /// goes through that first.
+    /// goes through that first, as the references did: statistics of a drive are a [`Localizer`](crate::Localizer)'s.
     /// SAD distances are in units of `z`, whatever the type that they are stored in (method 1.7).
     ///
     /// # Errors
@@ -227,7 +227,12 @@ impl Map {
     /// [`Error::NoDirection`] for zeros under the cosine, or where post-processing normalises them. `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
         let mut through = self.post.as_deref().map(Passage::new);
-        let query = self.query(self.passed(descriptor, through.as_mut())?)?;
+        self.distances_of_passed(self.passed(descriptor, through.as_mut())?, out)
+    }
+
+    /// [`distances_into`](Self::distances_into), of a descriptor after post-processing.
+    pub(crate) fn distances_of_passed(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
+        let query = self.query(descriptor)?;
         if out.len() != self.places {
             return Err(Error::Length { what: "distances", expected: self.places, got: out.len() });
         }

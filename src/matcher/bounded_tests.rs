@@ -110,7 +110,7 @@ proptest! {
             prop_assert!(known.asked >= looked_at, "counts what was asked for");
             if restored && newest == columns.len() / 2 {
                 // A snapshot is that of the plain one, and either goes on from it.
-                let (own, other) = (bounded.settled(&mut known).save(None).unwrap(), plain.save(None).unwrap());
+                let (own, other) = (bounded.settled(&mut known).snapshot().unwrap(), plain.snapshot().unwrap());
                 prop_assert_eq!(&own, &other);
                 bounded = Bounded::new(Matcher::restore(&own, None).unwrap()).unwrap();
             }

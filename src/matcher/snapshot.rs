@@ -1,7 +1,7 @@
 //! A matcher's state as bytes, so that a robot that restarts goes on where it was, to the last bit.
 //!
-//! A snapshot is a small safetensors file: the tensors `columns` and `gradients` (newest first), one metadata entry
-//! `surefix` with the rest as JSON, and the tensor `checksum` over all of it.
+//! A snapshot is a small safetensors file: the tensors `columns` and `gradients` (newest first), a localizer's `running.K`, each the snapshot
+//! of a drive's statistics, one metadata entry `surefix` with the rest as JSON, and the tensor `checksum` over all of it.
 
 use std::collections::HashMap;
 use std::hash::Hasher as _;
@@ -16,11 +16,14 @@ use super::gradient::gradient;
 use super::ring::Ring;
 use super::{Anchor, Matcher};
 use crate::config::Config;
+use crate::descriptor::Running;
 use crate::error::Error;
 
 const FORMAT: &str = "surefix-snapshot";
-const VERSION: u64 = 2;
-/// What is written where no gap is within reach, which older versions of the library read.
+const VERSION: u64 = 3;
+/// What is written without statistics of a drive, for versions of the library that know none.
+const WITHOUT_RUNNING: u64 = 2;
+/// And where no gap is within reach either.
 const WITHOUT_GAP: u64 = 1;
 /// The one metadata entry; a map file has the same.
 const ENTRY: &str = "surefix";
@@ -39,6 +42,9 @@ struct Header {
     /// How many queries have come since a gap, where they are fewer than the window and the smoothing reach back.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     since_gap: Option<u64>,
+    /// How many statistics of the drive there are.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    running: usize,
     /// The smallest distance so far; nothing before the first query.
     lowest: Option<f32>,
     /// The single match's place and trust of each column, newest first.
@@ -49,6 +55,8 @@ struct Header {
 pub(crate) struct Saved {
     pub(crate) matcher: Matcher,
     pub(crate) map: Option<u64>,
+    /// What a localizer knew of the drive.
+    pub(crate) running: Vec<Running>,
 }
 
 impl Matcher {
@@ -57,7 +65,7 @@ impl Matcher {
     /// # Errors
     /// [`Error::Snapshot`] where the state is too large for the format (over 100 MB of header).
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
-        self.save(None)
+        self.save(None, &[])
     }
 
     /// A matcher that goes on where the snapshot was taken. Where `expected` is given, the snapshot must have been
@@ -70,8 +78,8 @@ impl Matcher {
         Ok(saved.matcher)
     }
 
-    /// The state as bytes, marked with the fingerprint of the map that it belongs to.
-    pub(crate) fn save(&self, map: Option<u64>) -> Result<Vec<u8>, Error> {
+    /// The state as bytes, marked with the fingerprint of the map that it belongs to, and with snapshots of a drive's statistics.
+    pub(crate) fn save(&self, map: Option<u64>, running: &[Vec<u8>]) -> Result<Vec<u8>, Error> {
         let (window, smoothed) = (self.held(self.config.sequence_length), self.held(self.smoothed()));
         let columns = bytes((0..window).flat_map(|age| self.columns.column(age).iter().copied()));
         let gradients = bytes((0..smoothed).flat_map(|age| self.gradient(age)));
@@ -79,12 +87,13 @@ impl Matcher {
         let since_gap = (seen < self.frames.min(reach)).then_some(seen);
         let header = Header {
             format: FORMAT.to_owned(),
-            version: if since_gap.is_some() { VERSION } else { WITHOUT_GAP },
+            version: version(running.len(), since_gap),
             map,
             places: self.places,
             config: self.config.clone(),
             frames: self.frames,
             since_gap,
+            running: running.len(),
             lowest: self.lowest.is_finite().then_some(self.lowest),
             anchors: (0..window).map(|age| self.anchor(age)).collect(),
         };
@@ -92,12 +101,18 @@ impl Matcher {
         let tensor = |bytes, count: usize| {
             TensorView::new(Dtype::F32, vec![count, self.places], bytes).map_err(|e| refused(&e))
         };
-        let checksum = checksum(&header, &columns, &gradients);
-        let tensors = [
-            ("columns", tensor(&columns, window)?),
-            ("gradients", tensor(&gradients, smoothed)?),
-            ("checksum", TensorView::new(Dtype::U64, vec![1], &checksum).map_err(|e| refused(&e))?),
+        let parts = [&columns, &gradients].into_iter().chain(running).map(Vec::as_slice);
+        let checksum = checksum(&header, parts);
+        let bytes =
+            |dtype, count: usize, bytes| TensorView::new(dtype, vec![count], bytes).map_err(|e| refused(&e));
+        let mut tensors = vec![
+            ("columns".to_owned(), tensor(&columns, window)?),
+            ("gradients".to_owned(), tensor(&gradients, smoothed)?),
+            ("checksum".to_owned(), bytes(Dtype::U64, 1, &checksum)?),
         ];
+        for (index, running) in running.iter().enumerate() {
+            tensors.push((running_name(index), bytes(Dtype::U8, running.len(), running)?));
+        }
         serialize(tensors, Some(HashMap::from([(ENTRY.to_owned(), header)]))).map_err(|e| refused(&e))
     }
 
@@ -139,7 +154,9 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     let columns = tensors.tensor("columns").map_err(|e| damaged(&e))?;
     let gradients = tensors.tensor("gradients").map_err(|e| damaged(&e))?;
     let written = tensors.tensor("checksum").map_err(|e| damaged(&e))?;
-    if checksum(text, columns.data(), gradients.data()) != written.data() {
+    let running: Vec<_> = (0..).map_while(|index| tensors.tensor(&running_name(index)).ok()).collect();
+    let parts = [&columns, &gradients].into_iter().chain(&running).map(TensorView::data);
+    if checksum(text, parts) != written.data() {
         return Err(damaged(&"its checksum does not fit"));
     }
     let header: Header = serde_json::from_str(text).map_err(|e| damaged(&e))?;
@@ -157,7 +174,10 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     let (length, smoothed) = (header.config.sequence_length, header.config.smoothing.min(header.places));
     let seen = header.since_gap.unwrap_or(header.frames);
     let reached = header.frames.min(length.max(smoothed) as u64);
-    let format = if header.since_gap.is_some() { VERSION } else { WITHOUT_GAP };
+    if header.running != running.len() {
+        return Err(damaged(&"a wrong number of statistics of the drive"));
+    }
+    let format = version(header.running, header.since_gap);
     if header.version != format || (header.since_gap.is_some() && seen >= reached) {
         return Err(damaged(&"an impossible gap"));
     }
@@ -197,7 +217,26 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     if !pairs.all(|(made, written)| made == written || (made.is_nan() && written.is_nan())) {
         return Err(damaged(&"gradients of other columns than its own"));
     }
-    Ok(Saved { matcher, map: header.map })
+    let running = running.iter().map(|running| Running::restore(running.data()));
+    Ok(Saved { matcher, map: header.map, running: running.collect::<Result<_, _>>()? })
+}
+
+/// The version that knows all of it.
+fn version(running: usize, since_gap: Option<u64>) -> u64 {
+    match since_gap {
+        _ if running > 0 => VERSION,
+        Some(_) => WITHOUT_RUNNING,
+        None => WITHOUT_GAP,
+    }
+}
+
+fn running_name(index: usize) -> String {
+    format!("running.{index}")
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// The version first: a newer header may lack what this one has.
@@ -238,11 +277,12 @@ fn check_shape(tensor: &TensorView<'_>, columns: usize, places: usize) -> Result
 }
 
 /// A hash of all that a snapshot says, so that a flipped bit does not pass.
-fn checksum(header: &str, columns: &[u8], gradients: &[u8]) -> [u8; 8] {
+fn checksum<'a>(header: &str, parts: impl IntoIterator<Item = &'a [u8]>) -> [u8; 8] {
     let mut hash = XxHash3_64::with_seed(0);
     hash.write(header.as_bytes());
-    hash.write(columns);
-    hash.write(gradients);
+    for part in parts {
+        hash.write(part);
+    }
     hash.finish().to_le_bytes()
 }
 

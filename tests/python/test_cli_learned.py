@@ -62,9 +62,9 @@ def test_a_drive_is_localized_by_the_network_that_made_the_map(drive: Path, tmp_
     sad = tmp_path / "sad.safetensors"
     surefix_("map", "build", drive / "summer", "-o", sad)
     assert "which names none" in surefix_("run", sad, drive / "summer", "--model", other, code=2).stderr
-    for post in ("sharpen", "pca", "pca:x", "normalize:3", ""):
+    for post in ("sharpen", "standardize:own", "pca", "pca:x", "normalize:3", ""):
         refused = surefix_("map", "build", drive / "summer", "-o", sad, *made, "--post", post, code=2)
-        assert "--post: expected standardize, pca:N" in refused.stderr
+        assert "--post: expected standardize, standardize:running, pca:N" in refused.stderr
     assert (
         "got images for SAD" in surefix_("map", "build", drive / "summer", "-o", sad, "--post", "pca:3", code=2).stderr
     )

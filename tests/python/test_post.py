@@ -87,6 +87,30 @@ def test_running_statistics_are_those_of_the_rows_so_far() -> None:
     assert running.count == 0
 
 
+def test_a_localizer_knows_its_drive() -> None:
+    references, queries = rows(60, 50), 3 * rows(30, 50, 1) + 1
+    steps = [Standardize("running"), Normalize()]
+    route = surefix.Map.from_descriptors(references, post=steps)
+    assert repr(route.post) == "Post(Standardize(statistics='running'), Normalize(), from 50 to 50 numbers)"
+    np.testing.assert_array_equal(route.descriptors, fit(references, [Standardize(), Normalize()]).apply(references))
+    running = Running(references=references)
+    expected = surefix.match(
+        surefix.Map.from_descriptors(route.descriptors),
+        normalize(np.array([running.push(query) for query in queries])),
+    )
+    run = surefix.match(route, queries)
+    np.testing.assert_array_equal(run.place, expected.place)
+    np.testing.assert_allclose(run.score, expected.score, atol=1e-6)
+    localizer = surefix.Localizer(route)
+    fixes = [localizer.push(query) for query in queries[:20]]
+    localizer = surefix.Localizer.restore(route, localizer.snapshot())
+    fixes += [localizer.push(query) for query in queries[20:]]
+    assert [fix.score for fix in fixes] == run.score.tolist()
+    localizer.reset()
+    assert localizer.push(queries[0]) == fixes[0]
+    assert surefix.Localizer(route).push(queries[3]).score != fixes[3].score
+
+
 STEPS = [Standardize(), RandomProjection(40, seed=3), Pca(10), Normalize()]
 
 
@@ -160,6 +184,8 @@ MISTAKES = [
     (lambda r: fit(r, [Pca(-1)]), "expected dim to be a whole number, got -1"),
     (lambda r: fit(r, [RandomProjection(2.5)]), "expected dim to be a whole number, got 2.5"),  # type: ignore[arg-type]
     (lambda r: fit(r, [RandomProjection(2**62)]), "projection dim.*from 1 to 1048576"),
+    (lambda r: fit(r, [Standardize("own")]), 'expected statistics to be "references" or "running", got \'own\''),  # type: ignore[arg-type]
+    (lambda r: fit(r, [Pca(3, whiten=1)]), "expected whiten to be True or False, got 1"),  # type: ignore[arg-type]
     (lambda r: fit(r, ["pca"]), "expected steps such as"),  # type: ignore[list-item]
     (lambda r: fit(r.astype(np.float64), [Normalize()]), "float64"),
     (lambda r: fit(r[0], [Normalize()]), "references"),

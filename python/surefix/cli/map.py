@@ -88,8 +88,8 @@ def build(
     post: Annotated[
         str | None,
         typer.Option(
-            help="Ready descriptors and --model: what they, and queries later, go through: standardize, pca:N, "
-            "projection:N, normalize, with commas."
+            help="Ready descriptors and --model: what they, and queries later, go through: standardize, or "
+            "standardize:running by the queries so far, pca:N, projection:N, normalize, with commas."
         ),
     ] = None,
     cache: Annotated[

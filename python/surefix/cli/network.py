@@ -75,6 +75,8 @@ def steps_of(text: str) -> list[Step]:
         count = int(number) if number.isdecimal() else 0
         if (name, number) == ("standardize", ""):
             steps.append(Standardize())
+        elif (name, number) == ("standardize", "running"):
+            steps.append(Standardize("running"))
         elif (name, number) == ("normalize", ""):
             steps.append(Normalize())
         elif name == "pca" and count:
@@ -82,7 +84,7 @@ def steps_of(text: str) -> list[Step]:
         elif name == "projection" and count:
             steps.append(RandomProjection(count))
         else:
-            expected = "standardize, pca:N, projection:N and normalize, with commas"
+            expected = "standardize, standardize:running, pca:N, projection:N and normalize, with commas"
             raise typer.BadParameter(f"--post: expected {expected}, got {part!r}")
     return steps
 
