@@ -1,5 +1,8 @@
 //! Descriptors that Python computes: `surefix.descriptors`.
 
+use std::path::Path;
+
+use pyo3::call::PyCallArgs;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use surefix::Recipe;
@@ -25,22 +28,43 @@ pub(crate) fn map_of_images<'py>(
     post: Option<&Bound<'py, PyAny>>,
     cache: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, Map>> {
-    let py = images.py();
-    let options = PyDict::new(py);
-    for (name, option) in [
+    let options = [
         ("positions", positions),
         ("progress", progress),
         ("metric", metric),
         ("post", post),
         ("cache", cache),
-    ] {
+    ];
+    Ok(mapping(images.py(), "map_of_images", (images, descriptor), options)?.cast_into()?)
+}
+
+/// The map in a file, longer by images that such a descriptor describes.
+pub(crate) fn append_images(
+    path: &Path,
+    images: &Bound<'_, PyAny>,
+    descriptor: &Bound<'_, PyAny>,
+    positions: Option<&Bound<'_, PyAny>>,
+    progress: Option<&Bound<'_, PyAny>>,
+    cache: Option<&Bound<'_, PyAny>>,
+) -> PyResult<()> {
+    let options = [("positions", positions), ("progress", progress), ("cache", cache)];
+    mapping(images.py(), "append_images", (path, images, descriptor), options).map(|_| ())
+}
+
+/// Calls what makes maps in Python, with those of the options that are given.
+fn mapping<'py, const N: usize>(
+    py: Python<'py>,
+    name: &str,
+    arguments: impl PyCallArgs<'py>,
+    options: [(&str, Option<&Bound<'py, PyAny>>); N],
+) -> PyResult<Bound<'py, PyAny>> {
+    let given = PyDict::new(py);
+    for (name, option) in options {
         if let Some(option) = option {
-            options.set_item(name, option)?;
+            given.set_item(name, option)?;
         }
     }
-    let module = py.import("surefix.descriptors.mapping")?;
-    let map = module.call_method("map_of_images", (images, descriptor), Some(&options))?;
-    Ok(map.cast_into()?)
+    py.import("surefix.descriptors.mapping")?.getattr(name)?.call(arguments, Some(&given))
 }
 
 /// Images described one batch after the other: an array (n, dim).

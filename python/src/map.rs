@@ -162,10 +162,14 @@ impl Map {
     /// more : Map, or images as for ``from_images``
     ///     The places that follow: a map of the same kind, or the images of a drive that goes on, where the map was made of images.
     ///     They are described as those were. Images in arrays are numbered on.
+    /// descriptor : surefix.descriptors.Descriptor, optional
+    ///     What describes the images, where the map's descriptors are learned: the map's own.
     /// positions : array, shape (m, 2) or (m, 3), optional
     ///     Where the images' places are, in planar metres; needed where the map has positions.
     /// progress : callable, optional
     ///     As for ``from_images``.
+    /// cache : path, optional
+    ///     With ``descriptor``, as for ``from_images``.
     ///
     /// Raises
     /// ------
@@ -175,14 +179,29 @@ impl Map {
     /// SurefixFileError
     ///     Where the file cannot be read or written.
     #[staticmethod]
-    #[pyo3(signature = (path, more, *, positions=None, progress=None))]
+    #[pyo3(signature = (path, more, descriptor=None, *, positions=None, progress=None, cache=None))]
     fn append(
         py: Python<'_>,
         path: PathBuf,
         more: &Bound<'_, PyAny>,
+        descriptor: Option<&Bound<'_, PyAny>>,
         positions: Option<&Bound<'_, PyAny>>,
         progress: Option<&Bound<'_, PyAny>>,
+        cache: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
+        if let Some(descriptor) = descriptor.filter(|_| !more.is_instance_of::<Self>()) {
+            if !learned::is_learned(descriptor) {
+                let expected = "the map's own learned descriptor; images for Sad need none";
+                let got = descriptor.get_type().name()?;
+                return Err(value(py, format!("descriptor: expected {expected}, got {got}")));
+            }
+            return learned::append_images(&path, more, descriptor, positions, progress, cache);
+        }
+        if descriptor.or(cache).is_some() {
+            let expected = "descriptor, cache: expected images and a learned descriptor";
+            let got = if descriptor.is_some() { "a map, which is described" } else { "no descriptor" };
+            return Err(value(py, format!("{expected}, got {got}")));
+        }
         let positions = places::positions(positions)?;
         if let Ok(more) = more.cast::<Self>() {
             if positions.is_some() {

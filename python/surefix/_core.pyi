@@ -190,9 +190,11 @@ class Map:
     def append(
         path: _Path,
         more: Map | _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
+        descriptor: _Descriptor | None = None,
         *,
         positions: npt.ArrayLike | None = None,
         progress: _Progress = None,
+        cache: _Path | None = None,
     ) -> None: ...
     def extended(self, more: Map) -> Map: ...
     @staticmethod

@@ -1,6 +1,7 @@
 """``surefix map build`` with a network, and with the files of ready descriptors that other programs write."""
 
 import csv
+import json
 import re
 import subprocess
 import sys
@@ -15,7 +16,9 @@ from safetensors.numpy import save_file
 
 import surefix
 import tiny_network
+from recordings import write_video
 from surefix.descriptors import Onnx, extract
+from surefix.post import Normalize
 from surefix.simulate import Route
 
 PLACES = 30
@@ -89,6 +92,87 @@ def test_a_map_is_made_by_a_network(drive: Path, tmp_path: Path) -> None:
     expected = extract(drive / "summer", Onnx(drive / "tiny.onnx", "map", (32, 16), None, None), progress=False)
     np.testing.assert_array_equal(surefix.Map.open(out).descriptors, expected)
     assert surefix.Map.open(out).metric == "euclidean"
+
+
+def test_a_map_by_a_network_is_made_longer_by_it(drive: Path, tmp_path: Path) -> None:
+    route, whole, first = (tmp_path / f"{name}.safetensors" for name in ("route", "whole", "first"))
+    images = sorted((drive / "summer").iterdir(), key=lambda path: int(path.stem[5:]))
+    for part, chosen in (("first", images[:20]), ("rest", images[20:])):
+        (tmp_path / part).mkdir()
+        for image in chosen:
+            (tmp_path / part / image.name).symlink_to(image)
+    made = ("--model", drive / "tiny.onnx", "--output", "map", "--size", "32x16", "--post", "normalize")
+    surefix_("map", "build", drive / "summer", "-o", whole, *made)
+    surefix_("map", "build", tmp_path / "first", "-o", route, *made)
+    first.write_bytes(route.read_bytes())
+    cache = tmp_path / "rest.cache"
+    said = surefix_("map", "append", route, tmp_path / "rest", "--model", drive / "tiny.onnx", "--cache", cache).stdout
+    assert said.startswith(f"Added 10 places to {route}: now 30 places x 640 float32")
+    assert route.read_bytes() == whole.read_bytes()
+    assert cache.exists()
+
+    network = Onnx(drive / "tiny.onnx", "map", (32, 16))
+    surefix.Map.append(first, (np.zeros((16, 32, 3), np.uint8) + 9 * index for index in range(3)), network)
+    longer = surefix.Map.open(first)
+    assert (len(longer), longer.names and longer.names[19:]) == (23, ["frame19.png", "20", "21", "22"])
+    with pytest.raises(surefix.SurefixValueError, match="expected the map's own, by the recipe"):
+        surefix.Map.append(first, tmp_path / "rest", Onnx(drive / "tiny.onnx", "map", (16, 16)))
+    with pytest.raises(surefix.SurefixValueError, match="learned descriptor; images for Sad need none, got Sad"):
+        surefix.Map.append(first, tmp_path / "rest", surefix.Sad())  # type: ignore[arg-type]
+    with pytest.raises(surefix.SurefixValueError, match="expected images and a learned descriptor, got a map"):
+        surefix.Map.append(first, longer, network)
+    sad, rows = tmp_path / "sad.safetensors", tmp_path / "rows.npy"
+    np.save(rows, np.eye(4, 640, dtype=np.float32))
+    surefix_("map", "build", tmp_path / "rest", "-o", sad)
+    with pytest.raises(surefix.SurefixValueError, match=r"expected Sad\(.*as the map's own, got 'onnx:"):
+        surefix.Map.append(sad, tmp_path / "rest", network)
+    for arguments, message in (
+        ((first, tmp_path / "rest"), "expected --model with onnx:"),
+        ((first, tmp_path / "rest", "--cache", cache), "--cache: expected --model too"),
+        ((first, rows, "--model", drive / "tiny.onnx"), "--model: expected images"),
+        ((sad, tmp_path / "rest", "--model", drive / "tiny.onnx"), "which names none"),
+    ):
+        said = surefix_("map", "append", *arguments, code=2).stderr
+        assert message in " ".join(re.sub(r"[│╭╮╰╯─]", " ", said).split())
+    assert len(surefix.Map.open(first)) == 23
+
+
+def test_what_is_said_of_a_map_by_a_network(drive: Path, tmp_path: Path) -> None:
+    out = tmp_path / "route.safetensors"
+    made = ("--model", drive / "tiny.onnx", "--output", "map", "--size", "32x16")
+    surefix_("map", "build", drive / "summer", "-o", out, *made, "--post", "standardize:running,pca:12")
+    said = surefix_("map", "info", out).stdout
+    assert re.search(r"descriptor +onnx:.*: queries come as its descriptors, or as images with it", said)
+    assert "Post(Standardize(statistics='running'), Pca(dim=12, whiten=True), from 640 to 12 numbers)" in said
+    facts = json.loads(surefix_("map", "info", out, "--json").stdout)
+    assert (facts["dim"], facts["input_dim"], facts["recipe"]["output"]) == (12, 640, "map")
+    assert facts["post"] == [{"step": "standardize_running"}, {"step": "pca", "dim": 12, "whiten": True}]
+
+
+def test_a_recording_is_mapped_by_a_network(drive: Path, tmp_path: Path) -> None:
+    images = [np.asarray(Image.open(path)) for path in sorted((drive / "summer").iterdir())]
+    video = write_video(tmp_path / "drive.mkv", images)
+    out, cache, few = tmp_path / "route.safetensors", tmp_path / "video.cache", tmp_path / "few.npy"
+    np.save(few, 1000.0 * np.arange(62).reshape(31, 2))
+    made = ("--model", drive / "tiny.onnx", "--output", "map", "--size", "32x16", "--stride", 3)
+    surefix_("map", "build", video, "-o", out, *made, "--post", "normalize", "--cache", cache)
+    network = Onnx(drive / "tiny.onnx", "map", (32, 16))
+    route = surefix.Map.open(out)
+    expected = surefix.Map.from_images(images[::3], network, post=[Normalize()], progress=False)
+    np.testing.assert_array_equal(route.descriptors, expected.descriptors)
+    assert (route.recipe, route.post) == (expected.recipe, expected.post)
+    assert route.names == [str(index) for index in range(0, PLACES, 3)]
+    done = surefix_("run", out, video, "--model", drive / "tiny.onnx")
+    assert len(done.stdout.splitlines()) == PLACES + 1
+    refused = surefix_("map", "build", video, "-o", out, *made, "--positions", few, code=1).stderr
+    assert f"{video}: expected a frame for each of 31 positions, got 10" in refused
+    for arguments, message in (
+        ((video, "--post", "normalize"), "got images for SAD"),
+        ((video, "--key", "a"), "--key: expected descriptors"),
+    ):
+        said = surefix_("map", "build", *arguments, "-o", out, code=2).stderr
+        assert message in " ".join(re.sub(r"[│╭╮╰╯─]", " ", said).split())
+    assert len(surefix.Map.open(out)) == 10
 
 
 def test_mistakes_with_a_network_are_said_in_a_line(drive: Path, tmp_path: Path) -> None:

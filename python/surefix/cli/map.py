@@ -13,9 +13,9 @@ from rich.text import Text
 
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix.cli.frames import Frames
-from surefix.cli.network import map_of_network, open_network, steps_of
+from surefix.cli.network import map_of_network, network_of, open_network, steps_of
 from surefix.cli.positions import read_positions
-from surefix.cli.recording import is_recording, map_of_recording
+from surefix.cli.recording import is_recording, learned_map_of_recording, map_of_recording
 from surefix.descriptors import metric_of
 from surefix.streams import open_stream
 
@@ -121,14 +121,19 @@ def build(
     elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
         raise typer.BadParameter("--output, --mean, --std, --batch, --cache: expected --model too, got none")
     if is_recording(references):
-        if network is not None or key is not None or steps is not None:
-            raise typer.BadParameter(
-                f"--model, --key, --post: expected images or descriptors, got the recording {references}"
-            )
+        if key is not None:
+            raise typer.BadParameter(f"--key: expected descriptors, got the recording {references}")
+        if steps is not None and network is None:
+            raise typer.BadParameter(f"--post: expected ready descriptors or --model, got images for SAD: {references}")
         stream = open_stream(references, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry)
-        if out.exists() and any(out.samefile(file) for file in stream.files):
+        read = [*map(Path, stream.files), *(file for file in (model, cache) if file is not None and file.exists())]
+        if out.exists() and any(out.samefile(file) for file in read):
             raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
-        map_of_recording(stream, _sad(size, patch, dtype), where).save(out)
+        if network is None:
+            map_of_recording(stream, _sad(size, patch, dtype), where).save(out)
+        else:
+            by = metric.value if metric else "cosine"
+            learned_map_of_recording(stream, network, by, where, cache, steps).save(out)
         print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
         return
     if (topic, stride, every, metres, odometry) != (None, 1, None, None, None):
@@ -161,6 +166,12 @@ def append(
     positions: Annotated[
         Path | None, typer.Option(help="A .npy or .csv of each new place's position, where the map has positions.")
     ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="The ONNX file that the map was made with: describe the images by it.")
+    ] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="--model: keep what is described here, and go on there after an interruption.")
+    ] = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own kind.
 
@@ -172,9 +183,22 @@ def append(
     if frames.holds(file):
         raise typer.BadParameter(f"REFERENCES: {references} is the map itself")
     where = None if positions is None else read_positions(positions)
+    network = None
+    if model is not None:
+        if old.recipe is None:
+            raise typer.BadParameter(f"--model: expected a map made with one, got {file}, which names none")
+        if frames.descriptors is not None:
+            raise typer.BadParameter(f"--model: expected images, got the ready descriptors {references}")
+        network = network_of(old.recipe, model)
+    elif cache is not None:
+        raise typer.BadParameter("--cache: expected --model too, got none")
+    elif frames.descriptors is None and old.recipe is not None:
+        raise typer.BadParameter(f"expected --model with {old.recipe['name']}, which {file} was made with, got none")
     if frames.descriptors is not None:
         more = Map.from_descriptors(frames.descriptors, old.metric, where, post=old.post, recipe=old.recipe)
         Map.append(file, more)
+    elif network is not None:
+        Map.append(file, frames.images, network, positions=where, cache=cache)
     else:
         Map.append(file, frames.images, positions=where)
     seconds = time.perf_counter() - start
@@ -196,6 +220,9 @@ def info(
         "dtype": str(route.dtype),
         "metric": route.metric,
         "descriptor": repr(route.descriptor) if route.descriptor else None,
+        "recipe": route.recipe,
+        "post": None if route.post is None else route.post.steps,
+        "input_dim": route.input_dim,
         "names": [names[0], names[-1]] if names else None,
         "positions": None if where is None else list(where.shape),
     }
@@ -206,14 +233,24 @@ def info(
     for name, value in facts.items():
         shown = {
             "bytes": f"{facts['bytes']:,}",
-            "descriptor": repr(route.descriptor)
-            if route.descriptor
-            else "ready descriptors: queries come as descriptors too",
+            "descriptor": _descriptor_of(route),
+            "post": repr(route.post),
             "names": f"{names[0]} to {names[-1]}" if names else "none",
             "positions": "none" if where is None else f"{where.shape[1]} coordinates a place, in metres",
         }.get(name, str(value))
+        # The recipe is in the descriptor's name, more or less; it is whole in --json.
+        if name in ("recipe", "input_dim") or (name == "post" and route.post is None):
+            continue
         table.add_row(name, Text(shown))
     Console(highlight=False, soft_wrap=True).print(table)
+
+
+def _descriptor_of(route: Map) -> str:
+    if route.descriptor is not None:
+        return repr(route.descriptor)
+    if route.recipe is None:
+        return "ready descriptors: queries come as descriptors too"
+    return f"{route.recipe['name']}: queries come as its descriptors, or as images with it"
 
 
 def _look(file: Path) -> Map:

@@ -1,6 +1,6 @@
 """A map from a recording: a video, or a bag."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import overload
@@ -10,11 +10,14 @@ import numpy.typing as npt
 
 from surefix import Map, Sad, SurefixValueError
 from surefix._progress import terminal_bar
+from surefix.descriptors import Descriptor, extract
+from surefix.descriptors.mapping import recipe_of
+from surefix.post import Step
 from surefix.streams import EveryMetres, Frame, Stream
 from surefix.streams.bag import is_bag
 from surefix.streams.video import is_video
 
-__all__ = ["is_recording", "map_of_recording"]
+__all__ = ["is_recording", "learned_map_of_recording", "map_of_recording"]
 
 # Images are described in parallel, so many at a time; no more are held.
 AT_ONCE = 128
@@ -46,10 +49,10 @@ def map_of_recording(stream: Stream, sad: Sad, positions: npt.NDArray[np.float64
             if bar is not None:
                 bar(count, max(stream.estimate or 0, count + 1))
             if len(held) == AT_ONCE:
-                route = _longer(route, held, sad, _where(stream, held, count, positions))
+                route = _longer(route, held, sad, _where(stream, [frame.time for frame in held], count, positions))
                 held = []
     if held:
-        route = _longer(route, held, sad, _where(stream, held, count, positions))
+        route = _longer(route, held, sad, _where(stream, [frame.time for frame in held], count, positions))
     if bar is not None:
         bar(count, count)
     if route is None or (positions is not None and len(positions) != count):
@@ -63,17 +66,51 @@ def _longer(route: Map | None, frames: list[Frame], sad: Sad, positions: npt.NDA
     return part if route is None else route.extended(part)
 
 
+def learned_map_of_recording(
+    stream: Stream,
+    descriptor: Descriptor,
+    metric: str,
+    positions: npt.NDArray[np.float64] | None,
+    cache: Path | None = None,
+    post: list[Step] | None = None,
+) -> Map:
+    """A map of a stream's frames by a learned descriptor; as ``map_of_recording``."""
+    seen: list[tuple[str, float | None]] = []
+
+    def watched() -> Iterator[Frame]:
+        with closing(stream.frames()) as frames:
+            for frame in frames:
+                seen.append((frame.name, frame.time))
+                yield frame
+        if not seen:
+            raise SurefixValueError(f"{stream.files[0]}: expected frames, got none")
+
+    bar = terminal_bar("Describing")
+
+    def progress(done: int, total: int) -> None:
+        if bar is not None:
+            bar(done, done if done == total else max(stream.estimate or 0, done + 1))
+
+    rows = extract(watched(), descriptor, cache=cache, progress=progress)
+    if positions is not None and len(positions) != len(rows):
+        expected = f"a frame for each of {len(positions)} positions"
+        raise SurefixValueError(f"{stream.files[0]}: expected {expected}, got {len(rows)}")
+    where = _where(stream, [time for _, time in seen], len(rows), positions)
+    names, recipe = [name for name, _ in seen], recipe_of(descriptor)
+    return Map.from_descriptors(rows, metric, positions=where, names=names, post=post, recipe=recipe)
+
+
 def _where(
-    stream: Stream, frames: list[Frame], count: int, positions: npt.NDArray[np.float64] | None
+    stream: Stream, times: list[float | None], count: int, positions: npt.NDArray[np.float64] | None
 ) -> npt.NDArray[np.float64] | None:
-    """The positions of these frames, the newest of ``count``."""
+    """The positions of the frames at these times, the newest of ``count``."""
     if positions is not None:
-        part = positions[count - len(frames) : count]
+        part = positions[count - len(times) : count]
         # Too few: said at the end, when it is known how many are lacking.
-        return np.pad(part, ((0, len(frames) - len(part)), (0, 0)))
+        return np.pad(part, ((0, len(times) - len(part)), (0, 0)))
     if not isinstance(stream, EveryMetres) or stream.odometry.positions.shape[1] < 2:
         return None
-    where = [stream.odometry.at(frame.time) for frame in frames if frame.time is not None]
+    where = [stream.odometry.at(time) for time in times if time is not None]
     return np.stack([position for position in where if position is not None])
 
 

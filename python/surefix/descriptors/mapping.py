@@ -1,13 +1,20 @@
-"""A map of images that a learned descriptor describes: what ``Map.from_images`` does with one."""
+"""Maps of images that a learned descriptor describes: what ``Map.from_images`` and ``Map.append`` do with one."""
 
+import json
 from os import PathLike
 from typing import Any
 
 from surefix._core import Map
 from surefix.descriptors.extraction import Progress, extract
 from surefix.descriptors.source import Source
+from surefix.errors import SurefixValueError
 
-__all__ = ["map_of_images"]
+__all__ = ["append_images", "map_of_images", "recipe_of"]
+
+
+def recipe_of(descriptor: Any) -> dict[str, Any]:
+    """What a map says of the descriptor that made it."""
+    return {**descriptor.recipe, "name": descriptor.name}
 
 
 def map_of_images(
@@ -21,7 +28,47 @@ def map_of_images(
 ) -> Map:
     """The images described, post-processed, and named as their files are; the map keeps the descriptor's recipe."""
     rows = extract(images, descriptor, cache=cache, progress=progress)
-    counted = hasattr(images, "__len__")
-    names = [item.name for item in Source(images).items()] if counted or isinstance(images, PathLike) else None
-    recipe = {**descriptor.recipe, "name": descriptor.name}
+    names = _names(images) if hasattr(images, "__len__") or isinstance(images, PathLike) else None
+    recipe = recipe_of(descriptor)
     return Map.from_descriptors(rows, metric, positions=positions, names=names, post=post, recipe=recipe)
+
+
+def append_images(
+    path: Any,
+    images: Any,
+    descriptor: Any,
+    positions: Any = None,
+    cache: str | PathLike[str] | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """The map in the file made longer by images, described and post-processed as its own were.
+
+    Where the map has names, the images are named as in ``map_of_images``; those that are but their numbers count on.
+    """
+    old = Map.open(path, mmap=True)
+    # Before anything is described.
+    _check_own(old, descriptor)
+    rows = extract(images, descriptor, cache=cache, progress=progress)
+    names = None
+    if old.names is not None:
+        counted = hasattr(images, "__len__") or isinstance(images, PathLike)
+        names = _names(images, len(old)) if counted else [str(len(old) + index) for index in range(len(rows))]
+    more = Map.from_descriptors(
+        rows, old.metric, positions=positions, names=names, post=old.post, recipe=recipe_of(descriptor)
+    )
+    del old
+    Map.append(path, more)
+
+
+def _check_own(route: Map, descriptor: Any) -> None:
+    if route.descriptor is not None:
+        raise SurefixValueError(f"descriptor: expected {route.descriptor!r}, as the map's own, got {descriptor.name!r}")
+    # As it comes back from a file.
+    recipe = json.loads(json.dumps(recipe_of(descriptor)))
+    if route.recipe not in (None, recipe):
+        raise SurefixValueError(f"descriptor: expected the map's own, by the recipe {route.recipe}, got {recipe}")
+
+
+def _names(images: Any, first: int = 0) -> list[str]:
+    items = enumerate(Source(images).items())
+    return [str(first + index) if item.name == str(index) else item.name for index, item in items]
