@@ -102,6 +102,24 @@ impl Isa {
     }
 }
 
+/// Asks for memory that is read soon, if it is there at all; the processor may do so or not.
+#[inline(always)]
+#[allow(
+    clippy::inline_always,
+    unsafe_code,
+    reason = "one instruction, which is always there on this processor"
+)]
+pub(crate) fn fetch<T>(ahead: *const T) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: SSE is part of x86-64, and a prefetch reads nothing that the program can see.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(ahead.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = ahead;
+}
+
 /// What [`Isa::run`] can compile for each instruction set: a closure, or a type whose `run` is marked `#[inline(always)]`.
 /// The compiler may keep one copy of a longer closure, for the plainest instruction set, and call that from all of them.
 pub(crate) trait Work {

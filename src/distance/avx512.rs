@@ -9,7 +9,7 @@ use half::f16;
 
 use super::machine::{BLOCK, LANES, Machine};
 use super::scan::Work;
-use crate::isa::Isa;
+use crate::isa::{Isa, fetch};
 
 /// Proof that this processor has [`Isa::Avx512`].
 #[derive(Clone, Copy)]
@@ -96,8 +96,7 @@ impl Machine for Avx512 {
 
     #[inline(always)]
     fn fetch<T>(self, ahead: *const T) {
-        // SAFETY: as said above; an address that is not there is not fetched.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(ahead.cast()) }
+        fetch(ahead);
     }
 
     #[inline(always)]

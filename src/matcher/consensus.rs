@@ -4,6 +4,12 @@ use super::extreme::{BLOCK, any, first_better};
 use super::gradient::Peak;
 use crate::distance::first_not_finite;
 use crate::error::Error;
+use crate::isa::fetch;
+
+/// Numbers in a line of the cache.
+const LINE: usize = 16;
+/// How many numbers ahead memory is asked for: distances come from anywhere.
+const AHEAD: usize = 1024;
 
 /// The best match of one query alone: the smallest distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +32,9 @@ pub(super) fn checked_minimum(distances: &[f32], places: usize) -> Result<Single
     }
     let mut single = Single { place: 0, distance: f32::INFINITY };
     for (index, block) in distances.chunks(BLOCK).enumerate() {
+        for line in block.chunks(LINE) {
+            fetch(line.as_ptr().wrapping_add(AHEAD));
+        }
         // Smaller than all before, or none that may be taken: a NaN is in no range.
         let expected = single.distance..=f32::MAX;
         if any(block, |x| !expected.contains(&x)) {

@@ -1,6 +1,6 @@
 //! The sums along all diagonals of one slope (method 1.5, Eq. 6).
 
-use super::direct::{BLOCK, direct_sums};
+use super::direct::{BLOCK, direct_sums, none_below};
 use super::order::Runs;
 use super::ring::Ring;
 use super::sliding::Sliding;
@@ -58,6 +58,11 @@ impl Diagonal {
         let mut sums = [0.0_f64; BLOCK];
         for start in (self.first()..places).step_by(BLOCK) {
             let sums = &mut sums[..BLOCK.min(places - start)];
+            let to_beat = visit.to_beat(start..start + sums.len());
+            if to_beat.is_some_and(|least| none_below(columns, &self.back, start..start + sums.len(), least))
+            {
+                continue;
+            }
             direct_sums(columns, runs, |age| self.back[age], start, sums);
             visit.visit(start, sums);
         }

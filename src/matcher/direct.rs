@@ -1,5 +1,7 @@
 //! The sums of short windows, and of diagonals of any slope: each distance is read where it lies.
 
+use std::ops::Range;
+
 use super::order::Runs;
 use super::ring::Ring;
 
@@ -39,6 +41,39 @@ pub(super) fn direct_sums(
     } else if rest > 1 {
         add_total((newest + full..newest + full + rest).map(terms), sums);
     }
+}
+
+/// Whether it is sure that no diagonal that ends in these places has a sum below `least`: known of most blocks, for windows of
+/// three columns at most, without a sum being written anywhere.
+#[inline(always)]
+pub(super) fn none_below(columns: &Ring, back: &[usize], places: Range<usize>, least: f64) -> bool {
+    let (length, whole) = (back.len(), places.len() == BLOCK);
+    if !whole || length > 3 {
+        return false;
+    }
+    let terms = |age: usize| columns.column(age)[places.start - back[age]..].first_chunk();
+    let oldest = length - 1;
+    let (Some(a), Some(b), Some(c)) = (terms(0), terms(oldest.min(1)), terms(oldest)) else { return false };
+    !match length {
+        1 => any_of(a, b, c, |a, _, _| a < least),
+        2 => any_of(a, b, c, |a, b, _| a + b < least),
+        _ => any_of(a, b, c, |a, b, c| a + b + c < least),
+    }
+}
+
+/// Whether it holds of any three of the numbers. Without a way out in the middle, it runs in vector registers.
+#[inline(always)]
+fn any_of(
+    a: &[f32; BLOCK],
+    b: &[f32; BLOCK],
+    c: &[f32; BLOCK],
+    holds: impl Fn(f64, f64, f64) -> bool,
+) -> bool {
+    let mut any = false;
+    for at in 0..BLOCK {
+        any |= holds(a[at].into(), b[at].into(), c[at].into());
+    }
+    any
 }
 
 /// A sum of three columns at most.

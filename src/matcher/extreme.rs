@@ -4,7 +4,7 @@
 //! each. The few blocks that hold something better are looked at again.
 
 /// How many numbers are asked at a time.
-pub(super) const BLOCK: usize = 256;
+pub(super) const BLOCK: usize = 128;
 
 /// Whether `holds` of any of the numbers. Without a way out in the middle, it runs in vector registers.
 #[inline(always)]

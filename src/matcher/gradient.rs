@@ -1,5 +1,7 @@
 //! The gradient of a distance vector and its enhancement along the route (method 1.1 and 1.2, Eq. 1).
 
+use std::ops::Range;
+
 use super::extreme::{BLOCK, first_better};
 use super::ring::Ring;
 use super::visit::Visit;
@@ -50,12 +52,43 @@ fn with_gradient(
     let inside = out[first - from..last - from].iter_mut().zip(d[first..last].iter().zip(around));
     match kind {
         Gradient::Halved => {
-            inside.for_each(|(out, (d, (before, after)))| put(out, 0.5 * (after + before) - d));
+            inside.for_each(|(out, (&d, (&before, &after)))| put(out, halved(before, d, after)));
         }
         Gradient::Unhalved => {
-            inside.for_each(|(out, (d, (before, after)))| put(out, (after + before) - 2.0 * d));
+            inside.for_each(|(out, (&d, (&before, &after)))| put(out, unhalved(before, d, after)));
         }
     }
+}
+
+/// Eq. 1 inside the route.
+#[inline(always)]
+fn halved(before: f32, d: f32, after: f32) -> f32 {
+    0.5 * (after + before) - d
+}
+
+/// The same without the half.
+#[inline(always)]
+fn unhalved(before: f32, d: f32, after: f32) -> f32 {
+    (after + before) - 2.0 * d
+}
+
+/// The distances of a block of places, of those before them and of those after.
+type Triples<'a> = [&'a [f32; BLOCK]; 3];
+
+/// Whether a sum of three gradients is above `least`.
+#[inline(always)]
+fn any_above(
+    least: f32,
+    [a, b, c]: Triples<'_>,
+    [d, e, f]: Triples<'_>,
+    [g, h, i]: Triples<'_>,
+    of: impl Fn(f32, f32, f32) -> f32,
+) -> bool {
+    let mut any = false;
+    for at in 0..BLOCK {
+        any |= of(a[at], b[at], c[at]) + of(d[at], e[at], f[at]) + of(g[at], h[at], i[at]) > least;
+    }
+    any
 }
 
 /// What stands in for a gradient before the start of the route or of the run: the mean of the current one,
@@ -85,6 +118,11 @@ pub(super) struct Enhanced<'a> {
 
 impl Visit<f32> for &mut Peak {
     #[inline(always)]
+    fn to_beat(&self, _places: Range<usize>) -> Option<f32> {
+        Some(self.value)
+    }
+
+    #[inline(always)]
     fn visit(&mut self, start: usize, sums: &mut [f32]) {
         if let Some((at, value)) = first_better(sums, self.value, |a, b| a > b) {
             **self = Peak { place: start + at, value };
@@ -106,38 +144,75 @@ impl Enhanced<'_> {
     /// hundred at a time.
     #[inline(always)]
     pub(super) fn sums(self, mut visit: impl Visit<f32>) {
-        let Self { columns, upper, earlier, kind, smoothing } = self;
-        let (n, missing, held) = (columns.height(), self.missing(), self.held());
+        let n = self.columns.height();
         let mut sums = [0.0_f32; BLOCK];
         for start in (0..n).step_by(BLOCK) {
             let sums = &mut sums[..BLOCK.min(n - start)];
-            let column = columns.column(0);
-            let around = upper.map_or(column, |upper| upper.column(0));
-            with_gradient(around, column, kind, start, sums, |sum, g| *sum = g);
-            for age in 1..held {
-                // The first `absent` places of this block lie before the start of the route, `age` places back.
-                let absent = age.saturating_sub(start).min(sums.len());
-                let (before, within) = sums.split_at_mut(absent);
-                for sum in before {
-                    *sum += missing;
-                }
-                let from = (start + absent).saturating_sub(age);
-                if age < columns.len() {
-                    let column = columns.column(age);
-                    let around = upper.map_or(column, |upper| upper.column(age));
-                    with_gradient(around, column, kind, from, within, |sum, g| *sum += g);
-                } else {
-                    let terms = &earlier.column(age - columns.len())[from..from + within.len()];
-                    within.iter_mut().zip(terms).for_each(|(sum, g)| *sum += g);
-                }
+            let places = start..start + sums.len();
+            if let Some(largest) = visit.to_beat(places.clone())
+                && self.none_above(largest, places)
+            {
+                continue;
             }
-            for _ in held..smoothing {
-                for sum in sums.iter_mut() {
-                    *sum += missing;
-                }
-            }
+            self.block(start, sums);
             visit.visit(start, sums);
         }
+    }
+
+    /// The sums of the places from `start` on.
+    #[inline(always)]
+    fn block(&self, start: usize, sums: &mut [f32]) {
+        let Self { columns, upper, earlier, kind, smoothing } = *self;
+        let (missing, held) = (self.missing(), self.held());
+        let column = columns.column(0);
+        let around = upper.map_or(column, |upper| upper.column(0));
+        with_gradient(around, column, kind, start, sums, |sum, g| *sum = g);
+        for age in 1..held {
+            // The first `absent` places of this block lie before the start of the route, `age` places back.
+            let absent = age.saturating_sub(start).min(sums.len());
+            let (before, within) = sums.split_at_mut(absent);
+            for sum in before {
+                *sum += missing;
+            }
+            let from = (start + absent).saturating_sub(age);
+            if age < columns.len() {
+                let column = columns.column(age);
+                let around = upper.map_or(column, |upper| upper.column(age));
+                with_gradient(around, column, kind, from, within, |sum, g| *sum += g);
+            } else {
+                let terms = &earlier.column(age - columns.len())[from..from + within.len()];
+                within.iter_mut().zip(terms).for_each(|(sum, g)| *sum += g);
+            }
+        }
+        for _ in held..smoothing {
+            for sum in sums.iter_mut() {
+                *sum += missing;
+            }
+        }
+    }
+
+    /// Whether it is sure that none of these places has a sum above `least`: known of most blocks, without a sum being
+    /// written anywhere, and never of those at the ends of the route.
+    #[inline(always)]
+    fn none_above(&self, least: f32, places: Range<usize>) -> bool {
+        let inside = places.start > self.smoothing && places.end < self.columns.height();
+        if !inside || self.upper.is_some() || self.smoothing != 3 || self.columns.len() < 3 {
+            return false;
+        }
+        let triples =
+            (self.triples(0, places.start), self.triples(1, places.start), self.triples(2, places.start));
+        let (Some(newest), Some(before), Some(oldest)) = triples else { return false };
+        match self.kind {
+            Gradient::Halved => !any_above(least, newest, before, oldest, halved),
+            Gradient::Unhalved => !any_above(least, newest, before, oldest, unhalved),
+        }
+    }
+
+    /// The distances, `age` queries and places back, of a block of places inside the route, each between its neighbours'.
+    #[inline(always)]
+    fn triples(&self, age: usize, start: usize) -> Option<Triples<'_>> {
+        let column = &self.columns.column(age)[start - age - 1..];
+        Some([column.first_chunk()?, column[1..].first_chunk()?, column[2..].first_chunk()?])
     }
 
     /// The sum of one place: the same to the last bit.

@@ -1,5 +1,7 @@
 //! Weighted sequence matching (method 1.4 and 1.5, Eqs. 4 to 6).
 
+use std::ops::Range;
+
 use super::consensus::Single;
 use super::diagonal::Diagonal;
 use super::extreme::first_better;
@@ -194,6 +196,12 @@ struct Least<'a> {
 }
 
 impl Visit<f64> for &mut Least<'_> {
+    #[inline(always)]
+    fn to_beat(&self, places: Range<usize>) -> Option<f64> {
+        let anchored = self.anchored.first().is_some_and(|&(place, _)| place < places.end);
+        (!anchored).then_some(self.sum)
+    }
+
     #[inline(always)]
     fn visit(&mut self, start: usize, sums: &mut [f64]) {
         while let Some((&(place, sum), later)) = self.anchored.split_first()

@@ -74,8 +74,11 @@ impl Sliding {
                 let (running, newest) = (&mut self.running[whole..to], &newest[whole..to]);
                 let finished = &self.finished[whole - block..to - block];
                 let end = slot.map(|slot| &self.ends[slot * places..][whole - block - 1..to - block - 1]);
-                add_up(running, newest, begins, finished, end, sums);
-                visit.visit(whole + row, sums);
+                let to_beat = visit.to_beat(whole + row..to + row);
+                if add_up(running, newest, begins, finished, end, to_beat) {
+                    put_together(running, finished, end, sums);
+                    visit.visit(whole + row, sums);
+                }
             }
             if let Some(slot) = slot
                 && next
@@ -135,7 +138,8 @@ fn add(running: &mut [f64], newest: &[f32], begins: bool) {
     }
 }
 
-/// The same, and puts together the sums of the window. All slices are equally long.
+/// The same, and says whether a sum of the window may be below `least`; where nothing is to be beaten, it may. All slices are
+/// equally long.
 #[inline(always)]
 fn add_up(
     running: &mut [f64],
@@ -143,9 +147,39 @@ fn add_up(
     begins: bool,
     finished: &[f64],
     end: Option<&[f64]>,
-    sums: &mut [f64],
-) {
-    add(running, newest, begins);
+    least: Option<f64>,
+) -> bool {
+    let Some(least) = least else {
+        add(running, newest, begins);
+        return true;
+    };
+    let count = running.len();
+    let (newest, finished) = (&newest[..count], &finished[..count]);
+    let mut any = false;
+    match (begins, end.map(|end| &end[..count])) {
+        (false, Some(end)) => {
+            for at in 0..count {
+                running[at] += f64::from(newest[at]);
+                any |= running[at] + finished[at] + end[at] < least;
+            }
+        }
+        (false, None) => {
+            for at in 0..count {
+                running[at] += f64::from(newest[at]);
+                any |= running[at] + finished[at] < least;
+            }
+        }
+        (true, _) => {
+            add(running, newest, begins);
+            any = true;
+        }
+    }
+    any
+}
+
+/// The sums of the window.
+#[inline(always)]
+fn put_together(running: &[f64], finished: &[f64], end: Option<&[f64]>, sums: &mut [f64]) {
     let parts = sums.iter_mut().zip(running.iter().zip(finished));
     match end {
         Some(end) => parts.zip(end).for_each(|((sum, (own, before)), end)| *sum = own + before + end),

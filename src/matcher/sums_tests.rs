@@ -1,12 +1,15 @@
 //! Every way to the sums of the diagonals against the order of additions in the method, to the last bit.
 
+use std::ops::Range;
+
 use proptest::prelude::*;
 use proptest::sample::select;
 
 use super::diagonal::Diagonal;
 use super::order::diagonal_sum;
 use super::ring::Ring;
-use crate::isa::Isa;
+use super::visit::Visit;
+use crate::isa::{Isa, Work};
 
 /// Numbers of every size and both signs: each order of additions gives other bits.
 struct Wild(u64);
@@ -53,6 +56,43 @@ fn cases() -> ProptestConfig {
     ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() }
 }
 
+/// The first of the least sums. It asks for those below the best so far, or, `now_and_then`, for all of a block.
+struct Found {
+    sum: f64,
+    place: usize,
+    now_and_then: bool,
+}
+
+impl Visit<f64> for &mut Found {
+    fn visit(&mut self, start: usize, sums: &mut [f64]) {
+        for (at, &sum) in sums.iter().enumerate() {
+            if sum < self.sum {
+                (self.sum, self.place) = (sum, start + at);
+            }
+        }
+    }
+
+    fn to_beat(&self, places: Range<usize>) -> Option<f64> {
+        (!self.now_and_then || places.start.is_multiple_of(3)).then_some(self.sum)
+    }
+}
+
+struct Seek<'a> {
+    seeker: &'a mut Diagonal,
+    columns: &'a Ring,
+    frame: u64,
+    found: &'a mut Found,
+}
+
+impl Work for Seek<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.seeker.sums(self.columns, self.frame, self.found);
+    }
+}
+
 proptest! {
     #![proptest_config(cases())]
 
@@ -83,6 +123,8 @@ proptest! {
         if speed == 1.0 && length > 1 {
             ways.push(plain.forced(true, places));
         }
+        // The same, asked for the first of the least sums alone.
+        let mut seekers = ways.clone();
         let mut column = wild.numbers(places);
         for (begin, queries) in begins.into_iter().zip([first, 2 * length + 3]) {
             columns.clear();
@@ -92,7 +134,7 @@ proptest! {
                 (0..places).step_by(1 + places / 8).for_each(|i| column[i] = wild.number());
                 columns.advance().copy_from_slice(&column);
                 let frame = begin + index as u64;
-                for way in &mut ways {
+                for (way, seeker) in ways.iter_mut().zip(&mut seekers) {
                     let (back, first) = (way.back.clone(), way.first());
                     let mut got = Vec::new();
                     isa.run(|| way.sums(&columns, frame, |start: usize, sums: &mut [f64]| {
@@ -100,6 +142,11 @@ proptest! {
                         got.extend_from_slice(sums);
                     }));
                     prop_assert_eq!(got.len(), if index + 1 < length { 0 } else { places - first });
+                    let mut found = Found { sum: f64::INFINITY, place: 0, now_and_then: wild.0.is_multiple_of(3) };
+                    isa.run(Seek { seeker, columns: &columns, frame, found: &mut found });
+                    let least = got.iter().copied().fold(f64::INFINITY, f64::min);
+                    let place = got.iter().position(|&sum| sum == least && least < f64::INFINITY);
+                    prop_assert_eq!((found.sum, found.place), (least, place.map_or(0, |at| first + at)));
                     // All places now and then; else the ends, the edges of blocks and some others.
                     let all = index.is_multiple_of(16);
                     let looked_at = |at: usize| all || at.is_multiple_of(7) || at % 256 < 2 || at + 4 > got.len();
