@@ -17,10 +17,13 @@ const SHORTS_RUN: usize = 64;
 /// How many blocks of a row are taken at a time, each with sums of its own: none waits for another.
 const UNROLLED: usize = 4;
 
-/// How many bytes ahead of what it reads a scan of floats asks for memory. Those come as fast as the memory gives them, and
-/// the processor by itself stops looking ahead at the end of a page. Two rows of f32 are read at a time.
-const AHEAD_OF_F32: usize = 2048;
+/// How many bytes ahead of what it reads a scan asks for memory. Rows come as fast as the memory gives them, and the processor by
+/// itself stops looking ahead at the end of a page.
 const AHEAD: usize = 4096;
+/// Of f32, of which two rows are read at a time.
+const AHEAD_OF_F32: usize = 2048;
+/// Of bytes under a query of bytes.
+const AHEAD_OF_BYTES: usize = 2048;
 
 /// A scan, before it is known what runs it.
 pub(super) trait Work {
@@ -371,6 +374,7 @@ fn count<M: Machine, C: Counted>(
     row: &[[C::Row; BLOCK]],
 ) {
     for (count, (query, row)) in counts.iter_mut().zip(query.iter().zip(row)) {
+        machine.fetch(row.as_ptr().cast::<u8>().wrapping_add(AHEAD_OF_BYTES));
         *count = C::count(machine, *count, query, row);
     }
 }
