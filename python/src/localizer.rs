@@ -2,13 +2,13 @@
 
 use numpy::{PyArray1, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyIterator};
+use pyo3::types::{PyBytes, PyDict, PyInt, PyIterator};
 use surefix::Floor;
 
 use crate::arrays::{Numbers, as_array};
 use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
-use crate::images::{Pixels, path_of};
+use crate::images::{Pixels, find_images, path_of};
 use crate::learned;
 use crate::map::Map;
 use crate::options::{config, whole};
@@ -123,11 +123,12 @@ impl Localizer {
     ///
     /// Parameters
     /// ----------
-    /// frames : iterable of arrays or paths, or a folder or pattern
-    ///     Each as for ``push``. Or a source that says what was lost, such as those of ``surefix.streams``: an iterable of
-    ///     objects with an ``image`` to push, and ``gap`` and ``dropped``. Where ``gap`` is true, or ``dropped``, the number of
-    ///     frames lost just before this one, is more than 0, ``Localizer.gap`` comes first. It holds even where the image is
-    ///     then refused.
+    /// frames : iterable of arrays or paths, or a path
+    ///     Each as for ``push``. A path is a folder or a pattern of images, or whatever else ``surefix.streams.open_stream`` opens:
+    ///     a video, a bag, a camera by its number or URL, a file of arrays. Or a source that says what was lost, such as those of
+    ///     ``surefix.streams``: an iterable of objects with an ``image`` to push, and ``gap`` and ``dropped``. Where ``gap`` is
+    ///     true, or ``dropped``, the number of frames lost just before this one, is more than 0, ``Localizer.gap`` comes first. It
+    ///     holds even where the image is then refused.
     ///
     /// Returns
     /// -------
@@ -149,8 +150,14 @@ impl Localizer {
     /// [(0, False), (1, True), (3, False), (4, True)]
     fn stream(slf: &Bound<'_, Self>, frames: &Bound<'_, PyAny>) -> PyResult<FixStream> {
         let py = slf.py();
+        let opened = || py.import("surefix.streams")?.call_method1("open_stream", (frames,))?.try_iter();
         let frames = match path_of(frames) {
-            Some(place) => crate::images::find_images(py, place)?.into_pyobject(py)?.try_iter()?,
+            Some(place) => match find_images(py, place) {
+                Ok(images) => images.into_pyobject(py)?.try_iter()?,
+                // A video, a bag, a camera; or a place where nothing is, which is said there.
+                Err(_) => opened()?,
+            },
+            None if frames.is_instance_of::<PyInt>() => opened()?,
             None => frames.try_iter()?,
         };
         Ok(FixStream { localizer: slf.clone().unbind(), frames: frames.unbind() })
@@ -175,8 +182,8 @@ impl Localizer {
 
     /// Says that the next frame does not follow on the one before: frames were dropped, or the camera was away.
     ///
-    /// As ``Matcher.gap``: ``fix.sequence`` is None until ``sequence_length`` frames have come; frame numbers and the running
-    /// floor go on.
+    /// As ``Matcher.gap``: ``fix.sequence`` is None until ``sequence_length`` frames have come; frame numbers, the running
+    /// floor and a drive's statistics (``surefix.post.Standardize``) go on.
     ///
     /// Examples
     /// --------
@@ -193,13 +200,13 @@ impl Localizer {
         Ok(())
     }
 
-    /// Forgets all frames: the next one is frame 0.
+    /// Forgets all frames, and what is known of the drive: the next one is frame 0.
     fn reset(slf: &Bound<'_, Self>) -> PyResult<()> {
         slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Localizer"))?.0.reset();
         Ok(())
     }
 
-    /// The state as bytes, without the map; ``Localizer.restore`` goes on from it bit-identically.
+    /// The state as bytes, a drive's statistics among it, without the map; ``Localizer.restore`` goes on from it bit-identically.
     fn snapshot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyBytes>> {
         let py = slf.py();
         let this = shared(slf)?;

@@ -221,7 +221,7 @@ impl Localizer {
         }
     }
 
-    /// Forgets all frames: the next one is frame 0.
+    /// Forgets all frames, and what is known of the drive: the next one is frame 0.
     pub fn reset(&mut self) {
         match &mut self.way {
             Way::Plain(plain) => plain.reset(),

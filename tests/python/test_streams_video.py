@@ -66,6 +66,24 @@ def test_pixels_and_times_are_those_that_were_written(lossless: Path) -> None:
         assert np.allclose([frame.time for frame in frames], np.arange(30) / 10, atol=1e-9)
 
 
+def test_a_localizer_takes_whatever_is_named(lossless: Path, tmp_path: Path) -> None:
+    route = surefix.Map.from_images(IMAGES, progress=False)
+    expected = list(surefix.Localizer(route).stream(IMAGES))
+    assert list(surefix.Localizer(route).stream(lossless)) == expected
+    assert list(surefix.Localizer(route).stream(str(lossless))) == expected
+    np.save(tmp_path / "images.npy", np.stack(IMAGES))
+    np.save(tmp_path / "vectors.npy", route.descriptors)
+    assert list(surefix.Localizer(route).stream(tmp_path / "images.npy")) == expected
+    vectors = surefix.Map.from_descriptors(route.descriptors, "manhattan")
+    fixes = surefix.Localizer(vectors).stream(tmp_path / "vectors.npy")
+    assert [fix.place for fix in fixes] == [fix.place for fix in expected]
+    for nowhere in ("nowhere", "nowhere.mp4", "nowhere.bag"):
+        with pytest.raises(surefix.SurefixFileError, match=nowhere):
+            list(surefix.Localizer(route).stream(tmp_path / nowhere))
+    with pytest.raises(surefix.SurefixValueError, match="expected a folder of images, a pattern, or a file"):
+        surefix.Localizer(route).stream(__file__)
+
+
 def test_a_lossy_video_is_decoded_as_opencv_does(tmp_path: Path) -> None:
     path = write_video(tmp_path / "drive.mp4", IMAGES, codec="libx264", pixels="yuv420p")
     capture = cv2.VideoCapture(str(path))
