@@ -18,7 +18,7 @@ TOOLS := .tools/bin
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
 .PHONY: demo test lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance clean help
-.PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64
+.PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
@@ -30,6 +30,7 @@ help:
 	@echo "make instructions-accept  the instruction counts that make test guards, made anew"
 	@echo "make wheel   the Python wheel for any Linux of this processor, in dist"
 	@echo "make wheel-aarch64   the one for 64-bit ARM Linux; make check-aarch64 runs it under qemu"
+	@echo "make check-torch     the tests that skip without PyTorch and Patch-NetVLAD, with both"
 	@echo "make release-check   what a release must pass beside make test: crate, licences, names, sdist, wheel"
 	@echo "make clean   remove all that the targets made"
 
@@ -107,6 +108,13 @@ wheel-aarch64: $(VENV)/packaging
 check-aarch64: $(VENV)/installed
 	@ls dist/*_aarch64.whl >/dev/null 2>&1 || $(MAKE) wheel-aarch64
 	$(BIN)/python packaging/aarch64_answers.py dist/*_aarch64.whl
+
+# The tests that skip without PyTorch, which is too large for every desk; in an environment of its own.
+check-torch: $(VENV)/wheel
+	$(PYTHON) -m venv $(VENV)/torch
+	$(VENV)/torch/bin/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[dev]" torch torchvision tqdm
+	$(VENV)/torch/bin/python -m pip install --quiet --no-deps patchnetvlad
+	$(VENV)/torch/bin/python -m pytest tests/python/test_torch.py tests/python/test_reranked.py tests/python/test_arrays.py
 
 sdist: $(VENV)/made
 	@rm -f dist/*.tar.gz
