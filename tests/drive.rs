@@ -1,21 +1,15 @@
 //! Queries that are standardised by those of their drive so far: a stream is a batch is what is done by hand, also after a restart.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+mod cases;
+
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use cases::{cases, signed};
 use proptest::prelude::*;
 use surefix::descriptor::Running;
 use surefix::{Config, Dtype, Error, Floor, Localizer, Map, Metric, Post, Step, match_descriptors};
-
-fn numbers(count: usize, seed: u64) -> Vec<f32> {
-    let mut state = seed;
-    let mut draw = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f32 / 8_388_608.0 - 1.0
-    };
-    (0..count).map(|_| draw()).collect()
-}
 
 const TO: usize = 7;
 
@@ -54,15 +48,15 @@ fn by_hand(raw: &[f32], queries: &[f32], dim: usize) -> (Vec<f32>, Vec<f32>) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(200))]
 
     #[test]
     fn a_stream_is_a_batch_is_what_is_done_by_hand(
         places in 8..30_usize, dim in 3..20_usize, seed: u64, length in 1..4_usize, stop in 0..20_usize,
     ) {
         for (metric, floor) in [(Metric::Euclidean, Floor::Running), (Metric::Cosine, Floor::Fixed(0.0))] {
-            let raw = numbers(places * dim, seed);
-            let queries: Vec<f32> = numbers(20 * dim, !seed).iter().map(|x| 3.0 * x + 1.0).collect();
+            let raw = signed(places * dim, seed);
+            let queries: Vec<f32> = signed(20 * dim, !seed).iter().map(|x| 3.0 * x + 1.0).collect();
             let map = Arc::new(route(&raw, dim, metric));
             let config = Config { sequence_length: length, floor, ..Config::default() };
             let (done, rows) = by_hand(&raw, &queries, dim);
@@ -114,9 +108,8 @@ fn a_query_that_is_refused_later_does_not_count() {
 
 #[test]
 fn in_a_batch_the_whole_of_the_route_can_be_the_floor() {
-    let (dim, raw) = (6, numbers(20 * 6, 3));
-    let queries: Vec<f32> =
-        raw.iter().zip(numbers(20 * 6, 4)).map(|(x, y)| 2.0 * x + 0.1 * y + 3.0).collect();
+    let (dim, raw) = (6, signed(20 * 6, 3));
+    let queries: Vec<f32> = raw.iter().zip(signed(20 * 6, 4)).map(|(x, y)| 2.0 * x + 0.1 * y + 3.0).collect();
     let map = route(&raw, dim, Metric::Euclidean);
     let run = |floor| {
         let config = Config { floor, ..Config::default() };
@@ -134,7 +127,7 @@ fn in_a_batch_the_whole_of_the_route_can_be_the_floor() {
 #[test]
 fn a_screen_changes_nothing() {
     let (dim, places) = (400, 60);
-    let raw = numbers(places * dim, 5);
+    let raw = signed(places * dim, 5);
     let steps = [Step::StandardizeRunning, Step::Normalize];
     let (post, rows) = Post::fit(&steps, &raw, dim).unwrap();
     let map = Map::from_descriptors(rows, dim, Metric::Cosine).unwrap().with_post(post).unwrap();
@@ -152,7 +145,7 @@ fn a_screen_changes_nothing() {
 
 #[test]
 fn a_file_keeps_the_step_and_places_that_follow_are_references() {
-    let (dim, raw) = (5, numbers(12 * 5, 2));
+    let (dim, raw) = (5, signed(12 * 5, 2));
     let map = route(&raw, dim, Metric::Euclidean);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("route.safetensors");
@@ -169,7 +162,7 @@ fn a_file_keeps_the_step_and_places_that_follow_are_references() {
 /// Every flipped bit, and one taken on the same map's rows without the step.
 #[test]
 fn a_damaged_snapshot_is_refused() {
-    let (dim, raw) = (5, numbers(12 * 5, 2));
+    let (dim, raw) = (5, signed(12 * 5, 2));
     let map = Arc::new(route(&raw, dim, Metric::Euclidean));
     let mut localizer = Localizer::new(Arc::clone(&map), Config::default()).unwrap();
     for row in raw.chunks_exact(dim) {

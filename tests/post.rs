@@ -1,24 +1,18 @@
 //! Maps whose queries go through post-processing: the same in a file, in a stream, in a batch and with a screen.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
 
+mod cases;
+
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use cases::{cases, signed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use surefix::{Config, Dtype, Error, Localizer, Map, Metric, Post, Step, match_descriptors};
 use tempfile::tempdir;
-
-fn numbers(count: usize, seed: u64) -> Vec<f32> {
-    let mut state = seed;
-    let mut draw = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f32 / 8_388_608.0 - 1.0
-    };
-    (0..count).map(|_| draw()).collect()
-}
 
 const CHAINS: [&[Step]; 6] = [
     &[Step::Normalize],
@@ -36,7 +30,7 @@ const CHAINS: [&[Step]; 6] = [
 
 /// A map, and what its rows were made of.
 fn route(steps: &[Step], places: usize, dim: usize, metric: Metric, seed: u64) -> (Map, Vec<f32>) {
-    let raw = numbers(places * dim, seed);
+    let raw = signed(places * dim, seed);
     let (post, rows) = Post::fit(steps, &raw, dim).unwrap();
     let output = post.output();
     (Map::from_descriptors(rows, output, metric).unwrap().with_post(post).unwrap(), raw)
@@ -64,7 +58,7 @@ fn open_mapped(path: &Path) -> Result<Map, Error> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(200))]
 
     #[test]
     fn a_stream_is_a_batch_is_the_processed_map(
@@ -72,7 +66,7 @@ proptest! {
     ) {
         for metric in [Metric::Euclidean, Metric::Cosine, Metric::Manhattan] {
             let (map, _) = route(CHAINS[chain], places, dim, metric, seed);
-            let queries = numbers(20 * dim, !seed);
+            let queries = signed(20 * dim, !seed);
             let config = Config { sequence_length: length, ..Config::default() };
             let plain = Map::from_descriptors(map.descriptors().to_values(), map.dim(), metric).unwrap();
             let processed = map.post().unwrap().apply(&queries).unwrap();
@@ -227,7 +221,7 @@ fn a_recipe_that_a_file_cannot_hold_is_refused_at_once() {
 
 #[test]
 fn a_chain_without_steps_is_none() {
-    let raw = numbers(20, 1);
+    let raw = signed(20, 1);
     let (post, rows) = Post::fit(&[], &raw, 5).unwrap();
     let map = Map::from_descriptors(rows, 5, Metric::Cosine).unwrap().with_post(post).unwrap();
     assert_eq!((map.post(), map.input_dim()), (None, 5));

@@ -1,6 +1,6 @@
 //! What one vector passes through on its way along a chain: memory that is used again, and the statistics of its drive.
 
-use super::post::{Post, Step};
+use super::post::Post;
 use super::running::Running;
 
 /// By itself, for vectors that are treated as the references were; [`of_drive`](Self::of_drive) for the queries of a drive.
@@ -46,8 +46,7 @@ impl Passage {
 
     /// Through `post`, at the beginning of a drive.
     pub(crate) fn of_drive(post: &Post) -> Self {
-        let running = post.stages().iter().filter(|stage| stage.step == Step::StandardizeRunning);
-        let drives = running.map(|stage| Drive::from(Running::after_stage(stage))).collect();
+        let drives = post.running().map(|stage| Drive::from(Running::after_stage(stage))).collect();
         Self { drives, ..Self::new(post) }
     }
 
@@ -60,8 +59,7 @@ impl Passage {
 
     /// Begins another drive.
     pub(crate) fn reset(&mut self, post: &Post) {
-        let running = post.stages().iter().filter(|stage| stage.step == Step::StandardizeRunning);
-        for (drive, stage) in self.drives.iter_mut().zip(running) {
+        for (drive, stage) in self.drives.iter_mut().zip(post.running()) {
             drive.so_far.become_after(stage);
         }
     }

@@ -155,9 +155,14 @@ impl Post {
         self.output
     }
 
+    /// The steps whose statistics run along with a drive.
+    pub(super) fn running(&self) -> impl Iterator<Item = &Stage> {
+        self.stages.iter().filter(|stage| stage.step == Step::StandardizeRunning)
+    }
+
     /// Whether what a query becomes depends on those before it.
     pub(crate) fn runs(&self) -> bool {
-        self.stages.iter().any(|stage| stage.step == Step::StandardizeRunning)
+        self.running().next().is_some()
     }
 
     /// Does the steps to vectors of [`input`](Self::input) numbers, one after the other, on all cores. Each is treated as the references were:

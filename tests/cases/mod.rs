@@ -32,6 +32,12 @@ impl Dice {
     }
 }
 
+/// Numbers from -1 to 1.
+pub(crate) fn signed(count: usize, seed: u64) -> Vec<f32> {
+    let mut dice = Dice(seed);
+    (0..count).map(|_| 2.0 * dice.share() - 1.0).collect()
+}
+
 /// What the distances look like.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
