@@ -67,7 +67,7 @@ impl Describer {
         if out.dtype() != sad.dtype() {
             return Err(Error::Dtype { what, map: sad.dtype(), or_float: false, got: out.dtype() });
         }
-        isa.run(Shrink { resize, image, to: sad.size(), small });
+        isa.run(Shrink { isa: *isa, resize, image, to: sad.size(), small });
         match out {
             Values::U8(out) => isa.run(Normalise { patches, small, out, store: level }),
             Values::F32(out) => isa.run(Normalise { patches, small, out, store: |z| z as f32 }),
@@ -80,13 +80,14 @@ impl Describer {
     /// The image in grey, at the recipe's size: row by row.
     pub(super) fn thumbnail(mut self, image: ImageView<'_>) -> Vec<u8> {
         let Self { sad, isa, resize, small, .. } = &mut self;
-        isa.run(Shrink { resize, image, to: sad.size(), small });
+        isa.run(Shrink { isa: *isa, resize, image, to: sad.size(), small });
         self.small
     }
 }
 
 /// Grey, then the recipe's size.
 struct Shrink<'a> {
+    isa: Isa,
     resize: &'a mut Resize,
     image: ImageView<'a>,
     to: (usize, usize),
@@ -98,7 +99,7 @@ impl Work for Shrink<'_> {
 
     #[inline(always)]
     fn run(self) {
-        self.resize.run(self.image, self.to, self.small);
+        self.resize.run(self.isa, self.image, self.to, self.small);
     }
 }
 

@@ -196,6 +196,22 @@ fn every_colour_has_its_brightness() {
             let mut got = vec![0; 256 * 256];
             isa.run(|| super::grey::brightness(&colours, &mut got));
             assert!(got == grey(&image), "a colour of red {red} on {isa}");
+            // Through the first pass, which may have another way: each pixel twice.
+            let twice = super::resize::shrunk(isa, image.view(), (512, 256));
+            let expected = resize(&got, (256, 256), (512, 256));
+            assert!(twice == expected, "a colour of red {red}, resized on {isa}");
+        }
+    }
+}
+
+#[test]
+fn rows_of_many_pixels_have_their_sums() {
+    let mut dice = Dice(3);
+    for (width, to) in [(200_000, 1), (200_000, 3), (70_000, 70), (4_099, 4_097)] {
+        let image = dice.image((width, 3), Channels::Rgb);
+        for isa in Isa::available() {
+            let got = super::resize::shrunk(isa, image.view(), (to, 3));
+            assert!(got == resize(&grey(&image), (width, 3), (to, 3)), "{width} to {to} on {isa}");
         }
     }
 }

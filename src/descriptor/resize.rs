@@ -7,12 +7,17 @@
 //! hold. So the rows are taken a block at a time and turned on their side: the same sum of all rows of a block then runs
 //! side by side. Everything is in whole numbers, so the order of additions makes no difference.
 
+use std::ops::Range;
+
+#[cfg(target_arch = "x86_64")]
+use super::avx512::Columns;
 use super::grey::brightness;
 use super::image::{Channels, ImageView};
 use super::transpose::{deinterleave, interleave};
+use crate::isa::Isa;
 
 /// Bits behind the point of a weight: an 8-bit pixel times a weight, summed, fits 32 bits with a sign.
-const PRECISION: u32 = 32 - 8 - 2;
+pub(super) const PRECISION: u32 = 32 - 8 - 2;
 /// Rows a block: as many 32-bit sums as the widest registers hold.
 const ROWS: usize = 16;
 /// Ends a target pixel's weights, none of which is negative.
@@ -20,11 +25,11 @@ const END: i32 = -1;
 
 /// The weighted source pixels of each target pixel along one axis.
 #[derive(Clone, Debug, Default)]
-struct Axis {
-    source: usize,
-    target: usize,
-    /// For each target pixel: its first source pixel, and where its weights begin in `weights`.
-    taps: Vec<(usize, usize)>,
+pub(super) struct Axis {
+    pub(super) source: usize,
+    pub(super) target: usize,
+    /// For each target pixel: its first source pixel, and where its weights and their `END` are in `weights`.
+    taps: Vec<(usize, Range<usize>)>,
     /// The weights of one target pixel after the other, each with an `END`. (A loop that ends at a mark is one that the
     /// compiler leaves alone: with a count, it would vectorise along the weights, which are few, and not along the rows.)
     weights: Vec<i32>,
@@ -52,16 +57,17 @@ impl Axis {
             };
             let total: f64 = (first..last).map(triangle).sum();
             let one = f64::from(1_u32 << PRECISION);
-            self.taps.push((first, self.weights.len()));
+            let start = self.weights.len();
             self.weights.extend((first..last).map(|pixel| (0.5 + triangle(pixel) / total * one) as i32));
             self.weights.push(END);
+            self.taps.push((first, start..self.weights.len()));
         }
     }
 
-    /// For each target pixel: its first source pixel, and the weights from there on, up to the first `END`.
+    /// For each target pixel: its first source pixel, and the weights from there on, with the `END`.
     #[inline(always)]
-    fn each(&self) -> impl Iterator<Item = (usize, &[i32])> {
-        self.taps.iter().map(|&(first, start)| (first, &self.weights[start..]))
+    pub(super) fn each(&self) -> impl Iterator<Item = (usize, &[i32])> {
+        self.taps.iter().map(|(first, weights)| (*first, &self.weights[weights.clone()]))
     }
 }
 
@@ -71,6 +77,8 @@ pub(super) struct Resize {
     across: Axis,
     down: Axis,
     block: Block,
+    #[cfg(target_arch = "x86_64")]
+    columns: Columns,
     /// The image after the first pass: target width, source height.
     narrow: Vec<u8>,
     /// One row of sums.
@@ -80,13 +88,13 @@ pub(super) struct Resize {
 impl Resize {
     /// `image` in grey into `out` of `to` (width, height), rows first, then columns, each rounded to 8 bits.
     #[inline(always)]
-    pub(super) fn run(&mut self, image: ImageView<'_>, to: (usize, usize), out: &mut [u8]) {
+    pub(super) fn run(&mut self, isa: Isa, image: ImageView<'_>, to: (usize, usize), out: &mut [u8]) {
         let (width, height) = (image.width(), image.height());
         self.across.prepare(width, to.0);
         self.down.prepare(height, to.1);
         let narrow = if width != to.0 {
             self.narrow.resize(to.0 * height, 0);
-            self.block.run(image, &self.across, &mut self.narrow);
+            self.across(isa, image);
             &self.narrow
         } else if image.channels() == Channels::Rgb {
             self.narrow.resize(width * height, 0);
@@ -110,6 +118,17 @@ impl Resize {
             }
             out.iter_mut().zip(&self.sums).for_each(|(pixel, &sum)| *pixel = rounded(sum));
         }
+    }
+
+    /// The first pass.
+    #[inline(always)]
+    fn across(&mut self, isa: Isa, image: ImageView<'_>) {
+        #[cfg(target_arch = "x86_64")]
+        if isa == Isa::Avx512 && self.columns.run(image, &self.across, &mut self.narrow) {
+            return;
+        }
+        let _ = isa;
+        self.block.run(image, &self.across, &mut self.narrow);
     }
 }
 
@@ -205,4 +224,12 @@ impl Block {
 #[inline(always)]
 fn rounded(sum: i32) -> u8 {
     ((sum + (1 << (PRECISION - 1))) >> PRECISION).clamp(0, 255) as u8
+}
+
+/// `image` in grey and as large as `to`, by a resizer of its own.
+#[cfg(test)]
+pub(super) fn shrunk(isa: Isa, image: ImageView<'_>, to: (usize, usize)) -> Vec<u8> {
+    let mut out = vec![0; to.0 * to.1];
+    Resize::default().run(isa, image, to, &mut out);
+    out
 }

@@ -4,9 +4,10 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::resize::Resize;
+use super::resize::{Resize, shrunk};
 use super::{Channels, Image, ImageView, Sad};
 use crate::distance::{Dtype, Values};
+use crate::isa::Isa;
 
 fn cases(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
@@ -181,9 +182,7 @@ fn view(grey: &[u8], (width, height): (usize, usize)) -> ImageView<'_> {
 }
 
 fn resize(grey: &[u8], from: (usize, usize), to: (usize, usize)) -> Vec<u8> {
-    let mut out = vec![0; to.0 * to.1];
-    Resize::default().run(view(grey, from), to, &mut out);
-    out
+    shrunk(Isa::best(), view(grey, from), to)
 }
 
 /// One row by the triangle filter, in plain f64.
@@ -231,7 +230,7 @@ proptest! {
         for (from, to) in sizes {
             let grey: Vec<u8> = (0..from.0 * from.1).map(|i| (i * 37 % 256) as u8).collect();
             let mut out = vec![0; to.0 * to.1];
-            used.run(view(&grey, from), to, &mut out);
+            used.run(Isa::best(), view(&grey, from), to, &mut out);
             prop_assert_eq!(out, resize(&grey, from, to));
         }
     }
