@@ -28,6 +28,7 @@ mod element;
 mod machine;
 #[cfg(target_arch = "aarch64")]
 mod neon;
+mod padded;
 mod scalar;
 mod scan;
 mod term;

@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 
 use super::machine::{BLOCK, Byte, LANES, Machine, Number};
+use super::padded::Padded;
 use super::scalar;
 use super::term::Term;
 use crate::isa::Isa;
@@ -21,7 +22,7 @@ const UNROLLED: usize = 4;
 /// itself stops looking ahead at the end of a page.
 const AHEAD: usize = 4096;
 /// Of f32, of which two rows are read at a time.
-const AHEAD_OF_F32: usize = 2048;
+const AHEAD_OF_F32: usize = 2560;
 /// Of bytes under a query of bytes.
 const AHEAD_OF_BYTES: usize = 2048;
 
@@ -180,49 +181,6 @@ impl<O, F: Fn(usize, i64) -> O> Work for Shorts<'_, O, F> {
     }
 }
 
-/// A query as whole blocks, the last one filled up with zeros. Where a row's last block is filled up in the same way, the
-/// terms of what was filled in are zeros too.
-struct Padded<'a, N, const WIDTH: usize> {
-    dim: usize,
-    blocks: &'a [[N; WIDTH]],
-    last: [N; WIDTH],
-    broken: usize,
-}
-
-impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
-    #[inline(always)]
-    fn new(numbers: &'a [N]) -> Self {
-        let (blocks, rest) = numbers.as_chunks();
-        let mut last = [N::default(); WIDTH];
-        last[..rest.len()].copy_from_slice(rest);
-        Self { dim: numbers.len(), blocks, last, broken: rest.len() }
-    }
-
-    /// The whole blocks of a row, as many as the query has.
-    #[inline(always)]
-    fn row<'b, R>(&self, values: &'b [R], row: usize) -> &'b [[R; WIDTH]] {
-        let start = row * self.dim;
-        &values[start..start + self.dim].as_chunks().0[..self.blocks.len()]
-    }
-
-    /// The last, broken block of a row, filled up with zeros.
-    #[inline(always)]
-    fn last_of<R: Copy + Default>(&self, values: &[R], row: usize) -> [R; WIDTH] {
-        let start = row * self.dim + self.blocks.len() * WIDTH;
-        let mut last = [R::default(); WIDTH];
-        match values.get(start..).and_then(|from| from.first_chunk::<WIDTH>()) {
-            // What stands behind the row is read as well, and dropped: a copy of one size is far faster.
-            Some(numbers) => {
-                for (index, (last, number)) in last.iter_mut().zip(numbers).enumerate() {
-                    *last = if index < self.broken { *number } else { R::default() };
-                }
-            }
-            None => last[..self.broken].copy_from_slice(&values[start..start + self.broken]),
-        }
-        last
-    }
-}
-
 /// The sum of a row, in the lanes of method 1.6.
 #[inline(always)]
 fn sum<M: Machine, T: Term, Q: Number, R: Number>(
@@ -233,7 +191,8 @@ fn sum<M: Machine, T: Term, Q: Number, R: Number>(
 ) -> f64 {
     let mut lanes = machine.lanes();
     for (query, row) in query.blocks.iter().zip(query.row::<R>(values, row)) {
-        add::<M, T, R>(machine, &mut lanes, Q::load(machine, query), row);
+        machine.fetch(row.as_ptr().wrapping_byte_add(AHEAD));
+        T::add(machine, &mut lanes, Q::load(machine, query), R::load(machine, row));
     }
     finish::<M, T, Q, R>(machine, lanes, query, values, row)
 }
@@ -247,24 +206,23 @@ fn two_sums<M: Machine, T: Term, Q: Number, R: Number>(
     row: usize,
 ) -> [f64; 2] {
     let (mut first_lanes, mut second_lanes) = (machine.lanes(), machine.lanes());
-    let rows = query.row::<R>(values, row).iter().zip(query.row::<R>(values, row + 1));
-    for (query, (first, second)) in query.blocks.iter().zip(rows) {
-        let query = Q::load(machine, query);
-        add::<M, T, R>(machine, &mut first_lanes, query, first);
-        add::<M, T, R>(machine, &mut second_lanes, query, second);
+    let (first, second) = (query.row::<R>(values, row), query.row::<R>(values, row + 1));
+    for (blocks, ahead) in query.ahead_of_two::<R>(AHEAD_OF_F32) {
+        let (query, first, second) = (&query.blocks[blocks.clone()], &first[blocks.clone()], &second[blocks]);
+        let [after_first, after_second] = [first, second].map(|row| row.as_ptr().wrapping_byte_add(ahead));
+        let (first, second) = (&first[..query.len()], &second[..query.len()]);
+        for at in 0..query.len() {
+            machine.fetch(after_first.wrapping_add(at));
+            machine.fetch(after_second.wrapping_add(at));
+            let query = Q::load(machine, &query[at]);
+            T::add(machine, &mut first_lanes, query, R::load(machine, &first[at]));
+            T::add(machine, &mut second_lanes, query, R::load(machine, &second[at]));
+        }
     }
     [
         finish::<M, T, Q, R>(machine, first_lanes, query, values, row),
         finish::<M, T, Q, R>(machine, second_lanes, query, values, row + 1),
     ]
-}
-
-/// Adds the terms of one block of a row, to each lane its own.
-#[inline(always)]
-fn add<M: Machine, T: Term, R: Number>(machine: M, lanes: &mut M::Lanes, query: M::Floats, row: &[R; LANES]) {
-    let ahead = if size_of::<R>() == size_of::<f32>() { AHEAD_OF_F32 } else { AHEAD };
-    machine.fetch(row.as_ptr().cast::<u8>().wrapping_add(ahead));
-    T::add(machine, lanes, query, R::load(machine, row));
 }
 
 /// Adds the row's last, broken block, and the lanes.
