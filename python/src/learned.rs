@@ -106,10 +106,20 @@ pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyRe
     let name: String = descriptor.getattr("name")?.extract()?;
     if let Some(expected) = name_of(map)
         && name != expected
+        && !gives_the_same(descriptor, map).unwrap_or(false)
     {
         return Err(value(py, format!("descriptor: expected {expected:?}, as the map's own, got {name:?}")));
     }
     Ok(descriptor.clone().unbind())
+}
+
+/// Whether the descriptor is the map's own under another name: a network's file was renamed.
+fn gives_the_same(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyResult<bool> {
+    let (py, Some(known)) = (descriptor.py(), map.learned_recipe()) else { return Ok(false) };
+    let known = py.import("json")?.call_method1("loads", (known,))?;
+    let module = py.import("surefix.descriptors.recipe")?;
+    let given = module.call_method1("recipe_of", (descriptor,))?;
+    module.call_method1("same_vectors", (known, given))?.extract()
 }
 
 /// What `frame` is as a vector, where it is an image and the map's descriptors are learned.

@@ -111,6 +111,18 @@ def test_a_map_by_a_network_is_made_longer_by_it(drive: Path, tmp_path: Path) ->
     assert route.read_bytes() == whole.read_bytes()
     assert cache.exists()
 
+    # The same network in a file of another name, in memory, on the disk and in the cache.
+    renamed = tmp_path / "renamed.onnx"
+    renamed.write_bytes((drive / "tiny.onnx").read_bytes())
+    route.write_bytes(first.read_bytes())
+    surefix_("map", "append", route, tmp_path / "rest", "--model", renamed, "--cache", cache)
+    assert route.read_bytes() == whole.read_bytes()
+    fixes = [
+        surefix_("run", whole, drive / "summer", "--model", model, "--out", "-").stdout
+        for model in (drive / "tiny.onnx", renamed)
+    ]
+    assert fixes[0] == fixes[1]
+
     network = Onnx(drive / "tiny.onnx", "map", (32, 16))
     surefix.Map.append(first, (np.zeros((16, 32, 3), np.uint8) + 9 * index for index in range(3)), network)
     longer = surefix.Map.open(first)

@@ -355,3 +355,42 @@ def test_nothing_optional_is_imported_before_it_is_used() -> None:
         assert callable(d.extract) and set(d.__all__) <= set(dir(d))
     """
     subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True)
+
+
+def test_positions_that_do_not_fit_are_refused_before_anything_is_described(folder: Path, tmp_path: Path) -> None:
+    network = Means()
+    route = tmp_path / "route.safetensors"
+    for wrong, message in (
+        (np.zeros((22, 2)), "positions: expected 23 values, got 22"),
+        (np.full((23, 2), np.nan), "positions"),
+    ):
+        with pytest.raises(surefix.SurefixError, match=message):
+            surefix.Map.from_images(folder, network, positions=wrong)
+    surefix.Map.from_images(folder, network, positions=np.zeros((23, 2))).save(route)
+    described = len(network.batches)
+    assert described > 0
+    with pytest.raises(surefix.SurefixError, match="positions: expected 23 values, got 24"):
+        surefix.Map.append(route, folder, network, positions=np.zeros((24, 2)))
+    assert len(network.batches) == described
+    surefix.Map.append(route, folder, network, positions=np.ones((23, 2)))
+    assert len(surefix.Map.open(route)) == 46
+
+
+def test_a_network_under_another_name_is_the_same_only_where_a_file_says_so(tmp_path: Path) -> None:
+    first, renamed = Means("a", sha256="12", file="a.onnx"), Means("b", sha256="12", file="b.onnx")
+    vector = Means().describe(IMAGES[:1])[0]
+    route = surefix.Map.from_images(IMAGES, first)
+    kept = tmp_path / "rows.cache"
+    rows = extract(IMAGES, first, cache=kept, progress=False)
+    np.testing.assert_array_equal(extract(IMAGES, renamed, cache=kept, progress=False), rows)
+    assert renamed.batches == []
+    assert surefix.Localizer(route, descriptor=renamed).push(IMAGES[0]) == surefix.Localizer(route).push(vector)
+    for other in (Means("b"), Means("b", sha256="13", file="a.onnx"), Means("b", sha256="12", size=3)):
+        with pytest.raises(surefix.SurefixValueError, match='expected "a", as the map\'s own, got "b"'):
+            surefix.Localizer(route, descriptor=other)
+        with pytest.raises(surefix.SurefixValueError, match="expected a cache of b, got one of a"):
+            extract(IMAGES, other, cache=kept, progress=False)
+    # Without the contents of a file, the name is all that is known.
+    plain = surefix.Map.from_images(IMAGES, Means("a"))
+    with pytest.raises(surefix.SurefixValueError, match='expected "a", as the map\'s own'):
+        surefix.Localizer(plain, descriptor=Means("b"))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from surefix import Map, Sad, SurefixValueError
 from surefix._progress import terminal_bar
 from surefix.descriptors import Descriptor, extract
-from surefix.descriptors.mapping import recipe_of
+from surefix.descriptors.recipe import recipe_of
 from surefix.post import Step
 from surefix.streams import EveryMetres, Frame, Stream
 from surefix.streams.bag import is_bag

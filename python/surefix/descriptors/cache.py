@@ -16,6 +16,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from surefix.descriptors.recipe import same_vectors
 from surefix.descriptors.source import DIGEST, Item
 from surefix.errors import SurefixFileError, SurefixValueError
 
@@ -126,7 +127,7 @@ class Cache:
             self._restart(0)
             return
         theirs = {"name": header.get("name"), "recipe": header.get("recipe")}
-        if theirs != self._maker:
+        if not _same_maker(self._maker, theirs):
             raise SurefixValueError(
                 f"{self.path}: expected a cache of {self._maker['name']}, got one of {theirs['name']}"
                 f"{_difference(self._maker, theirs)}; name another file, or delete this one to begin anew"
@@ -206,6 +207,13 @@ class Cache:
 
 def _checksum(body: bytes, row: int) -> bytes:
     return zlib.crc32(body, zlib.crc32(row.to_bytes(8, "little"))).to_bytes(4, "little")
+
+
+def _same_maker(ours: dict[str, object], theirs: dict[str, object]) -> bool:
+    first, second = ours["recipe"], theirs["recipe"]
+    if not isinstance(first, dict) or not isinstance(second, dict):
+        return ours == theirs
+    return same_vectors({**first, "name": ours["name"]}, {**second, "name": theirs["name"]})
 
 
 def _difference(ours: dict[str, object], theirs: dict[str, object]) -> str:

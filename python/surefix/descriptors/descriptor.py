@@ -35,7 +35,11 @@ class Descriptor(Protocol):
 
     @property
     def name(self) -> str:
-        """What a map made with it remembers: queries must be described by one of the same name."""
+        """What a map made with it remembers: queries must be described by one of the same name.
+
+        Or by one of the same recipe under another name, where the recipe has the ``sha256`` of a file, such as that of
+        a network which was renamed.
+        """
         ...
 
     @property

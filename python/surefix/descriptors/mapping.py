@@ -1,20 +1,17 @@
 """Maps of images that a learned descriptor describes: what ``Map.from_images`` and ``Map.append`` do with one."""
 
-import json
 from os import PathLike
 from typing import Any
 
+import numpy as np
+
 from surefix._core import Map
 from surefix.descriptors.extraction import Progress, extract
+from surefix.descriptors.recipe import recipe_of, same_vectors
 from surefix.descriptors.source import Source
 from surefix.errors import SurefixValueError
 
-__all__ = ["append_images", "map_of_images", "recipe_of"]
-
-
-def recipe_of(descriptor: Any) -> dict[str, Any]:
-    """What a map says of the descriptor that made it."""
-    return {**descriptor.recipe, "name": descriptor.name}
+__all__ = ["append_images", "map_of_images"]
 
 
 def map_of_images(
@@ -27,6 +24,7 @@ def map_of_images(
     progress: Progress | None = None,
 ) -> Map:
     """The images described, post-processed, and named as their files are; the map keeps the descriptor's recipe."""
+    _check_positions(images, positions)
     rows = extract(images, descriptor, cache=cache, progress=progress)
     names = _names(images) if hasattr(images, "__len__") or isinstance(images, PathLike) else None
     recipe = recipe_of(descriptor)
@@ -48,14 +46,14 @@ def append_images(
     old = Map.open(path, mmap=True)
     # Before anything is described.
     _check_own(old, descriptor)
+    _check_positions(images, positions)
     rows = extract(images, descriptor, cache=cache, progress=progress)
     names = None
     if old.names is not None:
         counted = hasattr(images, "__len__") or isinstance(images, PathLike)
         names = _names(images, len(old)) if counted else [str(len(old) + index) for index in range(len(rows))]
-    more = Map.from_descriptors(
-        rows, old.metric, positions=positions, names=names, post=old.post, recipe=recipe_of(descriptor)
-    )
+    recipe = old.recipe or recipe_of(descriptor)
+    more = Map.from_descriptors(rows, old.metric, positions=positions, names=names, post=old.post, recipe=recipe)
     del old
     Map.append(path, more)
 
@@ -63,10 +61,15 @@ def append_images(
 def _check_own(route: Map, descriptor: Any) -> None:
     if route.descriptor is not None:
         raise SurefixValueError(f"descriptor: expected {route.descriptor!r}, as the map's own, got {descriptor.name!r}")
-    # As it comes back from a file.
-    recipe = json.loads(json.dumps(recipe_of(descriptor)))
-    if route.recipe not in (None, recipe):
+    recipe = recipe_of(descriptor)
+    if route.recipe is not None and not same_vectors(route.recipe, recipe):
         raise SurefixValueError(f"descriptor: expected the map's own, by the recipe {route.recipe}, got {recipe}")
+
+
+def _check_positions(images: Any, positions: Any) -> None:
+    """What a network that has seen the whole drive would find refused, refused now, where the images can be counted."""
+    if positions is not None and (count := Source(images).count) is not None:
+        Map.from_descriptors(np.zeros((count, 1), np.float32), "euclidean", positions=positions)
 
 
 def _names(images: Any, first: int = 0) -> list[str]:
