@@ -58,6 +58,7 @@ mod localizer;
 mod map;
 mod matcher;
 mod parallel;
+mod room;
 
 pub mod descriptor;
 pub mod distance;

@@ -199,16 +199,19 @@ fn a_screened_localizer_allocates_nothing_either() {
             let map = map.with_screen(Dtype::I8).unwrap();
             let config = Config { sequence_length: 12, speeds: vec![1.0, 0.8], ..Config::default() };
             let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
+            let mut copy = localizer.clone();
             let spoilt = vec![f32::NAN; DIM];
             let mut looked_at = 0;
             let calls = allocations(|| {
                 for query in 0..60 {
-                    localizer.push_descriptor(&rows[query * DIM..(query + 1) * DIM]).unwrap();
+                    let row = &rows[query * DIM..(query + 1) * DIM];
+                    assert_eq!(localizer.push_descriptor(row).unwrap(), copy.push_descriptor(row).unwrap());
                     looked_at += localizer.looked_at();
                     assert!(matches!(localizer.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
                     localizer.distances();
                     if query % 25 == 20 {
                         localizer.gap();
+                        copy.gap();
                     }
                 }
                 localizer.reset();

@@ -10,6 +10,7 @@ use crate::distance::{Query, View, first_not_finite};
 use crate::error::Error;
 use crate::map::{Aim, FAR, Map, Screen};
 use crate::matcher::{Bounded, Exact, Fix, Matcher, Ring};
+use crate::room::Roomy;
 
 /// Rows of fewer numbers cost no more than what is done with their bounds.
 pub(super) const SHORTEST: usize = 256;
@@ -21,7 +22,7 @@ pub(super) struct Screened {
     /// The newest queries, as long as their distances can be asked for.
     queries: Ring,
     /// Their lengths, for the cosine, the newest first.
-    lengths: VecDeque<f64>,
+    lengths: Roomy<VecDeque<f64>>,
     aim: Aim,
     products: Vec<f32>,
     lower: Vec<f32>,
@@ -53,7 +54,7 @@ impl Screened {
             bounded,
             screen,
             queries,
-            lengths,
+            lengths: Roomy(lengths),
             aim: Aim::new(map.dim()),
             products: vec![0.0; places],
             lower: vec![0.0; places],

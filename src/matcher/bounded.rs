@@ -17,6 +17,7 @@ use super::sequence::{Anchor, Sequence, Window, weigh_anchored};
 use super::{Fix, Matcher};
 use crate::error::Error;
 use crate::isa::Work;
+use crate::room::Roomy;
 
 /// Where more than one place in so many is in doubt, all of the column is looked at: in order, that is no slower.
 const CROWD: usize = 4;
@@ -35,12 +36,12 @@ pub(crate) struct Bounded {
     /// Upper bounds. A distance that has been looked at is both.
     upper: Ring,
     /// How many rows of each column have been looked at, the newest column's first.
-    looked: VecDeque<usize>,
+    looked: Roomy<VecDeque<usize>>,
     /// Room for the negated upper bounds of the gradients.
     gradients: Vec<f32>,
     /// Room for the lower bounds of the sums.
-    sums: Vec<f64>,
-    candidates: Vec<Candidate>,
+    sums: Roomy<Vec<f64>>,
+    candidates: Roomy<Vec<Candidate>>,
 }
 
 impl Bounded {
@@ -63,6 +64,7 @@ impl Bounded {
         sums.try_reserve_exact(places).map_err(refused)?;
         candidates.try_reserve_exact(places).map_err(refused)?;
         gradients.resize(places, 0.0);
+        let (looked, sums, candidates) = (Roomy(looked), Roomy(sums), Roomy(candidates));
         Ok(Self { matcher, upper, looked, gradients, sums, candidates })
     }
 
@@ -193,7 +195,7 @@ impl Bounded {
                 continue;
             }
             let first = diagonal.first();
-            for &(place, sum) in &search.anchored {
+            for &(place, sum) in search.anchored.iter() {
                 sums[place - first] = sum;
             }
             let back = &diagonal.back;

@@ -9,6 +9,7 @@ use super::order::diagonal_sum;
 use super::ring::Ring;
 use super::visit::Visit;
 use crate::error::Error;
+use crate::room::Roomy;
 
 /// The best match of the last `L` queries together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,19 +122,11 @@ impl Window<'_> {
 }
 
 /// The search for the best diagonal of all slopes.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Search {
     pub(super) diagonals: Vec<Diagonal>,
     /// Room for the diagonals with trusted cells.
-    pub(super) anchored: Vec<(usize, f64)>,
-}
-
-impl Clone for Search {
-    /// A copy with as much room, so that a push of it allocates nothing either.
-    fn clone(&self) -> Self {
-        let anchored = Vec::with_capacity(self.anchored.capacity());
-        Self { diagonals: self.diagonals.clone(), anchored }
-    }
+    pub(super) anchored: Roomy<Vec<(usize, f64)>>,
 }
 
 impl Search {
@@ -147,7 +140,7 @@ impl Search {
         }
         let mut anchored = Vec::new();
         anchored.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
-        Ok(Self { diagonals, anchored })
+        Ok(Self { diagonals, anchored: Roomy(anchored) })
     }
 
     /// Eqs. 4 to 6: the smallest mean of all diagonals of full windows; nothing before the first full window.
