@@ -95,7 +95,7 @@ impl Config {
             return Err(option("weight", "a number from 0 to 1", self.weight));
         }
         if let Floor::Fixed(floor) = self.floor
-            && !(floor as f32).is_finite()
+            && !(f64::from(f32::MIN)..=f64::from(f32::MAX)).contains(&floor)
         {
             return Err(option("floor", "a number that is finite in float32", floor));
         }

@@ -68,6 +68,12 @@ fn every_option_has_its_range() {
         ("weight", Config { weight: f64::NAN, ..base() }, ["from 0 to 1", "got NaN"]),
         ("floor", Config { floor: Floor::Fixed(f64::NAN), ..base() }, ["finite", "got NaN"]),
         ("floor", Config { floor: Floor::Fixed(f64::INFINITY), ..base() }, ["finite", "got inf"]),
+        // Nearer to the end of float32 than to what lies beyond it, but beyond it.
+        (
+            "floor",
+            Config { floor: Floor::Fixed(-340_282_356_779_733_600_000_000_000_000_000_000_000.0), ..base() },
+            ["finite in float32", "got -34028235677973"],
+        ),
         ("floor", Config { floor: Floor::Global, ..base() }, ["stream", "global"]),
         ("speeds", Config { speeds: vec![], ..base() }, ["at least one", "got none"]),
         ("speeds", Config { speeds: vec![1.0, -0.5], ..base() }, ["0 or more", "got -0.5"]),
@@ -104,6 +110,8 @@ fn every_option_takes_the_ends_of_its_range() {
         Config { weight: 0.0, ..base() },
         Config { weight: 1.0, ..base() },
         Config { tolerance: usize::MAX, ..base() },
+        Config { floor: Floor::Fixed(f32::MIN.into()), ..base() },
+        Config { floor: Floor::Fixed(f32::MAX.into()), ..base() },
         Config { smoothing: 65_536, ..base() },
         Config { speeds: vec![0.0, 9.49], ..base() },
         Config { speeds: vec![1e300], sequence_length: 1, ..base() },

@@ -106,6 +106,54 @@ fn a_query_that_is_refused_later_does_not_count() {
     assert_eq!(localizer.snapshot().unwrap(), other.snapshot().unwrap());
 }
 
+/// What all steps take in, and the metric refuses, does not count either.
+#[test]
+fn a_query_without_a_direction_does_not_count() {
+    let (post, rows) = Post::fit(&[Step::StandardizeRunning], &[1.0, 5.0, 3.0, 5.0], 2).unwrap();
+    let map = Map::from_descriptors(rows, 2, Metric::Cosine).unwrap().with_post(post).unwrap();
+    let mut localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
+    let before = localizer.snapshot().unwrap();
+    // The references' mean: all zeros when it is standardised.
+    assert!(matches!(localizer.push_descriptor(&[2.0_f32, 5.0][..]), Err(Error::NoDirection { .. })));
+    assert_eq!(localizer.snapshot().unwrap(), before);
+}
+
+/// However long the drive, beside the mean and the deviation of all its vectors, computed afresh.
+#[test]
+fn a_long_drive_is_standardised_by_all_of_it() {
+    const DIM: usize = 3;
+    let vectors: Vec<f32> =
+        signed(400 * DIM, 9).iter().enumerate().map(|(at, x)| x + at as f32 / 300.0).collect();
+    let mut running = Running::new(DIM);
+    let mut out = [0.0; DIM];
+    for (index, vector) in vectors.chunks_exact(DIM).enumerate() {
+        running.push(vector, &mut out).unwrap();
+        for (dim, &got) in out.iter().enumerate() {
+            let seen: Vec<f64> =
+                vectors.iter().skip(dim).step_by(DIM).take(index + 1).map(|&x| x.into()).collect();
+            let count = seen.len() as f64;
+            let mean = seen.iter().sum::<f64>() / count;
+            let deviation = (seen.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count).sqrt();
+            let expected = if index == 0 { 0.0 } else { (f64::from(vector[dim]) - mean) / deviation };
+            assert!((f64::from(got) - expected).abs() < 1e-5, "{got} for {expected}, vector {index}");
+        }
+    }
+}
+
+#[test]
+fn a_localizer_does_so_on_a_long_drive() {
+    let (dim, raw) = (4, signed(12 * 4, 6));
+    let queries: Vec<f32> = signed(150 * dim, 7).iter().map(|x| 2.0 * x + 1.0).collect();
+    let (done, rows) = by_hand(&raw, &queries, dim);
+    let mut localizer =
+        Localizer::new(Arc::new(route(&raw, dim, Metric::Euclidean)), Config::default()).unwrap();
+    let plain = Map::from_descriptors(rows, TO, Metric::Euclidean).unwrap();
+    let mut other = Localizer::new(Arc::new(plain), Config::default()).unwrap();
+    for (query, done) in queries.chunks_exact(dim).zip(done.chunks_exact(TO)) {
+        assert_eq!(localizer.push_descriptor(query).unwrap(), other.push_descriptor(done).unwrap());
+    }
+}
+
 #[test]
 fn in_a_batch_the_whole_of_the_route_can_be_the_floor() {
     let (dim, raw) = (6, signed(20 * 6, 3));

@@ -7,7 +7,7 @@ use cases::cases;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use surefix::evaluate::{Curve, Recall, Truth, evaluate};
+use surefix::evaluate::{Bootstrap, Curve, Recall, Truth, Verdict, evaluate};
 use surefix::{Error, Fix, Peak, Run, Sequence, Single};
 
 const RECALLS: [Recall; 3] = [Recall::Correct, Recall::PlaceExists, Recall::Rejected];
@@ -206,4 +206,27 @@ fn a_truth_of_another_length_and_an_unknown_recall_are_refused() {
             && message.contains("\"place_exists\"")
             && message.contains("\"Correct\"")
     );
+}
+
+#[test]
+fn a_tolerance_of_any_size_is_one() {
+    let cells = ndarray::array![[0_i8, 1], [0, -1], [1, 0]];
+    for tolerance in [2, 3, usize::MAX - 1, usize::MAX] {
+        let truth = Truth::cells(&cells.view(), tolerance).unwrap();
+        for (query, place) in [(0, 0), (0, 2), (1, 0), (1, 1)] {
+            assert_eq!(truth.judge(query, place), Verdict::Correct, "place {place} within {tolerance}");
+        }
+    }
+}
+
+#[test]
+fn a_number_of_samples_that_no_memory_holds_is_refused() {
+    let curve = curve(&[(1, 0.5, Some(1)), (2, 0.7, Some(3))], 0, Recall::Correct);
+    for samples in [0, 100_000_001, 1 << 61, usize::MAX] {
+        let refused = curve.auc_interval(1.0, &Bootstrap { samples, ..Bootstrap::default() }).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            format!("option `samples`: expected from 1 to 100000000, got {samples}")
+        );
+    }
 }

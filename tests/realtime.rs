@@ -249,6 +249,13 @@ fn a_localizer_allocates_nothing_for_an_image_after_the_first_of_its_size() {
                     }
                 });
                 assert_eq!(calls, 0, "{dtype} {channels} {width} x {height}");
+                let other = [Channels::Grey, Channels::Rgb].map(|channels| image(width, height, channels, 9));
+                let calls = allocations(|| {
+                    for frame in &other {
+                        localizer.push_image(frame).unwrap();
+                    }
+                });
+                assert_eq!(calls, 0, "grey and colour, {dtype} {width} x {height}");
             }
         }
     }

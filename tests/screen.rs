@@ -127,6 +127,7 @@ proptest! {
                 2 => {
                     let blob = plain.snapshot().unwrap();
                     localizer = Localizer::restore(Arc::clone(&screened), &blob, Some(&config)).unwrap();
+                    prop_assert_eq!(localizer.looked_at(), plain.looked_at());
                     prop_assert_eq!(localizer.distances(), plain.distances());
                 }
                 3 if query == config.sequence_length => {

@@ -214,4 +214,9 @@ fn rows_of_many_pixels_have_their_sums() {
             assert!(got == resize(&grey(&image), (width, 3), (to, 3)), "{width} to {to} on {isa}");
         }
     }
+    // Weights that are rounded up sum to more than one: white stays white, and not what is left of a larger number.
+    let white = Image::new(2_000_000, 1, Channels::Grey, vec![255; 2_000_000]).unwrap();
+    for isa in Isa::available() {
+        assert_eq!(super::resize::shrunk(isa, white.view(), (1, 1)), [255], "{isa}");
+    }
 }

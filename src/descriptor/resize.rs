@@ -92,12 +92,12 @@ impl Resize {
         let (width, height) = (image.width(), image.height());
         self.across.prepare(width, to.0);
         self.down.prepare(height, to.1);
+        // Whatever the image's channels, so that another of its size finds it there.
+        self.narrow.resize(to.0 * height, 0);
         let narrow = if width != to.0 {
-            self.narrow.resize(to.0 * height, 0);
             self.across(isa, image);
             &self.narrow
         } else if image.channels() == Channels::Rgb {
-            self.narrow.resize(width * height, 0);
             brightness(image.pixels(), &mut self.narrow);
             &self.narrow
         } else {

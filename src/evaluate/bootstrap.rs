@@ -8,6 +8,9 @@ use super::metrics::area;
 use crate::error::Error;
 use crate::parallel::each;
 
+/// More samples than any interval needs; their figures are kept until the last one is there.
+const MOST_SAMPLES: usize = 100_000_000;
+
 /// How to draw. Flat, with defaults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bootstrap {
@@ -41,8 +44,8 @@ impl Bootstrap {
         let bad = |name, expected: &str, got: String| {
             Err(Error::Option { name, expected: expected.to_owned(), got })
         };
-        if self.samples == 0 {
-            return bad("samples", "at least 1", "0".to_owned());
+        if !(1..=MOST_SAMPLES).contains(&self.samples) {
+            return bad("samples", &format!("from 1 to {MOST_SAMPLES}"), self.samples.to_string());
         }
         if self.block == Some(0) {
             return bad("block", "at least 1 query", "0".to_owned());

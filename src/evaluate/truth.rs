@@ -148,7 +148,8 @@ impl Truth {
             }
             Kind::Cells { columns, tolerance } => {
                 let column = columns.get(query).map_or(&[][..], Vec::as_slice);
-                let (first, end) = (place.saturating_sub(*tolerance), place.saturating_add(*tolerance + 1));
+                let (first, end) =
+                    (place.saturating_sub(*tolerance), place.saturating_add(*tolerance).saturating_add(1));
                 let near = column.get(first..end.min(column.len())).unwrap_or_default();
                 if !near.contains(&1) && column.get(place) == Some(&-1) {
                     return Verdict::Ignored;

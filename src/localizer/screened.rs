@@ -40,6 +40,7 @@ impl Screened {
         let config = matcher.config();
         // What was restored may hold numbers of any size: until it is forgotten, nothing is added to bounds.
         let rest = if matcher.frames() > 0 { config.smoothing.max(config.sequence_length) } else { 0 };
+        let looked_at = if matcher.frames() > 0 { map.places() } else { 0 };
         let bounded = Bounded::new(matcher)?;
         let (window, places) = (bounded.window(), map.places());
         let mut queries = Ring::new(window, map.dim())?;
@@ -60,7 +61,7 @@ impl Screened {
             lower: vec![0.0; places],
             upper: vec![0.0; places],
             patience: Patience::new(rest),
-            looked_at: 0,
+            looked_at,
         })
     }
 
