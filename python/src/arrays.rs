@@ -7,7 +7,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 use pyo3::types::PyString;
-use surefix::View;
+use surefix::{Dtype, View};
 
 use crate::error::value;
 
@@ -160,6 +160,26 @@ impl<'py> Numbers<'py> {
             Self::U8(v) => View::U8(v.as_slice()?),
         })
     }
+}
+
+/// Float32 numbers, where nothing else is taken.
+pub(crate) fn float32s<'py>(
+    array: &Bound<'py, PyUntypedArray>,
+    what: &str,
+) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
+    contiguous(array)?.ok_or_else(|| wrong_dtype(array, what, "float32", "float32"))
+}
+
+/// The numbers of a query for a map: of a type that it takes.
+pub(crate) fn query<'py>(
+    array: &Bound<'py, PyUntypedArray>,
+    what: &str,
+    map: &surefix::Map,
+) -> PyResult<Numbers<'py>> {
+    if map.dtype() == Dtype::F32 || map.post().is_some() {
+        return float32s(array, what).map(Numbers::F32);
+    }
+    Numbers::new(array, what)
 }
 
 /// Float64 coordinates, converted from any numbers, with their count a place.

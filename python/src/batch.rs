@@ -11,7 +11,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use surefix::descriptor::{Progress, describe_all};
 use surefix::{Floor, Recipe, View, match_descriptors};
 
-use crate::arrays::{Numbers, as_array, flags, matrix, shape_of, whole_numbers};
+use crate::arrays::{as_array, dtype_of, flags, matrix, query, sequence_or_array, shape_of, whole_numbers};
 use crate::error::{OrRaise as _, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
@@ -298,7 +298,7 @@ pub(crate) fn match_(
             let (expected, got) = (map.input_dim(), array.shape()[1]);
             return Err(to_py(py, &surefix::Error::Length { what: "queries: each row", expected, got }));
         }
-        let numbers = Numbers::new(array, "queries")?;
+        let numbers = query(array, "queries", map)?;
         let view = numbers.view()?;
         let callback = progress_callback(py, progress, "Matching")?;
         let run = with_progress(py, callback.as_ref(), |progress| Ok(py.detach(|| matched(view, progress))));
@@ -307,9 +307,10 @@ pub(crate) fn match_(
     let Recipe::Sad(sad) = map.recipe() else {
         let dim = map.input_dim();
         let expected = format!("descriptors (m, {dim}), as this map was made of ready ones, or descriptor=");
-        let got = match &array {
-            Some(array) => shape_of(array),
-            None => "images".to_owned(),
+        let got = match (&array, path_of(queries)) {
+            (Some(array), _) => shape_of(array),
+            (None, Some(path)) => format!("the path {}", path.display()),
+            (None, None) => "images".to_owned(),
         };
         return Err(value(py, format!("queries: expected {expected}, got {got}")));
     };
@@ -324,6 +325,11 @@ pub(crate) fn match_(
 
 /// The queries before which there is a gap; whether there are such queries is for the crate to say.
 fn indices(gaps: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+    let given = sequence_or_array(gaps, "gaps")?;
+    if dtype_of(&given) == "bool" {
+        let advice = "expected indices of queries, got bool; convert a mask with np.flatnonzero(mask)";
+        return Err(value(gaps.py(), format!("gaps: {advice}")));
+    }
     let indices = whole_numbers(gaps, "gaps")?.into_iter().map(|index| {
         usize::try_from(index).map_err(|_| {
             let (name, expected) = ("gaps", "indices of queries, from 0".to_owned());

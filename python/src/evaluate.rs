@@ -136,8 +136,19 @@ fn check_upto(py: Python<'_>, upto: f64) -> PyResult<()> {
     Err(Error::Option { name: "upto", expected, got: upto.to_string() }).or_raise(py)
 }
 
-fn bootstrap(level: f64, samples: usize, block: Option<usize>, seed: u64) -> Bootstrap {
-    Bootstrap { samples, block, level, seed }
+fn bootstrap(
+    level: f64,
+    samples: Option<&Bound<'_, PyAny>>,
+    block: Option<&Bound<'_, PyAny>>,
+    seed: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Bootstrap> {
+    let standard = Bootstrap::default();
+    Ok(Bootstrap {
+        samples: samples.map_or(Ok(standard.samples), |samples| whole("samples", samples))?,
+        block: block.map(|block| whole("block", block)).transpose()?,
+        level,
+        seed: seed.map_or(Ok(standard.seed), |seed| whole("seed", seed).map(|seed| seed as u64))?,
+    })
 }
 
 #[pymethods]
@@ -188,18 +199,21 @@ impl Evaluation {
     /// Returns
     /// -------
     /// (low, high)
-    #[pyo3(signature = (upto, *, level=0.95, samples=1000, block=None, seed=0))]
+    #[pyo3(
+        signature = (upto, *, level=0.95, samples=None, block=None, seed=None),
+        text_signature = "($self, upto, *, level=0.95, samples=1000, block=None, seed=0)"
+    )]
     fn auc_interval(
         &self,
         py: Python<'_>,
         upto: f64,
         level: f64,
-        samples: usize,
-        block: Option<usize>,
-        seed: u64,
+        samples: Option<&Bound<'_, PyAny>>,
+        block: Option<&Bound<'_, PyAny>>,
+        seed: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(f64, f64)> {
         check_upto(py, upto)?;
-        let bootstrap = bootstrap(level, samples, block, seed);
+        let bootstrap = bootstrap(level, samples, block, seed)?;
         let interval = py.detach(|| self.0.auc_interval(upto, &bootstrap)).or_raise(py)?;
         Ok((interval.low, interval.high))
     }
@@ -216,7 +230,10 @@ impl Evaluation {
     /// Returns
     /// -------
     /// (low, high)
-    #[pyo3(signature = (other, upto, *, level=0.95, samples=1000, block=None, seed=0))]
+    #[pyo3(
+        signature = (other, upto, *, level=0.95, samples=None, block=None, seed=None),
+        text_signature = "($self, other, upto, *, level=0.95, samples=1000, block=None, seed=0)"
+    )]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
     fn auc_difference_interval(
         &self,
@@ -224,12 +241,12 @@ impl Evaluation {
         other: &Self,
         upto: f64,
         level: f64,
-        samples: usize,
-        block: Option<usize>,
-        seed: u64,
+        samples: Option<&Bound<'_, PyAny>>,
+        block: Option<&Bound<'_, PyAny>>,
+        seed: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(f64, f64)> {
         check_upto(py, upto)?;
-        let bootstrap = bootstrap(level, samples, block, seed);
+        let bootstrap = bootstrap(level, samples, block, seed)?;
         let interval =
             py.detach(|| self.0.auc_difference_interval(&other.0, upto, &bootstrap)).or_raise(py)?;
         Ok((interval.low, interval.high))

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use surefix::Recipe;
 
-use crate::arrays::as_array;
+use crate::arrays::{as_array, dtype_of, shape_of};
 use crate::error::value;
 use crate::images::{path_of, read_image};
 use crate::map::Map;
@@ -139,7 +139,13 @@ pub(crate) fn described<'py>(
                     "a descriptor ({},), or Localizer(map, descriptor=...) with {name:?}",
                     map.input_dim()
                 );
-                Err(value(py, format!("frame: expected {expected}, got an image")))
+                let got = match as_array(frame, "frame") {
+                    Ok(array) if dtype_of(&array) != "uint8" => {
+                        format!("{} of the shape {}", dtype_of(&array), shape_of(&array))
+                    }
+                    _ => "an image".to_owned(),
+                };
+                Err(value(py, format!("frame: expected {expected}, got {got}")))
             }
         };
     };

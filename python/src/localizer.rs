@@ -3,9 +3,9 @@
 use numpy::{PyArray1, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyInt, PyIterator};
-use surefix::Floor;
+use surefix::{Floor, Recipe};
 
-use crate::arrays::{Numbers, as_array};
+use crate::arrays::{as_array, dtype_of, query, shape_of};
 use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
 use crate::images::{Pixels, find_images, path_of};
@@ -104,16 +104,17 @@ impl Localizer {
         }
         let array = as_array(frame, "frame")?;
         let fix = if array.ndim() == 1 {
-            let numbers = Numbers::new(&array, "descriptor")?;
+            let numbers = query(&array, "descriptor", shared(slf)?.0.map())?;
             let view = numbers.view()?;
             let mut this = locked()?;
             let localizer = &mut this.0;
             py.detach(|| localizer.push_descriptor_with_trust(view, trusted))
         } else {
-            let pixels = Pixels::new(&array, "image")?;
-            let view = pixels.view(py)?;
             let mut this = locked()?;
             let localizer = &mut this.0;
+            check_no_batch(&array, localizer.map())?;
+            let pixels = Pixels::new(&array, "image")?;
+            let view = pixels.view(py)?;
             py.detach(|| localizer.push_image_with_trust(view, trusted))
         };
         Ok(Fix(fix.or_raise(py)?))
@@ -244,7 +245,7 @@ impl Localizer {
     #[staticmethod]
     #[pyo3(
         signature = (map, blob, *, descriptor=None, threads=None, **options),
-        text_signature = "(map, blob, *, descriptor=None, threads=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+        text_signature = "(map, blob, *, descriptor=None, threads=None, sequence_length=..., weight=..., tolerance=..., smoothing=..., gradient=..., floor=..., speeds=...)"
     )]
     fn restore(
         py: Python<'_>,
@@ -329,4 +330,13 @@ fn frame_of<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>
     let lost: u64 =
         dropped.extract().map_err(|_| refuse("dropped", "a whole number of 0 or more", &dropped))?;
     Ok(Some((image, !cut && lost == 0)))
+}
+
+/// What is no image and has more axes than a descriptor is most likely one with an axis too many, such as a network's batch of one.
+fn check_no_batch(array: &Bound<'_, PyUntypedArray>, map: &surefix::Map) -> PyResult<()> {
+    if map.recipe() != Recipe::Ready || dtype_of(array) == "uint8" {
+        return Ok(());
+    }
+    let (dim, dtype, shape) = (map.input_dim(), dtype_of(array), shape_of(array));
+    Err(value(array.py(), format!("frame: expected a descriptor ({dim},), got {dtype} of the shape {shape}")))
 }

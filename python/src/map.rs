@@ -7,7 +7,7 @@ use numpy::{PyArray1, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use surefix::{Dtype, Recipe};
 
-use crate::arrays::{Numbers, as_array, check_axes, rows_to_py};
+use crate::arrays::{Numbers, as_array, check_axes, query, rows_to_py};
 use crate::error::{OrRaise as _, value};
 use crate::images::{Images, progress_callback, with_progress};
 use crate::learned;
@@ -436,7 +436,7 @@ impl Map {
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let array = as_array(descriptor, "descriptor")?;
         check_axes(&array, "descriptor", 1)?;
-        let numbers = Numbers::new(&array, "descriptor")?;
+        let numbers = query(&array, "descriptor", &self.0)?;
         let view = numbers.view()?;
         let distances = py.detach(|| self.0.distances(view)).or_raise(py)?;
         Ok(PyArray1::from_vec(py, distances))

@@ -149,7 +149,7 @@ impl Matcher {
     #[staticmethod]
     #[pyo3(
         signature = (blob, **options),
-        text_signature = "(blob, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+        text_signature = "(blob, *, sequence_length=..., weight=..., tolerance=..., smoothing=..., gradient=..., floor=..., speeds=...)"
     )]
     fn restore(py: Python<'_>, blob: &[u8], options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let expected = options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;

@@ -1,6 +1,7 @@
 //! What comes with a map's descriptors: their recipe, the places' names and positions.
 
 use pyo3::prelude::*;
+use pyo3::types::PyString;
 use surefix::Positions;
 
 use crate::arrays::coordinates;
@@ -18,6 +19,12 @@ pub(crate) fn recipe(py: Python<'_>, descriptor: Option<&Bound<'_, PyAny>>) -> P
 
 /// A name for each place.
 pub(crate) fn names(names: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    if names.is_instance_of::<PyString>() {
+        return Err(value(
+            names.py(),
+            "names: expected a sequence of strings, one a place, got a string".to_owned(),
+        ));
+    }
     let each = names.try_iter().and_then(|each| each.map(|name| name?.extract()).collect());
     each.map_err(|_| value(names.py(), "names: expected a sequence of strings, one a place".to_owned()))
 }

@@ -6,8 +6,9 @@ use pyo3::types::PyBytes;
 use surefix::descriptor::Running as Statistics;
 use surefix::{Step, View};
 
-use crate::arrays::{Numbers, as_array, check_axes, rows_to_py};
+use crate::arrays::{as_array, check_axes, float32s, rows_to_py};
 use crate::error::{OrRaise as _, busy, value};
+use crate::options::whole;
 
 /// A chain of steps of post-processing that has been fitted on references.
 ///
@@ -51,8 +52,8 @@ impl Post {
             let (what, expected) = ("vectors: each", self.0.input());
             return Err(surefix::Error::Length { what, expected, got: width }).or_raise(py);
         }
-        let numbers = Numbers::new(&array, "vectors")?;
-        let rows = float32(py, numbers.view()?, "vectors")?;
+        let numbers = float32s(&array, "vectors")?;
+        let rows = numbers.as_slice()?;
         let done = py.detach(|| self.0.apply(rows)).or_raise(py)?;
         let many = [done.len() / self.0.output(), self.0.output()];
         rows_to_py(py, View::F32(&done), if array.ndim() == 1 { &many[1..] } else { &many })
@@ -103,8 +104,8 @@ pub(crate) fn fit_post<'py>(
     let steps: Vec<Step> = serde_json::from_str(steps).map_err(|e| value(py, format!("post: {e}")))?;
     let array = as_array(references, "references")?;
     check_axes(&array, "references", 2)?;
-    let numbers = Numbers::new(&array, "references")?;
-    let (rows, dim) = (float32(py, numbers.view()?, "references")?, array.shape()[1]);
+    let numbers = float32s(&array, "references")?;
+    let (rows, dim) = (numbers.as_slice()?, array.shape()[1]);
     let (post, rows) = py.detach(|| surefix::Post::fit(&steps, rows, dim)).or_raise(py)?;
     let shape = [rows.len() / post.output().max(1), post.output()];
     let rows = rows_to_py(py, View::F32(&rows), &shape)?;
@@ -139,14 +140,18 @@ pub(crate) struct Running(Statistics);
 impl Running {
     #[new]
     #[pyo3(signature = (dim=None, *, references=None))]
-    fn new(py: Python<'_>, dim: Option<usize>, references: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        match (dim, references) {
+    fn new(
+        py: Python<'_>,
+        dim: Option<&Bound<'_, PyAny>>,
+        references: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        match (dim.map(|dim| whole("dim", dim)).transpose()?, references) {
             (Some(dim), None) if (1..=LONGEST).contains(&dim) => Ok(Self(Statistics::new(dim))),
             (None, Some(references)) => {
                 let array = as_array(references, "references")?;
                 check_axes(&array, "references", 2)?;
-                let numbers = Numbers::new(&array, "references")?;
-                let (rows, dim) = (float32(py, numbers.view()?, "references")?, array.shape()[1]);
+                let numbers = float32s(&array, "references")?;
+                let (rows, dim) = (numbers.as_slice()?, array.shape()[1]);
                 Ok(Self(py.detach(|| Statistics::after(rows, dim)).or_raise(py)?))
             }
             _ => Err(value(py, format!("Running: expected dim, from 1 to {LONGEST}, or references"))),
@@ -163,8 +168,8 @@ impl Running {
         let py = slf.py();
         let array = as_array(vector, "vector")?;
         check_axes(&array, "vector", 1)?;
-        let numbers = Numbers::new(&array, "vector")?;
-        let vector = float32(py, numbers.view()?, "vector")?;
+        let numbers = float32s(&array, "vector")?;
+        let vector = numbers.as_slice()?;
         let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Running"))?;
         let mut out = vec![0.0; this.0.dim()];
         this.0.push(vector, &mut out).or_raise(py)?;

@@ -5,6 +5,9 @@ whether to trust it: Carson, Ford and Milford, *Unsupervised Quality Prediction 
 Sequential Visual Place Recognition*, ICRA 2023. No training, no ground truth, any descriptor.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from surefix._core import (
     Evaluation,
     Fix,
@@ -56,3 +59,24 @@ __all__ = [
     "read_image",
     "recall_at",
 ]
+
+if TYPE_CHECKING:
+    from surefix import baselines as baselines
+    from surefix import datasets as datasets
+    from surefix import descriptors as descriptors
+    from surefix import live as live
+    from surefix import plot as plot
+    from surefix import post as post
+    from surefix import simulate as simulate
+    from surefix import streams as streams
+else:
+    # Imported when they are asked for: some take long, or need packages that not everybody has.
+    _PARTS = ("baselines", "datasets", "descriptors", "live", "plot", "post", "simulate", "streams")
+
+    def __getattr__(name):
+        if name in _PARTS:
+            return import_module(f"surefix.{name}")
+        raise AttributeError(f"module 'surefix' has no attribute {name!r}")
+
+    def __dir__():
+        return sorted({*globals(), *_PARTS})

@@ -273,13 +273,13 @@ class Matcher:
     def restore(
         blob: bytes,
         *,
-        sequence_length: SupportsIndex = 2,
-        weight: SupportsFloat = 0.99,
-        tolerance: SupportsIndex = 1,
-        smoothing: SupportsIndex = 3,
-        gradient: _Gradient | str = "halved",
-        floor: _Floor | str = "running",
-        speeds: Iterable[SupportsFloat] = [1.0],
+        sequence_length: SupportsIndex = ...,
+        weight: SupportsFloat = ...,
+        tolerance: SupportsIndex = ...,
+        smoothing: SupportsIndex = ...,
+        gradient: _Gradient | str = ...,
+        floor: _Floor | str = ...,
+        speeds: Iterable[SupportsFloat] = ...,
     ) -> Matcher: ...
     @property
     def places(self) -> int: ...
@@ -314,13 +314,13 @@ class Localizer:
         *,
         descriptor: _Descriptor | None = None,
         threads: SupportsIndex | None = None,
-        sequence_length: SupportsIndex = 2,
-        weight: SupportsFloat = 0.99,
-        tolerance: SupportsIndex = 1,
-        smoothing: SupportsIndex = 3,
-        gradient: _Gradient | str = "halved",
-        floor: _Floor | str = "running",
-        speeds: Iterable[SupportsFloat] = [1.0],
+        sequence_length: SupportsIndex = ...,
+        weight: SupportsFloat = ...,
+        tolerance: SupportsIndex = ...,
+        smoothing: SupportsIndex = ...,
+        gradient: _Gradient | str = ...,
+        floor: _Floor | str = ...,
+        speeds: Iterable[SupportsFloat] = ...,
     ) -> Localizer: ...
     @property
     def distances(self) -> _Float32: ...

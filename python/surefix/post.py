@@ -146,7 +146,8 @@ def as_json(steps: Any) -> str:
             expected, fits = _EXPECTED[name]
             if not fits(value):
                 raise SurefixValueError(f"post: {type(step).__name__}: expected {name} to be {expected}, got {value!r}")
-    return json.dumps([_plain(step) for step in listed])
+    # Numbers of NumPy's as those of Python.
+    return json.dumps([_plain(step) for step in listed], default=lambda number: number.item())
 
 
 def _plain(step: Step) -> dict[str, Any]:
@@ -156,13 +157,13 @@ def _plain(step: Step) -> dict[str, Any]:
 
 
 def _is_whole(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and 0 <= int(value) < 2**63
 
 
 # What each field of a step may be.
 _EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
     "statistics": ('"references" or "running"', lambda value: value in ("references", "running")),
-    "whiten": ("True or False", lambda value: isinstance(value, bool)),
+    "whiten": ("True or False", lambda value: isinstance(value, (bool, np.bool_))),
     "dim": ("a whole number", _is_whole),
     "seed": ("a whole number", _is_whole),
 }

@@ -1,8 +1,8 @@
 //! Images from files: a folder, a pattern or a list, in the order that a person would count them.
 
-use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use super::image::{Channels, Image};
 use super::source::ImageSource;
@@ -62,10 +62,15 @@ impl ImageFiles {
 }
 
 fn inside(folder: &Path) -> Result<Vec<PathBuf>, Error> {
-    let io = |source| Error::Io { path: folder.to_owned(), action: "list the folder", source };
+    let refused = |source| Error::Io { path: folder.to_owned(), action: "list the folder", source };
+    if folder.is_file() {
+        return Err(refused(io::Error::other(
+            "it is a file, where a folder of images or a pattern is expected",
+        )));
+    }
     let mut paths = Vec::new();
-    for entry in fs::read_dir(folder).map_err(io)? {
-        let path = entry.map_err(io)?.path();
+    for entry in fs::read_dir(folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
         let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
         if !hidden && is_image(&path) && path.is_file() {
             paths.push(path);

@@ -41,6 +41,10 @@ fn create(path: &Path) -> io::Result<NamedTempFile> {
         return Err(io::Error::other("expected a file name, got a folder"));
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        let missing = format!("there is no folder {}", folder.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, missing));
+    }
     let mut beside = tempfile::Builder::new();
     beside.prefix(".surefix-").suffix(".part");
     #[cfg(unix)]

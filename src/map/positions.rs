@@ -28,7 +28,11 @@ impl Positions {
             return Err(Error::Shape {
                 what: "positions",
                 expected: "2 or 3 coordinates a place, in metres".to_owned(),
-                got: format!("{} numbers for {axes} coordinates", metres.len()),
+                got: if matches!(axes, 2 | 3) {
+                    format!("{} numbers, which {axes} does not divide", metres.len())
+                } else {
+                    axes.to_string()
+                },
             });
         }
         if let Some(at) = metres.iter().position(|x| !x.is_finite()) {

@@ -202,6 +202,13 @@ MISTAKES = {
     "a folder that cannot be written": (["map", "build", "@summer", "-o", "/nowhere/x"], 1, "/nowhere/x"),
     "a text as an array": (["map", "build", "@text.npy"], 1, "text.npy"),
     "an array of one dimension": (["map", "build", "@flat.npy"], 1, "(5,)"),
+    "a metric for SAD": (
+        ["map", "build", "@summer", "--metric", "cosine"],
+        2,
+        "got images for SAD, which is manhattan",
+    ),
+    "a size for descriptors": (["map", "build", "@wide.npy", "--size", "abc"], 2, "--size, --patch, --dtype: expected"),
+    "a patch for descriptors": (["map", "build", "@wide.npy", "--patch", "4"], 2, "got the ready descriptors"),
     "appending to nothing": (["map", "append", "nowhere.safetensors", "@summer"], 1, "nowhere.safetensors"),
     "appending to an image": (["map", "append", "@winter/frame3.png", "@summer"], 1, "frame3.png: not a usable"),
     "appending nothing": (["map", "append", "@route.safetensors", "."], 1, "found none"),

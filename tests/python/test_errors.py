@@ -18,6 +18,7 @@ from surefix.simulate import Route
 
 FRAMES = np.random.default_rng(0).integers(0, 255, (6, 16, 32), np.uint8)
 EYE = np.eye(5, dtype=np.float32)
+MAP = surefix.Map.from_descriptors(EYE)
 
 
 def picture(path: Path, size: tuple[int, int] = (32, 16)) -> str:
@@ -26,6 +27,44 @@ def picture(path: Path, size: tuple[int, int] = (32, 16)) -> str:
 
 
 CASES: dict[str, tuple[Callable[[Path], Any], list[str]]] = {
+    "a mask for gaps": (
+        lambda _: surefix.match_distances(EYE, gaps=np.eye(1, 5, dtype=bool)[0]),
+        ["gaps: expected indices of queries, got bool", "np.flatnonzero(mask)"],
+    ),
+    "a list of flags for gaps": (lambda _: surefix.match(MAP, EYE, gaps=[False] * 5), ["np.flatnonzero(mask)"]),
+    "a descriptor with an axis too many": (
+        lambda _: surefix.Localizer(MAP).push(EYE[:1]),
+        ["frame: expected a descriptor (5,), got float32 of the shape (1, 5)"],
+    ),
+    "the same on a map with a recipe": (
+        lambda _: surefix.Localizer(surefix.Map.from_descriptors(EYE, recipe={"name": "mine"})).push(EYE[:1]),
+        ["expected a descriptor (5,)", '"mine"', "got float32 of the shape (1, 5)"],
+    ),
+    "a query of another type": (
+        lambda _: surefix.Localizer(MAP).push(EYE[0].astype(np.float64)),
+        ["descriptor: expected float32, got float64; convert it with array.astype(np.float32)"],
+    ),
+    "vectors of another type": (
+        lambda _: surefix.post.Running(5).push(EYE[0].astype(np.float16)),
+        ["vector: expected float32, got float16; convert it with array.astype(np.float32)"],
+    ),
+    "a file of descriptors as queries": (
+        lambda _: surefix.match(MAP, "drive.npy"),
+        ["queries: expected descriptors (m, 5)", "got the path drive.npy"],
+    ),
+    "positions of four coordinates": (
+        lambda _: surefix.Map.from_descriptors(EYE, positions=np.zeros((5, 4))),
+        ["positions: expected 2 or 3 coordinates a place, in metres, got 4"],
+    ),
+    "one string as names": (
+        lambda _: surefix.Map.from_descriptors(EYE, names="abcde"),
+        ["names: expected a sequence of strings, one a place, got a string"],
+    ),
+    "a negative dim": (lambda _: surefix.post.Running(-1), ["dim", "a whole number of 0 or more", "-1"]),
+    "a negative seed": (
+        lambda _: surefix.evaluate(surefix.match(MAP, EYE), list(range(5))).auc_interval(1.0, seed=-1),
+        ["seed", "a whole number of 0 or more", "-1"],
+    ),
     "an empty map": (
         lambda _: surefix.Map.from_descriptors(np.empty((0, 4), np.float32)),
         ["at least 2", "0"],
@@ -321,3 +360,13 @@ def test_a_forked_child_goes_on_alone() -> None:
         os.waitpid(child, 0)
         pytest.fail("the child hangs")
     assert os.waitstatus_to_exitcode(status) == 0
+
+
+def test_a_file_is_no_folder_and_a_folder_must_be_there(tmp_path: Path) -> None:
+    image, route = picture(tmp_path / "one.png"), tmp_path / "none" / "route.safetensors"
+    with pytest.raises(
+        surefix.SurefixFileError, match=r"one.png: .* it is a file, where a folder of images or a pattern"
+    ):
+        surefix.Map.from_images(image)
+    with pytest.raises(surefix.SurefixFileError, match=r"cannot write the map: there is no folder .*none$"):
+        MAP.save(route)

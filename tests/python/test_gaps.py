@@ -175,7 +175,7 @@ def test_no_gaps_are_none(gaps: Any) -> None:
         ([3, 12], "option `gaps`: expected indices of queries, from 0 to 11, got 12"),
         ([3, -1], "option `gaps`: expected indices of queries, from 0, got -1"),
         (np.array([0.0, 3.0]), "gaps: expected whole numbers, got float64"),
-        ([True, False], "gaps: expected whole numbers, got bool"),
+        ([True, False], "gaps: expected indices of queries, got bool; convert a mask with np.flatnonzero(mask)"),
         ([[1], [2]], "gaps: expected an array of 1 dimension(s), got the shape (2, 1)"),
         ("3", "gaps: expected a NumPy array"),
     ],

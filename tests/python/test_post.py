@@ -297,3 +297,9 @@ def test_a_descriptor_that_gives_something_else_leaves_the_localizer_as_it_was()
             localizer.push(images[1])
     descriptor.describe = good  # type: ignore[method-assign]
     assert localizer.push(images[1]).frame == 1
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    rows = np.random.default_rng(2).standard_normal((12, 6), np.float32)
+    first = fit(rows, [Pca(np.int64(3), whiten=np.bool_(True))])  # type: ignore[arg-type]
+    assert first.apply(rows).tobytes() == fit(rows, [Pca(3, whiten=True)]).apply(rows).tobytes()

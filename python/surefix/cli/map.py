@@ -51,6 +51,21 @@ def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
         raise typer.BadParameter(str(error)) from None
 
 
+def _check_sad(references: str, size: str | None, patch: int, dtype: Dtype, *, ready: bool, model: bool) -> None:
+    """Refuses options of SAD where nothing is described by it."""
+    if ready and (size, patch, dtype) != (None, 8, Dtype.u8):
+        raise typer.BadParameter(f"--size, --patch, --dtype: expected images, got the ready descriptors {references}")
+    if model and (patch, dtype) != (8, Dtype.u8):
+        raise typer.BadParameter("--patch, --dtype: expected images for SAD, got --model")
+
+
+def _check_metric(references: str, metric: Metric | None) -> None:
+    if metric not in (None, Metric.manhattan):
+        raise typer.BadParameter(
+            f"--metric: expected ready descriptors or --model, got images for SAD, which is manhattan: {references}"
+        )
+
+
 def build(
     references: Annotated[
         str,
@@ -120,7 +135,10 @@ def build(
         network = open_network(model, output, None if size is None else _size(size), mean, std, batch)
     elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
         raise typer.BadParameter("--output, --mean, --std, --batch, --cache: expected --model too, got none")
+    _check_sad(references, size, patch, dtype, ready=False, model=network is not None)
     if is_recording(references):
+        if network is None:
+            _check_metric(references, metric)
         if key is not None:
             raise typer.BadParameter(f"--key: expected descriptors, got the recording {references}")
         if steps is not None and network is None:
@@ -146,6 +164,7 @@ def build(
     if frames.descriptors is not None:
         if network is not None:
             raise typer.BadParameter(f"--model: expected images, got the ready descriptors {references}")
+        _check_sad(references, size, patch, dtype, ready=True, model=False)
         by = metric.value if metric else metric_of(references) or "cosine"
         Map.from_descriptors(frames.descriptors, by, positions=where, post=steps).save(out)
     elif network is not None:
@@ -153,6 +172,7 @@ def build(
     elif steps is not None:
         raise typer.BadParameter(f"--post: expected ready descriptors or --model, got images for SAD: {references}")
     else:
+        _check_metric(references, metric)
         Map.build(out, frames.images, _sad(size, patch, dtype), positions=where)
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
 
