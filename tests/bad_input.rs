@@ -169,10 +169,12 @@ fn names_and_positions_are_one_a_place() {
     let positions = |metres: Vec<f64>, axes| Positions::new(metres, axes);
     let error = refused(map().with_positions(positions(vec![0.0; 8], 2).unwrap()));
     assert_eq!(error.to_string(), "positions: expected 3 values, got 4");
-    for (count, axes) in [(7, 2), (4, 1), (4, 4), (4, 0)] {
+    for (count, axes, got) in
+        [(7, 2, "got 7 numbers, which 2 does not divide"), (4, 1, "got 1"), (4, 4, "got 4"), (4, 0, "got 0")]
+    {
         let error = refused(positions(vec![0.0; count], axes));
         assert!(matches!(error, Error::Shape { what: "positions", .. }));
-        says(&error, &["2 or 3", &format!("{count} numbers for {axes}")]);
+        says(&error, &["2 or 3", got]);
     }
     let error = refused(positions(vec![0.0, 1.0, 2.0, f64::INFINITY], 2));
     assert!(matches!(error, Error::NotFinite { row: Some(1), index: 1, .. }));
