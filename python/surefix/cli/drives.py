@@ -1,21 +1,35 @@
 """What ``surefix eval`` compares on: a map and queries, or ready distances, with their images where there are any."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import typer
 
-from surefix import Map, SurefixFileError, SurefixValueError
+from surefix import Localizer, Map, SurefixFileError, SurefixValueError
 from surefix._progress import terminal_bar
-from surefix.cli.frames import Frames
+from surefix.cli.network import network_of
+from surefix.cli.queries import FrameQueries, Pictures, Queries, RecordedQueries
+from surefix.cli.recording import is_recording
 from surefix.datasets.images import Images, open_images
+from surefix.descriptors import Onnx
+from surefix.streams import open_stream
 
-__all__ = ["Drives", "open_drives", "read_matrix", "reference_images"]
+__all__ = ["Drives", "Taking", "open_drives", "read_matrix", "reference_images"]
 
-Image = npt.NDArray[np.uint8]
+
+@dataclass(frozen=True)
+class Taking:
+    """Which frames of a recording are taken, as for ``open_stream``; by default each."""
+
+    topic: str | None = None
+    stride: int = 1
+    every: float | None = None
+    metres: float | None = None
+    odometry: str | None = None
 
 
 @dataclass(eq=False)
@@ -26,21 +40,28 @@ class Drives:
     ----------
     places, queries : int
         How many there are.
-    images : sequence of uint8 images, or None
-        Those of the queries.
+    drive : Queries or None
+        The queries themselves; none with ready distances.
+    images : Images, Queries or None
+        With ready distances: the images of the queries, if there are any.
+    network, cache : optional
+        What describes the images for a map of a network's, and where that is kept.
     """
 
     places: int
     queries: int
     matrix: npt.NDArray[np.float32] | None = None
     map: Map | None = None
-    frames: Frames | None = None
-    images: Images | None = None
+    drive: Queries | None = None
+    images: Images | Queries | None = None
+    network: Onnx | None = None
+    cache: Path | None = None
 
     @property
     def names(self) -> Sequence[str] | None:
         """Names of the queries."""
-        return None if self.images is None else self.images.names
+        shown = self.drive if self.images is None else self.images
+        return None if shown is None else shown.names
 
     @property
     def place_names(self) -> Sequence[str] | None:
@@ -52,45 +73,64 @@ class Drives:
         """Those of the places, where the map has them."""
         return None if self.map is None else self.map.positions
 
+    def pictures(self, wanted: Collection[int]) -> Pictures | None:
+        """The images of these queries at least, where there are images."""
+        shown = self.drive if self.images is None else self.images
+        return shown.pictures(wanted) if isinstance(shown, Queries) else shown
+
     def distances(self) -> npt.NDArray[np.float32]:
         """Between each place and each query, shape (n, m)."""
         if self.matrix is not None:
             return self.matrix
         assert self.map is not None
-        assert self.frames is not None
         described = self._descriptors()
         D = np.empty((self.places, self.queries), np.float32, order="F")
+        # What queries go through may depend on those before: that is known by a localizer, and not by a map.
+        localizer = Localizer(self.map, sequence_length=1) if _runs(self.map) else None
         bar = terminal_bar("Comparing")
         for query, descriptor in enumerate(described):
-            D[:, query] = self.map.distances(descriptor)
+            if localizer is None:
+                D[:, query] = self.map.distances(descriptor)
+            else:
+                localizer.push(descriptor)
+                D[:, query] = localizer.distances
             if bar is not None:
                 bar(query + 1, self.queries)
         return D
 
     def _descriptors(self) -> npt.NDArray[Any]:
         assert self.map is not None
-        assert self.frames is not None
-        if self.frames.descriptors is not None:
-            return self.frames.descriptors
-        if self.map.descriptor is None:
-            raise SurefixValueError(
-                "QUERIES: expected descriptors, a .npy (m, dim), as this map holds ready descriptors; got images"
-            )
-        # A map of the queries, for the parallel reading and describing of one.
-        return Map.from_images(self.frames.images, self.map.descriptor, progress=terminal_bar("Describing")).descriptors
+        assert self.drive is not None
+        if self.drive.ready is not None:
+            return self.drive.ready
+        if self.network is not None:
+            return self.drive.by_network(self.network, self.cache)
+        assert self.map.descriptor is not None
+        return self.drive.by_sad(self.map.descriptor)
 
 
-def open_drives(route: str, queries: str | None, similarity: bool) -> Drives:
+def open_drives(
+    route: str,
+    queries: str | None,
+    similarity: bool,
+    taking: Taking,
+    model: Path | None = None,
+    cache: Path | None = None,
+) -> Drives:
     """What ROUTE and QUERIES name.
 
     Raises
     ------
     SurefixError
         Where one cannot be read, or they do not fit.
+    BadParameter
+        Where the options do not fit them.
     """
     if Path(route).suffix == ".npy":
+        if model is not None:
+            raise typer.BadParameter(f"--model: expected a map made with one, got the distances {route}")
         matrix = read_matrix(Path(route), similarity)
-        images = None if queries is None else open_images(Path(queries))
+        images = None if queries is None else _images(queries, taking)
         if images is not None and len(images) != matrix.shape[1]:
             got = f"{len(images)} images for {matrix.shape[1]} queries"
             raise SurefixValueError(f"{queries}: expected an image for each column of {route}, got {got}")
@@ -100,10 +140,55 @@ def open_drives(route: str, queries: str | None, similarity: bool) -> Drives:
             f"{route}: expected a map or a matrix, got a folder; make a map of it: surefix map build {route}"
         )
     known = Map.open(route)
+    if model is not None and known.recipe is None:
+        raise typer.BadParameter(f"--model: expected a map made with one, got {route}, which names none")
     assert queries is not None
-    frames = Frames(queries)
-    images = open_images(Path(queries)) if frames.descriptors is None else None
-    return Drives(len(known), len(frames), map=known, frames=frames, images=images)
+    drive = _queries(queries, taking)
+    if drive.ready is not None:
+        if model is not None:
+            raise typer.BadParameter(f"--model: expected images, got the ready descriptors {queries}")
+        return Drives(len(known), len(drive), map=known, drive=drive)
+    network = _network(route, known, model)
+    return Drives(len(known), len(drive), map=known, drive=drive, network=network, cache=cache)
+
+
+def _queries(place: str, taking: Taking) -> Queries:
+    recorded = _recorded(place, taking)
+    return FrameQueries(place) if recorded is None else recorded
+
+
+def _images(place: str, taking: Taking) -> Queries | Images:
+    recorded = _recorded(place, taking)
+    return open_images(Path(place)) if recorded is None else recorded
+
+
+def _recorded(place: str, taking: Taking) -> RecordedQueries | None:
+    """The frames that are taken of a recording; None where this is something else, of which none can be chosen."""
+    if is_recording(place):
+        return RecordedQueries(open_stream(place, **vars(taking)))
+    if taking != Taking():
+        raise typer.BadParameter(
+            f"--topic, --stride, --every, --metres, --odometry: expected a video or a bag, got {place}"
+        )
+    return None
+
+
+def _network(route: str, known: Map, model: Path | None) -> Onnx | None:
+    """What describes images for this map, where SAD does not."""
+    if model is not None:
+        assert known.recipe is not None
+        return network_of(known.recipe, model)
+    if known.descriptor is not None:
+        return None
+    name = None if known.recipe is None else str(known.recipe.get("name"))
+    if name is not None and name.startswith("onnx:"):
+        raise typer.BadParameter(f"expected --model with {name}, which {route} was made with, got none")
+    holds = "holds ready descriptors" if name is None else f"is by {name!r}, which is no ONNX file"
+    raise SurefixValueError(f"QUERIES: expected descriptors, a .npy (m, dim), as this map {holds}; got images")
+
+
+def _runs(known: Map) -> bool:
+    return known.post is not None and any(step["step"] == "standardize_running" for step in known.post.steps)
 
 
 def read_matrix(file: Path, similarity: bool) -> npt.NDArray[np.float32]:
@@ -142,6 +227,11 @@ def reference_images(place: str, places: int) -> Images:
     SurefixError
         Where there are none, or not as many as places.
     """
+    if is_recording(place):
+        raise SurefixValueError(
+            f"--references: expected a folder of images, a pattern or a .npy, got the recording {place}; "
+            "write its frames into a folder"
+        )
     images = open_images(Path(place))
     if len(images) != places:
         raise SurefixValueError(

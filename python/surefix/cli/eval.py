@@ -16,7 +16,7 @@ from rich.console import Console
 from surefix import SurefixError, SurefixFileError, SurefixValueError, match_distances
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
-from surefix.cli.drives import Drives, open_drives, read_matrix, reference_images
+from surefix.cli.drives import Drives, Taking, open_drives, read_matrix, reference_images
 from surefix.cli.positions import Positions, on_one_plane, read_either
 from surefix.cli.truth import read_truth, truth_by_position
 
@@ -59,9 +59,15 @@ def eval_(
     queries: Annotated[
         str | None,
         typer.Argument(
-            help="A folder of images, a pattern, or a .npy of images or of descriptors. With a .npy of distances: the "
-            "images of its queries, if any, for the pictures."
+            help="A folder of images, a pattern, a .npy of images, a video or a bag; or ready descriptors, as for "
+            "`surefix map build`. With a .npy of distances: the images of its queries, if any, for the pictures."
         ),
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="The ONNX file that the map was made with: describe the images by it.")
+    ] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="--model: keep what is described here, and go on there after an interruption.")
     ] = None,
     truth: Annotated[
         str | None,
@@ -116,6 +122,16 @@ def eval_(
         str | None, typer.Option(help="That drive's truth, as for --truth, in places.")
     ] = None,
     calibration_tolerance: Annotated[int, typer.Option(min=0, help="How far from that truth is right, in places.")] = 1,
+    topic: Annotated[str | None, typer.Option(help="A bag: the topic of the images, if there are several.")] = None,
+    stride: Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")] = 1,
+    every: Annotated[float | None, typer.Option(help="A video or a bag: take a frame every so many seconds.")] = None,
+    metres: Annotated[
+        float | None, typer.Option(help="A video or a bag: a query every so many metres, by --odometry.")
+    ] = None,
+    odometry: Annotated[
+        str | None,
+        typer.Option(help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."),
+    ] = None,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one report."""
     begin = time.perf_counter()
@@ -130,14 +146,22 @@ def eval_(
     )
     if similarity and Path(route).suffix != ".npy" and calibration is None:
         raise typer.BadParameter("--similarity: expected a .npy of similarities to read, got a map, which has none")
+    if cache is not None and model is None:
+        raise typer.BadParameter("--cache: expected --model too, got none")
+    taking = Taking(topic, stride, every, metres, odometry)
+    if queries is None and taking != Taking():
+        raise typer.BadParameter(
+            "--topic, --stride, --every, --metres, --odometry: expected a video or a bag, got none"
+        )
     _check_usage(route, queries, truth, positions, query_positions, tolerance, calibration, calibration_truth, names)
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
         from surefix.report.comparison import compare
+        from surefix.report.comparison_pictures import MISTAKES
         from surefix.report.comparison_report import write_comparison
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
-    drives = open_drives(route, queries, similarity)
+    drives = open_drives(route, queries, similarity, taking, model, cache)
     known = _truth(drives, truth, positions, query_positions)
     context = replace(context, truth=known, truth_tolerance=_tolerance(tolerance, known))
     where = known[0] if isinstance(known, tuple) else drives.positions
@@ -174,11 +198,12 @@ def eval_(
         along = np.concatenate(([0.0], np.cumsum(steps)))
     try:
         with console.status("Drawing the report"):
+            mistakes = {*comparison.mistakes(MISTAKES), *comparison.trusted_mistakes(MISTAKES)}
             report = write_comparison(
                 comparison,
                 out,
                 shlex.join(["surefix", *sys.argv[1:]]),
-                queries=drives.images,
+                queries=drives.pictures(mistakes),
                 references=pictures,
                 query_names=drives.names,
                 place_names=drives.place_names if pictures is None else pictures.names,

@@ -24,7 +24,8 @@ from surefix.report.page import Picture
 
 __all__ = ["close_up", "curves", "false", "intervals", "matrix", "mistakes", "strip", "trust", "trusted_mistakes"]
 
-Images = Sequence[Image] | None
+# By their numbers; those of the mistakes are enough.
+Images = Sequence[Image] | Mapping[int, Image] | None
 
 MISTAKES = 6
 

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import __version__
-from surefix.plot.montage import Image
 from surefix.report import comparison_pictures as pictures
 from surefix.report import comparison_sections as sections
 from surefix.report import comparison_tables as tables
@@ -37,8 +36,8 @@ def write_comparison(
     folder: Path,
     command: str,
     *,
-    queries: Sequence[Image] | None = None,
-    references: Sequence[Image] | None = None,
+    queries: pictures.Images = None,
+    references: pictures.Images = None,
     query_names: Sequence[str] | None = None,
     place_names: Sequence[str] | None = None,
     along: NDArray[np.float64] | None = None,
@@ -49,7 +48,7 @@ def write_comparison(
     ----------
     command : str
         What makes this comparison again.
-    queries, references : sequences of uint8 images, optional
+    queries, references : sequences of uint8 images, or those of the mistakes by their numbers, optional
         For the pictures side by side.
     query_names, place_names : sequences of str, optional
     along : array of float64, shape (m,), optional
