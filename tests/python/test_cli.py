@@ -250,6 +250,16 @@ def test_fixes_before_a_bad_image_are_kept(drives: Path, tmp_path: Path) -> None
     assert len(out.read_text().splitlines()) == 1 + 7
 
 
+def test_queries_that_cannot_be_used_are_not_called_none(drives: Path, tmp_path: Path) -> None:
+    (tmp_path / "corrupt").mkdir()
+    for name in ("0.png", "1.png"):
+        (tmp_path / "corrupt" / name).write_bytes(b"not an image")
+    np.save(tmp_path / "narrow.npy", np.zeros((3, 7), np.float32))
+    for queries in ("corrupt", "narrow.npy"):
+        done = surefix_("run", drives / "route.safetensors", tmp_path / queries, code=1)
+        assert done.stderr.startswith("0 fixes: it stopped before the first\n")
+
+
 def test_a_reader_that_has_seen_enough_is_no_error(drives: Path) -> None:
     run = f"'{sys.executable}' -m surefix run {drives}/route.safetensors {drives}/winter | head -n 1"
     done = subprocess.run(["bash", "-c", run], capture_output=True, text=True, check=True)

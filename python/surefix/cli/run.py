@@ -194,6 +194,7 @@ def run(
         file = None if out is None else opened.enter_context(_create(out))
         try:
             localize(localizer, stream, _writer(file, _format(form, out)), tally, views)
+            tally.ended = True
         except KeyboardInterrupt:
             # What has no end of its own is ended so.
             if not stream.live:

@@ -16,6 +16,8 @@ class Tally:
     def __init__(self) -> None:
         self.latencies = array("f")
         self.trusted = self.dropped = self.gaps = 0
+        # Whether the queries came to their end: not so after an error, nor after Ctrl-C.
+        self.ended = False
 
     def add(self, row: FixRow) -> None:
         """Count one."""
@@ -29,7 +31,7 @@ class Tally:
         """One line: how many, how many of them are trusted, what is missing, how long they took, and where they are."""
         count = len(self.latencies)
         if not count:
-            return "0 fixes: there were no queries"
+            return "0 fixes: there were no queries" if self.ended else "0 fixes: it stopped before the first"
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
         missing = f"{self.dropped} frame{'s' * (self.dropped > 1)} dropped, " if self.dropped else ""
         missing += f"{self.gaps} gap{'s' * (self.gaps > 1)}, " if self.gaps else ""
