@@ -1,5 +1,6 @@
 """Streams of frames: files, arrays, and what passes frames over."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -129,7 +130,10 @@ def test_a_frame_shows_itself_without_its_pixels() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"stride": 0}, "stride: expected 1 or more, got 0"),
+        *(
+            ({"stride": stride}, rf"stride: expected a whole number of at least 1, got {re.escape(repr(stride))}$")
+            for stride in (0, -2, 1.5, 2.0, 1.0, True, False, "2", None, np.float64(2), float("nan"))
+        ),
         ({"every": 1.0}, "every: expected frames with times"),
         ({"gap": 1.0}, "gap: expected frames with times"),
         ({"metres": 1.0}, "metres: expected frames with times"),
@@ -143,6 +147,14 @@ def test_options_that_do_not_fit_are_refused(options: dict[str, float | str], wo
     Image.fromarray(BLACK).save(tmp_path / "0.png")
     with pytest.raises(surefix.SurefixValueError, match=words):
         open_stream(tmp_path, **options)  # type: ignore[arg-type]
+
+
+def test_a_stride_is_a_whole_number_of_pythons_or_of_numpys() -> None:
+    images = [str(index) for index in range(5)]
+    for stride in (2, np.int64(2), np.uint8(2)):
+        assert len(open_stream(images, stride=stride)) == 3  # type: ignore[arg-type]
+    with pytest.raises(surefix.SurefixValueError, match=r"stride: expected a whole number of at least 1, got 1\.5$"):
+        Stride(frames([0, 1, 2]), 1.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("seconds", [0, -1, float("nan"), float("inf")])

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterable
+from numbers import Integral
 
 from surefix.errors import SurefixValueError
 from surefix.streams.frame import Frame
 from surefix.streams.stream import Selection, Shot
 
-__all__ = ["Every", "Stride", "time_of"]
+__all__ = ["Every", "Stride", "check_stride", "time_of"]
 
 
 class Stride(Selection):
@@ -16,7 +17,7 @@ class Stride(Selection):
     Raises
     ------
     SurefixValueError
-        For a stride below 1.
+        For a stride that is no whole number of at least 1.
 
     Examples
     --------
@@ -29,9 +30,7 @@ class Stride(Selection):
 
     def __init__(self, source: Iterable[Frame], stride: int) -> None:
         super().__init__(source)
-        if stride < 1:
-            raise SurefixValueError(f"stride: expected 1 or more, got {stride}")
-        self.stride = stride
+        self.stride = check_stride(stride)
 
     @property
     def count(self) -> int | None:
@@ -97,6 +96,19 @@ class Every(Selection):
             return True
 
         return choose
+
+
+def check_stride(stride: object) -> int:
+    """The stride, an integer of Python's or of numpy's.
+
+    Raises
+    ------
+    SurefixValueError
+        For anything but a whole number of at least 1.
+    """
+    if isinstance(stride, bool) or not isinstance(stride, Integral) or stride < 1:
+        raise SurefixValueError(f"stride: expected a whole number of at least 1, got {stride!r}")
+    return int(stride)
 
 
 def time_of(shot: Shot, option: str) -> float:

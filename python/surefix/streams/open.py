@@ -9,7 +9,7 @@ from surefix.errors import SurefixValueError
 from surefix.streams.arrays import ArrayStream
 from surefix.streams.bag import BAG_ENDINGS, BagStream, is_bag
 from surefix.streams.camera import CameraStream, is_camera
-from surefix.streams.every import Every, Stride
+from surefix.streams.every import Every, Stride, check_stride
 from surefix.streams.follow import FollowStream
 from surefix.streams.gaps import Gaps
 from surefix.streams.images import ImageStream
@@ -86,7 +86,8 @@ def open_stream(
     # Gaps are of the source's frames, not of those that are left (see Gaps).
     if gap is not None:
         stream = Gaps(stream, gap)
-    if stride != 1:
+    # True is 1, and 1.0 too: refused all the same.
+    if check_stride(stride) != 1:
         stream = Stride(stream, stride)
     if every is not None:
         stream = Every(stream, every)
