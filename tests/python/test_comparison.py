@@ -50,6 +50,9 @@ def test_at_a_corner_the_report_holds_no_nan(name: str, tmp_path: Path) -> None:
     page = written(tmp_path / "report", *CORNERS[name])
     if name == "one query, and no sequence":
         assert "no query was judged" in page.text
+        assert "1 query on a map of 12 places; 1 of them has a true place." in page.text
+        assert "12 places by 1 query, float32" in page.text
+        assert "1 queries" not in page.text
     if name == "nothing correct":
         assert page.ids["area"] == "0.000"
         assert page.ids["trusted-right"] == "0.0 %"

@@ -41,6 +41,24 @@ def test_a_drive_that_trusts_no_fix_or_every_fix_has_its_report_too(
     assert (shown["trusted-right"] == "none") == (not trusted)
 
 
+def test_one_of_a_kind_is_in_the_singular(drive: Drive, tmp_path: Path) -> None:
+    right = drive.truth.copy()
+    place = right.copy()
+    place[[5, 6]] = (right[[5, 6]] + 10) % 20
+    D = np.ones((20, 20), np.float32)
+    D[place, np.arange(20)] = 0
+    # Of two wrong fixes one is trusted, and all but one of the right ones are.
+    trusted = np.ones(20, np.bool_)
+    trusted[[6, 12]] = False
+    run = surefix.match_distances(D, trusted=trusted, sequence_length=1)
+    given = Drive(drive.reference, drive.revisit, drive.size, 1, 1, D, run, run, drive.latency)
+    text = read(write_report(given, tmp_path, "command", []).read_text(encoding="utf-8")).text
+    assert "sent to a wrong place 2 times in 20. One that acts on the trusted fixes only, 1 time." in text
+    assert "The price: 1 right fix is held back together with the 1 wrong one, and" in text
+    assert "1 of the 18 trusted fixes of this drive is wrong." in text
+    assert "1 of the 2 untrusted ones is right." in text
+
+
 def test_what_a_page_is_given_is_text_and_never_markup() -> None:
     evil = '"><script>alert(1)</script>&amp;'
     png = b"\x89PNG\r\n\x1a\n" + b"\0" * 16

@@ -26,7 +26,7 @@ from surefix.cli.fixes import JsonFixes
 from surefix.cli.run import localize
 from surefix.cli.tally import Tally
 from surefix.simulate import Route
-from surefix.streams import Shot, Stream, open_stream
+from surefix.streams import Frame, KeepNewest, Shot, Stream, open_stream
 
 PLACES = 40
 PLAIN = "frame query place place_name score trusted ready anchors speed single_place single_distance gradient_place"
@@ -165,6 +165,14 @@ def test_a_change_of_size_that_cannot_be_used_is_named_with_both_sizes() -> None
     with pytest.raises(surefix.SurefixValueError, match=r"^row 3: the images change size here, from 5 to 7: .*5.*7"):
         localize(localizer, Changing(), JsonFixes(io.StringIO()), tally)
     assert tally.summary(None).startswith("3 fixes, ")
+
+
+def test_one_fix_is_in_the_singular() -> None:
+    localizer = surefix.Localizer(surefix.Map.from_descriptors(np.eye(4, 5, dtype=np.float32)))
+    tally = Tally()
+    stream = KeepNewest([Frame(np.ones(5, np.float32), 1.0, "0", 1, True)], 1)  # type: ignore[arg-type]
+    localize(localizer, stream, None, tally)
+    assert re.match(r"1 fix, \d trusted \(\d+%\), 1 frame dropped, 1 gap, latency", tally.summary(None))
 
 
 def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: Path) -> None:

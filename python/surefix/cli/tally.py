@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from surefix._words import counted
 from surefix.cli.fixes import FixRow
 
 __all__ = ["Tally"]
@@ -33,10 +34,10 @@ class Tally:
         if not count:
             return "0 fixes: there were no queries" if self.ended else "0 fixes: it stopped before the first"
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
-        missing = f"{self.dropped} frame{'s' * (self.dropped > 1)} dropped, " if self.dropped else ""
-        missing += f"{self.gaps} gap{'s' * (self.gaps > 1)}, " if self.gaps else ""
+        missing = f"{counted(self.dropped, 'frame')} dropped, " if self.dropped else ""
+        missing += f"{counted(self.gaps, 'gap')}, " if self.gaps else ""
         where = "" if out is None else f", in {out}"
         return (
-            f"{count} fixes, {self.trusted} trusted ({self.trusted / count:.0%}), {missing}"
+            f"{counted(count, 'fix', 'fixes')}, {self.trusted} trusted ({self.trusted / count:.0%}), {missing}"
             f"latency p50 {p50:.0f} us, p99 {p99:.0f} us, p99.9 {p999:.0f} us{where}"
         )

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from surefix import Evaluation
+from surefix._words import counted
 from surefix.plot.bars import false_positives
 from surefix.plot.curves import precision_recall
 from surefix.plot.examples import Example, examples, examples_height
@@ -86,7 +87,8 @@ def matrix(comparison: Comparison) -> Picture:
     return _picture(
         lambda ax, theme: _matrix(ax, comparison, theme, close=False),
         (5.4, 5.9),
-        f"Distance matrix of {n} places by {m} queries, with the match of each by {comparison.shown.name}.",
+        f"Distance matrix of {counted(n, 'place')} by {counted(m, 'query', 'queries')}, with the match of each by "
+        f"{comparison.shown.name}.",
         "The stronger the tone, the more alike. The frame marks the close-up.",
         textured=True,
     )
@@ -98,7 +100,8 @@ def close_up(comparison: Comparison) -> Picture:
     return _picture(
         lambda ax, theme: _matrix(ax, comparison, theme, close=True),
         (5.4, 5.9),
-        f"Close-up of the matrix, from query {query} and place {place} on: {width} queries, {height} places.",
+        f"Close-up of the matrix, from query {query} and place {place} on: "
+        f"{counted(width, 'query', 'queries')}, {counted(height, 'place')}.",
         "The close-up. The line is the true path; matches that fall outside the frame are not seen here.",
     )
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import __version__
+from surefix._words import counted
 from surefix.report import comparison_pictures as pictures
 from surefix.report import comparison_sections as sections
 from surefix.report import comparison_tables as tables
@@ -113,7 +114,7 @@ def _made(comparison: Comparison, command: str, files: dict[str, str]) -> Sectio
     n, m = comparison.distances.shape
     rows = (
         ("Made with", f"surefix {__version__}: {command}"),
-        ("Distances", f"{n} places by {m} queries, float32"),
+        ("Distances", f"{counted(n, 'place')} by {counted(m, 'query', 'queries')}, float32"),
         ("Sequences", f"length {c.sequence_length}, weight {c.weight:g}, floor {c.floor}"),
         (
             "Trusted means",

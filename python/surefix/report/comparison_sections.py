@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from surefix._words import counted
 from surefix.plot.outcome import longest_gap
 from surefix.report import comparison_tables as tables
 from surefix.report.comparison import KS, UPTO, Comparison
@@ -25,7 +26,8 @@ def lead(comparison: Comparison) -> Sequence[str]:
     known = int((comparison.true_place >= 0).sum())
     shown = comparison.shown
     return (
-        f"{m} queries on a map of {n} places; {known} of them have a true place. "
+        f"{counted(m, 'query', 'queries')} on a map of {counted(n, 'place')}; {known} of them "
+        f"{'has' if known == 1 else 'have'} a true place. "
         f"A match is right {_within(comparison)}.",
         verdict(comparison, shown),
     )
@@ -144,6 +146,8 @@ def route(comparison: Comparison, strip: Picture) -> Section:
     words = (
         "There is none: every query's single match is trusted and right."
         if len(gap) == 0
+        else f"It has 1 query, {gap.start}."
+        if len(gap) == 1
         else f"It has {len(gap)} queries, from {gap.start} to {gap.stop - 1}."
     )
     shown, plain = comparison.shown, comparison.baseline
@@ -189,5 +193,5 @@ def _stretches(queries: np.ndarray[tuple[int, ...], np.dtype[np.int64]], most: i
         return "none"
     parts = np.split(queries, np.flatnonzero(np.diff(queries) > 1) + 1)
     words = [str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts[:most]]
-    left = f" and {len(parts) - most} stretches more (in fixes.csv)" if len(parts) > most else ""
+    left = f" and {counted(len(parts) - most, 'stretch', 'stretches')} more (in fixes.csv)" if len(parts) > most else ""
     return f"{', '.join(words)}{left} ({len(queries)} in all)"

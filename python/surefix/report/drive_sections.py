@@ -1,5 +1,6 @@
 """A plain word about each picture of a drive, with its numbers."""
 
+from surefix._words import are, counted
 from surefix.plot.outcome import Outcome
 from surefix.report.drive import Drive
 from surefix.report.page import Picture, Section
@@ -16,7 +17,7 @@ def matrix(drive: Drive, whole: Picture, close: Picture) -> Section:
             "Each column is a frame of the second drive, each row a place of the map, and a strong tone "
             "means that the two look alike. The true path runs from corner to corner; season, dusk and "
             "traffic have all but wiped it out, and much beside it looks just as near. Going by the nearest "
-            f"place alone, {single} of {len(drive.run)} frames are right.",
+            f"place alone, {single} of {len(drive.run)} frames {are(single)} right.",
             "A mark is the answer for a frame. Round is right (within one place of the truth), a cross is "
             "wrong; bold is trusted, thin is not.",
         ),
@@ -27,14 +28,15 @@ def matrix(drive: Drive, whole: Picture, close: Picture) -> Section:
 def route(drive: Drive, strip: Picture) -> Section:
     """The strip along the route."""
     trusted_wrong, held = drive.counts[Outcome.TRUSTED_WRONG], drive.counts[Outcome.UNTRUSTED_WRONG]
+    right = drive.counts[Outcome.UNTRUSTED_RIGHT]
     start, stop = drive.gap_metres
     return Section(
         "Along the route",
         (
-            f"A robot that acts on every fix is sent to a wrong place {trusted_wrong + held} times in "
-            f"{len(drive.run)}. One that acts on the trusted fixes only, {trusted_wrong} times. The price: "
-            f"{drive.counts[Outcome.UNTRUSTED_RIGHT]} right fixes are held back together with the {held} "
-            "wrong ones, and the longest stretch without a fix that is both trusted and right is "
+            f"A robot that acts on every fix is sent to a wrong place {counted(trusted_wrong + held, 'time')} in "
+            f"{len(drive.run)}. One that acts on the trusted fixes only, {counted(trusted_wrong, 'time')}. The price: "
+            f"{counted(right, 'right fix', 'right fixes')} {are(right)} held back together with the "
+            f"{counted(held, 'wrong one')}, and the longest stretch without a fix that is both trusted and right is "
             f"{stop - start:.0f} m. Odometry has to bridge it.",
         ),
         (strip,),
@@ -84,7 +86,8 @@ def pairs(drive: Drive, montage: Picture) -> Section:
 def meaning(drive: Drive) -> Section:
     """What trust is, and is not."""
     counts, run = drive.counts, drive.run
-    untrusted_right, trusted = counts[Outcome.UNTRUSTED_RIGHT], int(run.trusted.sum())
+    trusted_wrong, untrusted_right = counts[Outcome.TRUSTED_WRONG], counts[Outcome.UNTRUSTED_RIGHT]
+    trusted = int(run.trusted.sum())
     untrusted = len(run) - trusted
     single = int((run.trusted & drive.single_right).sum())
     differ = int((run.trusted & (run.place != run.single_place)).sum())
@@ -95,12 +98,14 @@ def meaning(drive: Drive) -> Section:
             "the distance dip most sharply below its neighbours on the route, over the last three frames "
             "together? Where the two answers agree, to within one place, the match is trusted. Looking near "
             "is easy for a place like any other; a sharp dip that travels along with the camera is not.",
-            f"It is no probability and no promise: {counts[Outcome.TRUSTED_WRONG]} of the {trusted} trusted "
-            f"fixes of this drive are wrong. Nor does untrusted mean wrong: {untrusted_right} of the "
-            f"{untrusted} untrusted ones are right. Where two stretches of road truly look the same, both "
+            f"It is no probability and no promise: {trusted_wrong} of the "
+            f"{counted(trusted, 'trusted fix', 'trusted fixes')} of this drive {are(trusted_wrong)} wrong. Nor does "
+            f"untrusted mean wrong: {untrusted_right} of the {counted(untrusted, 'untrusted one')} "
+            f"{are(untrusted_right)} right. Where two stretches of road truly look the same, both "
             "questions are fooled together. And it needs a map in the order of the route.",
-            f"Trust is a word about a frame's own match, which is right in {single} of the {trusted} trusted "
-            f"cases. The fix is the place of the sequence, and in {differ} of them that is another place.",
+            f"Trust is a word about a frame's own match, which is right in {single} of the "
+            f"{counted(trusted, 'trusted case')}. The fix is the place of the sequence, and in {differ} of them that "
+            "is another place.",
             "This is a drawn world, in conditions set so that plain image matching fares about as it does on "
             "real roads. It shows what the method does; how well it does it, only your own route can tell.",
         ),
@@ -108,6 +113,4 @@ def meaning(drive: Drive) -> Section:
 
 
 def _wrong(count: int) -> str:
-    if count == 1:
-        return "1 wrong match"
-    return f"{count or 'no'} wrong matches"
+    return counted(count, "wrong match", "wrong matches") if count else "no wrong matches"

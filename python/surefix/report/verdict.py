@@ -1,5 +1,6 @@
 """A sentence for each method, made from its numbers: where it wins, where it loses, and what the drive cannot tell."""
 
+from surefix._words import are
 from surefix.report.comparison import UPTO, Comparison, Result
 
 __all__ = ["outcome", "verdict"]
@@ -51,7 +52,7 @@ def _face(difference: float) -> str:
 
 def _matches(comparison: Comparison, result: Result) -> str:
     judged, right = int(result.judged.sum()), int((result.right & result.judged).sum())
-    own = f"{right} of {judged} matches are right"
+    own = f"{right} of {judged} matches {are(right)} right"
     refused = int((result.judged & ~result.accepted).sum())
     if refused:
         lost = int((result.judged & result.right & ~result.accepted).sum())
