@@ -1,6 +1,7 @@
 """``surefix.report``: pages, outcomes, and drives at the edge."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,15 @@ from surefix.simulate import Route
 
 pytest.importorskip("matplotlib")
 
+from matplotlib.axes import Axes
+
 from html_reader import read
 from surefix.plot import Outcome, outcomes
+from surefix.plot.curves import precision_recall
 from surefix.plot.montage import spread
 from surefix.plot.outcome import longest_gap
 from surefix.plot.strip import _spans
+from surefix.report import drive_pictures
 from surefix.report.drive import Drive
 from surefix.report.drive_report import write_report
 from surefix.report.page import Picture, Section, Tile, page
@@ -57,6 +62,33 @@ def test_one_of_a_kind_is_in_the_singular(drive: Drive, tmp_path: Path) -> None:
     assert "The price: 1 right fix is held back together with the 1 wrong one, and" in text
     assert "1 of the 18 trusted fixes of this drive is wrong." in text
     assert "1 of the 2 untrusted ones is right." in text
+
+
+@pytest.mark.parametrize("length", [1, 2])
+def test_star_and_page_say_which_fixes_they_count(
+    drive: Drive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, length: int
+) -> None:
+    """A trusted fix that is wrong before the first window is full counts on the page, and not for the star."""
+    D = np.ones((20, 20), np.float32)
+    place = drive.truth.copy()
+    place[0] += 10
+    D[place, np.arange(20)] = 0
+    run = surefix.match_distances(D, trusted=np.ones(20, np.bool_), sequence_length=length)
+    given = Drive(drive.reference, drive.revisit, drive.size, 1, length, D, run, run, drive.latency)
+    assert (given.counts[Outcome.TRUSTED_WRONG], run.ready.sum()) == (1, 21 - length)
+    labels: list[str] = []
+
+    def drawn(*arguments: Any, **options: Any) -> Axes:
+        ax = precision_recall(*arguments, **options)
+        labels[:] = ax.get_legend_handles_labels()[1]
+        return ax
+
+    monkeypatch.setattr(drive_pictures, "precision_recall", drawn)
+    text = read(write_report(given, tmp_path, "command", []).read_text(encoding="utf-8")).text
+    star = "the trusted fixes of full windows alone: precision 1.000" if length == 2 else "the trusted fixes alone: "
+    assert labels[-1].startswith(star)
+    says = "Curves and star leave out 1 fix at the start, whose window is not full yet: 1 trusted, 1 trusted and wrong."
+    assert (says in text) == (length == 2)
 
 
 def test_what_a_page_is_given_is_text_and_never_markup() -> None:

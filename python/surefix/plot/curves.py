@@ -17,6 +17,7 @@ def precision_recall(
     curves: Mapping[str, Evaluation],
     *,
     trusted: tuple[float, float] | None = None,
+    trusted_name: str = "the trusted fixes alone",
     upto: float = 0.2,
     recall: str = "correct",
     theme: Theme = LIGHT,
@@ -29,6 +30,8 @@ def precision_recall(
         Up to eight; the first is drawn boldest.
     trusted : (recall, precision), optional
         The point that accepts just the trusted fixes: a star.
+    trusted_name : str
+        What the legend calls it.
     upto : float
         The areas named in the legend are up to this recall; it is shaded.
     recall : {"correct", "place_exists", "rejected"}
@@ -66,7 +69,7 @@ def precision_recall(
             markeredgecolor=theme.paper,
             zorder=6,
             clip_on=False,
-            label=f"the trusted fixes alone: precision {trusted[1]:.3f}, recall {trusted[0]:.2f}",
+            label=f"{trusted_name}: precision {trusted[1]:.3f}, recall {trusted[0]:.2f}",
         )
     ax.set_xlim(0, 1)
     ax.set_ylim(0, 1)

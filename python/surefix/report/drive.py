@@ -92,6 +92,11 @@ class Drive:
         found = int((ready & trusted & self.right).sum())
         return found / max(1, int((ready & self.right).sum())), found / accepted
 
+    @property
+    def trusted_name(self) -> str:
+        """What that point is of: the curves leave out fixes whose window is not full."""
+        return f"the trusted fixes{'' if self.run.ready.all() else ' of full windows'} alone"
+
     @cached_property
     def metres_off(self) -> NDArray[np.float64]:
         """How far along the road each fix is from where the camera was."""

@@ -50,7 +50,9 @@ def curves(drive: Drive) -> Picture:
     named = {"weighted sequence": drive.weighted_curve, "unweighted sequence": drive.baseline_curve}
     areas = ", ".join(f"{name} {curve.auc(0.2):.2f}" for name, curve in named.items())
     return _picture(
-        lambda ax, theme: precision_recall(ax, named, trusted=drive.trusted_point, theme=theme),
+        lambda ax, theme: precision_recall(
+            ax, named, trusted=drive.trusted_point, trusted_name=drive.trusted_name, theme=theme
+        ),
         (7.4, 5.0),
         f"Precision-recall curves. Area under the curve up to recall 0.2: {areas}.",
     )

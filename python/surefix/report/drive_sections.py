@@ -1,5 +1,7 @@
 """A plain word about each picture of a drive, with its numbers."""
 
+from collections.abc import Sequence
+
 from surefix._words import are, counted
 from surefix.plot.outcome import Outcome
 from surefix.report.drive import Drive
@@ -63,6 +65,7 @@ def curves(drive: Drive, picture: Picture) -> Section:
             "Both sequences see the same distances; the weighted one draws trusted matches nearer. When it "
             f"reaches recall 0.2 it has accepted {_wrong(false[0])}, the unweighted one {_wrong(false[1])}. "
             f"With no wrong match at all, the one gets to recall {flawless[0]}, the other to {flawless[1]}.",
+            *_left_out(drive),
         ),
         (picture,),
     )
@@ -114,3 +117,15 @@ def meaning(drive: Drive) -> Section:
 
 def _wrong(count: int) -> str:
     return counted(count, "wrong match", "wrong matches") if count else "no wrong matches"
+
+
+def _left_out(drive: Drive) -> Sequence[str]:
+    """Why the star may have another share of right ones than all trusted fixes have."""
+    early = ~drive.run.ready
+    if not early.any():
+        return ()
+    trusted = early & drive.run.trusted
+    return (
+        f"Curves and star leave out {counted(int(early.sum()), 'fix', 'fixes')} at the start, whose window is not full "
+        f"yet: {int(trusted.sum())} trusted, {int((trusted & ~drive.right).sum())} trusted and wrong.",
+    )
