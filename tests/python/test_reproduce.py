@@ -24,6 +24,7 @@ from surefix.reproduce import (
     Settings,
     ablation,
     break_even,
+    check_pairs,
     comparisons,
     curves,
     find_datasets,
@@ -213,7 +214,7 @@ def test_ready_matrices_and_folders_fill_their_rows_beside_the_papers_numbers_an
     out = tmp_path / "out"
     said = reproduce(
         "--quick", "--similarity", "-o", str(out), "--paper", str(tmp_path / "paper.csv"), "--data", str(two_drives),
-        "--pair", "nordland=summer/fall", "--matrix", f"here/netvlad={tmp_path / 'net.npy'}",
+        "--matrix", f"here/netvlad={tmp_path / 'net.npy'}",
         "--matrix", f"off={tmp_path / 'off.npy'},{tmp_path / 'truth.npy'}",
     )  # fmt: skip
     assert said.returncode == 0, said.stderr
@@ -231,8 +232,7 @@ def test_ready_matrices_and_folders_fill_their_rows_beside_the_papers_numbers_an
     text = read((out / "report.html").read_text(encoding="utf-8")).text
     assert "No truth was given: query i is taken to show place i" in text
     assert "generated route" not in text
-    assert [line.partition(":")[0] for line in said.stderr.splitlines()] == ["Not used"] * 3
-    assert f"--pair nordland: no such data set in {two_drives}" in text
+    assert [line.partition(":")[0] for line in said.stderr.splitlines()] == ["Not used"] * 2
     assert "unnamed.npy: expected NAME_similarity*.npy" in text
     assert str(two_drives / "gardens_point" / "day_left") in text
 
@@ -423,6 +423,40 @@ def test_a_mistake_is_one_clear_line(tmp_path: Path, options: list[str], says: s
     assert said.stderr.startswith(f"surefix: {says}")
     assert said.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("pair", "words"),
+    [
+        ("gardens_point=day_left/day_foo", "--pair gardens_point: expected traverses that are there"),
+        ("gardens-point=night_right/day_left", "got night_right/day_left"),
+        ("nordland=summer/fall", "--pair: expected a data set that is there (gardens_point in"),
+    ],
+)
+def test_a_pair_that_is_not_there_is_bad_usage_before_anything_is_computed(
+    tmp_path: Path, pair: str, words: str
+) -> None:
+    data = tmp_path / "data"
+    walks(data / "gardens", "day_left", "day_right")
+    here = "gardens_point=day_left/day_right"
+    said = reproduce("--data", str(data), "--pair", here, "--pair", pair, "-o", str(tmp_path / "out"))
+    assert (said.returncode, said.stdout) == (2, "")
+    # In a box, which breaks lines.
+    assert "".join(words.split()) in "".join(said.stderr.replace("│", "").split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_pair_is_looked_for_in_each_folder_of_its_data_set(tmp_path: Path) -> None:
+    walks(tmp_path / "a", "day_left", "day_right")
+    walks(tmp_path / "b", "day_left", "night_right")
+    matrices(tmp_path / "b" / "matrices" / "night_right_to_day_right", "Net_distance")
+    a, b = find_datasets(tmp_path)
+    pairs = [("day_left", "day_right"), ("day_left", "night_right"), ("night_right", "day_right")]
+    assert [a.has(pair) for pair in pairs] == [True, False, False]
+    assert [b.has(pair) for pair in pairs] == [False, True, True]
+    check_pairs(tmp_path, [a, b], {"gardens_point": pairs})
+    with pytest.raises(surefix.SurefixValueError, match=r"day_right in .*a; day_left, night_right in .*b\), got x/y$"):
+        check_pairs(tmp_path, [a, b], {"gardens_point": [*pairs, ("x", "y")]})
 
 
 def test_bad_usage_is_exit_code_2(tmp_path: Path) -> None:

@@ -126,19 +126,30 @@ def _cases(
     say: Callable[[str], None],
 ) -> tuple[list["Case"], list[str]]:
     """What there is to compare, and what could not be used; each is said as it comes."""
-    from surefix.reproduce import find_datasets, generated_cases, load_cases, matrix_case
+    from surefix.reproduce import check_pairs, find_datasets, generated_cases, load_cases, matrix_case
 
+    found = [] if data is None else find_datasets(data)
+    if data is not None:
+        try:
+            check_pairs(data, found, pairs)
+        except SurefixValueError as error:
+            raise typer.BadParameter(str(error)) from None
     cases: list[Case] = [matrix_case(text, similarity=similarity) for text in matrices]
     problems: list[str] = []
     if data is not None:
-        found = find_datasets(data)
         if not found:
             problems.append(f"{data}: no data set of the paper in it, nor a folder with reference/ and query/")
-        there = [one.dataset for one in found]
-        problems += [f"--pair {name}: no such data set in {data}" for name in pairs if name not in there]
         for one in found:
             say(f"{one.title}: reading {one.folder}")
-            loaded, wrong = load_cases(one, pairs.get(one.dataset, ()))
+            wanted = pairs.get(one.dataset, [])
+            chosen = [pair for pair in wanted if one.has(pair)]
+            # Of another folder of the same data set.
+            problems += [
+                f"--pair {one.dataset}: no {'/'.join(pair)} in {one.folder}" for pair in wanted if pair not in chosen
+            ]
+            if wanted and not chosen:
+                continue
+            loaded, wrong = load_cases(one, chosen)
             cases += loaded
             problems += wrong
     for problem in problems:

@@ -8,7 +8,7 @@ Place Recognition*, ICRA 2023 (arXiv 2307.01464). A file for each comparison.
 from surefix import plot as _plot  # noqa: F401
 from surefix.reproduce.case import Case, Settings
 from surefix.reproduce.comparison import Comparison
-from surefix.reproduce.found import Found, find_datasets, load_cases, read_pairs
+from surefix.reproduce.found import Found, check_pairs, find_datasets, load_cases, read_pairs
 from surefix.reproduce.images import generated_cases
 from surefix.reproduce.matrices import matrix_case
 from surefix.reproduce.paper import PaperRow, read_paper
@@ -20,6 +20,7 @@ __all__ = [
     "Found",
     "PaperRow",
     "Settings",
+    "check_pairs",
     "comparisons",
     "find_datasets",
     "generated_cases",

@@ -16,7 +16,7 @@ from surefix.reproduce.comparison import stem
 from surefix.reproduce.images import SAD, sad_distances
 from surefix.reproduce.matrices import as_distances, kind, read_matrix
 
-__all__ = ["METRES", "Found", "find_datasets", "load_cases", "read_pairs"]
+__all__ = ["METRES", "Found", "check_pairs", "find_datasets", "load_cases", "read_pairs"]
 
 # How near is correct where a data set has positions; its loader's own tolerance.
 METRES = 10.0
@@ -74,6 +74,13 @@ class Found:
         first, *others = datasets.traverses(self.dataset, self.folder) or [""]
         return [(first, other) for other in others]
 
+    def has(self, pair: tuple[str, str]) -> bool:
+        """Whether both traverses are there, or ready matrices of the two."""
+        there = datasets.traverses(self.dataset, self.folder)
+        if all(name in there or (self.dataset in BY_POSITION and (self.folder / name).is_dir()) for name in pair):
+            return True
+        return any((self.folder / MATRICES / "_to_".join(pair)).glob("*.npy"))
+
     @property
     def _own(self) -> bool:
         return self.dataset in ("folders", MATRICES)
@@ -100,6 +107,30 @@ def read_pairs(texts: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
         if (reference, query) not in chosen.setdefault(dataset, []):
             chosen[dataset].append((reference, query))
     return chosen
+
+
+def check_pairs(folder: Path, there: Sequence[Found], chosen: dict[str, list[tuple[str, str]]]) -> None:
+    """Looks for the pairs of ``read_pairs`` among the data sets that are there, before any is loaded.
+
+    Raises
+    ------
+    SurefixValueError
+        For a data set or a traverse that is not there.
+    """
+    for dataset, pairs in chosen.items():
+        places = [found for found in there if found.dataset == dataset]
+        if not places:
+            listed = ", ".join(dict.fromkeys(found.dataset for found in there if found.dataset in datasets.DATASETS))
+            raise SurefixValueError(
+                f"--pair: expected a data set that is there ({listed or 'none'} in {folder}), got {dataset}"
+            )
+        for pair in pairs:
+            if not any(found.has(pair) for found in places):
+                named = [(", ".join(datasets.traverses(dataset, found.folder)), found.folder) for found in places]
+                listed = "; ".join(f"{names or 'none'} in {where}" for names, where in named)
+                raise SurefixValueError(
+                    f"--pair {dataset}: expected traverses that are there ({listed}), got {'/'.join(pair)}"
+                )
 
 
 def find_datasets(folder: Path) -> list[Found]:
