@@ -67,15 +67,50 @@ def test_an_older_report_in_the_folder_leaves_nothing_that_looks_new(tmp_path: P
     assert {file.name for file in tmp_path.glob("*.png")} == {n for n in FILES if n.endswith(".png")} | {"mine.png"}
 
 
-def test_a_report_that_was_stopped_leaves_no_older_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("where", ["curves", "strip"])
+def test_a_report_that_was_stopped_leaves_the_older_one_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
+    (tmp_path / "precision_recall_mine.png").write_bytes(b"mine")
     written(tmp_path, RANDOM, np.arange(9))
-    monkeypatch.setattr(comparison_pictures, "curves", stop)
+    before = contents(tmp_path)
+    monkeypatch.setattr(comparison_pictures, where, stop)
     with pytest.raises(KeyboardInterrupt):
         written(tmp_path, RANDOM, np.arange(9) % 3)
-    assert not (tmp_path / "report.html").exists()
+    assert contents(tmp_path) == before
+    assert before["precision_recall_mine.png"] == b"mine"
+
+
+@pytest.mark.parametrize("moved", [0, 1, 5])
+def test_a_report_stopped_while_it_is_moved_is_no_mixture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
+) -> None:
+    written(tmp_path / "new", RANDOM, np.arange(9) % 3)
+    written(tmp_path / "out", RANDOM, np.arange(9))
+    (tmp_path / "out" / "mine.txt").write_bytes(b"mine")
+    replace, left = Path.replace, [moved]
+
+    def stop(self: Path, target: Path) -> Path:
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", stop)
+    with pytest.raises(KeyboardInterrupt):
+        written(tmp_path / "out", RANDOM, np.arange(9) % 3)
+    after, new = contents(tmp_path / "out"), contents(tmp_path / "new")
+    assert after.pop("mine.txt") == b"mine"
+    assert len(after) == moved
+    assert "report.html" not in after
+    assert after == {name: new[name] for name in after}
 
 
 def comparison(seed: int, weighted: float) -> Comparison:

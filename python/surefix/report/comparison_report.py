@@ -1,5 +1,6 @@
 """The report of a comparison: one page, its pictures, and what they were made from."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from surefix.report import comparison_sections as sections
 from surefix.report import comparison_tables as tables
 from surefix.report.comparison import Comparison
 from surefix.report.page import Picture, Section, page
+from surefix.report.staged import PAGE, staged
 
 __all__ = ["FILES", "write_comparison"]
 
@@ -30,6 +32,10 @@ FILES = {
     "curves.csv": "a line for each point of each curve",
     "fixes.csv": "a line for each query of each method",
 }
+
+# What not every comparison has.
+MISTAKES = ("mistakes.png", "trusted_mistakes.png")
+MORE = re.compile(r"precision_recall_\d+\.png")
 
 
 def write_comparison(
@@ -60,53 +66,53 @@ def write_comparison(
     OSError
         Where a file cannot be written.
     """
-    report = folder / "report.html"
-    # First, so that none of an earlier comparison stays beside the tables of this where something stops it.
-    report.unlink(missing_ok=True)
-    tables.write_methods(comparison, folder / "methods.csv")
-    tables.write_curves(comparison, folder / "curves.csv")
-    tables.write_fixes(comparison, folder / "fixes.csv", query_names)
-    curves = pictures.curves(comparison)
-    drawn: dict[str, Picture | None] = {
-        "precision_recall.png": curves[0],
-        **{f"precision_recall_{k}.png": picture for k, picture in enumerate(curves[1:], start=2)},
-        "auc.png": pictures.intervals(comparison),
-        "false_positives.png": pictures.false(comparison),
-        "trust.png": pictures.trust(comparison),
-        "distance_matrix.png": pictures.matrix(comparison),
-        "close_up.png": pictures.close_up(comparison),
-        "route.png": pictures.strip(comparison, along),
-        "mistakes.png": pictures.mistakes(comparison, queries, references),
-        "trusted_mistakes.png": pictures.trusted_mistakes(comparison, queries, references),
-    }
-    made = {name: picture for name, picture in drawn.items() if picture is not None}
-    for name, picture in made.items():
-        (folder / name).write_bytes(picture.light)
-    for old in (*folder.glob("precision_recall_*.png"), *(folder / name for name in drawn)):
-        # Of an earlier comparison: it would be taken for one of this.
-        if old.name not in made:
-            old.unlink(missing_ok=True)
-    wrong = [made[name] for name in ("mistakes.png", "trusted_mistakes.png") if name in made]
-    files = FILES | {name: "mistakes, as images side by side" for name in made if name not in FILES}
-    files |= {name: "more of the curves" for name in made if name.startswith("precision_recall_")}
-    text = page(
-        "How well does it know where it is?",
-        sections.lead(comparison),
-        (),
-        sections.tiles(comparison),
-        (
-            sections.methods(comparison, made["auc.png"], made["false_positives.png"]),
-            sections.words(comparison),
-            sections.curves(comparison, curves),
-            sections.trust(comparison, made["trust.png"]),
-            sections.matrix(comparison, made["distance_matrix.png"], made["close_up.png"]),
-            sections.route(comparison, made["route.png"]),
-            sections.mistakes(comparison, wrong, query_names, place_names, pictures.MISTAKES),
-            _made(comparison, command, files),
-        ),
-    )
-    report.write_text(text, encoding="utf-8")
-    return report
+    with staged(folder, _old(folder)) as inside:
+        tables.write_methods(comparison, inside / "methods.csv")
+        tables.write_curves(comparison, inside / "curves.csv")
+        tables.write_fixes(comparison, inside / "fixes.csv", query_names)
+        curves = pictures.curves(comparison)
+        drawn: dict[str, Picture | None] = {
+            "precision_recall.png": curves[0],
+            **{f"precision_recall_{k}.png": picture for k, picture in enumerate(curves[1:], start=2)},
+            "auc.png": pictures.intervals(comparison),
+            "false_positives.png": pictures.false(comparison),
+            "trust.png": pictures.trust(comparison),
+            "distance_matrix.png": pictures.matrix(comparison),
+            "close_up.png": pictures.close_up(comparison),
+            "route.png": pictures.strip(comparison, along),
+            "mistakes.png": pictures.mistakes(comparison, queries, references),
+            "trusted_mistakes.png": pictures.trusted_mistakes(comparison, queries, references),
+        }
+        made = {name: picture for name, picture in drawn.items() if picture is not None}
+        for name, picture in made.items():
+            (inside / name).write_bytes(picture.light)
+        wrong = [made[name] for name in MISTAKES if name in made]
+        files = FILES | {name: "mistakes, as images side by side" for name in made if name not in FILES}
+        files |= {name: "more of the curves" for name in made if name.startswith("precision_recall_")}
+        text = page(
+            "How well does it know where it is?",
+            sections.lead(comparison),
+            (),
+            sections.tiles(comparison),
+            (
+                sections.methods(comparison, made["auc.png"], made["false_positives.png"]),
+                sections.words(comparison),
+                sections.curves(comparison, curves),
+                sections.trust(comparison, made["trust.png"]),
+                sections.matrix(comparison, made["distance_matrix.png"], made["close_up.png"]),
+                sections.route(comparison, made["route.png"]),
+                sections.mistakes(comparison, wrong, query_names, place_names, pictures.MISTAKES),
+                _made(comparison, command, files),
+            ),
+        )
+        (inside / PAGE).write_text(text, encoding="utf-8")
+    return folder / PAGE
+
+
+def _old(folder: Path) -> set[str]:
+    """The names of an earlier comparison's files: beside those of this they would be taken for its own."""
+    more = {path.name for path in folder.glob("precision_recall_*.png") if MORE.fullmatch(path.name)}
+    return {*FILES, *MISTAKES, *more}
 
 
 def _made(comparison: Comparison, command: str, files: dict[str, str]) -> Section:

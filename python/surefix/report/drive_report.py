@@ -13,6 +13,7 @@ from surefix.report import drive_pictures as pictures
 from surefix.report import drive_sections as sections
 from surefix.report.drive import Drive
 from surefix.report.page import Picture, Section, Tile, page
+from surefix.report.staged import PAGE, staged
 
 __all__ = ["write_report"]
 
@@ -45,38 +46,38 @@ def write_report(drive: Drive, folder: Path, command: str, seconds: Sequence[tup
     OSError
         Where a file cannot be written.
     """
-    drive.run.to_csv(folder / "fixes.csv")
-    drive.baseline.to_csv(folder / "baseline.csv")
-    np.save(folder / "distances.npy", drive.distances)
-    truth = zip(drive.truth, drive.revisit.positions, strict=True)
-    lines = (f"{frame},{place},{position:.3f}\n" for frame, (place, position) in enumerate(truth))
-    (folder / "truth.csv").write_text("frame,place,position\n" + "".join(lines), encoding="utf-8")
-    drawn = {
-        "distance_matrix.png": pictures.matrix(drive),
-        "close_up.png": pictures.close_up(drive),
-        "route.png": pictures.strip(drive),
-        "precision_recall.png": pictures.curves(drive),
-        "montage.png": pictures.pairs(drive),
-    }
-    for name, picture in drawn.items():
-        (folder / name).write_bytes(picture.light)
-    report = folder / "report.html"
-    text = page(
-        "Where am I on this route, and may I trust that answer?",
-        _lead(drive),
-        _hero(drive),
-        _tiles(drive),
-        (
-            sections.matrix(drive, drawn["distance_matrix.png"], drawn["close_up.png"]),
-            sections.route(drive, drawn["route.png"]),
-            sections.curves(drive, drawn["precision_recall.png"]),
-            sections.pairs(drive, drawn["montage.png"]),
-            sections.meaning(drive),
-            _made(drive, command, seconds),
-        ),
-    )
-    report.write_text(text, encoding="utf-8")
-    return report
+    with staged(folder) as inside:
+        drive.run.to_csv(inside / "fixes.csv")
+        drive.baseline.to_csv(inside / "baseline.csv")
+        np.save(inside / "distances.npy", drive.distances)
+        truth = zip(drive.truth, drive.revisit.positions, strict=True)
+        lines = (f"{frame},{place},{position:.3f}\n" for frame, (place, position) in enumerate(truth))
+        (inside / "truth.csv").write_text("frame,place,position\n" + "".join(lines), encoding="utf-8")
+        drawn = {
+            "distance_matrix.png": pictures.matrix(drive),
+            "close_up.png": pictures.close_up(drive),
+            "route.png": pictures.strip(drive),
+            "precision_recall.png": pictures.curves(drive),
+            "montage.png": pictures.pairs(drive),
+        }
+        for name, picture in drawn.items():
+            (inside / name).write_bytes(picture.light)
+        text = page(
+            "Where am I on this route, and may I trust that answer?",
+            _lead(drive),
+            _hero(drive),
+            _tiles(drive),
+            (
+                sections.matrix(drive, drawn["distance_matrix.png"], drawn["close_up.png"]),
+                sections.route(drive, drawn["route.png"]),
+                sections.curves(drive, drawn["precision_recall.png"]),
+                sections.pairs(drive, drawn["montage.png"]),
+                sections.meaning(drive),
+                _made(drive, command, seconds),
+            ),
+        )
+        (inside / PAGE).write_text(text, encoding="utf-8")
+    return folder / PAGE
 
 
 def _lead(drive: Drive) -> Sequence[str]:

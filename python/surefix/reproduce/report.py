@@ -7,6 +7,7 @@ from surefix import __version__
 from surefix.errors import SurefixValueError
 from surefix.machine import machine
 from surefix.report.page import Section, Tile, page
+from surefix.report.staged import PAGE, staged
 from surefix.reproduce import ablation, break_even, curves, false_positives, sweep, table, timing
 from surefix.reproduce.case import Case, Settings
 from surefix.reproduce.comparison import Comparison, csv_text, stem
@@ -68,21 +69,21 @@ def write_report(
     OSError
         Where a file cannot be written.
     """
-    for comparison in made:
-        text = csv_text(comparison.header, comparison.rows)
-        (folder / f"{comparison.name}.csv").write_text(text, encoding="utf-8", newline="")
-        for name, picture in comparison.pictures.items():
-            (folder / f"{name}.png").write_bytes(picture.light)
-    text = page(
-        "The paper, made again",
-        _lead(cases, settings, problems),
-        (),
-        _tiles(made[0], len(cases)),
-        [*map(_section, made), _data(cases, problems), _made(settings, command)],
-    )
-    report = folder / "report.html"
-    report.write_text(text, encoding="utf-8")
-    return report
+    with staged(folder) as inside:
+        for comparison in made:
+            text = csv_text(comparison.header, comparison.rows)
+            (inside / f"{comparison.name}.csv").write_text(text, encoding="utf-8", newline="")
+            for name, picture in comparison.pictures.items():
+                (inside / f"{name}.png").write_bytes(picture.light)
+        text = page(
+            "The paper, made again",
+            _lead(cases, settings, problems),
+            (),
+            _tiles(made[0], len(cases)),
+            [*map(_section, made), _data(cases, problems), _made(settings, command)],
+        )
+        (inside / PAGE).write_text(text, encoding="utf-8")
+    return folder / PAGE
 
 
 def _check_distinct(cases: Sequence[Case]) -> None:
