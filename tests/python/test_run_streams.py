@@ -167,6 +167,25 @@ def test_a_change_of_size_that_cannot_be_used_is_named_with_both_sizes() -> None
     assert tally.summary(None).startswith("3 fixes, ")
 
 
+def test_a_file_that_is_no_image_does_not_end_a_run_that_follows(drive: Path, tmp_path: Path) -> None:
+    for index in range(4):
+        (tmp_path / f"{index}.png").write_bytes((drive / "images" / f"{index}.png").read_bytes())
+    (tmp_path / "2.png").write_bytes(b"not an image")
+    done = surefix_("run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "0.5")
+    assert [(row["query"], row["dropped"], row["ready"]) for row in rows(done.stdout)] == [
+        ("0.png", "0", "false"),
+        ("1.png", "0", "true"),
+        ("3.png", "1", "false"),
+    ]
+    said, summary = done.stderr.splitlines()
+    assert said.startswith(f"Passed over: image {tmp_path / '2.png'}: ")
+    assert re.match(r"3 fixes, .*1 frame dropped, ", summary)
+    for index in (0, 1, 3):
+        (tmp_path / f"{index}.png").unlink()
+    done = surefix_("run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "0.5")
+    assert done.stderr.splitlines()[1:] == ["0 fixes: there was no query that could be used"]
+
+
 def test_one_fix_is_in_the_singular() -> None:
     localizer = surefix.Localizer(surefix.Map.from_descriptors(np.eye(4, 5, dtype=np.float32)))
     tally = Tally()

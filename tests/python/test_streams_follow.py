@@ -109,14 +109,26 @@ def test_a_writer_that_pauses_in_a_file_is_waited_for(tmp_path: Path) -> None:
     assert np.array_equal(frame.image, IMAGES[0])
 
 
-def test_a_file_that_never_becomes_an_image_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_never_becomes_an_image_is_named_once_and_counts_as_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     monkeypatch.setattr(FollowStream, "PATIENCE", 0.3)
-    (tmp_path / "0.png").write_bytes(png(0))
+    for index in range(6):
+        (tmp_path / f"{index}.png").write_bytes(png(index))
     (tmp_path / "1.png").write_bytes(png(1)[:300])
-    stream = iter(FollowStream(tmp_path, idle=5, settle=0.1, poll=0.02))
-    assert next(stream).name == "0.png"
+    (tmp_path / "3.png").write_bytes(b"")
+    (tmp_path / "4.png").write_bytes(b"not an image")
+    frames = list(FollowStream(tmp_path, idle=0.5, settle=0.1, poll=0.02))
+    assert [(frame.name, frame.dropped, frame.gap) for frame in frames] == [
+        ("0.png", 0, False),
+        ("2.png", 1, False),
+        ("5.png", 2, False),
+    ]
+    for record, name in zip(caplog.records, ("1.png", "3.png", "4.png"), strict=True):
+        assert record.getMessage().startswith(f"Passed over: image {tmp_path / name}: ")
+    # Without following it is an error.
     with pytest.raises(surefix.SurefixValueError, match=r"1\.png"):
-        next(stream)
+        list(open_stream(tmp_path))
 
 
 def test_a_late_file_is_taken_and_breaks_the_drive_twice(tmp_path: Path) -> None:

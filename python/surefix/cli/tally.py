@@ -32,7 +32,8 @@ class Tally:
         """One line: how many, how many of them are trusted, what is missing, how long they took, and where they are."""
         count = len(self.latencies)
         if not count:
-            return "0 fixes: there were no queries" if self.ended else "0 fixes: it stopped before the first"
+            why = "there was no query that could be used" if self.ended else "it stopped before the first"
+            return f"0 fixes: {why}"
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
         missing = f"{counted(self.dropped, 'frame')} dropped, " if self.dropped else ""
         missing += f"{counted(self.gaps, 'gap')}, " if self.gaps else ""

@@ -1,5 +1,6 @@
 """Frames from a folder that grows while it is read."""
 
+import logging
 import math
 import time
 from collections.abc import Generator
@@ -20,12 +21,17 @@ __all__ = ["FollowStream"]
 # In the error of find_images for a folder or a pattern that is right and matches nothing.
 NONE_YET = "found none"
 
+LOG = logging.getLogger("surefix")
+
 
 class FollowStream(Stream):
     """The images of a folder or a pattern, those that are there and those that come, in the order of their names.
 
     A file is taken once it is whole: its size and its time of writing stay as they are for ``settle`` seconds, and it
     can be decoded. Those after it wait for it. The time of a frame is when its file was last written.
+
+    A file that cannot be decoded and has not changed for 5 seconds is passed over: the logger ``surefix`` says so, on
+    stderr by default, and it counts as dropped before the next.
 
     A file that comes after one with a later name was taken is taken when it comes; it says ``gap``, as does the one
     after it. One that is gone before it was read counts as dropped.
@@ -49,7 +55,7 @@ class FollowStream(Stream):
     SurefixFileError
         Where there is no such folder.
     SurefixValueError
-        For seconds below 0; while it is read, for a file that cannot be decoded and has not changed for 5 seconds.
+        For seconds below 0.
     """
 
     timed = True
@@ -119,7 +125,7 @@ class FollowStream(Stream):
             time.sleep(min(left, 0.05))
 
     def _when_whole(self, path: str) -> tuple[float, npt.NDArray[np.uint8]] | None:
-        """When a file was last written, and its image, once it is whole; None where it is gone."""
+        """When a file was last written, and its image, once it is whole; None where it is gone or never becomes one."""
         before, since = None, time.monotonic()
         while not self._ended.is_set():
             try:
@@ -137,9 +143,10 @@ class FollowStream(Stream):
                     if not Path(path).exists():
                         return None
                     raise
-                except SurefixValueError:
+                except SurefixValueError as error:
                     if unchanged >= self.PATIENCE:
-                        raise
+                        LOG.warning("Passed over: %s", error)
+                        return None
             self._pause(max(self.poll, 0.001))
         return None
 
