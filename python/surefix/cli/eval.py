@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 
 from surefix import SurefixError, SurefixFileError, SurefixValueError, match_distances
+from surefix._words import counted
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
 from surefix.cli.drives import Drives, Taking, open_drives, read_matrix, reference_images
@@ -180,7 +181,8 @@ def eval_(
 
     start = time.perf_counter()
     D = drives.distances()
-    print(f"Distances: {drives.places} places x {drives.queries} queries, in {time.perf_counter() - start:.1f} s")
+    size = f"{counted(drives.places, 'place')} x {counted(drives.queries, 'query', 'queries')}"
+    print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
     if drives.matrix is not None and not similarity:
         _warn_of_similarities(D, context)
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
+from surefix._words import counted
 from surefix.cli.frames import Frames
 from surefix.cli.network import map_of_network, network_of, open_network, steps_of
 from surefix.cli.positions import read_positions
@@ -222,7 +223,7 @@ def append(
     else:
         Map.append(file, frames.images, positions=where)
     seconds = time.perf_counter() - start
-    print(f"Added {len(frames)} places to {file}: now {_size_of(file)}, in {seconds:.1f} s")
+    print(f"Added {counted(len(frames), 'place')} to {file}: now {_size_of(file)}, in {seconds:.1f} s")
 
 
 def info(
@@ -280,4 +281,4 @@ def _look(file: Path) -> Map:
 
 def _size_of(file: Path) -> str:
     route = _look(file)
-    return f"{len(route)} places x {route.dim} {route.dtype}, {file.stat().st_size / 1e6:.1f} MB"
+    return f"{counted(len(route), 'place')} x {route.dim} {route.dtype}, {file.stat().st_size / 1e6:.1f} MB"
