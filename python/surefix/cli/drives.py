@@ -11,25 +11,14 @@ import typer
 
 from surefix import Localizer, Map, SurefixFileError, SurefixValueError
 from surefix._progress import terminal_bar
-from surefix.cli.network import network_of
+from surefix.cli.network import network_of, no_model
 from surefix.cli.queries import FrameQueries, Pictures, Queries, RecordedQueries
 from surefix.cli.recording import is_recording
+from surefix.cli.taking import Taking
 from surefix.datasets.images import Images, open_images
 from surefix.descriptors import Onnx
-from surefix.streams import open_stream
 
-__all__ = ["Drives", "Taking", "open_drives", "read_matrix", "reference_images"]
-
-
-@dataclass(frozen=True)
-class Taking:
-    """Which frames of a recording are taken, as for ``open_stream``; by default each."""
-
-    topic: str | None = None
-    stride: int = 1
-    every: float | None = None
-    metres: float | None = None
-    odometry: str | None = None
+__all__ = ["Drives", "open_drives", "read_matrix", "reference_images"]
 
 
 @dataclass(eq=False)
@@ -140,15 +129,15 @@ def open_drives(
             f"{route}: expected a map or a matrix, got a folder; make a map of it: surefix map build {route}"
         )
     known = Map.open(route)
-    if model is not None and known.recipe is None:
-        raise typer.BadParameter(f"--model: expected a map made with one, got {route}, which names none")
     assert queries is not None
+    network = None if model is None else network_of(known, route, model)
     drive = _queries(queries, taking)
     if drive.ready is not None:
         if model is not None:
             raise typer.BadParameter(f"--model: expected images, got the ready descriptors {queries}")
         return Drives(len(known), len(drive), map=known, drive=drive)
-    network = _network(route, known, model)
+    if network is None:
+        _check_sad(known, route)
     return Drives(len(known), len(drive), map=known, drive=drive, network=network, cache=cache)
 
 
@@ -165,24 +154,18 @@ def _images(place: str, taking: Taking) -> Queries | Images:
 def _recorded(place: str, taking: Taking) -> RecordedQueries | None:
     """The frames that are taken of a recording; None where this is something else, of which none can be chosen."""
     if is_recording(place):
-        return RecordedQueries(open_stream(place, **vars(taking)))
-    if taking != Taking():
-        raise typer.BadParameter(
-            f"--topic, --stride, --every, --metres, --odometry: expected a video or a bag, got {place}"
-        )
+        return RecordedQueries(taking.open(place))
+    taking.check_none(place)
     return None
 
 
-def _network(route: str, known: Map, model: Path | None) -> Onnx | None:
-    """What describes images for this map, where SAD does not."""
-    if model is not None:
-        assert known.recipe is not None
-        return network_of(known.recipe, model)
+def _check_sad(known: Map, route: str) -> None:
+    """Refuses images for a map whose descriptors something else than SAD made."""
     if known.descriptor is not None:
-        return None
+        return
     name = None if known.recipe is None else str(known.recipe.get("name"))
     if name is not None and name.startswith("onnx:"):
-        raise typer.BadParameter(f"expected --model with {name}, which {route} was made with, got none")
+        raise no_model(name, route)
     holds = "holds ready descriptors" if name is None else f"is by {name!r}, which is no ONNX file"
     raise SurefixValueError(f"QUERIES: expected descriptors, a .npy (m, dim), as this map {holds}; got images")
 

@@ -17,8 +17,9 @@ from surefix import SurefixError, SurefixFileError, SurefixValueError, match_dis
 from surefix._words import counted
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
-from surefix.cli.drives import Drives, Taking, open_drives, read_matrix, reference_images
+from surefix.cli.drives import Drives, open_drives, read_matrix, reference_images
 from surefix.cli.positions import Positions, on_one_plane, read_either
+from surefix.cli.taking import Every, Metres, Odometry, Stride, Taking, Topic
 from surefix.cli.truth import read_truth, truth_by_position
 
 if TYPE_CHECKING:
@@ -123,16 +124,11 @@ def eval_(
         str | None, typer.Option(help="That drive's truth, as for --truth, in places.")
     ] = None,
     calibration_tolerance: Annotated[int, typer.Option(min=0, help="How far from that truth is right, in places.")] = 1,
-    topic: Annotated[str | None, typer.Option(help="A bag: the topic of the images, if there are several.")] = None,
-    stride: Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")] = 1,
-    every: Annotated[float | None, typer.Option(help="A video or a bag: take a frame every so many seconds.")] = None,
-    metres: Annotated[
-        float | None, typer.Option(help="A video or a bag: a query every so many metres, by --odometry.")
-    ] = None,
-    odometry: Annotated[
-        str | None,
-        typer.Option(help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."),
-    ] = None,
+    topic: Topic = None,
+    stride: Stride = 1,
+    every: Every = None,
+    metres: Metres = None,
+    odometry: Odometry = None,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one report."""
     begin = time.perf_counter()
@@ -150,10 +146,8 @@ def eval_(
     if cache is not None and model is None:
         raise typer.BadParameter("--cache: expected --model too, got none")
     taking = Taking(topic, stride, every, metres, odometry)
-    if queries is None and taking != Taking():
-        raise typer.BadParameter(
-            "--topic, --stride, --every, --metres, --odometry: expected a video or a bag, got none"
-        )
+    if queries is None:
+        taking.check_none("none")
     _check_usage(route, queries, truth, positions, query_positions, tolerance, calibration, calibration_truth, names)
     try:
         # Not at the top: matplotlib is an extra, and slow to import.

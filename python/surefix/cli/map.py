@@ -14,11 +14,11 @@ from rich.text import Text
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix._words import counted
 from surefix.cli.frames import Frames
-from surefix.cli.network import map_of_network, network_of, open_network, steps_of
+from surefix.cli.network import map_of_network, network_of, no_model, open_network, steps_of
 from surefix.cli.positions import read_positions
 from surefix.cli.recording import is_recording, learned_map_of_recording, map_of_recording
+from surefix.cli.taking import Every, Metres, Odometry, Stride, Taking, Topic
 from surefix.descriptors import metric_of
-from surefix.streams import open_stream
 
 __all__ = ["append", "build", "info"]
 
@@ -52,19 +52,13 @@ def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
         raise typer.BadParameter(str(error)) from None
 
 
-def _check_sad(references: str, size: str | None, patch: int, dtype: Dtype, *, ready: bool, model: bool) -> None:
-    """Refuses options of SAD where nothing is described by it."""
-    if ready and (size, patch, dtype) != (None, 8, Dtype.u8):
-        raise typer.BadParameter(f"--size, --patch, --dtype: expected images, got the ready descriptors {references}")
-    if model and (patch, dtype) != (8, Dtype.u8):
-        raise typer.BadParameter("--patch, --dtype: expected images for SAD, got --model")
-
-
-def _check_metric(references: str, metric: Metric | None) -> None:
+def _check_sad(references: str, metric: Metric | None, post: str | None) -> None:
+    """Refuses what images for SAD cannot have."""
+    wanted = "expected ready descriptors or --model, got images for SAD"
     if metric not in (None, Metric.manhattan):
-        raise typer.BadParameter(
-            f"--metric: expected ready descriptors or --model, got images for SAD, which is manhattan: {references}"
-        )
+        raise typer.BadParameter(f"--metric: {wanted}, which is manhattan: {references}")
+    if post is not None:
+        raise typer.BadParameter(f"--post: {wanted}: {references}")
 
 
 def build(
@@ -114,16 +108,11 @@ def build(
     positions: Annotated[
         Path | None, typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.")
     ] = None,
-    topic: Annotated[str | None, typer.Option(help="A bag: the topic of the images, if there are several.")] = None,
-    stride: Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")] = 1,
-    every: Annotated[float | None, typer.Option(help="A video or a bag: take a frame every so many seconds.")] = None,
-    metres: Annotated[
-        float | None, typer.Option(help="A video or a bag: a place every so many metres, by --odometry.")
-    ] = None,
-    odometry: Annotated[
-        str | None,
-        typer.Option(help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."),
-    ] = None,
+    topic: Topic = None,
+    stride: Stride = 1,
+    every: Every = None,
+    metres: Metres = None,
+    odometry: Odometry = None,
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready descriptors."""
     start = time.perf_counter()
@@ -131,20 +120,20 @@ def build(
         raise SurefixFileError(f"{out}: cannot write the map: there is no folder {out.absolute().parent}")
     where = None if positions is None else read_positions(positions)
     steps = None if post is None else steps_of(post)
+    taking = Taking(topic, stride, every, metres, odometry)
     network = None
     if model is not None:
+        if (patch, dtype) != (8, Dtype.u8):
+            raise typer.BadParameter("--patch, --dtype: expected images for SAD, got --model")
         network = open_network(model, output, None if size is None else _size(size), mean, std, batch)
     elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
         raise typer.BadParameter("--output, --mean, --std, --batch, --cache: expected --model too, got none")
-    _check_sad(references, size, patch, dtype, ready=False, model=network is not None)
     if is_recording(references):
         if network is None:
-            _check_metric(references, metric)
+            _check_sad(references, metric, post)
         if key is not None:
             raise typer.BadParameter(f"--key: expected descriptors, got the recording {references}")
-        if steps is not None and network is None:
-            raise typer.BadParameter(f"--post: expected ready descriptors or --model, got images for SAD: {references}")
-        stream = open_stream(references, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry)
+        stream = taking.open(references)
         read = [*map(Path, stream.files), *(file for file in (model, cache) if file is not None and file.exists())]
         if out.exists() and any(out.samefile(file) for file in read):
             raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
@@ -155,25 +144,23 @@ def build(
             learned_map_of_recording(stream, network, by, where, cache, steps).save(out)
         print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
         return
-    if (topic, stride, every, metres, odometry) != (None, 1, None, None, None):
-        raise typer.BadParameter(
-            f"--topic, --stride, --every, --metres, --odometry: expected a video or a bag, got {references}"
-        )
+    taking.check_none(references)
     frames = Frames(references, key)
     if frames.holds(out) or any(file is not None and out.exists() and out.samefile(file) for file in (model, cache)):
         raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
     if frames.descriptors is not None:
         if network is not None:
             raise typer.BadParameter(f"--model: expected images, got the ready descriptors {references}")
-        _check_sad(references, size, patch, dtype, ready=True, model=False)
+        if (size, patch, dtype) != (None, 8, Dtype.u8):
+            raise typer.BadParameter(
+                f"--size, --patch, --dtype: expected images, got the ready descriptors {references}"
+            )
         by = metric.value if metric else metric_of(references) or "cosine"
         Map.from_descriptors(frames.descriptors, by, positions=where, post=steps).save(out)
     elif network is not None:
         map_of_network(frames.images, network, metric.value if metric else "cosine", where, cache, steps).save(out)
-    elif steps is not None:
-        raise typer.BadParameter(f"--post: expected ready descriptors or --model, got images for SAD: {references}")
     else:
-        _check_metric(references, metric)
+        _check_sad(references, metric, post)
         Map.build(out, frames.images, _sad(size, patch, dtype), positions=where)
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
 
@@ -206,15 +193,13 @@ def append(
     where = None if positions is None else read_positions(positions)
     network = None
     if model is not None:
-        if old.recipe is None:
-            raise typer.BadParameter(f"--model: expected a map made with one, got {file}, which names none")
+        network = network_of(old, file, model)
         if frames.descriptors is not None:
             raise typer.BadParameter(f"--model: expected images, got the ready descriptors {references}")
-        network = network_of(old.recipe, model)
     elif cache is not None:
         raise typer.BadParameter("--cache: expected --model too, got none")
     elif frames.descriptors is None and old.recipe is not None:
-        raise typer.BadParameter(f"expected --model with {old.recipe['name']}, which {file} was made with, got none")
+        raise no_model(old.recipe["name"], file)
     if frames.descriptors is not None:
         more = Map.from_descriptors(frames.descriptors, old.metric, where, post=old.post, recipe=old.recipe)
         Map.append(file, more)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +13,7 @@ from surefix.descriptors.mapping import map_of_images
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 
-__all__ = ["map_of_network", "network_of", "open_network", "steps_of"]
+__all__ = ["map_of_network", "network_of", "no_model", "open_network", "steps_of"]
 
 
 def open_network(
@@ -47,14 +46,17 @@ def map_of_network(
     return map_of_images(images, network, metric, positions, post, cache)
 
 
-def network_of(recipe: dict[str, Any], model: Path) -> Onnx:
-    """The network that made a map, from the recipe in it and the model's file.
+def network_of(known: Map, route: object, model: Path) -> Onnx:
+    """The network that made a map, by the recipe in it and the model's file; ``route`` is what the map is called.
 
     Raises
     ------
     BadParameter
-        Where the map was made by something else than an ONNX network.
+        Where the map was made by something else than this network.
     """
+    recipe = known.recipe
+    if recipe is None:
+        raise typer.BadParameter(f"--model: expected a map made with one, got {route}, which names none")
     wanted = ("output", "size", "mean", "std")
     if not str(recipe.get("name", "")).startswith("onnx:") or not all(key in recipe for key in wanted):
         raise typer.BadParameter(f"--model: expected a map made with one, got a map by {recipe.get('name')!r}")
@@ -65,6 +67,11 @@ def network_of(recipe: dict[str, Any], model: Path) -> Onnx:
             f"--model: expected {recipe['file']} as it was when the map was made, got another model"
         )
     return network
+
+
+def no_model(name: str, route: object) -> typer.BadParameter:
+    """The refusal of images for a network's map, where the network is not given."""
+    return typer.BadParameter(f"expected --model with {name}, which {route} was made with, got none")
 
 
 def steps_of(text: str) -> list[Step]:

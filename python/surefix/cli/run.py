@@ -163,11 +163,7 @@ def run(
         odometry=odometry,
         newest=newest,
     )
-    network = None
-    if model is not None:
-        if places.recipe is None:
-            raise typer.BadParameter(f"--model: expected a map made with one, got {route}, which names none")
-        network = network_of(places.recipe, model)
+    network = None if model is None else network_of(places, route, model)
     try:
         localizer = Localizer(
             places.with_screen("i8") if screen else places,
