@@ -32,8 +32,8 @@ impl Isa {
     /// All of them, from the plainest to the widest.
     pub const ALL: [Self; 4] = [Self::Scalar, Self::Neon, Self::Avx2, Self::Avx512];
 
-    /// The widest that this processor has, or what `SUREFIX_ISA` asks for where this processor has that; a name that it has not, or
-    /// that there is none of, is ignored. Found once.
+    /// The widest that this processor has, or what `SUREFIX_ISA` asks for where this processor has that; any other name is
+    /// ignored. Found once.
     pub fn best() -> Self {
         static BEST: OnceLock<Isa> = OnceLock::new();
         *BEST.get_or_init(|| {

@@ -330,7 +330,7 @@ fn indices(gaps: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
         let advice = "expected indices of queries, got bool; convert a mask with np.flatnonzero(mask)";
         return Err(value(gaps.py(), format!("gaps: {advice}")));
     }
-    let indices = whole_numbers(gaps, "gaps")?.into_iter().map(|index| {
+    let indices = whole_numbers(given.as_any(), "gaps")?.into_iter().map(|index| {
         usize::try_from(index).map_err(|_| {
             let (name, expected) = ("gaps", "indices of queries, from 0".to_owned());
             to_py(gaps.py(), &surefix::Error::Option { name, expected, got: index.to_string() })

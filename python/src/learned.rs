@@ -131,23 +131,19 @@ pub(crate) fn described<'py>(
     use numpy::PyUntypedArrayMethods as _;
     let py = frame.py();
     let Some(descriptor) = descriptor else {
-        let name = name_of(map).filter(|_| is_image(frame));
-        return match name {
-            None => Ok(None),
-            Some(name) => {
-                let expected = format!(
-                    "a descriptor ({},), or Localizer(map, descriptor=...) with {name:?}",
-                    map.input_dim()
-                );
-                let got = match as_array(frame, "frame") {
-                    Ok(array) if dtype_of(&array) != "uint8" => {
-                        format!("{} of the shape {}", dtype_of(&array), shape_of(&array))
-                    }
-                    _ => "an image".to_owned(),
-                };
-                Err(value(py, format!("frame: expected {expected}, got {got}")))
-            }
-        };
+        if map.recipe() != Recipe::Ready || !is_image(frame) {
+            return Ok(None);
+        }
+        // What is no image and has more axes than a descriptor is most likely a network's batch of one.
+        let batch = as_array(frame, "frame").ok().filter(|array| dtype_of(array) != "uint8");
+        let batch = batch.map(|array| format!("{} of the shape {}", dtype_of(&array), shape_of(&array)));
+        let own = name_of(map).map(|name| format!(", or Localizer(map, descriptor=...) with {name:?}"));
+        if batch.is_none() && own.is_none() {
+            return Ok(None);
+        }
+        let expected = format!("a descriptor ({},){}", map.input_dim(), own.unwrap_or_default());
+        let got = batch.unwrap_or_else(|| "an image".to_owned());
+        return Err(value(py, format!("frame: expected {expected}, got {got}")));
     };
     if !is_image(frame) {
         return Ok(None);

@@ -3,9 +3,9 @@
 use numpy::{PyArray1, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyInt, PyIterator};
-use surefix::{Floor, Recipe};
+use surefix::Floor;
 
-use crate::arrays::{as_array, dtype_of, query, shape_of};
+use crate::arrays::{as_array, query};
 use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
 use crate::images::{Pixels, find_images, path_of};
@@ -110,11 +110,10 @@ impl Localizer {
             let localizer = &mut this.0;
             py.detach(|| localizer.push_descriptor_with_trust(view, trusted))
         } else {
-            let mut this = locked()?;
-            let localizer = &mut this.0;
-            check_no_batch(&array, localizer.map())?;
             let pixels = Pixels::new(&array, "image")?;
             let view = pixels.view(py)?;
+            let mut this = locked()?;
+            let localizer = &mut this.0;
             py.detach(|| localizer.push_image_with_trust(view, trusted))
         };
         Ok(Fix(fix.or_raise(py)?))
@@ -330,13 +329,4 @@ fn frame_of<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>
     let lost: u64 =
         dropped.extract().map_err(|_| refuse("dropped", "a whole number of 0 or more", &dropped))?;
     Ok(Some((image, !cut && lost == 0)))
-}
-
-/// What is no image and has more axes than a descriptor is most likely one with an axis too many, such as a network's batch of one.
-fn check_no_batch(array: &Bound<'_, PyUntypedArray>, map: &surefix::Map) -> PyResult<()> {
-    if map.recipe() != Recipe::Ready || dtype_of(array) == "uint8" {
-        return Ok(());
-    }
-    let (dim, dtype, shape) = (map.input_dim(), dtype_of(array), shape_of(array));
-    Err(value(array.py(), format!("frame: expected a descriptor ({dim},), got {dtype} of the shape {shape}")))
 }

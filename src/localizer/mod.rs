@@ -192,7 +192,8 @@ impl Localizer {
     }
 
     /// How many of the map's rows the newest frame made the localizer look at: all of them, or, on a map with a screen, those
-    /// that were left in doubt, for this query and for the ones before it in the window. 0 before the first frame; right after a restart, all.
+    /// that were left in doubt, for this query and for the ones before it in the window. 0 before the first frame; right after
+    /// a restart, all.
     pub fn looked_at(&self) -> usize {
         match &self.way {
             Way::Plain(plain) => plain.looked_at(),

@@ -39,8 +39,8 @@ impl Screened {
     pub(super) fn new(map: &Map, screen: Arc<Screen>, matcher: Matcher) -> Result<Self, Error> {
         let config = matcher.config();
         // What was restored may hold numbers of any size: until it is forgotten, nothing is added to bounds.
-        let rest = if matcher.frames() > 0 { config.smoothing.max(config.sequence_length) } else { 0 };
-        let looked_at = if matcher.frames() > 0 { map.places() } else { 0 };
+        let reach = config.smoothing.max(config.sequence_length);
+        let (rest, looked_at) = if matcher.frames() > 0 { (reach, map.places()) } else { (0, 0) };
         let bounded = Bounded::new(matcher)?;
         let (window, places) = (bounded.window(), map.places());
         let mut queries = Ring::new(window, map.dim())?;
