@@ -114,7 +114,7 @@ check-torch: $(VENV)/wheel
 	$(PYTHON) -m venv $(VENV)/torch
 	$(VENV)/torch/bin/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[dev]" torch torchvision tqdm
 	$(VENV)/torch/bin/python -m pip install --quiet --no-deps patchnetvlad
-	$(VENV)/torch/bin/python -m pytest tests/python/test_torch.py tests/python/test_reranked.py tests/python/test_arrays.py
+	$(VENV)/torch/bin/python -m pytest tests/python/descriptors/test_torch.py tests/python/descriptors/test_reranked.py tests/python/core/test_arrays.py
 
 sdist: $(VENV)/made
 	@rm -f dist/*.tar.gz

@@ -13,7 +13,9 @@ use dice::Dice;
 use ndarray::Array2;
 use surefix::descriptor::Describer;
 use surefix::simulate::{Conditions, Route, RouteConfig};
-use surefix::{Config, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances};
+use surefix::{
+    Config, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
+};
 
 /// The paper's route length.
 const PLACES: usize = 1800;
@@ -26,7 +28,8 @@ fn drives(width: usize, height: usize, frames: usize) -> (Arc<Map>, Vec<Image>) 
     // Small frames are described as large ones are, and drawn in a hundredth of the time.
     let summer = route(64, 32).traverse(Conditions::reference()).unwrap();
     let winter = route(width, height).traverse(Conditions::revisit()).unwrap();
-    let map = Map::from_images(&summer, Sad::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
+    let map =
+        Map::from_images(&summer, Sad::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
     (Arc::new(map), (0..frames).map(|frame| winter.frame(PLACES / 2 + frame)).collect())
 }
 
@@ -36,8 +39,10 @@ fn push(criterion: &mut Criterion) {
         group.throughput(Throughput::Elements(places as u64));
         let columns = Dice(1).drive(places, 16);
         for sequence_length in [1, 2, 3, 10, 100] {
-            let mut matcher = Matcher::new(places, Config { sequence_length, ..Config::default() }).unwrap();
-            for (query, column) in columns.iter().cycle().take(sequence_length.max(16)).enumerate() {
+            let mut matcher =
+                Matcher::new(places, Config { sequence_length, ..Config::default() }).unwrap();
+            for (query, column) in columns.iter().cycle().take(sequence_length.max(16)).enumerate()
+            {
                 let fix = matcher.push(column).unwrap();
                 assert_eq!((fix.single.place, fix.trusted), (places / 3 + query % 16, true));
             }
@@ -55,11 +60,16 @@ fn image(criterion: &mut Criterion) {
     let mut descriptor = Values::U8(vec![0; Sad::default().dim()]);
     let mut next = frames.iter().cycle();
     criterion.bench_function("describe, 640 x 480 RGB", |b| {
-        b.iter(|| describer.describe(black_box(next.next().unwrap().view()), &mut descriptor).unwrap());
+        b.iter(|| {
+            describer.describe(black_box(next.next().unwrap().view()), &mut descriptor).unwrap()
+        });
     });
-    let mut localizer = Localizer::new(map, Config { sequence_length: 3, ..Config::default() }).unwrap();
+    let mut localizer =
+        Localizer::new(map, Config { sequence_length: 3, ..Config::default() }).unwrap();
     let fixes: Vec<Fix> = frames.iter().map(|frame| localizer.push_image(frame).unwrap()).collect();
-    assert!(fixes.iter().enumerate().all(|(query, fix)| fix.place.abs_diff(PLACES / 2 + query) < 10));
+    assert!(
+        fixes.iter().enumerate().all(|(query, fix)| fix.place.abs_diff(PLACES / 2 + query) < 10)
+    );
     criterion.bench_function("image to fix, 640 x 480 RGB, n = 1800, L = 3", |b| {
         b.iter(|| localizer.push_image(black_box(next.next().unwrap())).unwrap());
     });
@@ -73,7 +83,8 @@ fn batch(criterion: &mut Criterion) {
     let descriptors: Vec<Values> =
         frames.iter().map(|frame| Sad::default().describe(frame.view()).unwrap()).collect();
     let mut stream = Localizer::new(map.clone(), config.clone()).unwrap();
-    let fixes: Vec<Fix> = descriptors.iter().map(|one| stream.push_descriptor(one).unwrap()).collect();
+    let fixes: Vec<Fix> =
+        descriptors.iter().map(|one| stream.push_descriptor(one).unwrap()).collect();
     let all: Vec<u8> = descriptors
         .iter()
         .flat_map(|one| match one {

@@ -1,7 +1,9 @@
-"""Guards the instructions of each hot piece of work: a rise is a slowdown that no other load on the machine can hide.
+"""Guards the instructions of each hot piece of work: a rise is a slowdown that no other load on the
+machine can hide.
 
-``python benches/instructions.py`` runs ``instructions.rs`` under callgrind and compares with ``instructions.toml``;
-``--accept`` writes that file anew. It needs cargo and valgrind, and says so where it has not got them.
+``python benches/instructions.py`` runs ``instructions.rs`` under callgrind and compares with
+``instructions.toml``; ``--accept`` writes that file anew. It needs cargo and valgrind, and says so
+where it has not got them.
 """
 
 import argparse
@@ -52,7 +54,9 @@ def compare(committed: Mapping[str, int], counted: Mapping[str, int]) -> Verdict
     for name, now in counted.items():
         before = committed.get(name)
         if before is None:
-            failures.append(f"new: {name}: {now:,} instructions, and {COMMITTED.name} has no such case")
+            failures.append(
+                f"new: {name}: {now:,} instructions, and {COMMITTED.name} has no such case"
+            )
             continue
         change = now - before
         said = f"{name}: from {before:,} to {now:,} instructions ({change / before:+.1%})"
@@ -93,18 +97,31 @@ def about() -> dict[str, str]:
     for tool in ("cargo", "rustc", "valgrind"):
         if shutil.which(tool) is None:
             raise SkippedError(f"{tool} is not installed")
-    said = subprocess.run(["rustc", "-vV"], capture_output=True, text=True, check=True, cwd=HERE).stdout
+    said = subprocess.run(
+        ["rustc", "-vV"], capture_output=True, text=True, check=True, cwd=HERE
+    ).stdout
     found = dict(re.findall(r"^(release|host): (.+)$", said, re.MULTILINE))
     return {"rustc": found["release"], "target": found["host"]}
 
 
 def build() -> Path:
     """The program, optimised as it ships."""
-    command = ["cargo", "bench", "--locked", "--no-run", "--bench", "instructions", "--message-format=json"]
+    command = [
+        "cargo",
+        "bench",
+        "--locked",
+        "--no-run",
+        "--bench",
+        "instructions",
+        "--message-format=json",
+    ]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, cwd=HERE.parent)
     for line in done.stdout.splitlines():
         message = json.loads(line) if line.startswith("{") else {}
-        if message.get("reason") == "compiler-artifact" and message["target"]["name"] == "instructions":
+        if (
+            message.get("reason") == "compiler-artifact"
+            and message["target"]["name"] == "instructions"
+        ):
             return Path(message["executable"])
     raise RuntimeError("cargo built no benchmark named instructions")
 
@@ -123,24 +140,38 @@ def count(program: Path, isa: str, arguments: Sequence[str]) -> dict[str, int]:
             raise RuntimeError(f"valgrind failed with {done.returncode}:\n{done.stderr}")
         (_, used), *cases = (line.split("\t") for line in done.stdout.splitlines())
         if used != isa:
-            raise SkippedError(f"valgrind offers no {isa} on this processor, the kernels ran on {used}")
-        # A numbered file for each call of `measured`, in their order; what is left at the end is in one without.
+            raise SkippedError(
+                f"valgrind offers no {isa} on this processor, the kernels ran on {used}"
+            )
+        # A numbered file for each call of `measured`, in their order; what is left at the end is in
+        # one without.
         parts = sorted(Path(folder).glob("out.*"), key=lambda part: int(part.suffix[1:]))
         totals = [_total(part) for part in parts]
-    return {f"{isa}: {name}": round(total / int(times)) for (name, times), total in zip(cases, totals, strict=True)}
+    return {
+        f"{isa}: {name}": round(total / int(times))
+        for (name, times), total in zip(cases, totals, strict=True)
+    }
 
 
 def _total(file: Path) -> int:
-    found = re.search(r"^(?:summary|totals): (\d+)$", file.read_text(encoding="utf-8"), re.MULTILINE)
+    found = re.search(
+        r"^(?:summary|totals): (\d+)$", file.read_text(encoding="utf-8"), re.MULTILINE
+    )
     if found is None or int(found[1]) == 0:
         raise RuntimeError(f"{file.name}: callgrind counted nothing")
     return int(found[1])
 
 
 def main() -> int:
-    """Compare, or accept. Exit codes: 0 (as before, fewer, or skipped), 1 (a rise, or another set of cases)."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--accept", action="store_true", help="write instructions.toml from what is counted now")
+    """Compare, or accept. Exit codes: 0 (as before, fewer, or skipped), 1 (a rise, or another set
+    of cases).
+    """
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--accept", action="store_true", help="write instructions.toml from what is counted now"
+    )
     accept = parser.parse_args().accept
     try:
         here = about()
@@ -151,7 +182,9 @@ def main() -> int:
             if why := difference(committed.about, here):
                 raise SkippedError(why)
         program = build()
-        counted = {name: n for isa, arguments in RUNS for name, n in count(program, isa, arguments).items()}
+        counted = {
+            name: n for isa, arguments in RUNS for name, n in count(program, isa, arguments).items()
+        }
     except SkippedError as why:
         print(f"instructions: skipped: {why}")
         return 0
@@ -163,7 +196,10 @@ def main() -> int:
     for line in (*verdict.notes, *verdict.failures):
         print(f"instructions: {line}")
     if verdict.failures:
-        print(f"instructions: where this is meant, accept it: {ACCEPT}, and commit {COMMITTED.name}", file=sys.stderr)
+        print(
+            f"instructions: where this is meant, accept it: {ACCEPT}, and commit {COMMITTED.name}",
+            file=sys.stderr,
+        )
         return 1
     print(f"instructions: {len(counted)} cases, none rose by more than {MARGIN} %")
     return 0

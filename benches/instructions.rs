@@ -1,6 +1,8 @@
-//! Each hot piece of work, run a known number of times: `instructions.py` counts its instructions under callgrind.
+//! Each hot piece of work, run a known number of times: `instructions.py` counts its instructions
+//! under callgrind.
 //!
-//! It prints a line for each case, `name<TAB>times`, after one call of `measured`. On its own it measures nothing.
+//! It prints a line for each case, `name<TAB>times`, after one call of `measured`. On its own it
+//! measures nothing.
 
 #![allow(
     clippy::unwrap_used,
@@ -17,7 +19,9 @@ use std::sync::Arc;
 
 use dice::Dice;
 use surefix::descriptor::Describer;
-use surefix::{Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Sad, Values, View};
+use surefix::{
+    Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Sad, Values, View,
+};
 
 /// Rows of a map: few, as each costs the same.
 const ROWS: usize = 48;
@@ -61,8 +65,11 @@ fn main() {
 fn distances(dtypes: &[Dtype], float_queries: bool) {
     let mut dice = Dice(1);
     for &dtype in dtypes {
-        let (rows, own, float) =
-            (dice.numbers(dtype, ROWS * DIM), dice.numbers(dtype, DIM), dice.numbers(Dtype::F32, DIM));
+        let (rows, own, float) = (
+            dice.numbers(dtype, ROWS * DIM),
+            dice.numbers(dtype, DIM),
+            dice.numbers(Dtype::F32, DIM),
+        );
         for metric in METRICS {
             let map = Map::from_descriptors(rows.clone(), DIM, metric).unwrap();
             let mut scan = |name: String, query: View<'_>| {
@@ -71,7 +78,10 @@ fn distances(dtypes: &[Dtype], float_queries: bool) {
             };
             scan(format!("distances, {dtype} {metric}, {ROWS} x {DIM}"), own.view());
             if float_queries && dtype != Dtype::F32 {
-                scan(format!("distances, {dtype} {metric}, {ROWS} x {DIM}, float32 query"), float.view());
+                scan(
+                    format!("distances, {dtype} {metric}, {ROWS} x {DIM}, float32 query"),
+                    float.view(),
+                );
             }
         }
     }
@@ -80,7 +90,8 @@ fn distances(dtypes: &[Dtype], float_queries: bool) {
 fn push(lengths: &[usize]) {
     let columns = Dice(2).drive(PLACES, 16);
     for &sequence_length in lengths {
-        let mut matcher = Matcher::new(PLACES, Config { sequence_length, ..Config::default() }).unwrap();
+        let mut matcher =
+            Matcher::new(PLACES, Config { sequence_length, ..Config::default() }).unwrap();
         let mut frames = columns.iter().cycle();
         let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
         (0..2 * sequence_length).for_each(|_| push());
@@ -95,13 +106,18 @@ fn screened() {
     let mut dice = Dice(4);
     let (rows, noise) = (dice.floats(KNOWN * DIM), dice.floats(16 * DIM));
     for metric in [Metric::Euclidean, Metric::Cosine] {
-        let map = Map::from_descriptors(rows.clone(), DIM, metric).unwrap().with_screen(Dtype::I8).unwrap();
+        let map = Map::from_descriptors(rows.clone(), DIM, metric)
+            .unwrap()
+            .with_screen(Dtype::I8)
+            .unwrap();
         let config = Config { sequence_length: 3, ..Config::default() };
         let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
-        let drive: Vec<f32> = noise.iter().zip(&rows).map(|(noise, row)| row + 0.5 * noise).collect();
+        let drive: Vec<f32> =
+            noise.iter().zip(&rows).map(|(noise, row)| row + 0.5 * noise).collect();
         let mut frames = drive.chunks_exact(DIM).cycle();
-        let mut push =
-            || drop(black_box(localizer.push_descriptor(black_box(frames.next().unwrap())).unwrap()));
+        let mut push = || {
+            drop(black_box(localizer.push_descriptor(black_box(frames.next().unwrap())).unwrap()))
+        };
         push();
         case(&format!("screened push, {metric}, {KNOWN} x {DIM}"), 8, push);
         assert!(localizer.looked_at() < KNOWN / 10, "what is counted is the screen");
@@ -118,8 +134,10 @@ fn image() {
         describer.describe(black_box(frame.view()), &mut descriptor).unwrap()
     });
 
-    let known: Vec<Image> = (0..KNOWN).map(|_| dice.image(64, 32, Channels::Grey).unwrap()).collect();
-    let map = Map::from_images(&known, Sad::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
+    let known: Vec<Image> =
+        (0..KNOWN).map(|_| dice.image(64, 32, Channels::Grey).unwrap()).collect();
+    let map =
+        Map::from_images(&known, Sad::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
     let mut localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
     localizer.push_image(&frame).unwrap();
     let name = format!("image to fix, 640 x 480 RGB, n = {KNOWN}");

@@ -1,5 +1,5 @@
-//! A place's cost on a long route and on a longer one, and learned descriptors with and without a screen:
-//! `cargo bench --bench scale`. It takes 2.3 GB of memory.
+//! A place's cost on a long route and on a longer one, and learned descriptors with and without a
+//! screen: `cargo bench --bench scale`. It takes 2.3 GB of memory.
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark stops at the first surprise")]
 
@@ -46,14 +46,17 @@ fn screen(criterion: &mut Criterion) {
         noise.iter().zip(&rows[PLACES / 3 * DIM..]).map(|(noise, row)| row + 2.0 * noise).collect();
     let map = Map::from_descriptors(rows, DIM, Metric::Cosine).unwrap();
     let config = Config { sequence_length: 3, ..Config::default() };
-    let new = |map: Map| Localizer::new(map.into(), config.clone()).unwrap().with_threads(Some(1)).unwrap();
+    let new = |map: Map| {
+        Localizer::new(map.into(), config.clone()).unwrap().with_threads(Some(1)).unwrap()
+    };
     let mut localizers =
         [("plain", new(map.clone())), ("screen of int8", new(map.with_screen(Dtype::I8).unwrap()))];
     let [(_, plain), (_, screened)] = &mut localizers;
     for query in drive.chunks_exact(DIM) {
         assert_eq!(plain.push_descriptor(query).unwrap(), screened.push_descriptor(query).unwrap());
     }
-    let mut group = criterion.benchmark_group(format!("push of a float32 descriptor of {DIM}, n = {PLACES}"));
+    let mut group =
+        criterion.benchmark_group(format!("push of a float32 descriptor of {DIM}, n = {PLACES}"));
     group.sample_size(10).measurement_time(Duration::from_secs(5));
     group.throughput(Throughput::Elements(PLACES as u64));
     for (name, localizer) in &mut localizers {

@@ -14,12 +14,15 @@ const PLACES: usize = 1800;
 
 fn scan(criterion: &mut Criterion) {
     let mut dice = Dice(1);
-    for (dtype, dim) in [(Dtype::U8, 2048), (Dtype::I8, 4096), (Dtype::F16, 4096), (Dtype::F32, 4096)] {
+    for (dtype, dim) in
+        [(Dtype::U8, 2048), (Dtype::I8, 4096), (Dtype::F16, 4096), (Dtype::F32, 4096)]
+    {
         let (rows, query) = (dice.numbers(dtype, PLACES * dim), dice.numbers(dtype, dim));
         for metric in [Metric::Manhattan, Metric::Euclidean, Metric::Cosine] {
             let map = Map::from_descriptors(rows.clone(), dim, metric).unwrap();
             let plain = map.clone().with_isa(Isa::Scalar).unwrap().distances(&query).unwrap();
-            let mut group = criterion.benchmark_group(format!("{dtype} {metric}, {PLACES} x {dim}"));
+            let mut group =
+                criterion.benchmark_group(format!("{dtype} {metric}, {PLACES} x {dim}"));
             group.throughput(Throughput::Bytes((PLACES * dim * dtype.size()) as u64));
             for isa in Isa::available() {
                 let map = map.clone().with_isa(isa).unwrap();

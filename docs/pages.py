@@ -1,12 +1,14 @@
-"""The pages of the documentation, and their examples run in order: what a page says is printed must be printed.
+"""The pages of the documentation, and their examples run in order: what a page says is printed must
+be printed.
 
-A block of ``python`` is run, and a block of ``text`` right after it is what it prints; each ``$`` line of a ``console``
-block is run by the shell, and the lines after it are what it prints. In both, ``...`` stands for anything. Blocks of
-``sh``, such as those that install something, are not run; those of ``rust`` are cargo's to run. Code in a comment of a
-page draws its pictures, and is not shown.
+A block of ``python`` is run, and a block of ``text`` right after it is what it prints; each ``$``
+line of a ``console`` block is run by the shell, and the lines after it are what it prints. In both,
+``...`` stands for anything. Blocks of ``sh``, such as those that install something, are not run;
+those of ``rust`` are cargo's to run. Code in a comment of a page draws its pictures, and is not
+shown.
 
-Each ``NAME.png`` that the examples of ``a/page.md`` write is the picture ``images/page-NAME.png``. Run as a program,
-this draws all of them anew.
+Each ``NAME.png`` that the examples of ``a/page.md`` write is the picture ``images/page-NAME.png``.
+Run as a program, this draws all of them anew.
 """
 
 import contextlib
@@ -36,7 +38,9 @@ SECONDS = 120
 
 @dataclass(frozen=True)
 class Block:
-    """A block of code of a page: its language, its text, the line that it begins in, and whether it is in a comment."""
+    """A block of code of a page: its language, its text, the line that it begins in, and whether it
+    is in a comment.
+    """
 
     language: str
     text: str
@@ -48,7 +52,12 @@ def blocks(page: str) -> list[Block]:
     """All blocks of a page, in order."""
     text = (DOCS / page).read_text(encoding="utf-8")
     return [
-        Block(m[1].strip(), m[2], text.count("\n", 0, m.start()) + 2, text[: m.start()].endswith("<!--\n"))
+        Block(
+            m[1].strip(),
+            m[2],
+            text.count("\n", 0, m.start()) + 2,
+            text[: m.start()].endswith("<!--\n"),
+        )
         for m in FENCE.finditer(text)
     ]
 
@@ -80,7 +89,10 @@ def run(page: str, folder: Path) -> dict[str, bytes]:
             elif block.language == "console":
                 for command, shown in _commands(block.text):
                     _compare(f"{where}: {command}", shown, _shell(command))
-    return {f"{Path(page).stem}-{drawn.name}": drawn.read_bytes() for drawn in sorted(folder.glob("*.png"))}
+    return {
+        f"{Path(page).stem}-{drawn.name}": drawn.read_bytes()
+        for drawn in sorted(folder.glob("*.png"))
+    }
 
 
 def _with_output(found: list[Block]) -> Iterator[tuple[Block, str | None]]:
@@ -127,5 +139,7 @@ if __name__ == "__main__":
                 for name, drawn in run(page, Path(folder)).items():
                     # 256 colours, rare ones kept, are enough, and half of the bytes.
                     picture = Image.open(io.BytesIO(drawn)).convert("RGB")
-                    picture.quantize(256, Image.Quantize.MAXCOVERAGE).save(IMAGES / name, optimize=True)
+                    picture.quantize(256, Image.Quantize.MAXCOVERAGE).save(
+                        IMAGES / name, optimize=True
+                    )
                     print(f"{IMAGES / name}: {(IMAGES / name).stat().st_size / 1000:.0f} kB")

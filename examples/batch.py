@@ -7,26 +7,33 @@ import numpy as np
 
 import surefix
 
-# D[i, j] is the distance between place i and query j. Here: descriptors of 500 places along a street of 30 kinds of
-# house, so that places look alike, seen again through a lot of noise.
+# D[i, j] is the distance between place i and query j. Here: descriptors of 500 places along a
+# street of 30 kinds of house, so that places look alike, seen again through a lot of noise.
 rng = np.random.default_rng(7)
 kinds = rng.standard_normal((30, 64))
 street = kinds[np.repeat(rng.integers(0, 30, 50), 10)] + 0.5 * rng.standard_normal((500, 64))
 places = street + np.roll(street, 1, axis=0) + np.roll(street, 2, axis=0)
 queries = places + 4 * rng.standard_normal(places.shape)
-cosines = places @ queries.T / np.outer(np.linalg.norm(places, axis=1), np.linalg.norm(queries, axis=1))
+cosines = (
+    places @ queries.T / np.outer(np.linalg.norm(places, axis=1), np.linalg.norm(queries, axis=1))
+)
 D = (1 - cosines).astype(np.float32)
 
-# The plain sequence, and the paper's: trusted cells are drawn towards the minimum of the whole matrix.
+# The plain sequence, and the paper's: trusted cells are drawn towards the minimum of the whole
+# matrix.
 plain = surefix.match_distances(D, weight=0.0)
 weighted = surefix.match_distances(D, weight=0.99)
 
 truth = np.arange(500)
 right = np.abs(weighted.single_place - truth) <= 1
 trusted = weighted.trusted
-print(f"single frames: {right.mean():.1%} right; of the {trusted.sum()} trusted {right[trusted].mean():.1%}")
+print(
+    f"single frames: {right.mean():.1%} right; of the {trusted.sum()} trusted {right[trusted].mean():.1%}"
+)
 for name, run in (("plain", plain), ("weighted", weighted)):
     curve = surefix.evaluate(run, truth, tolerance=1)
-    print(f"{name:8} sequence: area under the precision-recall curve to 20 % recall {curve.auc(0.2):.3f}")
+    print(
+        f"{name:8} sequence: area under the precision-recall curve to 20 % recall {curve.auc(0.2):.3f}"
+    )
 
 print(weighted)

@@ -1,11 +1,13 @@
-"""Plain image differences and a learned descriptor side by side, on drives of yours, and what standardisation gives.
+"""Plain image differences and a learned descriptor side by side, on drives of yours, and what
+standardisation gives.
 
-A network's numbers have a mean and a spread that say more of the season than of the place. Taking them away, number by
-number, is often worth more than a better network; the question is whose statistics to use. Those of the whole drive are
-best, and only known once it is over. A robot has those of the reference drive, and what it has seen so far.
+A network's numbers have a mean and a spread that say more of the season than of the place. Taking
+them away, number by number, is often worth more than a better network; the question is whose
+statistics to use. Those of the whole drive are best, and only known once it is over. A robot has
+those of the reference drive, and what it has seen so far.
 
-Run it with: python examples/learned.py MODEL.onnx --output feat_s16 --size 256 128 NAME REFERENCES QUERIES [...]
-Query i must show the place of reference i. It prints a table in Markdown.
+Run it with: python examples/learned.py MODEL.onnx --output feat_s16 --size 256 128 NAME REFERENCES
+QUERIES [...] Query i must show the place of reference i. It prints a table in Markdown.
 """
 
 import argparse
@@ -32,18 +34,34 @@ def figures(route: surefix.Map, queries: object) -> str:
 
 def main() -> None:
     """Reads the command line, and prints the table."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("model", help="an ONNX file")
-    options.add_argument("routes", nargs="+", metavar="NAME REFERENCES QUERIES", help="folders, patterns or .npy files")
-    options.add_argument("--output", action="append", required=True, help="one of the model's outputs; may be repeated")
+    options.add_argument(
+        "routes",
+        nargs="+",
+        metavar="NAME REFERENCES QUERIES",
+        help="folders, patterns or .npy files",
+    )
+    options.add_argument(
+        "--output",
+        action="append",
+        required=True,
+        help="one of the model's outputs; may be repeated",
+    )
     options.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"))
     given = options.parse_args()
     if len(given.routes) % 3:
         options.error("expected NAME REFERENCES QUERIES for each route")
-    print("| route | descriptor | query statistics | R@1 | trusted | of these right | area to 20 % recall |")
+    print(
+        "| route | descriptor | query statistics | R@1 | trusted | of these right | area to 20 % recall |"
+    )
     print("|---|---|---|---|---|---|---|")
     for name, *places in zip(*[iter(given.routes)] * 3, strict=True):
-        references, queries = (np.load(place) if Path(place).suffix == ".npy" else place for place in places)
+        references, queries = (
+            np.load(place) if Path(place).suffix == ".npy" else place for place in places
+        )
         sad = figures(surefix.Map.from_images(references, progress=False), queries)
         print(f"| {name} | Sad | none needed | {sad}", flush=True)
         for output in given.output:
@@ -59,9 +77,14 @@ def main() -> None:
                     ("so far", [Standardize("running")], ours),
                 ):
                     route = surefix.Map.from_descriptors(theirs, post=steps)
-                    print(f"| {name} | {output} | {statistics} | {figures(route, rows)}", flush=True)
+                    print(
+                        f"| {name} | {output} | {statistics} | {figures(route, rows)}", flush=True
+                    )
                 route = surefix.Map.from_descriptors(standardized(theirs))
-                print(f"| {name} | {output} | the drive's own | {figures(route, standardized(ours))}", flush=True)
+                print(
+                    f"| {name} | {output} | the drive's own | {figures(route, standardized(ours))}",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

@@ -10,7 +10,8 @@ use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{Channels, Config, ImageView, Localizer, Map, Sad};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // A generated road stands in for your robot's camera: one drive in summer, one on a winter afternoon.
+    // A generated road stands in for your robot's camera: one drive in summer, one on a winter
+    // afternoon.
     let (width, height) = (160, 80);
     let route = Route::new(RouteConfig { places: 300, width, height, ..RouteConfig::default() })?;
     let summer = route.traverse(Conditions::reference())?;
@@ -19,7 +20,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // Once: the map. `Map::open("route.safetensors")` is the other way to get one.
     let map = Map::from_images(&summer, Sad::default(), &mut |_, _| ControlFlow::Continue(()))?;
-    let mut localizer = Localizer::new(Arc::new(map), Config { sequence_length: 3, ..Config::default() })?;
+    let mut localizer =
+        Localizer::new(Arc::new(map), Config { sequence_length: 3, ..Config::default() })?;
 
     // For every frame: where am I, and may I trust that answer?
     let mut pixels = vec![0; width * height * 3];

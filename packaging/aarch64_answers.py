@@ -1,8 +1,9 @@
-"""Runs the wheel for 64-bit ARM under qemu, and holds its answers to those of this machine, bit by bit.
+"""Runs the wheel for 64-bit ARM under qemu, and holds its answers to those of this machine, bit by
+bit.
 
-``python packaging/aarch64_answers.py dist/surefix-*_aarch64.whl`` needs qemu-user and an arm64 Python: it makes one in
-target/aarch64/root of Debian's packages, or uses that of a root folder that SUREFIX_ARM64_ROOT names. numpy comes from
-PyPI. This Python must have the same surefix installed.
+``python packaging/aarch64_answers.py dist/surefix-*_aarch64.whl`` needs qemu-user and an arm64
+Python: it makes one in target/aarch64/root of Debian's packages, or uses that of a root folder that
+SUREFIX_ARM64_ROOT names. numpy comes from PyPI. This Python must have the same surefix installed.
 """
 
 import argparse
@@ -65,7 +66,10 @@ def main() -> int:
         lines = difflib.unified_diff(expected, came, "this machine", f"aarch64, {isa}", lineterm="")
         different = list(lines)
         differ |= bool(different)
-        print("\n".join(different) or f"check-aarch64: {isa}: {len(came) - 1} answers, the same bits as here")
+        print(
+            "\n".join(different)
+            or f"check-aarch64: {isa}: {len(came) - 1} answers, the same bits as here"
+        )
     return int(differ)
 
 
@@ -75,7 +79,9 @@ def debian_root() -> Path:
     if (root / "usr/bin/python3.11").exists():
         return root
     if shutil.which("apt-get") is None or shutil.which("dpkg-deb") is None:
-        raise MissingError("no Debian here: name a root folder with an arm64 Python 3.11 in SUREFIX_ARM64_ROOT")
+        raise MissingError(
+            "no Debian here: name a root folder with an arm64 Python 3.11 in SUREFIX_ARM64_ROOT"
+        )
     debs.mkdir(parents=True, exist_ok=True)
     command = ["apt-get", "download", *(f"{package}:arm64" for package in PACKAGES)]
     said = subprocess.run(command, cwd=debs, capture_output=True, text=True, check=False)
@@ -91,7 +97,17 @@ def install(wheel: Path) -> Path:
     """The wheel and what it depends on, for that Python, in a folder of their own."""
     site = HERE / "site"
     shutil.rmtree(site, ignore_errors=True)
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--target", str(site), "--only-binary", ":all:"]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--target",
+        str(site),
+        "--only-binary",
+        ":all:",
+    ]
     command += ["--python-version", "3.11", "--implementation", "cp"]
     for glibc in ("2014", "_2_27", "_2_28"):
         command += ["--platform", f"manylinux{glibc}_aarch64"]

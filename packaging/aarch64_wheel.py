@@ -1,7 +1,9 @@
-"""Builds the wheel for 64-bit ARM Linux on a machine of another kind: ``python packaging/aarch64_wheel.py --out dist``.
+"""Builds the wheel for 64-bit ARM Linux on a machine of another kind: ``python
+packaging/aarch64_wheel.py --out dist``.
 
-It needs maturin and ziglang, which links against any glibc, in this Python, and a Rust compiler that has the standard
-library of aarch64-unknown-linux-gnu. It says which is missing, and how to get it.
+It needs maturin and ziglang, which links against any glibc, in this Python, and a Rust compiler
+that has the standard library of aarch64-unknown-linux-gnu. It says which is missing, and how to get
+it.
 """
 
 import argparse
@@ -30,7 +32,9 @@ def main() -> int:
     """Build it. Exit codes: 0, 1 (something is missing), maturin's own."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("--out", type=Path, default=ROOT / "dist", help="where the wheel goes")
-    options.add_argument("--compatibility", default="manylinux2014", help="the oldest Linux that it is for")
+    options.add_argument(
+        "--compatibility", default="manylinux2014", help="the oldest Linux that it is for"
+    )
     given = options.parse_args()
     try:
         compiler = rustc()
@@ -42,10 +46,23 @@ def main() -> int:
         return 1
     print(f"wheel-aarch64: with {compiler}")
     # A folder of its own: the build's scripts were compiled by another compiler elsewhere.
-    environment = os.environ | {"RUSTC": compiler, "CARGO_TARGET_DIR": str(ROOT / "target" / "aarch64")}
+    environment = os.environ | {
+        "RUSTC": compiler,
+        "CARGO_TARGET_DIR": str(ROOT / "target" / "aarch64"),
+    }
     # Maturin finds zig by this Python's name.
     environment["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), environment["PATH"]])
-    command = [sys.executable, "-m", "maturin", "build", "--release", "--locked", "--zig", "--target", TARGET]
+    command = [
+        sys.executable,
+        "-m",
+        "maturin",
+        "build",
+        "--release",
+        "--locked",
+        "--zig",
+        "--target",
+        TARGET,
+    ]
     command += ["--compatibility", given.compatibility, "--out", str(given.out)]
     return subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
 

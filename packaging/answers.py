@@ -1,7 +1,9 @@
-"""The answers of an installed wheel, a line each with a digest of every bit: those of two processors must be the same.
+"""The answers of an installed wheel, a line each with a digest of every bit: those of two
+processors must be the same.
 
-``python packaging/answers.py`` needs surefix and numpy, and no other file: it runs wherever the wheel does. Inputs are
-made of whole numbers and exact fractions, so that they are the same everywhere.
+``python packaging/answers.py`` needs surefix and numpy, and no other file: it runs wherever the
+wheel does. Inputs are made of whole numbers and exact fractions, so that they are the same
+everywhere.
 """
 
 import hashlib
@@ -44,7 +46,10 @@ def answers() -> Iterator[tuple[str, tuple[np.ndarray, ...]]]:
     """Each piece of work, and the arrays that come out of it."""
     route = Route(places=PLACES, size=(128, 64), seed=3)
     reference, revisit = route.reference(), route.revisit()
-    yield "generated route", tuple(drive[index] for drive in (reference, revisit) for index in (0, 150, PLACES - 1))
+    yield (
+        "generated route",
+        tuple(drive[index] for drive in (reference, revisit) for index in (0, 150, PLACES - 1)),
+    )
     for dtype in ("u8", "f32"):
         known = surefix.Map.from_images(reference, surefix.Sad(dtype=dtype))
         yield f"sad {dtype}: descriptors", (known.descriptors,)
@@ -54,7 +59,10 @@ def answers() -> Iterator[tuple[str, tuple[np.ndarray, ...]]]:
             truth = np.arange(len(run))
             ev = surefix.evaluate(run, truth, tolerance=2)
             area = np.array([ev.auc(0.2), ev.max_recall])
-            yield f"sad {dtype}: evaluation, options {number}", (ev.precision, ev.recall, ev.thresholds, area)
+            yield (
+                f"sad {dtype}: evaluation, options {number}",
+                (ev.precision, ev.recall, ev.thresholds, area),
+            )
         yield f"sad {dtype}: stream", stream(known, revisit)
     for element in ELEMENTS:
         rows, queries = vectors(element, PLACES), vectors(element, 40, seed=2)
@@ -62,11 +70,17 @@ def answers() -> Iterator[tuple[str, tuple[np.ndarray, ...]]]:
             known = surefix.Map.from_descriptors(rows, metric=metric)
             distances = np.stack([known.distances(query) for query in queries], axis=1)
             yield f"{element} {metric}: distances", (distances,)
-            yield f"{element} {metric}: match", columns(surefix.match_distances(distances, floor="global"))
+            yield (
+                f"{element} {metric}: match",
+                columns(surefix.match_distances(distances, floor="global")),
+            )
     # A screen has no bound for the manhattan distance.
     for metric in ("euclidean", "cosine"):
         known = surefix.Map.from_descriptors(vectors("float32", PLACES), metric=metric, screen="i8")
-        yield f"float32 {metric}: match by the screen", columns(surefix.match(known, vectors("float32", 40, seed=2)))
+        yield (
+            f"float32 {metric}: match by the screen",
+            columns(surefix.match(known, vectors("float32", 40, seed=2))),
+        )
 
 
 def vectors(element: str, count: int, seed: int = 1) -> np.ndarray:
@@ -80,12 +94,23 @@ def vectors(element: str, count: int, seed: int = 1) -> np.ndarray:
 
 def columns(run: surefix.Run) -> tuple[np.ndarray, ...]:
     """All that a run knows."""
-    names = ("place", "score", "trusted", "ready", "anchors", "speed", "single_place", "single_distance")
+    names = (
+        "place",
+        "score",
+        "trusted",
+        "ready",
+        "anchors",
+        "speed",
+        "single_place",
+        "single_distance",
+    )
     return tuple(getattr(run, name) for name in (*names, "gradient_place", "gradient_value"))
 
 
 def stream(known: surefix.Map, drive: surefix.simulate.Traverse) -> tuple[np.ndarray, ...]:
-    """Places and scores of a localizer that is stopped half way, kept as a file with its map, and goes on."""
+    """Places and scores of a localizer that is stopped half way, kept as a file with its map, and
+    goes on.
+    """
     localizer = surefix.Localizer(known, sequence_length=5)
     fixes = [localizer.push(drive[index]) for index in range(PLACES // 2)]
     with tempfile.TemporaryDirectory() as folder:

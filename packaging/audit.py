@@ -1,7 +1,7 @@
 """Whether wheels are what they say they are: ``python packaging/audit.py dist/*.whl``.
 
-A wheel's own symbols must not ask for a newer Linux than its name promises (by auditwheel, on Linux's wheels), and it
-holds the package with its types and licences, and nothing else.
+A wheel's own symbols must not ask for a newer Linux than its name promises (by auditwheel, on
+Linux's wheels), and it holds the package with its types and licences, and nothing else.
 """
 
 import argparse
@@ -40,7 +40,9 @@ def main() -> int:
             problems += more
         for problem in problems:
             print(f"check-wheel: {wheel.name}: {problem}", file=sys.stderr)
-        print(f"check-wheel: {wheel.name}: {said}, {wheel.stat().st_size:,} bytes, {len(problems)} problems")
+        print(
+            f"check-wheel: {wheel.name}: {said}, {wheel.stat().st_size:,} bytes, {len(problems)} problems"
+        )
         amiss += len(problems)
     return int(bool(amiss))
 
@@ -49,9 +51,15 @@ def contents(wheel: Path) -> list[str]:
     """What is missing from it, and what has no business in it."""
     with zipfile.ZipFile(wheel) as pack:
         names = pack.namelist()
-        about = message_from_bytes(pack.read(next(name for name in names if name.endswith(".dist-info/METADATA"))))
+        about = message_from_bytes(
+            pack.read(next(name for name in names if name.endswith(".dist-info/METADATA")))
+        )
     sources = [f"surefix/{file.relative_to(PACKAGE).as_posix()}" for file in PACKAGE.rglob("*.py")]
-    problems = [f"{needed} is missing" for needed in (*NEEDED, *sources) if not fnmatch.filter(names, needed)]
+    problems = [
+        f"{needed} is missing"
+        for needed in (*NEEDED, *sources)
+        if not fnmatch.filter(names, needed)
+    ]
     problems += [
         f"{name} has no business in it"
         for name in names
@@ -65,17 +73,25 @@ def contents(wheel: Path) -> list[str]:
 
 
 def glibc(wheel: Path) -> tuple[str, list[str]]:
-    """The oldest Linux that its symbols are for, in words, and whether its name promises an older one."""
+    """The oldest Linux that its symbols are for, in words, and whether its name promises an older
+    one.
+    """
     command = [sys.executable, "-m", "auditwheel", "show", "--json", str(wheel)]
     found = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     real = found["overall_tag"]
-    promised = [tag for tag in wheel.stem.rpartition("-")[2].split(".") if tag.startswith("manylinux_")]
+    promised = [
+        tag for tag in wheel.stem.rpartition("-")[2].split(".") if tag.startswith("manylinux_")
+    ]
     kept = promised and version(real) <= min(map(version, promised))
-    return f"symbols of {real}", [] if kept else [f"its symbols are those of {real}, its name promises {promised}"]
+    return f"symbols of {real}", [] if kept else [
+        f"its symbols are those of {real}, its name promises {promised}"
+    ]
 
 
 def version(tag: str) -> tuple[int, int]:
-    """The glibc of ``manylinux_2_17_x86_64``, as numbers; a tag without one is for no other Linux."""
+    """The glibc of ``manylinux_2_17_x86_64``, as numbers; a tag without one is for no other
+    Linux.
+    """
     parts = tag.split("_")
     return (int(parts[1]), int(parts[2])) if parts[0] == "manylinux" else (sys.maxsize, 0)
 

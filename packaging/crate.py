@@ -1,4 +1,6 @@
-"""What the crate holds, and what is amiss with it: ``python packaging/crate.py``, after ``cargo package``."""
+"""What the crate holds, and what is amiss with it: ``python packaging/crate.py``, after ``cargo
+package``.
+"""
 
 import subprocess
 import sys
@@ -7,7 +9,15 @@ from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).resolve().parents[1]
 # Whoever builds it from the pack needs these.
-NEEDED = ("Cargo.toml", "Cargo.lock", "README.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE", "src/lib.rs")
+NEEDED = (
+    "Cargo.toml",
+    "Cargo.lock",
+    "README.md",
+    "CHANGELOG.md",
+    "LICENSE-MIT",
+    "LICENSE-APACHE",
+    "src/lib.rs",
+)
 SUFFIXES = {".lock", ".md", ".orig", ".rs", ".toml"}
 NAMES = {".cargo_vcs_info.json", "LICENSE-MIT", "LICENSE-APACHE"}
 # crates.io takes ten times as much.
@@ -26,7 +36,8 @@ def main() -> int:
     problems += [
         f"{name} has no business in it"
         for name in names
-        if name.startswith("python/") or (name not in NAMES and PurePosixPath(name).suffix not in SUFFIXES)
+        if name.startswith("python/")
+        or (name not in NAMES and PurePosixPath(name).suffix not in SUFFIXES)
     ]
     size = file.stat().st_size
     if size > LARGEST:

@@ -1,7 +1,8 @@
 """Installs a wheel or a source distribution as somebody new would, and tries what the README says.
 
-``python packaging/new_user.py FILE`` makes an empty virtual environment in a clean folder. Without extras everything
-must import or say in one line which extra it wants; then the README's lines run; then nothing is left behind.
+``python packaging/new_user.py FILE`` makes an empty virtual environment in a clean folder. Without
+extras everything must import or say in one line which extra it wants; then the README's lines run;
+then nothing is left behind.
 """
 
 import argparse
@@ -69,7 +70,8 @@ np.save("D.npy", np.arange(64, dtype=np.float32).reshape(8, 8) % 5)
 for name in ("network.onnx", "descriptors.h5", "drive.mp4", "drive.mcap"):
     Path(name).touch()
 """
-# In one process each, so that nothing is imported yet; the processor's time, which other load hardly moves.
+# In one process each, so that nothing is imported yet; the processor's time, which other load
+# hardly moves.
 IMPORT_TIME = """
 import resource, subprocess, sys
 def spent(code):
@@ -110,9 +112,13 @@ def visit(file: Path, folder: Path) -> None:
     python, surefix = str(binaries / "python"), str(binaries / "surefix")
 
     def call(*command: str, code: int = 0) -> str:
-        said = subprocess.run(command, cwd=here, capture_output=True, text=True, encoding="utf-8", check=False)
+        said = subprocess.run(
+            command, cwd=here, capture_output=True, text=True, encoding="utf-8", check=False
+        )
         if said.returncode != code or "Traceback" in said.stderr:
-            raise FailedError(f"{' '.join(command)}: expected exit code {code}, got {said.returncode}: {said.stderr}")
+            raise FailedError(
+                f"{' '.join(command)}: expected exit code {code}, got {said.returncode}: {said.stderr}"
+            )
         return said.stdout if code == 0 else said.stderr
 
     def tell(text: str) -> None:
@@ -132,7 +138,9 @@ def visit(file: Path, folder: Path) -> None:
     for command, extra in WANT.items():
         said = call(surefix, *command.split(), code=1)
         if said.count("\n") != 1 or EXTRA.findall(said) != [extra]:
-            raise FailedError(f"surefix {command}: expected one line that names surefix[{extra}], got: {said}")
+            raise FailedError(
+                f"surefix {command}: expected one line that names surefix[{extra}], got: {said}"
+            )
     tell(f"{len(WANT)} commands name the extra that they want")
     if sys.platform != "win32":
         tell(call(python, "-c", IMPORT_TIME).strip())
@@ -153,7 +161,9 @@ def readme_lines(call: Callable[..., str], python: str, surefix: str) -> int:
     for block in blocks:
         call(python, "-W", "error", "-c", block)
     # Comments are for the reader.
-    lines = [line.partition(" #")[0].strip() for line in re.findall(r"^surefix .*$", text, re.MULTILINE)]
+    lines = [
+        line.partition(" #")[0].strip() for line in re.findall(r"^surefix .*$", text, re.MULTILINE)
+    ]
     lines = [line for line in lines if not any(words in line for words in LEFT_OUT)]
     for line in lines:
         call(surefix, *line.split()[1:])

@@ -16,7 +16,8 @@ pub enum Gradient {
     /// `(d[i+1] + d[i-1]) / 2 - d[i]`: the paper's Eq. 1.
     #[default]
     Halved,
-    /// `d[i+1] + d[i-1] - 2 d[i]`: the authors' public code. It can differ only at the two ends of the route.
+    /// `d[i+1] + d[i-1] - 2 d[i]`: the authors' public code. It can differ only at the two ends of
+    /// the route.
     Unhalved,
 }
 
@@ -44,18 +45,21 @@ pub enum Floor {
 pub struct Config {
     /// `L`, how many queries a sequence has (Eq. 6). From 1 to the number of places; 2 by default.
     pub sequence_length: usize,
-    /// `w`, how far a trusted cell is drawn to the floor (Eq. 4). From 0 (the plain sequence) to 1; 0.99 by default.
+    /// `w`, how far a trusted cell is drawn to the floor (Eq. 4). From 0 (the plain sequence) to 1;
+    /// 0.99 by default.
     pub weight: f64,
-    /// How many frames the minimum and the gradient's peak may lie apart in a trusted match (Eq. 3). 1 by default.
+    /// How many frames the minimum and the gradient's peak may lie apart in a trusted match (Eq.
+    /// 3). 1 by default.
     pub tolerance: usize,
-    /// How many gradients are summed along the diagonal (the paper's 3 x 3 kernel). 3 by default; 1 for none,
-    /// where queries arrive in any order.
+    /// How many gradients are summed along the diagonal (the paper's 3 x 3 kernel). 3 by default; 1
+    /// for none, where queries arrive in any order.
     pub smoothing: usize,
     /// Which form of the gradient (Eq. 1).
     pub gradient: Gradient,
     /// What trusted cells are drawn towards (Eq. 4).
     pub floor: Floor,
-    /// Slopes to try, in places a query: the sequence's diagonals. `[1.0]` by default, as in the paper.
+    /// Slopes to try, in places a query: the sequence's diagonals. `[1.0]` by default, as in the
+    /// paper.
     pub speeds: Vec<f64>,
 }
 
@@ -77,7 +81,8 @@ impl Config {
     /// Checks every option against its range, for a route of `places` places.
     ///
     /// # Errors
-    /// [`Error::TooFewPlaces`] below two places, [`Error::Option`] for the first option outside its range.
+    /// [`Error::TooFewPlaces`] below two places, [`Error::Option`] for the first option outside its
+    /// range.
     pub fn validate(&self, places: usize) -> Result<(), Error> {
         if places < 2 {
             return Err(Error::TooFewPlaces { what: "places", got: places });
@@ -115,7 +120,11 @@ impl Config {
         }
         for &speed in &self.speeds {
             if !(speed.is_finite() && speed >= 0.0) {
-                return Err(option("speeds", "finite speeds of 0 or more, in places a query", speed));
+                return Err(option(
+                    "speeds",
+                    "finite speeds of 0 or more, in places a query",
+                    speed,
+                ));
             }
             let reach = reach(speed, self.sequence_length - 1);
             if reach > (places - 1) as f64 {
@@ -147,13 +156,14 @@ impl Config {
         };
         let pairs = values(self).into_iter().zip(values(other));
         let differing = pairs.filter(|((_, expected), (_, got))| expected != got);
-        let each =
-            differing.map(|((name, expected), (_, got))| format!("{name}: expected {expected}, got {got}"));
+        let each = differing
+            .map(|((name, expected), (_, got))| format!("{name}: expected {expected}, got {got}"));
         each.collect::<Vec<_>>().join("; ")
     }
 }
 
-/// `round(v k)`, halves upwards: how far back along the route the diagonal of slope `v` lies, `k` queries ago.
+/// `round(v k)`, halves upwards: how far back along the route the diagonal of slope `v` lies, `k`
+/// queries ago.
 pub(crate) fn reach(speed: f64, age: usize) -> f64 {
     (speed * age as f64).round()
 }

@@ -54,7 +54,9 @@ pub enum Error {
     },
 
     /// More memory than there is.
-    #[error("matcher: not enough memory for a window of {columns} columns of {places} places, 4 bytes each")]
+    #[error(
+        "matcher: not enough memory for a window of {columns} columns of {places} places, 4 bytes each"
+    )]
     Memory {
         /// Places of the route.
         places: usize,

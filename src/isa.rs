@@ -1,4 +1,5 @@
-//! The instruction set that the kernels run on: a value, chosen once, that tests and benches can force.
+//! The instruction set that the kernels run on: a value, chosen once, that tests and benches can
+//! force.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,8 +9,9 @@ use crate::error::Error;
 
 /// An instruction set that the kernels are written for.
 ///
-/// The best one that the processor has is chosen when a map, a matcher or a describer is made; the answers do not depend
-/// on it. The environment variable `SUREFIX_ISA` names another one for a whole process, such as `scalar`.
+/// The best one that the processor has is chosen when a map, a matcher or a describer is made; the
+/// answers do not depend on it. The environment variable `SUREFIX_ISA` names another one for a
+/// whole process, such as `scalar`.
 /// ```
 /// use surefix::Isa;
 ///
@@ -32,8 +34,8 @@ impl Isa {
     /// All of them, from the plainest to the widest.
     pub const ALL: [Self; 4] = [Self::Scalar, Self::Neon, Self::Avx2, Self::Avx512];
 
-    /// The widest that this processor has, or what `SUREFIX_ISA` asks for where this processor has that; any other name is
-    /// ignored. Found once.
+    /// The widest that this processor has, or what `SUREFIX_ISA` asks for where this processor has
+    /// that; any other name is ignored. Found once.
     pub fn best() -> Self {
         static BEST: OnceLock<Isa> = OnceLock::new();
         *BEST.get_or_init(|| {
@@ -87,8 +89,9 @@ impl Isa {
         Err(Error::Option { name: "isa", expected, got: self.to_string() })
     }
 
-    /// Runs `work`, compiled for this instruction set: plain code in it uses the wider registers where it is inlined. Of a
-    /// closure only a small one surely is; longer work is a type of its own, see [`Work`].
+    /// Runs `work`, compiled for this instruction set: plain code in it uses the wider registers
+    /// where it is inlined. Of a closure only a small one surely is; longer work is a type of its
+    /// own, see [`Work`].
     ///
     /// An instruction set that this processor lacks runs as [`Isa::Scalar`].
     #[inline]
@@ -121,8 +124,9 @@ pub(crate) fn fetch<T>(ahead: *const T) {
     let _ = ahead;
 }
 
-/// What [`Isa::run`] can compile for each instruction set: a closure, or a type whose `run` is marked `#[inline(always)]`.
-/// The compiler may keep one copy of a longer closure, for the plainest instruction set, and call that from all of them.
+/// What [`Isa::run`] can compile for each instruction set: a closure, or a type whose `run` is
+/// marked `#[inline(always)]`. The compiler may keep one copy of a longer closure, for the plainest
+/// instruction set, and call that from all of them.
 pub(crate) trait Work {
     type Out;
 
@@ -139,7 +143,8 @@ impl<R, F: FnOnce() -> R> Work for F {
     }
 }
 
-/// Doors into code that is compiled for one instruction set. Each is called only where the processor has it.
+/// Doors into code that is compiled for one instruction set. Each is called only where the
+/// processor has it.
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
 mod x86 {

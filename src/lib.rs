@@ -1,11 +1,12 @@
 //! Where am I on this route, and may I trust that answer?
 //!
-//! surefix matches a camera's frames to those of an earlier drive along the same route, and says of each match whether to
-//! trust it. It implements Carson, Ford and Milford, *Unsupervised Quality Prediction for Improved Single-Frame and Weighted
-//! Sequential Visual Place Recognition* (ICRA 2023, arXiv 2307.01464): no training, no ground truth, any descriptor.
+//! surefix matches a camera's frames to those of an earlier drive along the same route, and says of
+//! each match whether to trust it. It implements Carson, Ford and Milford, *Unsupervised Quality
+//! Prediction for Improved Single-Frame and Weighted Sequential Visual Place Recognition* (ICRA
+//! 2023, arXiv 2307.01464): no training, no ground truth, any descriptor.
 //!
-//! - [`Map`] is the known route: one descriptor a place, from images ([`Map::from_images`]) or from any technique
-//!   ([`Map::from_descriptors`]), kept as one file.
+//! - [`Map`] is the known route: one descriptor a place, from images ([`Map::from_images`]) or from
+//!   any technique ([`Map::from_descriptors`]), kept as one file.
 //! - [`Localizer`] is the robot's loop: a frame in, a [`Fix`] out. It allocates nothing on its way.
 //! - [`Matcher`] is the paper by itself, for whoever has distances already.
 //! - [`match_descriptors`] and [`match_distances`] do whole runs at once, with the same answers.
@@ -34,10 +35,12 @@
 //! # Ok::<(), surefix::Error>(())
 //! ```
 //!
-//! Data runs one way: [`descriptor`] (an image becomes a vector), [`distance`] (a vector and the map's rows become
-//! distances), the matcher (distances become places), [`evaluate`] (places and the truth become curves).
+//! Data runs one way: [`descriptor`] (an image becomes a vector), [`distance`] (a vector and the
+//! map's rows become distances), the matcher (distances become places), [`evaluate`] (places and
+//! the truth become curves).
 //!
-//! Comments that say "method 1.3" mean a section of `docs/method.md` in the repository: the mathematics, exactly.
+//! Comments that say "method 1.3" mean a section of `docs/method.md` in the repository: the
+//! mathematics, exactly.
 //!
 //! # Features
 //!

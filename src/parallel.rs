@@ -16,8 +16,8 @@ pub(crate) fn each<S: Send, R: Send>(
     indices.into_par_iter().map_init(state, work).collect()
 }
 
-/// Whether this process was forked off one that had worked in parallel: the threads did not come along, and work that is
-/// given to them would wait for ever.
+/// Whether this process was forked off one that had worked in parallel: the threads did not come
+/// along, and work that is given to them would wait for ever.
 #[cfg(feature = "rayon")]
 fn is_forked() -> bool {
     static FIRST: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
@@ -60,7 +60,11 @@ pub(crate) fn each_row<R: Send>(
 
 /// `work` on every row of `width` bytes, with its index, one after the other.
 #[cfg(not(feature = "rayon"))]
-pub(crate) fn each_row<R>(rows: &mut [u8], width: usize, work: impl Fn(usize, &mut [u8]) -> R) -> Vec<R> {
+pub(crate) fn each_row<R>(
+    rows: &mut [u8],
+    width: usize,
+    work: impl Fn(usize, &mut [u8]) -> R,
+) -> Vec<R> {
     row_by_row(rows, width, work)
 }
 

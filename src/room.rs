@@ -1,4 +1,5 @@
-//! Lists whose room is set aside once: a copy of one has as much room as the original, and need not ask for more later.
+//! Lists whose room is set aside once: a copy of one has as much room as the original, and need not
+//! ask for more later.
 
 use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut};

@@ -1,13 +1,18 @@
-//! Every kind of bad input, its typed error, and a message that says what was expected, what came and where.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot be set up has failed")]
+//! Every kind of bad input, its typed error, and a message that says what was expected, what came
+//! and where.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot be set up has failed"
+)]
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use ndarray::Array2;
 use surefix::{
-    Channels, Config, Dtype, Error, Floor, Image, ImageView, Localizer, Map, Matcher, Metric, Positions, Sad,
-    Values, match_descriptors, match_distances,
+    Channels, Config, Dtype, Error, Floor, Image, ImageView, Localizer, Map, Matcher, Metric,
+    Positions, Sad, Values, match_descriptors, match_distances,
 };
 
 /// The message holds all of these.
@@ -56,7 +61,11 @@ fn every_option_has_its_range() {
     let base = Config::default;
     let cases: Vec<(&str, Config, [&str; 2])> = vec![
         ("sequence_length", Config { sequence_length: 0, ..base() }, ["from 1 to 10", "got 0"]),
-        ("sequence_length", Config { sequence_length: 11, ..base() }, ["the number of places", "got 11"]),
+        (
+            "sequence_length",
+            Config { sequence_length: 11, ..base() },
+            ["the number of places", "got 11"],
+        ),
         ("smoothing", Config { smoothing: 0, ..base() }, ["from 1", "got 0"]),
         (
             "smoothing",
@@ -71,7 +80,10 @@ fn every_option_has_its_range() {
         // Nearer to the end of float32 than to what lies beyond it, but beyond it.
         (
             "floor",
-            Config { floor: Floor::Fixed(-340_282_356_779_733_600_000_000_000_000_000_000_000.0), ..base() },
+            Config {
+                floor: Floor::Fixed(-340_282_356_779_733_600_000_000_000_000_000_000_000.0),
+                ..base()
+            },
             ["finite in float32", "got -34028235677973"],
         ),
         ("floor", Config { floor: Floor::Global, ..base() }, ["stream", "global"]),
@@ -84,18 +96,28 @@ fn every_option_has_its_range() {
     ];
     for (option, config, parts) in cases {
         let error = refused(Matcher::new(10, config.clone()));
-        assert!(matches!(error, Error::Option { name, .. } if name == option), "{config:?}: {error}");
+        assert!(
+            matches!(error, Error::Option { name, .. } if name == option),
+            "{config:?}: {error}"
+        );
         says(&error, &[&format!("option `{option}`"), "expected", parts[0], parts[1]]);
         // The same word from all doors; only a batch knows the whole matrix.
         let map = Arc::new(Map::from_descriptors(vec![1_u8; 20], 2, Metric::Manhattan).unwrap());
-        assert_eq!(refused(Localizer::new(Arc::clone(&map), config.clone())).to_string(), error.to_string());
+        assert_eq!(
+            refused(Localizer::new(Arc::clone(&map), config.clone())).to_string(),
+            error.to_string()
+        );
         if config.floor != Floor::Global {
             let batch = refused(match_distances(Array2::zeros((10, 3)).view(), &config, None, &[]));
             assert_eq!(batch.to_string(), error.to_string());
-            let batch =
-                refused(match_descriptors(&map, &Values::U8(vec![]), &config, None, &[], &mut |_, _| {
-                    ControlFlow::Continue(())
-                }));
+            let batch = refused(match_descriptors(
+                &map,
+                &Values::U8(vec![]),
+                &config,
+                None,
+                &[],
+                &mut |_, _| ControlFlow::Continue(()),
+            ));
             assert_eq!(batch.to_string(), error.to_string());
         }
     }
@@ -132,7 +154,10 @@ fn distances_are_as_many_as_places_and_finite() {
     for (bad, name) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
         let error = refused(matcher.push_with_trust(&[0.5, 0.5, bad, 0.5], true));
         assert!(matches!(error, Error::NotFinite { row: None, index: 2, .. }));
-        assert_eq!(error.to_string(), format!("distances: expected finite numbers, got {name} at index 2"));
+        assert_eq!(
+            error.to_string(),
+            format!("distances: expected finite numbers, got {name} at index 2")
+        );
     }
     assert_eq!(matcher.frames(), 0);
 }
@@ -169,9 +194,12 @@ fn names_and_positions_are_one_a_place() {
     let positions = |metres: Vec<f64>, axes| Positions::new(metres, axes);
     let error = refused(map().with_positions(positions(vec![0.0; 8], 2).unwrap()));
     assert_eq!(error.to_string(), "positions: expected 3 values, got 4");
-    for (count, axes, got) in
-        [(7, 2, "got 7 numbers, which 2 does not divide"), (4, 1, "got 1"), (4, 4, "got 4"), (4, 0, "got 0")]
-    {
+    for (count, axes, got) in [
+        (7, 2, "got 7 numbers, which 2 does not divide"),
+        (4, 1, "got 1"),
+        (4, 4, "got 4"),
+        (4, 0, "got 0"),
+    ] {
         let error = refused(positions(vec![0.0; count], axes));
         assert!(matches!(error, Error::Shape { what: "positions", .. }));
         says(&error, &["2 or 3", got]);
@@ -193,7 +221,10 @@ fn a_descriptor_has_the_maps_dimension_and_type() {
     says(&refused(map.distances([0.0, f32::NAN].as_slice())), &["descriptor", "NaN at index 1"]);
     let mut out = [7.0; 2];
     let error = refused(map.distances_into((&[1.0_f32, 2.0][..]).into(), &mut out));
-    assert_eq!((error.to_string().as_str(), out), ("distances: expected 3 values, got 2", [7.0; 2]));
+    assert_eq!(
+        (error.to_string().as_str(), out),
+        ("distances: expected 3 values, got 2", [7.0; 2])
+    );
 
     let floats = Map::from_descriptors(vec![1.0_f32; 6], 2, Metric::Cosine).unwrap();
     let error = refused(floats.distances([1_u8; 2].as_slice()));
@@ -249,7 +280,10 @@ fn a_sad_recipe_is_checked_when_it_is_made() {
         let error = refused(Sad::new(size, patch, dtype));
         assert!(matches!(error, Error::Option { name, .. } if name == option), "{error}");
     }
-    says(&refused(Sad::new((64, 30), 8, Dtype::U8)), &["`size`", "the patch (8) divides", "got 64 x 30"]);
+    says(
+        &refused(Sad::new((64, 30), 8, Dtype::U8)),
+        &["`size`", "the patch (8) divides", "got 64 x 30"],
+    );
 }
 
 #[test]
@@ -275,8 +309,9 @@ fn progress_is_told_and_can_stop_the_work() {
     assert!(told.len() > 2 && told.is_sorted());
 
     for stop_at in [0, 1, 200] {
-        let mut stop =
-            |done, _| if done >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let mut stop = |done, _| {
+            if done >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
         let error = refused(Map::from_images(&images, Sad::default(), &mut stop));
         let Error::Interrupted { done, total: 200 } = error else { panic!("{error}") };
         assert!(done >= stop_at && done <= 200);

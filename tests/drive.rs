@@ -1,4 +1,5 @@
-//! Queries that are standardised by those of their drive so far: a stream is a batch is what is done by hand, also after a restart.
+//! Queries that are standardised by those of their drive so far: a stream is a batch is what is
+//! done by hand, also after a restart.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod cases;
@@ -101,7 +102,10 @@ fn a_query_that_is_refused_later_does_not_count() {
     assert!(matches!(localizer.push_descriptor(&[2.5_f32][..]), Err(Error::NoDirection { .. })));
     assert_eq!(localizer.snapshot().unwrap(), other.snapshot().unwrap());
     for x in [1.0_f32, 7.0, 3.0] {
-        assert_eq!(localizer.push_descriptor(&[x][..]).unwrap(), other.push_descriptor(&[x][..]).unwrap());
+        assert_eq!(
+            localizer.push_descriptor(&[x][..]).unwrap(),
+            other.push_descriptor(&[x][..]).unwrap()
+        );
     }
     assert_eq!(localizer.snapshot().unwrap(), other.snapshot().unwrap());
 }
@@ -114,7 +118,10 @@ fn a_query_without_a_direction_does_not_count() {
     let mut localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
     let before = localizer.snapshot().unwrap();
     // The references' mean: all zeros when it is standardised.
-    assert!(matches!(localizer.push_descriptor(&[2.0_f32, 5.0][..]), Err(Error::NoDirection { .. })));
+    assert!(matches!(
+        localizer.push_descriptor(&[2.0_f32, 5.0][..]),
+        Err(Error::NoDirection { .. })
+    ));
     assert_eq!(localizer.snapshot().unwrap(), before);
 }
 
@@ -133,9 +140,14 @@ fn a_long_drive_is_standardised_by_all_of_it() {
                 vectors.iter().skip(dim).step_by(DIM).take(index + 1).map(|&x| x.into()).collect();
             let count = seen.len() as f64;
             let mean = seen.iter().sum::<f64>() / count;
-            let deviation = (seen.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count).sqrt();
-            let expected = if index == 0 { 0.0 } else { (f64::from(vector[dim]) - mean) / deviation };
-            assert!((f64::from(got) - expected).abs() < 1e-5, "{got} for {expected}, vector {index}");
+            let deviation =
+                (seen.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count).sqrt();
+            let expected =
+                if index == 0 { 0.0 } else { (f64::from(vector[dim]) - mean) / deviation };
+            assert!(
+                (f64::from(got) - expected).abs() < 1e-5,
+                "{got} for {expected}, vector {index}"
+            );
         }
     }
 }
@@ -157,14 +169,19 @@ fn a_localizer_does_so_on_a_long_drive() {
 #[test]
 fn in_a_batch_the_whole_of_the_route_can_be_the_floor() {
     let (dim, raw) = (6, signed(20 * 6, 3));
-    let queries: Vec<f32> = raw.iter().zip(signed(20 * 6, 4)).map(|(x, y)| 2.0 * x + 0.1 * y + 3.0).collect();
+    let queries: Vec<f32> =
+        raw.iter().zip(signed(20 * 6, 4)).map(|(x, y)| 2.0 * x + 0.1 * y + 3.0).collect();
     let map = route(&raw, dim, Metric::Euclidean);
     let run = |floor| {
         let config = Config { floor, ..Config::default() };
-        match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(())).unwrap()
+        match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()))
+            .unwrap()
     };
-    let lowest =
-        run(Floor::Running).fixes.iter().map(|fix| fix.single.distance).fold(f32::INFINITY, f32::min);
+    let lowest = run(Floor::Running)
+        .fixes
+        .iter()
+        .map(|fix| fix.single.distance)
+        .fold(f32::INFINITY, f32::min);
     assert_eq!(
         run(Floor::Global),
         run(Floor::Fixed(lowest.into())),
@@ -185,7 +202,8 @@ fn a_screen_changes_nothing() {
     for (index, row) in raw.chunks_exact(dim).enumerate() {
         if index % 20 == 10 {
             assert_eq!(localizer.snapshot().unwrap(), plain.snapshot().unwrap());
-            localizer = Localizer::restore(Arc::clone(&screened), &plain.snapshot().unwrap(), None).unwrap();
+            localizer = Localizer::restore(Arc::clone(&screened), &plain.snapshot().unwrap(), None)
+                .unwrap();
         }
         assert_eq!(plain.push_descriptor(row).unwrap(), localizer.push_descriptor(row).unwrap());
     }
@@ -225,5 +243,8 @@ fn a_damaged_snapshot_is_refused() {
         assert!(Localizer::restore(Arc::clone(&map), &snapshot[..at], None).is_err());
     }
     let bare = Map::from_descriptors(map.descriptors().to_values(), TO, Metric::Euclidean).unwrap();
-    assert!(matches!(Localizer::restore(Arc::new(bare), &snapshot, None), Err(Error::Snapshot { .. })));
+    assert!(matches!(
+        Localizer::restore(Arc::new(bare), &snapshot, None),
+        Err(Error::Snapshot { .. })
+    ));
 }

@@ -22,8 +22,10 @@ fn fix(place: usize, score: f32, ready: bool) -> Fix {
 }
 
 fn curve(queries: &[Query], tolerance: usize, recall: Recall) -> Curve {
-    let run =
-        Run { fixes: queries.iter().map(|&(place, score, _)| fix(place, score, true)).collect(), places: 10 };
+    let run = Run {
+        fixes: queries.iter().map(|&(place, score, _)| fix(place, score, true)).collect(),
+        places: 10,
+    };
     let truth: Vec<Option<usize>> = queries.iter().map(|query| query.2).collect();
     evaluate(&run.matches(), &Truth::places(truth, tolerance), recall).unwrap()
 }
@@ -70,8 +72,8 @@ proptest! {
         let curve = curve(&queries, 1, recall);
         let points = curve.points();
 
-        // The last precision at each recall, joined by lines; the first one held back to recall 0. The line that is
-        // cut leads to the first precision at its recall.
+        // The last precision at each recall, joined by lines; the first one held back to recall 0.
+        // The line that is cut leads to the first precision at its recall.
         let mut knots: Vec<(f64, f64)> = points.first().map(|point| (0.0, point.precision)).into_iter().collect();
         for point in points {
             knots.retain(|&(at, _)| at == 0.0 || at != point.recall);
@@ -116,8 +118,11 @@ fn equal_scores_enter_together() {
     // Whichever of the two came first would decide, if they could be told apart.
     let queries = [(0, 1.0, Some(0)), (0, 1.0, Some(7)), (0, 2.0, Some(0))];
     let curve = curve(&queries, 0, Recall::Correct);
-    let points: Vec<_> =
-        curve.points().iter().map(|p| (p.threshold, p.precision, p.recall, p.false_positives)).collect();
+    let points: Vec<_> = curve
+        .points()
+        .iter()
+        .map(|p| (p.threshold, p.precision, p.recall, p.false_positives))
+        .collect();
     assert_eq!(points, [(1.0, 0.5, 0.5, 1), (2.0, 2.0 / 3.0, 1.0, 1)]);
 }
 
@@ -127,7 +132,11 @@ fn a_perfect_run_scores_one_everywhere() {
     for recall in RECALLS {
         let curve = curve(&queries, 0, recall);
         for upto in [0.01, 0.2, 0.5, 1.0] {
-            assert!((curve.auc(upto) - 1.0).abs() < 1e-12, "{recall:?}, up to {upto}: {}", curve.auc(upto));
+            assert!(
+                (curve.auc(upto) - 1.0).abs() < 1e-12,
+                "{recall:?}, up to {upto}: {}",
+                curve.auc(upto)
+            );
         }
         assert_eq!((curve.max_recall(), curve.recall_at_precision(1.0)), (1.0, 1.0));
         assert_eq!(curve.false_positives_at(1.0), Some(0));
@@ -162,10 +171,16 @@ fn every_corner_gives_numbers() {
         &[(0, 0.0, Some(9)), (1, 0.0, Some(9))],
         &[(0, f32::MAX, Some(0))],
     ];
-    for (queries, recall) in corners.into_iter().flat_map(|queries| RECALLS.map(|recall| (queries, recall))) {
+    for (queries, recall) in
+        corners.into_iter().flat_map(|queries| RECALLS.map(|recall| (queries, recall)))
+    {
         let curve = curve(queries, 1, recall);
         for upto in [0.0, 1e-300, 0.2, 1.0, 2.0] {
-            assert!((0.0..=1.0).contains(&curve.auc(upto)), "{queries:?} up to {upto}: {}", curve.auc(upto));
+            assert!(
+                (0.0..=1.0).contains(&curve.auc(upto)),
+                "{queries:?} up to {upto}: {}",
+                curve.auc(upto)
+            );
         }
         assert!((0.0..=1.0).contains(&curve.max_recall()));
         assert!((0.0..=1.0).contains(&curve.recall_at_precision(1.0)));
@@ -179,7 +194,9 @@ fn every_corner_gives_numbers() {
 #[test]
 fn the_warm_up_is_left_out() {
     let run = Run { fixes: vec![fix(0, 0.0, false), fix(3, 1.0, true)], places: 10 };
-    let curve = evaluate(&run.matches(), &Truth::places(vec![Some(9), Some(3)], 0), Recall::Correct).unwrap();
+    let curve =
+        evaluate(&run.matches(), &Truth::places(vec![Some(9), Some(3)], 0), Recall::Correct)
+            .unwrap();
     assert_eq!(curve.points().len(), 1);
     assert_eq!(curve.points()[0].precision, 1.0);
     let warming = Run { fixes: vec![fix(0, 0.0, false)], places: 10 };
@@ -194,7 +211,8 @@ fn the_warm_up_is_left_out() {
 #[test]
 fn a_truth_of_another_length_and_an_unknown_recall_are_refused() {
     let run = Run { fixes: vec![fix(0, 0.0, true); 3], places: 10 };
-    let refused = evaluate(&run.matches(), &Truth::places(vec![None], 0), Recall::Correct).unwrap_err();
+    let refused =
+        evaluate(&run.matches(), &Truth::places(vec![None], 0), Recall::Correct).unwrap_err();
     assert!(matches!(refused, Error::Length { expected: 3, got: 1, .. }));
     assert_eq!(refused.to_string(), "truth: expected 3 values, got 1");
     for (name, recall) in ["correct", "place_exists", "rejected"].into_iter().zip(RECALLS) {
@@ -214,7 +232,11 @@ fn a_tolerance_of_any_size_is_one() {
     for tolerance in [2, 3, usize::MAX - 1, usize::MAX] {
         let truth = Truth::cells(&cells.view(), tolerance).unwrap();
         for (query, place) in [(0, 0), (0, 2), (1, 0), (1, 1)] {
-            assert_eq!(truth.judge(query, place), Verdict::Correct, "place {place} within {tolerance}");
+            assert_eq!(
+                truth.judge(query, place),
+                Verdict::Correct,
+                "place {place} within {tolerance}"
+            );
         }
     }
 }
@@ -223,7 +245,8 @@ fn a_tolerance_of_any_size_is_one() {
 fn a_number_of_samples_that_no_memory_holds_is_refused() {
     let curve = curve(&[(1, 0.5, Some(1)), (2, 0.7, Some(3))], 0, Recall::Correct);
     for samples in [0, 100_000_001, 1 << 61, usize::MAX] {
-        let refused = curve.auc_interval(1.0, &Bootstrap { samples, ..Bootstrap::default() }).unwrap_err();
+        let refused =
+            curve.auc_interval(1.0, &Bootstrap { samples, ..Bootstrap::default() }).unwrap_err();
         assert_eq!(
             refused.to_string(),
             format!("option `samples`: expected from 1 to 100000000, got {samples}")

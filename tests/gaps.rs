@@ -1,4 +1,5 @@
-//! A gap breaks the diagonal and nothing else: what comes after it owes nothing to what came before but the floor.
+//! A gap breaks the diagonal and nothing else: what comes after it owes nothing to what came before
+//! but the floor.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod cases;
@@ -11,7 +12,8 @@ use ndarray::Array2;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Dtype, Error, Fix, Floor, Localizer, Map, Matcher, Metric, match_descriptors, match_distances,
+    Config, Dtype, Error, Fix, Floor, Localizer, Map, Matcher, Metric, match_descriptors,
+    match_distances,
 };
 
 /// Some of the queries, in no order and some of them twice: few, or many in a row.
@@ -42,7 +44,13 @@ fn push(matcher: &mut Matcher, column: &[f32], word: Option<bool>) -> Fix {
 }
 
 /// The stream, with one gap or several before some queries.
-fn stream(places: usize, config: &Config, columns: &[Vec<f32>], words: &Words, gaps: &[usize]) -> Vec<Fix> {
+fn stream(
+    places: usize,
+    config: &Config,
+    columns: &[Vec<f32>],
+    words: &Words,
+    gaps: &[usize],
+) -> Vec<Fix> {
     let mut matcher = Matcher::new(places, config.clone()).unwrap();
     let each = columns.iter().zip(words).enumerate().map(|(query, (column, &word))| {
         for _ in gaps.iter().filter(|&&gap| gap == query) {
@@ -60,15 +68,17 @@ fn matrix(columns: &[Vec<f32>]) -> Array2<f32> {
 proptest! {
     #![proptest_config(cases(3_000))]
 
-    /// What a query's gradient and trust are after a gap, a matcher that begins there says; what its sequence is, one that
-    /// never heard of the gap says as soon as its window no longer reaches across. The floor is that of all queries.
+    /// What a query's gradient and trust are after a gap, a matcher that begins there says; what
+    /// its sequence is, one that never heard of the gap says as soon as its window no longer
+    /// reaches across. The floor is that of all queries.
     #[test]
     fn after_a_gap_it_begins_anew_and_then_goes_on(
         (n, config) in route(2..120), m in 1..260_usize, kind in kind(), seed: u64,
     ) {
         let (d, words, gaps) = (columns(kind, n, m, seed), words(m, seed), gaps(m, seed));
         let got = stream(n, &config, &d, &words, &gaps);
-        // The words of the run itself, so that a trust that the gap has changed does not tell in later sequences.
+        // The words of the run itself, so that a trust that the gap has changed does not tell in
+        // later sequences.
         let trust: Words = got.iter().map(|fix| Some(fix.trusted)).collect();
         let unbroken = stream(n, &config, &d, &trust, &[]);
         let mut begun = 0;
@@ -126,7 +136,8 @@ proptest! {
 proptest! {
     #![proptest_config(cases(300))]
 
-    /// Batches that are cut into pieces, with gaps in the pieces, between them and in their lead-ins.
+    /// Batches that are cut into pieces, with gaps in the pieces, between them and in their
+    /// lead-ins.
     #[test]
     fn a_batch_gives_the_streams_fixes(
         (n, config) in route(2..120), m in prop_oneof![1..200_usize, 600..1600_usize], kind in kind(), seed: u64,
@@ -174,7 +185,9 @@ proptest! {
 
 /// Distances that are 0 on one diagonal and 1 elsewhere.
 fn drive(places: usize, queries: usize) -> Vec<Vec<f32>> {
-    (0..queries).map(|query| (0..places).map(|place| f32::from(u8::from(place != query))).collect()).collect()
+    (0..queries)
+        .map(|query| (0..places).map(|place| f32::from(u8::from(place != query))).collect())
+        .collect()
 }
 
 #[test]
@@ -198,7 +211,8 @@ fn before_the_first_query_a_gap_is_nothing() {
     }
 }
 
-/// The window reaches ten queries back here and the smoothing one: without the gap, place 2 would win at query 12.
+/// The window reaches ten queries back here and the smoothing one: without the gap, place 2 would
+/// win at query 12.
 #[test]
 fn nothing_is_matched_across_a_jump() {
     const JUMP: usize = 12;
@@ -238,7 +252,9 @@ fn a_gap_before_a_query_that_there_is_not_is_named() {
     for (gaps, named) in [(&[0, 4, 9][..], "4"), (&[usize::MAX, 0], "18446744073709551615")] {
         let refusals = [
             match_distances(d.view(), &config, None, gaps),
-            match_descriptors(&map, &queries, &config, None, gaps, &mut |_, _| ControlFlow::Continue(())),
+            match_descriptors(&map, &queries, &config, None, gaps, &mut |_, _| {
+                ControlFlow::Continue(())
+            }),
         ];
         for refused in refusals {
             let message = refused.unwrap_err().to_string();
@@ -268,7 +284,11 @@ fn only_a_gap_within_reach_needs_the_newer_format() {
         [1, 2].into_iter().filter(|&version| is(version)).collect::<Vec<_>>()
     };
     for (query, column) in drive(20, 20).iter().enumerate() {
-        assert_eq!(format(&matcher), [if (11..16).contains(&query) { 2 } else { 1 }], "query {query}");
+        assert_eq!(
+            format(&matcher),
+            [if (11..16).contains(&query) { 2 } else { 1 }],
+            "query {query}"
+        );
         if query == 10 {
             matcher.gap();
             assert_eq!(format(&matcher), [2]);

@@ -1,4 +1,5 @@
-//! The generated route behaves as real ones do: hard for single frames, and easier for trusted sequences.
+//! The generated route behaves as real ones do: hard for single frames, and easier for trusted
+//! sequences.
 
 #![cfg(feature = "rayon")] // On one core the drives take minutes.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
@@ -12,7 +13,8 @@ use surefix::{Config, Floor, Map, Run, Sad, match_descriptors};
 
 /// A map of the reference drive, the revisit matched against it with each weight, and the truth.
 fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec<Option<usize>>) {
-    let config = RouteConfig { places: 1000, width: 64, height: 32, seed, ..RouteConfig::default() };
+    let config =
+        RouteConfig { places: 1000, width: 64, height: 32, seed, ..RouteConfig::default() };
     let route = Route::new(config).unwrap();
     let reference = route.traverse(Conditions::reference()).unwrap();
     let revisit = route.traverse(conditions).unwrap();
@@ -21,15 +23,17 @@ fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec
     let queries = describe_all(&Sad::default(), &revisit, progress).unwrap();
     let runs = weights.map(|weight| {
         let config = Config { weight, floor: Floor::Global, ..Config::default() };
-        match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(())).unwrap()
+        match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()))
+            .unwrap()
     });
     (runs, revisit.truth(&reference))
 }
 
 fn share_right(run: &Run, truth: &[Option<usize>], of: impl Fn(&surefix::Fix) -> bool) -> f64 {
     let judged = run.fixes.iter().zip(truth).filter(|(fix, _)| of(fix));
-    let right: Vec<bool> =
-        judged.map(|(fix, truth)| truth.is_some_and(|truth| truth.abs_diff(fix.single.place) <= 1)).collect();
+    let right: Vec<bool> = judged
+        .map(|(fix, truth)| truth.is_some_and(|truth| truth.abs_diff(fix.single.place) <= 1))
+        .collect();
     right.iter().filter(|right| **right).count() as f64 / right.len() as f64
 }
 
@@ -40,11 +44,17 @@ fn single_frames_are_hard_trusted_ones_are_right_and_weighting_wins() {
         let r1 = share_right(&plain, &truth, |_| true);
         assert!((0.2..=0.7).contains(&r1), "seed {seed}: R@1 {r1}");
         let trusted = share_right(&plain, &truth, |fix| fix.trusted);
-        assert!(trusted > 0.85 && trusted > r1 + 0.2, "seed {seed}: {trusted} of the trusted are right");
+        assert!(
+            trusted > 0.85 && trusted > r1 + 0.2,
+            "seed {seed}: {trusted} of the trusted are right"
+        );
         let truth = Truth::places(truth, 1);
         let area = |run| evaluate(&Run::matches(run), &truth, Recall::Correct).unwrap().auc(0.2);
         let (plain, weighted) = (area(&plain), area(&weighted));
-        assert!(weighted > plain + 0.05, "seed {seed}: {plain} without the weights, {weighted} with them");
+        assert!(
+            weighted > plain + 0.05,
+            "seed {seed}: {plain} without the weights, {weighted} with them"
+        );
     }
 }
 

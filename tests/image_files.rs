@@ -15,7 +15,8 @@ fn grey(width: u32, height: u32) -> DynamicImage {
 }
 
 fn rgb(width: u32, height: u32) -> DynamicImage {
-    RgbImage::from_fn(width, height, |x, y| [(x * 9) as u8, (y * 5) as u8, (x + y) as u8].into()).into()
+    RgbImage::from_fn(width, height, |x, y| [(x * 9) as u8, (y * 5) as u8, (x + y) as u8].into())
+        .into()
 }
 
 fn names(files: &ImageFiles) -> Vec<String> {
@@ -61,7 +62,11 @@ fn every_format_is_read_in_its_own_colours() {
                 let far = read.pixels().iter().zip(&expected).map(|(a, b)| a.abs_diff(*b)).max();
                 assert!(far.unwrap() < 60, "{ending}: {far:?}");
             }
-            assert_eq!(ImageFiles::find(folder.path()).unwrap().len(), 1, "{ending} counts as an image");
+            assert_eq!(
+                ImageFiles::find(folder.path()).unwrap().len(),
+                1,
+                "{ending} counts as an image"
+            );
             fs::remove_file(path).unwrap();
         }
     }
@@ -109,13 +114,15 @@ fn frame10_follows_frame9() {
     touch(folder.path(), &[".hidden.png", "._frame9.png"]);
     fs::write(folder.path().join("notes.txt"), "not an image").unwrap();
     fs::create_dir(folder.path().join("folder.png")).unwrap();
-    let expected = ["a.PNG", "frame1.png", "frame02.png", "frame9.png", "frame10.png", "frame100.png"];
+    let expected =
+        ["a.PNG", "frame1.png", "frame02.png", "frame9.png", "frame10.png", "frame100.png"];
     let files = ImageFiles::find(folder.path()).unwrap();
     assert_eq!(names(&files), expected);
     assert_eq!(build(&files).unwrap().names().unwrap(), expected);
 
-    let find =
-        |pattern: &str| ImageFiles::find(folder.path().join(pattern)).map(|files| names(&files)).unwrap();
+    let find = |pattern: &str| {
+        ImageFiles::find(folder.path().join(pattern)).map(|files| names(&files)).unwrap()
+    };
     assert_eq!(find("frame*.png"), expected[1..]);
     assert_eq!(find("frame1*.png"), ["frame1.png", "frame10.png", "frame100.png"]);
     assert_eq!(find("frame?.png"), ["frame1.png", "frame9.png"]);
@@ -168,11 +175,13 @@ fn an_unreadable_image_is_named() {
     let mut flipped = whole.clone();
     let middle = flipped.len() / 2;
     flipped[middle] ^= 0x55;
-    for content in [&b"this is a text"[..], b"", &whole[..whole.len() / 2], &whole[..20], &flipped] {
+    for content in [&b"this is a text"[..], b"", &whole[..whole.len() / 2], &whole[..20], &flipped]
+    {
         fs::write(&bad, content).unwrap();
-        for error in
-            [read_image(&bad).unwrap_err(), build(&ImageFiles::find(folder.path()).unwrap()).unwrap_err()]
-        {
+        for error in [
+            read_image(&bad).unwrap_err(),
+            build(&ImageFiles::find(folder.path()).unwrap()).unwrap_err(),
+        ] {
             assert!(matches!(error, Error::Image { .. }), "{error:?}");
             assert!(error.to_string().contains("frame2.png"), "{error}");
         }

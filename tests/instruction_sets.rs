@@ -1,4 +1,5 @@
-//! The answers do not depend on the processor: every instruction set gives the plain one's, to the last bit.
+//! The answers do not depend on the processor: every instruction set gives the plain one's, to the
+//! last bit.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod cases;

@@ -34,7 +34,10 @@ fn open(bytes: &[u8]) -> Result<Map, Error> {
     fs::write(&path, bytes).unwrap();
     let result = Map::open(&path);
     if let Err(error) = &result {
-        assert!(error.to_string().starts_with(&path.display().to_string()), "the file is named: {error}");
+        assert!(
+            error.to_string().starts_with(&path.display().to_string()),
+            "the file is named: {error}"
+        );
     }
     result
 }
@@ -74,8 +77,9 @@ fn refused(bytes: &[u8]) -> String {
 }
 
 fn sad_map() -> Map {
-    let image =
-        |seed| Image::new(16, 8, Channels::Grey, (0..128).map(|i| (i * seed) as u8).collect()).unwrap();
+    let image = |seed| {
+        Image::new(16, 8, Channels::Grey, (0..128).map(|i| (i * seed) as u8).collect()).unwrap()
+    };
     let images: Vec<Image> = (1..4).map(image).collect();
     let sad = Sad::new((8, 4), 4, Dtype::U8).unwrap();
     Map::from_images(&images, sad, &mut |_, _| ControlFlow::Continue(())).unwrap()
@@ -105,7 +109,10 @@ fn every_map_comes_back_as_it_was() {
                         (opened.dtype(), opened.metric(), opened.recipe()),
                         (dtype, metric, Recipe::Ready)
                     );
-                    assert_eq!((opened.names(), opened.positions()), (named.as_deref(), map.positions()));
+                    assert_eq!(
+                        (opened.names(), opened.positions()),
+                        (named.as_deref(), map.positions())
+                    );
                     for query in [numbers(dtype, 7, 9), numbers(Dtype::F32, 7, 9)] {
                         let bits = |map: &Map| -> Vec<u32> {
                             map.distances(&query).unwrap().into_iter().map(f32::to_bits).collect()
@@ -153,10 +160,13 @@ fn every_truncation_is_refused() {
 
 #[test]
 fn a_foreign_file_is_refused() {
-    for bytes in [&b""[..], b"hello", b"\x89PNG\r\n\x1a\n and so on and so forth", &[0xff; 100], &[0; 100]] {
+    for bytes in
+        [&b""[..], b"hello", b"\x89PNG\r\n\x1a\n and so on and so forth", &[0xff; 100], &[0; 100]]
+    {
         refused(bytes);
     }
-    let foreign = join(&json!({"weight": {"dtype": "U8", "shape": [4], "data_offsets": [0, 4]}}), &[0; 4]);
+    let foreign =
+        join(&json!({"weight": {"dtype": "U8", "shape": [4], "data_offsets": [0, 4]}}), &[0; 4]);
     assert!(refused(&foreign).contains("some other program"));
     let bytes = saved(&small_map());
     let snapshot = with_entry(&bytes, |entry| entry["format"] = "surefix-snapshot".into());
@@ -197,8 +207,10 @@ fn tensors_that_do_not_fit_are_refused() {
         ("positions", json!([6, 1])),
         ("positions", json!([2, 3])),
     ] {
-        let message = refused(&with_header(&bytes, |header| header[tensor]["shape"] = shape.clone()));
-        let named = ["descriptors", "positions", "names", "map"].iter().any(|what| message.contains(what));
+        let message =
+            refused(&with_header(&bytes, |header| header[tensor]["shape"] = shape.clone()));
+        let named =
+            ["descriptors", "positions", "names", "map"].iter().any(|what| message.contains(what));
         assert!(named, "{tensor} {shape}: {message}");
     }
     let renamed = with_header(&bytes, |header| {
@@ -208,8 +220,7 @@ fn tensors_that_do_not_fit_are_refused() {
     assert!(refused(&renamed).contains("descriptors"));
     // Twelve bytes are three float32 in rows of one, or six int16, which no descriptor is.
     refused(&with_header(&bytes, |header| {
-        header["descriptors"] =
-            json!({"dtype": "I16", "shape": [3, 2], "data_offsets": header["descriptors"]["data_offsets"]});
+        header["descriptors"] = json!({"dtype": "I16", "shape": [3, 2], "data_offsets": header["descriptors"]["data_offsets"]});
     }));
     // One name too many, and a name that is no text.
     let (header, payload) = split(&bytes);
@@ -277,7 +288,10 @@ proptest! {
 }
 
 fn listing(folder: &Path) -> Vec<String> {
-    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect()
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! What a saved map is to the operating system: its permissions, and what a full disk leaves behind.
+//! What a saved map is to the operating system: its permissions, and what a full disk leaves
+//! behind.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -19,18 +20,25 @@ fn large_map() -> Map {
     Map::from_descriptors(rows, 100, Metric::Euclidean).unwrap()
 }
 
-/// Runs this very test again in a shell that has set `limits`, there to save a map; whether it could.
+/// Runs this very test again in a shell that has set `limits`, there to save a map; whether it
+/// could.
 fn save_under(limits: &str, test: &str, path: &Path) -> bool {
     let script = format!("{limits}; exec \"$0\" --exact {test} --nocapture");
     let mut shell = Command::new("sh");
     shell.arg("-c").arg(script).arg(std::env::current_exe().unwrap()).env(CHILD, path);
     let output = shell.output().unwrap();
-    assert!(String::from_utf8_lossy(&output.stdout).contains("running 1 test"), "the child ran: {output:?}");
+    assert!(
+        String::from_utf8_lossy(&output.stdout).contains("running 1 test"),
+        "the child ran: {output:?}"
+    );
     output.status.success()
 }
 
 fn names(folder: &Path) -> Vec<String> {
-    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect()
 }
 
 #[test]
@@ -75,7 +83,8 @@ fn a_program_killed_while_saving_leaves_the_old_map() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("map.safetensors");
     fs::write(&path, "the old map").unwrap();
-    let killed = !save_under("ulimit -f 100", "a_program_killed_while_saving_leaves_the_old_map", &path);
+    let killed =
+        !save_under("ulimit -f 100", "a_program_killed_while_saving_leaves_the_old_map", &path);
     assert!(killed, "the limit must have ended it");
     assert_eq!(fs::read(&path).unwrap(), b"the old map");
 }

@@ -1,4 +1,5 @@
-//! A map that is built straight into its file, or becomes longer, is the map that all its places at once would have made.
+//! A map that is built straight into its file, or becomes longer, is the map that all its places at
+//! once would have made.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
 
 mod cases;
@@ -10,7 +11,8 @@ use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 
 use cases::{DTYPES, numbers};
 use surefix::{
-    Channels, Config, Dtype, Error, Image, ImageSource, Localizer, Map, Metric, Positions, Sad, Values,
+    Channels, Config, Dtype, Error, Image, ImageSource, Localizer, Map, Metric, Positions, Sad,
+    Values,
 };
 use tempfile::tempdir;
 
@@ -54,7 +56,8 @@ fn sad(dtype: Dtype) -> Sad {
 }
 
 fn positions(range: std::ops::Range<usize>, axes: usize) -> Positions {
-    Positions::new((range.start * axes..range.end * axes).map(|i| i as f64 / 7.0).collect(), axes).unwrap()
+    Positions::new((range.start * axes..range.end * axes).map(|i| i as f64 / 7.0).collect(), axes)
+        .unwrap()
 }
 
 fn quietly(_done: usize, _total: usize) -> ControlFlow<()> {
@@ -79,7 +82,13 @@ fn listing(folder: &Path) -> Vec<String> {
 }
 
 /// Ready descriptors of the places `range`, with names and positions where asked.
-fn ready(dtype: Dtype, metric: Metric, range: std::ops::Range<usize>, named: bool, axes: usize) -> Map {
+fn ready(
+    dtype: Dtype,
+    metric: Metric,
+    range: std::ops::Range<usize>,
+    named: bool,
+    axes: usize,
+) -> Map {
     const DIM: usize = 7;
     let all = numbers(dtype, DIM * 40, 5);
     let span = range.start * DIM..range.end * DIM;
@@ -114,7 +123,11 @@ fn a_map_built_into_its_file_is_the_one_built_in_memory_to_the_byte() {
                 if let Some(positions) = where_ {
                     whole = whole.with_positions(positions).unwrap();
                 }
-                assert_eq!(fs::read(&path).unwrap(), bytes(&whole), "{places} places, {dtype}, {axes} axes");
+                assert_eq!(
+                    fs::read(&path).unwrap(),
+                    bytes(&whole),
+                    "{places} places, {dtype}, {axes} axes"
+                );
             }
         }
     }
@@ -143,8 +156,13 @@ fn a_map_that_is_appended_to_is_the_whole_one_to_the_byte() {
                 part(0..2).save(&path).unwrap();
                 Map::append(&path, &part(2..9)).unwrap();
                 Map::append(&path, &part(9..40)).unwrap();
-                assert_eq!(fs::read(&path).unwrap(), whole, "{dtype} {metric} {named} {axes}: in the file");
-                let joined = part(0..2).extended(&part(2..9)).unwrap().extended(&part(9..40)).unwrap();
+                assert_eq!(
+                    fs::read(&path).unwrap(),
+                    whole,
+                    "{dtype} {metric} {named} {axes}: in the file"
+                );
+                let joined =
+                    part(0..2).extended(&part(2..9)).unwrap().extended(&part(9..40)).unwrap();
                 assert_eq!(bytes(&joined), whole, "{dtype} {metric} {named} {axes}: in memory");
                 assert_eq!(joined.names(), part(0..40).names());
             }
@@ -168,7 +186,8 @@ fn images_that_are_appended_make_the_map_of_all_images() {
         let whole = fs::read(&path).unwrap();
         build(&path, 0..70);
         for range in [70..71, 71..150] {
-            Map::append_images(&path, &part(range.clone()), at(range).as_ref(), &mut quietly).unwrap();
+            Map::append_images(&path, &part(range.clone()), at(range).as_ref(), &mut quietly)
+                .unwrap();
         }
         assert!(fs::read(&path).unwrap() == whole, "named {named}, {axes} axes");
     }
@@ -202,7 +221,8 @@ fn places_that_cannot_follow_are_refused_with_both_sides_and_the_file_stays() {
             assert!([expected, got, &named].iter().all(|part| error.contains(part)), "{error}");
         }
     }
-    let error = Map::append_images(&path, &drive(0..3), None, &mut quietly).unwrap_err().to_string();
+    let error =
+        Map::append_images(&path, &drive(0..3), None, &mut quietly).unwrap_err().to_string();
     assert!(error.contains("ready descriptors") && error.contains("images"), "{error}");
     assert_eq!(fs::read(&path).unwrap(), old);
 
@@ -213,7 +233,8 @@ fn places_that_cannot_follow_are_refused_with_both_sides_and_the_file_stays() {
         (drive(3..6), Some(positions(3..6, 2)), "no positions"),
         (drive(3..6), Some(positions(3..5, 2)), "expected 3 values, got 2"),
     ] {
-        let error = Map::append_images(&path, &images, at.as_ref(), &mut quietly).unwrap_err().to_string();
+        let error =
+            Map::append_images(&path, &images, at.as_ref(), &mut quietly).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
     assert_eq!(fs::read(&path).unwrap(), old);
@@ -249,13 +270,17 @@ fn work_that_is_stopped_or_fails_leaves_the_old_file_and_nothing_else() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("route.safetensors");
     let build = |images: &Drive, stop_at: usize| {
-        let mut stop =
-            |done, _| if done >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let mut stop = |done, _| {
+            if done >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
         Map::build(&path, images, sad(Dtype::U8), None, &mut stop)
     };
     let spoilt = Drive { missing: Some(280), ..drive(0..300) };
     for stop_at in [0, 1, 200, 300] {
-        assert!(matches!(build(&drive(0..300), stop_at), Err(Error::Interrupted { total: 300, .. })));
+        assert!(matches!(
+            build(&drive(0..300), stop_at),
+            Err(Error::Interrupted { total: 300, .. })
+        ));
         assert!(listing(folder.path()).is_empty(), "stopped at {stop_at}");
     }
     assert!(build(&spoilt, 1000).unwrap_err().to_string().contains("frame280.png"));
@@ -264,8 +289,9 @@ fn work_that_is_stopped_or_fails_leaves_the_old_file_and_nothing_else() {
     build(&drive(0..10), 1000).unwrap();
     let old = fs::read(&path).unwrap();
     let append = |images: &Drive, stop_at: usize| {
-        let mut stop =
-            |done, _| if done >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let mut stop = |done, _| {
+            if done >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
         Map::append_images(&path, images, None, &mut stop)
     };
     for stop_at in [0, 1, 200, 300] {
@@ -308,8 +334,10 @@ fn a_snapshot_of_the_shorter_map_is_refused_on_the_longer_one() {
     let part = |range| ready(Dtype::F32, Metric::Cosine, range, false, 0);
     let short = std::sync::Arc::new(part(0..9));
     let long = std::sync::Arc::new(short.extended(&part(9..12)).unwrap());
-    let snapshot =
-        Localizer::new(std::sync::Arc::clone(&short), Config::default()).unwrap().snapshot().unwrap();
+    let snapshot = Localizer::new(std::sync::Arc::clone(&short), Config::default())
+        .unwrap()
+        .snapshot()
+        .unwrap();
     assert!(Localizer::restore(short, &snapshot, None).is_ok());
     let error = Localizer::restore(long, &snapshot, None).unwrap_err().to_string();
     assert!(error.contains("another map"), "{error}");

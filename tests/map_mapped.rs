@@ -1,4 +1,5 @@
-//! A mapped map gives the answers of one that is read into memory, and a file that cannot be mapped soundly is refused.
+//! A mapped map gives the answers of one that is read into memory, and a file that cannot be mapped
+//! soundly is refused.
 #![cfg(all(feature = "mmap", target_endian = "little"))]
 #![allow(unsafe_code, reason = "the door is unsafe: nobody but these tests touches their files")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
@@ -18,7 +19,8 @@ use tempfile::tempdir;
 const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosine];
 
 fn mapped(path: &Path) -> Result<Map, Error> {
-    // SAFETY: the files of these tests are replaced, never changed in place or shortened while they are mapped.
+    // SAFETY: the files of these tests are replaced, never changed in place or shortened while they
+    // are mapped.
     unsafe { Map::open_mapped(path) }
 }
 
@@ -79,14 +81,20 @@ fn a_mapped_map_answers_as_one_in_memory_bit_for_bit() {
                 let (read, lazy) = (Map::open(&path).unwrap(), mapped(&path).unwrap());
                 assert_eq!(lazy.descriptors(), map.descriptors());
                 assert_eq!((lazy.names(), lazy.positions()), (map.names(), map.positions()));
-                assert_eq!((lazy.dtype(), lazy.metric(), lazy.recipe()), (dtype, metric, map.recipe()));
+                assert_eq!(
+                    (lazy.dtype(), lazy.metric(), lazy.recipe()),
+                    (dtype, metric, map.recipe())
+                );
                 for query in [numbers(dtype, dim, 9), numbers(Dtype::F32, dim, 9)] {
                     assert_eq!(bits(&lazy, &query), bits(&map, &query));
                     assert_eq!(bits(&read, &query), bits(&map, &query));
                     assert_eq!(bits(&lazy.clone(), &query), bits(&map, &query));
                 }
                 assert_eq!(saved(&lazy), saved(&map));
-                assert_eq!(saved(&lazy.extended(&read).unwrap()), saved(&map.extended(&map).unwrap()));
+                assert_eq!(
+                    saved(&lazy.extended(&read).unwrap()),
+                    saved(&map.extended(&map).unwrap())
+                );
             }
         }
     }
@@ -101,7 +109,8 @@ fn a_snapshot_goes_from_a_mapped_map_to_one_in_memory_and_back() {
     for (from, to) in [(0, 1), (1, 0)] {
         let mut first = Localizer::new(Arc::clone(&maps[from]), Config::default()).unwrap();
         first.push_descriptor(&numbers(Dtype::F32, 7, 1)).unwrap();
-        let mut second = Localizer::restore(Arc::clone(&maps[to]), &first.snapshot().unwrap(), None).unwrap();
+        let mut second =
+            Localizer::restore(Arc::clone(&maps[to]), &first.snapshot().unwrap(), None).unwrap();
         let next = numbers(Dtype::F32, 7, 2);
         assert_eq!(first.push_descriptor(&next).unwrap(), second.push_descriptor(&next).unwrap());
     }
@@ -110,7 +119,8 @@ fn a_snapshot_goes_from_a_mapped_map_to_one_in_memory_and_back() {
 #[test]
 fn rows_of_a_saved_map_begin_on_a_cache_line_of_the_file() {
     for places in 2..40 {
-        let map = Map::from_descriptors(numbers(Dtype::U8, places * 3, 1), 3, Metric::Cosine).unwrap();
+        let map =
+            Map::from_descriptors(numbers(Dtype::U8, places * 3, 1), 3, Metric::Cosine).unwrap();
         let metres = (0..places * 2).map(|i| i as f64).collect();
         let map = map.with_positions(Positions::new(metres, 2).unwrap()).unwrap();
         let bytes = saved(&map);
@@ -256,7 +266,8 @@ fn a_number_that_is_none_is_refused_when_its_distance_is_pushed_and_the_place_is
         spoilt[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
         fs::write(&path, spoilt).unwrap();
         assert!(Map::open(&path).unwrap_err().to_string().contains("row 3, index 2"));
-        let mut localizer = Localizer::new(Arc::new(mapped(&path).unwrap()), Config::default()).unwrap();
+        let mut localizer =
+            Localizer::new(Arc::new(mapped(&path).unwrap()), Config::default()).unwrap();
         let error = localizer.push_descriptor(&numbers(Dtype::F32, 7, 9)).unwrap_err();
         assert!(matches!(error, Error::NotFinite { index: 3, .. }), "{metric}: {error}");
         assert_eq!(localizer.frames(), 0, "the localizer is as it was");

@@ -92,15 +92,17 @@ fn a_map_is_built_in_the_memory_of_a_few_images_however_many_there_are() {
     let threads = std::thread::available_parallelism().unwrap().get();
     // The threads of the pool stay, and so does what each keeps.
     Map::build(&path, &Drive(threads * 4), Sad::default(), None, &mut quietly).unwrap();
-    let build =
-        |places| peak(|| Map::build(&path, &Drive(places), Sad::default(), None, &mut quietly).unwrap());
+    let build = |places| {
+        peak(|| Map::build(&path, &Drive(places), Sad::default(), None, &mut quietly).unwrap())
+    };
     // An image, its grey form and a describer each; a batch of descriptors; the file's buffer.
     let bound = (threads + 1) * 3 * IMAGE + threads * 32 * 2048 + (2 << 20);
     let (few, many) = (build(500), build(3000));
     assert!(few < bound && many < bound, "{few} and {many} bytes, with {threads} threads");
     let append = peak(|| Map::append_images(&path, &Drive(1000), None, &mut quietly).unwrap());
     assert!(append < bound, "{append} bytes");
-    let from_images = peak(|| drop(Map::from_images(&Drive(3000), Sad::default(), &mut quietly).unwrap()));
+    let from_images =
+        peak(|| drop(Map::from_images(&Drive(3000), Sad::default(), &mut quietly).unwrap()));
     assert!(from_images < bound + 3000 * 2048, "{from_images} bytes");
 }
 
@@ -116,7 +118,8 @@ fn opening_and_appending_hold_no_second_copy_of_the_rows() {
     let slack = 2 << 20;
     let numbers: Vec<f32> = (0..ROWS / 4).map(|i| 1.0 + (i % 13) as f32).collect();
     let mut map = None;
-    let taken_over = peak(|| map = Some(Map::from_descriptors(numbers, DIM, Metric::Cosine).unwrap()));
+    let taken_over =
+        peak(|| map = Some(Map::from_descriptors(numbers, DIM, Metric::Cosine).unwrap()));
     assert!(taken_over < slack, "{taken_over} bytes more than the vector had");
     let map = map.unwrap();
     let saved = peak(|| map.save(&path).unwrap());

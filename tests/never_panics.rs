@@ -32,7 +32,10 @@ fn any_number() -> impl Strategy<Value = f32> {
 }
 
 fn in_range(fix: &Fix, places: usize, config: &Config) {
-    assert!(fix.place < places && fix.single.place < places && fix.gradient.place < places, "{fix:?}");
+    assert!(
+        fix.place < places && fix.single.place < places && fix.gradient.place < places,
+        "{fix:?}"
+    );
     if let Some(sequence) = fix.sequence {
         assert!(sequence.place < places && sequence.anchors <= config.sequence_length, "{fix:?}");
         assert!(config.speeds.contains(&sequence.speed), "{fix:?}");
@@ -140,6 +143,7 @@ fn a_localizer_that_refuses_is_as_it_was() {
         assert_eq!(localizer.snapshot().unwrap(), spared.snapshot().unwrap(), "after {refused:?}");
     }
     let next = &rows[8..16];
-    let (got, expected) = (localizer.push_descriptor(next).unwrap(), spared.push_descriptor(next).unwrap());
+    let (got, expected) =
+        (localizer.push_descriptor(next).unwrap(), spared.push_descriptor(next).unwrap());
     assert_eq!(bits(&got), bits(&expected));
 }

@@ -1,4 +1,5 @@
-//! The matcher is docs/method.md: whole matrices, written as the paper writes them, give the same fixes.
+//! The matcher is docs/method.md: whole matrices, written as the paper writes them, give the same
+//! fixes.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -26,8 +27,9 @@ fn gradient(d: &[f32], i: usize, kind: Gradient) -> f32 {
     }
 }
 
-/// The sum of a window in the order of the method: by blocks of half a window that are counted from query 0, the newest
-/// first, the two newest from their first query to their last, the third the other way.
+/// The sum of a window in the order of the method: by blocks of half a window that are counted from
+/// query 0, the newest first, the two newest from their first query to their last, the third the
+/// other way.
 fn in_blocks(now: usize, length: usize, cell: impl Fn(usize) -> f64) -> f64 {
     let block = (length / 2).max(1);
     let mut sum = None;
@@ -50,14 +52,16 @@ fn in_blocks(now: usize, length: usize, cell: impl Fn(usize) -> f64) -> f64 {
 fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix> {
     let (n, m) = (d[0].len(), d.len());
     let length = config.sequence_length;
-    let least = |columns: &[Vec<f32>]| columns.iter().flatten().copied().fold(f32::INFINITY, f32::min);
+    let least =
+        |columns: &[Vec<f32>]| columns.iter().flatten().copied().fold(f32::INFINITY, f32::min);
 
     // The enhanced gradient, its peak, the minimum and the consensus.
     let enhanced = |i: usize, j: usize| -> f32 {
         let ends = (d[j][1] - d[j][0]) + (d[j][n - 2] - d[j][n - 1]);
         let mean = if config.gradient == Gradient::Halved { ends / (2 * n) as f32 } else { 0.0 };
-        let term =
-            |k: usize| if k <= i && k <= j { gradient(&d[j - k], i - k, config.gradient) } else { mean };
+        let term = |k: usize| {
+            if k <= i && k <= j { gradient(&d[j - k], i - k, config.gradient) } else { mean }
+        };
         (1..config.smoothing).fold(term(0), |sum, k| sum + term(k))
     };
     let peaks: Vec<Peak> = (0..m)
@@ -69,7 +73,8 @@ fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix>
         .collect();
     let singles: Vec<usize> = d.iter().map(|column| first_best(column, |a, b| a < b)).collect();
     let agrees = |j: usize| peaks[j].place.abs_diff(singles[j]) <= config.tolerance;
-    let trusted: Vec<bool> = (0..m).map(|j| external.map_or_else(|| agrees(j), |words| words[j])).collect();
+    let trusted: Vec<bool> =
+        (0..m).map(|j| external.map_or_else(|| agrees(j), |words| words[j])).collect();
 
     // The weighted matrix as it is when query `now` comes, and the best diagonal of each speed.
     let sequence = |now: usize| -> Option<Sequence> {
@@ -102,8 +107,17 @@ fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix>
     let fix = |j: usize| {
         let single = Single { place: singles[j], distance: d[j][singles[j]] };
         let sequence = (j + 1 >= length).then(|| sequence(j)).flatten();
-        let (place, score) = sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
-        Fix { frame: j as u64, trusted: trusted[j], place, score, single, gradient: peaks[j], sequence }
+        let (place, score) =
+            sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
+        Fix {
+            frame: j as u64,
+            trusted: trusted[j],
+            place,
+            score,
+            single,
+            gradient: peaks[j],
+            sequence,
+        }
     };
     (0..m).map(fix).collect()
 }
@@ -140,27 +154,34 @@ fn a_whole_trusted_diagonal_with_full_weight_scores_the_floor() {
     // A perfect drive: place j is nearest at query j.
     let d: Vec<Vec<f32>> =
         (0..10_u8).map(|j| (0..10_u8).map(|i| 1.0 + f32::from(i.abs_diff(j))).collect()).collect();
-    let config = Config { weight: 1.0, floor: Floor::Fixed(0.25), sequence_length: 3, ..Config::default() };
+    let config =
+        Config { weight: 1.0, floor: Floor::Fixed(0.25), sequence_length: 3, ..Config::default() };
     let fixes = stream(10, &config, &d, None);
     for fix in &fixes[2..] {
         let sequence = fix.sequence.expect("the window is full");
-        assert_eq!((sequence.place, sequence.score, sequence.anchors), (fix.frame as usize, 0.25, 3));
+        assert_eq!(
+            (sequence.place, sequence.score, sequence.anchors),
+            (fix.frame as usize, 0.25, 3)
+        );
     }
 }
 
-/// Two sums one bit apart, whose means round to the same f64: the smaller sum wins between two speeds as it does along one.
+/// Two sums one bit apart, whose means round to the same f64: the smaller sum wins between two
+/// speeds as it does along one.
 #[test]
 fn the_smaller_sum_wins_between_speeds_too() {
     let (bit, two_bits) = (2_f32.powi(-52), 2_f32.powi(-51));
     let mut d = vec![vec![9.0; 10]; 5];
-    // The diagonal of speed 0 at place 2 sums to 1.25 and three bits, that of speed 1 to place 8 to 1.25 and two.
+    // The diagonal of speed 0 at place 2 sums to 1.25 and three bits, that of speed 1 to place 8 to
+    // 1.25 and two.
     for (age, standing, driving) in
         [(0, 1.25, 1.25), (1, two_bits, two_bits), (2, bit, 0.0), (3, 0.0, 0.0), (4, 0.0, 0.0)]
     {
         d[4 - age][2] = standing;
         d[4 - age][8 - age] = driving;
     }
-    let config = Config { sequence_length: 5, weight: 0.0, speeds: vec![0.0, 1.0], ..Config::default() };
+    let config =
+        Config { sequence_length: 5, weight: 0.0, speeds: vec![0.0, 1.0], ..Config::default() };
     let sequence = stream(10, &config, &d, None)[4].sequence.expect("the window is full");
     assert_eq!((sequence.place, sequence.speed), (8, 1.0));
 }

@@ -1,4 +1,5 @@
-//! Maps whose queries go through post-processing: the same in a file, in a stream, in a batch and with a screen.
+//! Maps whose queries go through post-processing: the same in a file, in a stream, in a batch and
+//! with a screen.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
 
 mod cases;
@@ -105,7 +106,8 @@ fn a_screen_changes_nothing() {
     let (map, raw) = route(&steps, 60, 400, Metric::Cosine, 5);
     let config = Config::default();
     let mut plain = Localizer::new(Arc::new(map.clone()), config.clone()).unwrap();
-    let mut screened = Localizer::new(Arc::new(map.with_screen(Dtype::I8).unwrap()), config).unwrap();
+    let mut screened =
+        Localizer::new(Arc::new(map.with_screen(Dtype::I8).unwrap()), config).unwrap();
     for row in raw.chunks_exact(400) {
         assert_eq!(plain.push_descriptor(row).unwrap(), screened.push_descriptor(row).unwrap());
     }
@@ -203,7 +205,8 @@ fn a_recipe_that_a_file_cannot_hold_is_refused_at_once() {
     let (map, _) = route(CHAINS[0], 4, 5, Metric::Cosine, 1);
     let mut taken = 0;
     for depth in 0..200 {
-        let recipe = format!(r#"{{"name": "deep", "x": {}1{}}}"#, "[".repeat(depth), "]".repeat(depth));
+        let recipe =
+            format!(r#"{{"name": "deep", "x": {}1{}}}"#, "[".repeat(depth), "]".repeat(depth));
         if let Ok(map) = map.clone().with_learned_recipe(&recipe) {
             let (_folder, path) = saved(&map);
             assert!(Map::open(&path).unwrap().learned_recipe().is_some());
@@ -213,7 +216,10 @@ fn a_recipe_that_a_file_cannot_hold_is_refused_at_once() {
     assert!((100..150).contains(&taken), "{taken}");
     let long = |count| format!(r#"{{"name": "{}"}}"#, r"\\".repeat(count));
     let (_folder, path) = saved(&map.clone().with_learned_recipe(&long(524_000)).unwrap());
-    assert_eq!(Map::open(&path).unwrap().learned_recipe().unwrap(), long(524_000).replace(": ", ":"));
+    assert_eq!(
+        Map::open(&path).unwrap().learned_recipe().unwrap(),
+        long(524_000).replace(": ", ":")
+    );
     let refused = map.clone().with_learned_recipe(&long(525_000)).unwrap_err().to_string();
     assert!(refused.contains("1048576 are the most"), "{refused}");
     assert!(map.with_learned_recipe(r#"{"name": "a"}, {"name": "b"}"#).is_err());
@@ -237,14 +243,16 @@ fn files_that_do_not_fit_together_are_refused() {
     let file = fs::read(&path).unwrap();
     let length = u64::from_le_bytes(file[..8].try_into().unwrap()) as usize;
     let header: Value = serde_json::from_slice(&file[8..8 + length]).unwrap();
-    let entry: Value = serde_json::from_str(header["__metadata__"]["surefix"].as_str().unwrap()).unwrap();
+    let entry: Value =
+        serde_json::from_str(header["__metadata__"]["surefix"].as_str().unwrap()).unwrap();
     assert_eq!(entry["version"], 2);
     let tried = folder.path().join("tried.safetensors");
     let open = |header: &Value, entry: &Value, payload: &[u8]| {
         let mut header = header.clone();
         header["__metadata__"]["surefix"] = entry.to_string().into();
         let text = header.to_string().into_bytes();
-        fs::write(&tried, [&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat()).unwrap();
+        fs::write(&tried, [&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat())
+            .unwrap();
         let mapped = open_mapped(&tried).map(|_| ());
         let read = Map::open(&tried).map(|_| ());
         if let (Err(read), Err(mapped)) = (&read, &mapped) {
@@ -279,13 +287,15 @@ fn files_that_do_not_fit_together_are_refused() {
     let mut older = entry.clone();
     older["version"] = 1.into();
     changed.push((header.clone(), older));
-    for name in ["post.0.offset", "post.0.scale", "post.1.offset", "post.1.matrix", "post.2.matrix"] {
+    for name in ["post.0.offset", "post.0.scale", "post.1.offset", "post.1.matrix", "post.2.matrix"]
+    {
         let mut without = header.clone();
         let tensor = without.as_object_mut().unwrap().remove(name).unwrap();
         without["other"] = tensor.clone();
         changed.push((without, entry.clone()));
         let mut flat = header.clone();
-        let bytes = tensor["data_offsets"][1].as_u64().unwrap() - tensor["data_offsets"][0].as_u64().unwrap();
+        let bytes = tensor["data_offsets"][1].as_u64().unwrap()
+            - tensor["data_offsets"][0].as_u64().unwrap();
         flat[name]["dtype"] = "U8".into();
         flat[name]["shape"] = json!([bytes]);
         changed.push((flat, entry.clone()));
@@ -298,7 +308,8 @@ fn files_that_do_not_fit_together_are_refused() {
     // A matrix, which a length has none of.
     let mut more = header.clone();
     let end = payload.len();
-    more["post.3.matrix"] = json!({"dtype": "F32", "shape": [3, 3], "data_offsets": [end, end + 36]});
+    more["post.3.matrix"] =
+        json!({"dtype": "F32", "shape": [3, 3], "data_offsets": [end, end + 36]});
     assert!(open(&more, &entry, &[payload, &[0; 36]].concat()).is_err());
     for (header, entry) in &changed {
         assert!(open(header, entry, payload).is_err(), "{entry} {header}");

@@ -11,8 +11,8 @@ use std::thread;
 
 use cases::{DTYPES, Dice, Kind, all_bits, columns, numbers};
 use surefix::{
-    Channels, Config, Dtype, Error, Fix, Floor, Gradient, Image, Localizer, Map, Matcher, Metric, Post, Run,
-    Sad, Step, Values,
+    Channels, Config, Dtype, Error, Fix, Floor, Gradient, Image, Localizer, Map, Matcher, Metric,
+    Post, Run, Sad, Step, Values,
 };
 
 /// The system's allocator, counting what each thread asks of it.
@@ -22,7 +22,8 @@ thread_local! {
     static CALLS: Cell<usize> = const { Cell::new(0) };
 }
 
-// SAFETY: every method hands its arguments on to `System` unchanged; a counter without a destructor is no allocation.
+// SAFETY: every method hands its arguments on to `System` unchanged; a counter without a destructor
+// is no allocation.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         CALLS.set(CALLS.get() + 1);
@@ -143,8 +144,14 @@ fn a_localizer_allocates_nothing_for_a_descriptor() {
                 for _ in 0..5 {
                     localizer.push_descriptor(&own).unwrap();
                     localizer.push_descriptor(&float).unwrap();
-                    assert!(matches!(localizer.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
-                    assert!(matches!(localizer.push_descriptor(&foreign), Err(Error::Dtype { .. })));
+                    assert!(matches!(
+                        localizer.push_descriptor(&spoilt),
+                        Err(Error::NotFinite { .. })
+                    ));
+                    assert!(matches!(
+                        localizer.push_descriptor(&foreign),
+                        Err(Error::Dtype { .. })
+                    ));
                     let short = localizer.push_descriptor(&spoilt[1..]);
                     assert!(matches!(short, Err(Error::Length { .. })));
                     let directionless = localizer.push_descriptor(&zeros);
@@ -193,11 +200,14 @@ fn a_screened_localizer_allocates_nothing_either() {
             let rows: Vec<f32> = (0..400 * DIM)
                 .map(|at| same * ((at % 13) as f32 - 6.0) + 1e-3 * (dice.share() - 0.5))
                 .collect();
-            let alike: Vec<f32> = (0..400 * DIM).map(|at| rows[at % (2 * DIM)] + 1e-6 * rows[at]).collect();
+            let alike: Vec<f32> =
+                (0..400 * DIM).map(|at| rows[at % (2 * DIM)] + 1e-6 * rows[at]).collect();
             let map =
-                Map::from_descriptors(if same > 0.0 { alike } else { rows.clone() }, DIM, metric).unwrap();
+                Map::from_descriptors(if same > 0.0 { alike } else { rows.clone() }, DIM, metric)
+                    .unwrap();
             let map = map.with_screen(Dtype::I8).unwrap();
-            let config = Config { sequence_length: 12, speeds: vec![1.0, 0.8], ..Config::default() };
+            let config =
+                Config { sequence_length: 12, speeds: vec![1.0, 0.8], ..Config::default() };
             let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
             let mut copy = localizer.clone();
             let spoilt = vec![f32::NAN; DIM];
@@ -205,9 +215,15 @@ fn a_screened_localizer_allocates_nothing_either() {
             let calls = allocations(|| {
                 for query in 0..60 {
                     let row = &rows[query * DIM..(query + 1) * DIM];
-                    assert_eq!(localizer.push_descriptor(row).unwrap(), copy.push_descriptor(row).unwrap());
+                    assert_eq!(
+                        localizer.push_descriptor(row).unwrap(),
+                        copy.push_descriptor(row).unwrap()
+                    );
                     looked_at += localizer.looked_at();
-                    assert!(matches!(localizer.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
+                    assert!(matches!(
+                        localizer.push_descriptor(&spoilt),
+                        Err(Error::NotFinite { .. })
+                    ));
                     localizer.distances();
                     if query % 25 == 20 {
                         localizer.gap();
@@ -231,7 +247,8 @@ fn image(width: usize, height: usize, channels: Channels, seed: u64) -> Image {
 fn sad_localizer(dtype: Dtype) -> Localizer {
     let images: Vec<Image> = (0..8).map(|seed| image(80, 60, Channels::Grey, seed)).collect();
     let sad = Sad::new((64, 32), 8, dtype).unwrap();
-    let map = Map::from_images(&images, sad, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    let map =
+        Map::from_images(&images, sad, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     Localizer::new(Arc::new(map), Config::default()).unwrap()
 }
 
@@ -241,7 +258,8 @@ fn a_localizer_allocates_nothing_for_an_image_after_the_first_of_its_size() {
         for channels in [Channels::Grey, Channels::Rgb] {
             for (width, height) in [(320, 240), (64, 32), (20, 10), (64, 100)] {
                 let mut localizer = sad_localizer(dtype);
-                let frames: Vec<Image> = (0..4).map(|seed| image(width, height, channels, seed)).collect();
+                let frames: Vec<Image> =
+                    (0..4).map(|seed| image(width, height, channels, seed)).collect();
                 localizer.push_image(&frames[0]).unwrap();
                 let calls = allocations(|| {
                     for frame in &frames {
@@ -249,7 +267,8 @@ fn a_localizer_allocates_nothing_for_an_image_after_the_first_of_its_size() {
                     }
                 });
                 assert_eq!(calls, 0, "{dtype} {channels} {width} x {height}");
-                let other = [Channels::Grey, Channels::Rgb].map(|channels| image(width, height, channels, 9));
+                let other = [Channels::Grey, Channels::Rgb]
+                    .map(|channels| image(width, height, channels, 9));
                 let calls = allocations(|| {
                     for frame in &other {
                         localizer.push_image(frame).unwrap();
@@ -295,10 +314,12 @@ fn fixes_are_copied_and_everything_can_be_sent() {
 #[test]
 fn localizers_that_share_a_map_do_not_notice_each_other() {
     const DIM: usize = 64;
-    let map =
-        Arc::new(Map::from_descriptors(numbers(Dtype::U8, 200 * DIM, 1), DIM, Metric::Manhattan).unwrap());
+    let map = Arc::new(
+        Map::from_descriptors(numbers(Dtype::U8, 200 * DIM, 1), DIM, Metric::Manhattan).unwrap(),
+    );
     let run = |map: Arc<Map>, robot: u64| -> Vec<Fix> {
-        let mut localizer = Localizer::new(map, Config { sequence_length: 5, ..Config::default() }).unwrap();
+        let mut localizer =
+            Localizer::new(map, Config { sequence_length: 5, ..Config::default() }).unwrap();
         let queries = (0..100).map(|query| numbers(Dtype::U8, DIM, robot * 1000 + query));
         queries.map(|query| localizer.push_descriptor(&query).unwrap()).collect()
     };
@@ -310,6 +331,10 @@ fn localizers_that_share_a_map_do_not_notice_each_other() {
         .collect();
     for (robot, handle) in robots.into_iter().enumerate() {
         let together = handle.join().unwrap();
-        assert_eq!(all_bits(&together), all_bits(&run(Arc::clone(&map), robot as u64)), "robot {robot}");
+        assert_eq!(
+            all_bits(&together),
+            all_bits(&run(Arc::clone(&map), robot as u64)),
+            "robot {robot}"
+        );
     }
 }

@@ -53,7 +53,9 @@ impl Route {
             Self::Aliased => Dice((row % 3 * 1000 + at) as u64).share() - 0.5 + 1e-6 * centred,
             Self::Whole if at.is_multiple_of(7) => 1.0,
             Self::Whole => dice.below(3) as f32 - 1.0,
-            Self::Scales => centred * 10_f32.powi(row as i32 % 5 - 2) * 10_f32.powi(at as i32 % 9 - 4),
+            Self::Scales => {
+                centred * 10_f32.powi(row as i32 % 5 - 2) * 10_f32.powi(at as i32 % 9 - 4)
+            }
             Self::Sparse => (centred - 0.3).max(0.0) + f32::from(at == 0),
             Self::Wild => centred * 10_f32.powi(dice.below(76) as i32 - 38),
             Self::Offset => 1000.0 + centred,
@@ -61,7 +63,8 @@ impl Route {
     }
 
     fn rows(self, dice: &mut Dice, places: usize, dim: usize) -> Vec<f32> {
-        let mut rows: Vec<f32> = (0..places * dim).map(|i| self.number(dice, i / dim, i % dim)).collect();
+        let mut rows: Vec<f32> =
+            (0..places * dim).map(|i| self.number(dice, i / dim, i % dim)).collect();
         if matches!(self, Self::Street) {
             for i in dim..rows.len() {
                 rows[i] += 0.7 * rows[i - dim];
@@ -116,7 +119,8 @@ proptest! {
                     prop_assert_eq!(bits(&got), bits(&expected), "query {}", query);
                 }
                 (expected, got) => {
-                    // A distance that is too large for a float32, and is refused; or zeros that have no direction.
+                    // A distance that is too large for a float32, and is refused; or zeros that
+                    // have no direction.
                     prop_assert_eq!(format!("{:?}", got), format!("{:?}", expected), "query {}", query);
                 }
             }
@@ -172,11 +176,17 @@ fn on_a_route_few_rows_are_looked_at_and_among_look_alikes_all() {
         assert_eq!(localizer.looked_at(), 0);
         let mut plain = Localizer::new(Arc::new(plain), config).unwrap();
         for (query, descriptor) in drive.iter().enumerate() {
-            let (got, expected) =
-                (localizer.push_descriptor(descriptor).unwrap(), plain.push_descriptor(descriptor).unwrap());
+            let (got, expected) = (
+                localizer.push_descriptor(descriptor).unwrap(),
+                plain.push_descriptor(descriptor).unwrap(),
+            );
             assert_eq!(bits(&got), bits(&expected));
             assert_eq!(got.single.place, 40 + query, "the drive is recognized");
-            assert!(localizer.looked_at() < PLACES / 20, "{metric}: {} rows", localizer.looked_at());
+            assert!(
+                localizer.looked_at() < PLACES / 20,
+                "{metric}: {} rows",
+                localizer.looked_at()
+            );
             assert_eq!(plain.looked_at(), PLACES);
         }
     }
@@ -190,7 +200,8 @@ fn on_a_route_few_rows_are_looked_at_and_among_look_alikes_all() {
     );
     let mut localizer = Localizer::new(aliased, Config::default()).unwrap();
     for frame in 0..200 {
-        let query: Vec<f32> = (0..DIM).map(|at| Route::Aliased.number(&mut dice, frame, at)).collect();
+        let query: Vec<f32> =
+            (0..DIM).map(|at| Route::Aliased.number(&mut dice, frame, at)).collect();
         localizer.push_descriptor(&query).unwrap();
         assert!(localizer.looked_at() >= 250, "it does not pay");
     }
@@ -209,7 +220,8 @@ fn short_rows_are_scanned_as_they_are() {
 #[test]
 fn a_frame_that_is_refused_leaves_it_as_it_was() {
     let (rows, drive) = street(100, DIM);
-    let screened = Arc::new(map(&rows, DIM, Metric::Cosine).unwrap().with_screen(Dtype::I8).unwrap());
+    let screened =
+        Arc::new(map(&rows, DIM, Metric::Cosine).unwrap().with_screen(Dtype::I8).unwrap());
     let mut localizer = Localizer::new(Arc::clone(&screened), Config::default()).unwrap();
     let mut spared = localizer.clone();
     let mut spoilt = drive[0].clone();
@@ -217,10 +229,15 @@ fn a_frame_that_is_refused_leaves_it_as_it_was() {
     for descriptor in &drive {
         assert!(matches!(localizer.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
         assert!(matches!(localizer.push_descriptor(&spoilt[1..]), Err(Error::Length { .. })));
-        assert!(matches!(localizer.push_descriptor(&vec![0.0; DIM]), Err(Error::NoDirection { .. })));
+        assert!(matches!(
+            localizer.push_descriptor(&vec![0.0; DIM]),
+            Err(Error::NoDirection { .. })
+        ));
         assert!(matches!(localizer.push_descriptor(&vec![1_u8; DIM]), Err(Error::Dtype { .. })));
-        let (got, expected) =
-            (localizer.push_descriptor(descriptor).unwrap(), spared.push_descriptor(descriptor).unwrap());
+        let (got, expected) = (
+            localizer.push_descriptor(descriptor).unwrap(),
+            spared.push_descriptor(descriptor).unwrap(),
+        );
         assert_eq!(bits(&got), bits(&expected));
         assert_eq!(localizer.looked_at(), spared.looked_at());
     }
@@ -231,7 +248,10 @@ fn a_frame_that_is_refused_leaves_it_as_it_was() {
     let far = Arc::new(map(&rows, DIM, Metric::Euclidean).unwrap().with_screen(Dtype::I8).unwrap());
     let mut localizer = Localizer::new(far, Config::default()).unwrap();
     let refused = localizer.push_descriptor(&rows[DIM..2 * DIM]).unwrap_err();
-    assert!(matches!(refused, Error::NotFinite { what: "distances", row: None, index: 0, .. }), "{refused}");
+    assert!(
+        matches!(refused, Error::NotFinite { what: "distances", row: None, index: 0, .. }),
+        "{refused}"
+    );
     assert_eq!((localizer.frames(), localizer.distances()), (0, [0.0; 3].as_slice()));
 }
 
@@ -242,7 +262,10 @@ fn a_map_keeps_its_screen_and_its_file_knows_nothing_of_it() {
     assert_eq!(plain.screen(), None);
     let screened = plain.clone().with_screen(Dtype::I8).unwrap();
     assert_eq!(screened.screen(), Some(Dtype::I8));
-    assert_eq!(screened.clone().with_names(vec!["x".to_owned(); 50]).unwrap().screen(), Some(Dtype::I8));
+    assert_eq!(
+        screened.clone().with_names(vec!["x".to_owned(); 50]).unwrap().screen(),
+        Some(Dtype::I8)
+    );
     assert_eq!(screened.extended(&plain).unwrap().screen(), Some(Dtype::I8));
     assert_eq!(plain.extended(&screened).unwrap().screen(), None);
     let folder = tempfile::tempdir().unwrap();
@@ -269,9 +292,11 @@ fn maps_that_cannot_have_a_screen_say_why() {
     assert!(error.contains("euclidean") && error.contains("manhattan"), "{error}");
     let error = refused(of(Values::U8(vec![1; 8]), Metric::Cosine), Dtype::I8);
     assert!(error.contains("float32") && error.contains("uint8"), "{error}");
-    let images: Vec<_> =
-        (0..2).map(|i| surefix::Image::new(16, 8, surefix::Channels::Grey, vec![i; 128]).unwrap()).collect();
+    let images: Vec<_> = (0..2)
+        .map(|i| surefix::Image::new(16, 8, surefix::Channels::Grey, vec![i; 128]).unwrap())
+        .collect();
     let sad = Sad::new((16, 8), 4, Dtype::F32).unwrap();
-    let sad = Map::from_images(&images, sad, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    let sad =
+        Map::from_images(&images, sad, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     assert!(refused(sad, Dtype::I8).contains("manhattan"));
 }

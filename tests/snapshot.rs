@@ -18,7 +18,8 @@ fn map(seed: u64, metric: Metric) -> Arc<Map> {
 
 /// A localizer that has seen `frames` frames, and its snapshot.
 fn taken(frames: u64) -> (Arc<Map>, Config, Vec<u8>) {
-    let (map, config) = (map(1, Metric::Euclidean), Config { sequence_length: 4, ..Config::default() });
+    let (map, config) =
+        (map(1, Metric::Euclidean), Config { sequence_length: 4, ..Config::default() });
     let mut localizer = Localizer::new(Arc::clone(&map), config.clone()).unwrap();
     for frame in 0..frames {
         localizer.push_descriptor(&numbers(Dtype::F32, DIM, 100 + frame)).unwrap();
@@ -34,8 +35,8 @@ fn reason(result: Result<impl Sized, Error>) -> String {
     }
 }
 
-/// The JSON of the one metadata entry, changed by `change`, in an otherwise equal snapshot whose checksum fits: what
-/// somebody forges on purpose.
+/// The JSON of the one metadata entry, changed by `change`, in an otherwise equal snapshot whose
+/// checksum fits: what somebody forges on purpose.
 fn with_header(snapshot: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let length = u64::from_le_bytes(snapshot[..8].try_into().unwrap()) as usize;
     let mut outer: serde_json::Value = serde_json::from_slice(&snapshot[8..8 + length]).unwrap();
@@ -127,7 +128,8 @@ fn a_restored_localizer_goes_on_to_the_last_bit() {
         let mut restored = Localizer::restore(map, &blob, Some(&config)).unwrap();
         for frame in 0..10 {
             let query = numbers(Dtype::F32, DIM, 900 + frame);
-            let (a, b) = (whole.push_descriptor(&query).unwrap(), restored.push_descriptor(&query).unwrap());
+            let (a, b) =
+                (whole.push_descriptor(&query).unwrap(), restored.push_descriptor(&query).unwrap());
             assert_eq!(bits(&a), bits(&b), "cut at {frames}");
         }
     }
@@ -136,7 +138,8 @@ fn a_restored_localizer_goes_on_to_the_last_bit() {
 #[test]
 fn another_map_is_refused() {
     let (own, config, blob) = taken(5);
-    let longer = Map::from_descriptors(numbers(Dtype::F32, 13 * DIM, 1), DIM, Metric::Euclidean).unwrap();
+    let longer =
+        Map::from_descriptors(numbers(Dtype::F32, 13 * DIM, 1), DIM, Metric::Euclidean).unwrap();
     for other in [map(2, Metric::Euclidean), map(1, Metric::Manhattan), Arc::new(longer)] {
         let message = reason(Localizer::restore(other, &blob, Some(&config)));
         assert!(message.contains("another map"), "{message}");
@@ -186,7 +189,10 @@ fn every_truncation_is_refused() {
 fn every_flipped_bit_of_the_numbers_is_refused() {
     let (map, config, blob) = taken(5);
     let payload = 8 + u64::from_le_bytes(blob[..8].try_into().unwrap()) as usize;
-    assert!(blob.len() - payload >= 4 * 12 * (4 + 3), "four columns and three gradients of twelve places");
+    assert!(
+        blob.len() - payload >= 4 * 12 * (4 + 3),
+        "four columns and three gradients of twelve places"
+    );
     for at in payload..blob.len() {
         for bit in 0..8 {
             let mut blob = blob.clone();
@@ -224,7 +230,10 @@ fn a_newer_version_says_to_upgrade() {
     let foreign = with_header(&blob, |header| header["format"] = "surefix-map".into());
     reason(Matcher::restore(&foreign, None));
     let unchanged = with_header(&blob, |_| {});
-    assert!(Localizer::restore(map, &unchanged, Some(&config)).is_ok(), "the craft itself does no harm");
+    assert!(
+        Localizer::restore(map, &unchanged, Some(&config)).is_ok(),
+        "the craft itself does no harm"
+    );
 }
 
 /// Headers that no matcher wrote, over an honest payload.
@@ -248,7 +257,9 @@ fn impossible_headers_are_refused() {
         let forged = with_header(&blob, |header| header[key] = value.clone());
         // What is taken must at least go on without a panic.
         let outcome = std::panic::catch_unwind(|| match Matcher::restore(&forged, None) {
-            Err(error) => matches!(error, Error::Snapshot { .. }).then_some(()).ok_or(error.to_string()),
+            Err(error) => {
+                matches!(error, Error::Snapshot { .. }).then_some(()).ok_or(error.to_string())
+            }
             Ok(mut matcher) => Err(format!("taken; its next fix: {:?}", matcher.push(&[0.5; 12]))),
         });
         if !matches!(outcome, Ok(Ok(()))) {
@@ -287,7 +298,11 @@ fn impossible_gaps_are_refused() {
                 });
                 let taken = Matcher::restore(&forged, None);
                 let honest = claimed == real && version == if real.is_some() { 2 } else { 1 };
-                assert_eq!(taken.is_ok(), honest, "{before} {since}: {claimed:?} in format {version}");
+                assert_eq!(
+                    taken.is_ok(),
+                    honest,
+                    "{before} {since}: {claimed:?} in format {version}"
+                );
                 if !honest {
                     assert!(reason(taken).contains("damaged"));
                 }
@@ -296,7 +311,8 @@ fn impossible_gaps_are_refused() {
     }
 }
 
-/// Memory is asked for only once the payload is known to fill it: an allocation that fails ends the whole program.
+/// Memory is asked for only once the payload is known to fill it: an allocation that fails ends the
+/// whole program.
 #[test]
 fn a_forged_size_is_refused_before_memory_is_taken() {
     let (_, _, blob) = taken(5);

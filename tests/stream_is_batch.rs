@@ -1,4 +1,5 @@
-//! A batch gives the stream's fixes, bit for bit, whatever the memory layout and however it is cut into pieces.
+//! A batch gives the stream's fixes, bit for bit, whatever the memory layout and however it is cut
+//! into pieces.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod cases;
@@ -11,11 +12,16 @@ use ndarray::{Array2, ArrayView2, ShapeBuilder, s};
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Error, Fix, Floor, Localizer, Map, Metric, Run, Values, match_descriptors, match_distances,
+    Config, Error, Fix, Floor, Localizer, Map, Metric, Run, Values, match_descriptors,
+    match_distances,
 };
 
 #[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
-fn batch(distances: ArrayView2<'_, f32>, config: &Config, trusted: Option<&[bool]>) -> Vec<[u64; 12]> {
+fn batch(
+    distances: ArrayView2<'_, f32>,
+    config: &Config,
+    trusted: Option<&[bool]>,
+) -> Vec<[u64; 12]> {
     all_bits(&match_distances(distances, config, trusted, &[]).unwrap().fixes)
 }
 
@@ -72,7 +78,8 @@ proptest! {
 proptest! {
     #![proptest_config(cases(150))]
 
-    /// Long runs are cut into pieces, each with a lead-in: long windows and long smoothing must reach across.
+    /// Long runs are cut into pieces, each with a lead-in: long windows and long smoothing must
+    /// reach across.
     #[test]
     fn pieces_do_not_show(
         (n, config) in route(2..40), length in 1..40_usize, smoothing in 1..30_usize,
@@ -120,68 +127,93 @@ proptest! {
 #[test]
 fn a_run_without_queries_is_empty() {
     let nothing = Array2::<f32>::zeros((5, 0));
-    let map = Map::from_descriptors(numbers(surefix::Dtype::U8, 10, 1), 2, Metric::Manhattan).unwrap();
+    let map =
+        Map::from_descriptors(numbers(surefix::Dtype::U8, 10, 1), 2, Metric::Manhattan).unwrap();
     for floor in [Floor::Running, Floor::Fixed(0.0), Floor::Global] {
         let config = Config { floor, ..Config::default() };
         assert!(match_distances(nothing.view(), &config, None, &[]).unwrap().fixes.is_empty());
         let none = Values::U8(Vec::new());
-        let run =
-            match_descriptors(&map, &none, &config, Some(&[]), &[], &mut |_, _| ControlFlow::Continue(()));
+        let run = match_descriptors(&map, &none, &config, Some(&[]), &[], &mut |_, _| {
+            ControlFlow::Continue(())
+        });
         assert_eq!(run.unwrap(), Run { fixes: Vec::new(), places: 5 });
     }
 }
 
 #[test]
 fn what_is_not_finite_is_named_by_query_and_place() {
-    for (query, place, value) in [(0, 0, f32::NAN), (150, 7, f32::INFINITY), (299, 19, f32::NEG_INFINITY)] {
+    for (query, place, value) in
+        [(0, 0, f32::NAN), (150, 7, f32::INFINITY), (299, 19, f32::NEG_INFINITY)]
+    {
         let mut d = matrix(&columns(Kind::Smooth, 20, 300, 1));
         d[[place, query]] = value;
         // A later one must not be named instead, in whatever piece it lies.
         d[[0, 299]] = if query == 299 { 0.5 } else { f32::NAN };
-        in_every_layout(&d, |layout, view| match match_distances(view, &Config::default(), None, &[]) {
-            Err(error @ Error::NotFinite { row: Some(row), index, .. }) => {
-                assert_eq!((row, index), (query, place), "{layout}");
-                assert!(error.to_string().contains(&format!("row {query}, index {place}")), "{error}");
+        in_every_layout(&d, |layout, view| {
+            match match_distances(view, &Config::default(), None, &[]) {
+                Err(error @ Error::NotFinite { row: Some(row), index, .. }) => {
+                    assert_eq!((row, index), (query, place), "{layout}");
+                    assert!(
+                        error.to_string().contains(&format!("row {query}, index {place}")),
+                        "{error}"
+                    );
+                }
+                other => panic!("{layout}: {other:?}"),
             }
-            other => panic!("{layout}: {other:?}"),
         });
     }
-    let map = Map::from_descriptors(numbers(surefix::Dtype::F32, 30, 1), 3, Metric::Cosine).unwrap();
+    let map =
+        Map::from_descriptors(numbers(surefix::Dtype::F32, 30, 1), 3, Metric::Cosine).unwrap();
     let mut queries = vec![0.5_f32; 300];
     queries[3 * 42 + 1] = f32::NAN;
-    let refused =
-        match_descriptors(&map, &Values::F32(queries), &Config::default(), None, &[], &mut |_, _| {
-            ControlFlow::Continue(())
-        })
-        .unwrap_err();
+    let refused = match_descriptors(
+        &map,
+        &Values::F32(queries),
+        &Config::default(),
+        None,
+        &[],
+        &mut |_, _| ControlFlow::Continue(()),
+    )
+    .unwrap_err();
     assert!(matches!(refused, Error::NotFinite { row: Some(42), index: 1, .. }), "{refused}");
 }
 
 #[test]
 fn a_query_of_zeros_under_the_cosine_is_named_by_its_row() {
-    let map = Map::from_descriptors(numbers(surefix::Dtype::F32, 30, 1), 3, Metric::Cosine).unwrap();
+    let map =
+        Map::from_descriptors(numbers(surefix::Dtype::F32, 30, 1), 3, Metric::Cosine).unwrap();
     let mut queries = vec![0.5_f32; 300];
     queries[3 * 42..3 * 43].fill(0.0);
-    let refused =
-        match_descriptors(&map, &Values::F32(queries), &Config::default(), None, &[], &mut |_, _| {
-            ControlFlow::Continue(())
-        })
-        .unwrap_err();
+    let refused = match_descriptors(
+        &map,
+        &Values::F32(queries),
+        &Config::default(),
+        None,
+        &[],
+        &mut |_, _| ControlFlow::Continue(()),
+    )
+    .unwrap_err();
     assert!(matches!(refused, Error::NoDirection { row: Some(42), .. }), "{refused}");
 }
 
 #[test]
 fn a_word_too_few_or_too_many_is_refused() {
     let d = Array2::<f32>::zeros((5, 4));
-    let map = Map::from_descriptors(numbers(surefix::Dtype::U8, 10, 1), 2, Metric::Manhattan).unwrap();
+    let map =
+        Map::from_descriptors(numbers(surefix::Dtype::U8, 10, 1), 2, Metric::Manhattan).unwrap();
     let queries = numbers(surefix::Dtype::U8, 8, 2);
     for count in [0, 3, 5] {
         let words = vec![true; count];
         let refusals = [
             match_distances(d.view(), &Config::default(), Some(&words), &[]),
-            match_descriptors(&map, &queries, &Config::default(), Some(&words), &[], &mut |_, _| {
-                ControlFlow::Continue(())
-            }),
+            match_descriptors(
+                &map,
+                &queries,
+                &Config::default(),
+                Some(&words),
+                &[],
+                &mut |_, _| ControlFlow::Continue(()),
+            ),
         ];
         for refused in refusals {
             let message = refused.unwrap_err().to_string();
@@ -193,9 +225,13 @@ fn a_word_too_few_or_too_many_is_refused() {
 #[test]
 fn the_csv_has_a_line_a_query_and_reads_back() {
     let d = columns(Kind::Smooth, 12, 9, 5);
-    let run =
-        match_distances(matrix(&d).view(), &Config { sequence_length: 3, ..Config::default() }, None, &[])
-            .unwrap();
+    let run = match_distances(
+        matrix(&d).view(),
+        &Config { sequence_length: 3, ..Config::default() },
+        None,
+        &[],
+    )
+    .unwrap();
     let mut out = Vec::new();
     run.write_csv(&mut out).unwrap();
     let text = String::from_utf8(out).unwrap();
@@ -205,7 +241,11 @@ fn the_csv_has_a_line_a_query_and_reads_back() {
         let field = |name: &str| line[lines[0].iter().position(|n| *n == name).unwrap()];
         assert_eq!(field("frame").parse(), Ok(fix.frame));
         assert_eq!(field("place").parse(), Ok(fix.place));
-        assert_eq!(field("score").parse(), Ok(fix.score), "a score survives the text to the last bit");
+        assert_eq!(
+            field("score").parse(),
+            Ok(fix.score),
+            "a score survives the text to the last bit"
+        );
         assert_eq!(field("trusted").parse(), Ok(fix.trusted));
         assert_eq!(field("ready").parse(), Ok(fix.sequence.is_some()));
         assert_eq!(field("anchors").parse().ok(), fix.sequence.map(|s| s.anchors));

@@ -38,7 +38,10 @@ fn any_number_of_threads_gives_the_same_bits() {
                     let expected = alone.push_descriptor(&query).unwrap();
                     for crew in &mut crews {
                         let fix = crew.push_descriptor(&query).unwrap();
-                        let of = format!("{dtype} {metric} {places} x {dim}, {} threads", crew.threads());
+                        let of = format!(
+                            "{dtype} {metric} {places} x {dim}, {} threads",
+                            crew.threads()
+                        );
                         assert_eq!(all_bits(&[fix]), all_bits(&[expected]), "{of}");
                         assert_eq!(bits(crew.distances()), bits(alone.distances()), "{of}");
                     }
@@ -54,7 +57,8 @@ fn a_map_of_many_chunks_and_frame_after_frame() {
     let (mut alone, mut crew) = (localizer(&map, 1), localizer(&map, 2));
     for seed in 0..40 {
         let query = numbers(Dtype::U8, 2048, seed);
-        let (expected, got) = (alone.push_descriptor(&query).unwrap(), crew.push_descriptor(&query).unwrap());
+        let (expected, got) =
+            (alone.push_descriptor(&query).unwrap(), crew.push_descriptor(&query).unwrap());
         assert_eq!(all_bits(&[got]), all_bits(&[expected]));
         assert_eq!(bits(crew.distances()), bits(alone.distances()));
     }
@@ -76,7 +80,8 @@ fn a_query_that_is_refused_leaves_it_as_it_was() {
         assert!(matches!(crew.push_descriptor(&vec![0.0_f32; 20]), Err(Error::NoDirection { .. })));
         assert!(matches!(crew.push_descriptor(&vec![1_u8; 20]), Err(Error::Dtype { .. })));
         assert_eq!((crew.snapshot().unwrap(), bits(crew.distances())), before);
-        let (got, expected) = (crew.push_descriptor(&query).unwrap(), alone.push_descriptor(&query).unwrap());
+        let (got, expected) =
+            (crew.push_descriptor(&query).unwrap(), alone.push_descriptor(&query).unwrap());
         assert_eq!(all_bits(&[got]), all_bits(&[expected]));
     }
 }
@@ -129,7 +134,8 @@ fn a_snapshot_knows_nothing_of_threads() {
     let restored = Localizer::restore(Arc::clone(&map), &blob, Some(&Config::default())).unwrap();
     let mut restored = restored.with_threads(Some(2)).unwrap();
     let query = numbers(Dtype::F32, 30, 9);
-    let (got, expected) = (restored.push_descriptor(&query).unwrap(), alone.push_descriptor(&query).unwrap());
+    let (got, expected) =
+        (restored.push_descriptor(&query).unwrap(), alone.push_descriptor(&query).unwrap());
     assert_eq!(all_bits(&[got]), all_bits(&[expected]));
 }
 
@@ -141,7 +147,8 @@ fn images_are_scanned_for_by_all() {
     };
     let images: Vec<Image> = (0..20).map(image).collect();
     let sad = Sad::new((16, 8), 4, Dtype::F32).unwrap();
-    let map = Map::from_images(&images, sad, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    let map =
+        Map::from_images(&images, sad, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     let mut crew = localizer(&Arc::new(map), 3);
     for (place, frame) in images.iter().enumerate() {
         assert_eq!(crew.push_image(frame).unwrap().single.place, place);

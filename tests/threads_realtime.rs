@@ -1,4 +1,5 @@
-//! A push with several threads allocates nothing, on none of them. (The counter is the whole process's: one test, by itself.)
+//! A push with several threads allocates nothing, on none of them. (The counter is the whole
+//! process's: one test, by itself.)
 #![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -38,7 +39,8 @@ static ALLOCATOR: Counting = Counting;
 fn a_crew_allocates_nothing_after_its_first_frame() {
     const DIM: usize = 500;
     for dtype in DTYPES {
-        let map = Map::from_descriptors(numbers(dtype, 1501 * DIM, 7), DIM, Metric::Cosine).unwrap();
+        let map =
+            Map::from_descriptors(numbers(dtype, 1501 * DIM, 7), DIM, Metric::Cosine).unwrap();
         let localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
         let mut localizer = localizer.with_threads(Some(3)).unwrap();
         let (own, float) = (numbers(dtype, DIM, 8), numbers(Dtype::F32, DIM, 9));

@@ -37,11 +37,17 @@ impl Dice {
         }
     }
 
-    pub(crate) fn image(&mut self, width: usize, height: usize, channels: Channels) -> Option<Image> {
+    pub(crate) fn image(
+        &mut self,
+        width: usize,
+        height: usize,
+        channels: Channels,
+    ) -> Option<Image> {
         Image::new(width, height, channels, self.bytes(width * height * channels.count())).ok()
     }
 
-    /// Distances of a drive: noise, and a dip at the true place, which is one further with each query.
+    /// Distances of a drive: noise, and a dip at the true place, which is one further with each
+    /// query.
     pub(crate) fn drive(&mut self, places: usize, queries: usize) -> Vec<Vec<f32>> {
         let column = |query| {
             let mut column: Vec<f32> = (0..places).map(|_| 0.5 + self.unit()).collect();

@@ -1,6 +1,8 @@
-"""The directive ``class-reference``: a class of the compiled part with its members in the order of the stub.
+"""The directive ``class-reference``: a class of the compiled part with its members in the order of
+the stub.
 
-A compiled class does not say where its members stand in the source, so autodoc would sort them by the alphabet.
+A compiled class does not say where its members stand in the source, so autodoc would sort them by
+the alphabet.
 """
 
 import ast
@@ -47,8 +49,12 @@ def _members(name: str) -> list[str]:
     return sorted(public, key=lambda member: order.index(member) if member in order else len(order))
 
 
-def _whole_sentence(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
-    """Napoleon takes what stands before a colon in an attribute's first line for a type, but not after a comment."""
+def _whole_sentence(
+    app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]
+) -> None:
+    """Napoleon takes what stands before a colon in an attribute's first line for a type, but not
+    after a comment.
+    """
     if what in ("attribute", "property") and lines:
         lines[:0] = ["..", ""]
 

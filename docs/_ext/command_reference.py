@@ -1,4 +1,6 @@
-"""The directive ``command-reference``: every command of ``surefix`` and its options, from the program itself."""
+"""The directive ``command-reference``: every command of ``surefix`` and its options, from the
+program itself.
+"""
 
 import re
 from typing import Any
@@ -56,7 +58,9 @@ def _definition(parameter: Any, context: Any) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """The text with nothing in it that Markdown takes for its own, but code; options become code."""
+    """The text with nothing in it that Markdown takes for its own, but code; options become
+    code.
+    """
     pieces = text.split("`")
     for index in range(0, len(pieces), 2):
         plain = re.sub(r"([*_<>\[\]])", r"\\\1", pieces[index])

@@ -1,4 +1,6 @@
-"""Every public name of the package is in the reference: one that is missing is a warning, and so ends the build."""
+"""Every public name of the package is in the reference: one that is missing is a warning, and so
+ends the build.
+"""
 
 import importlib
 import pkgutil

@@ -1,7 +1,8 @@
 """A ROS 2 node: images in, poses along the route and diagnostics out.
 
-It needs ROS 2 (rclpy, sensor_msgs, geometry_msgs, diagnostic_msgs), and surefix in the same Python. Only what talks to
-ROS is in this file; what it says is decided in route_pose.py, which is tested without ROS.
+It needs ROS 2 (rclpy, sensor_msgs, geometry_msgs, diagnostic_msgs), and surefix in the same Python.
+Only what talks to ROS is in this file; what it says is decided in route_pose.py, which is tested
+without ROS.
 
 Run it with:
     python3 localizer_node.py --ros-args -p map:=route.safetensors -r image:=/camera/image_raw
@@ -25,7 +26,9 @@ except ImportError as error:
     sys.exit(f"localizer_node: needs a ROS 2 installation, sourced in this shell ({error})")
 
 # A camera's newest image, and no other: what is missed is a gap, which the stamps tell.
-NEWEST = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+NEWEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
+)
 
 
 class LocalizerNode(Node):
@@ -57,7 +60,9 @@ class LocalizerNode(Node):
             turned.x, turned.y, turned.z, turned.w = answer.pose.quaternion
             pose.pose.covariance = answer.pose.covariance
             self.poses.publish(pose)
-        status = DiagnosticStatus(level=bytes([answer.level]), name="surefix", message=answer.message)
+        status = DiagnosticStatus(
+            level=bytes([answer.level]), name="surefix", message=answer.message
+        )
         status.values = [KeyValue(key=key, value=value) for key, value in answer.values.items()]
         diagnostics = DiagnosticArray(status=[status])
         diagnostics.header.stamp = message.header.stamp

@@ -1,9 +1,12 @@
-"""From an image message to a pose with a covariance, and a word on how it goes. No ROS is needed here.
+"""From an image message to a pose with a covariance, and a word on how it goes. No ROS is needed
+here.
 
 The covariance says in metres what the fix says in a word:
 
-- trusted: the place, give or take one: a standard deviation of the distance between neighbouring places;
-- untrusted: anywhere along the route: that of a uniform distribution over its length, length / sqrt(12).
+- trusted: the place, give or take one: a standard deviation of the distance between neighbouring
+  places;
+- untrusted: anywhere along the route: that of a uniform distribution over its length, length /
+  sqrt(12).
 
 What an image cannot tell (height on a flat map, roll, pitch) has a variance that says so.
 """
@@ -32,7 +35,8 @@ HEADING = 0.2
 
 @dataclass(frozen=True)
 class Pose:
-    """A place's position in metres, the route's heading there in radians, and the covariance: 6 x 6, row by row.
+    """A place's position in metres, the route's heading there in radians, and the covariance: 6 x
+    6, row by row.
 
     The rows are x, y, z and the rotations about them, as in ``geometry_msgs/PoseWithCovariance``.
     """
@@ -95,7 +99,8 @@ class RoutePose:
     def push(self, message: Any) -> Answer:
         """Takes a sensor_msgs Image or CompressedImage, in the order of their stamps.
 
-        An image that cannot be used is no reason to stop: the answer says why, and the next one has a gap before it.
+        An image that cannot be used is no reason to stop: the answer says why, and the next one has
+        a gap before it.
         """
         time = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
         if self.before is not None and not 0 <= time - self.before <= self.gap:
@@ -107,9 +112,16 @@ class RoutePose:
             self.refused += 1
             self._break()
             return Answer(None, None, False, ERROR, str(error), self._values(None))
-        # The flag speaks of the single match; the pose is that of the sequence, so the two must agree.
+        # The flag speaks of the single match; the pose is that of the sequence, so the two must
+        # agree.
         trusted = fix.trusted and abs(fix.place - fix.single.place) <= 1
-        return Answer(fix, self._pose(fix.place, trusted), trusted, *self._word(fix, trusted), self._values(fix))
+        return Answer(
+            fix,
+            self._pose(fix.place, trusted),
+            trusted,
+            *self._word(fix, trusted),
+            self._values(fix),
+        )
 
     def _break(self) -> None:
         self.gaps += 1
@@ -121,7 +133,9 @@ class RoutePose:
         yaw = HEADING**2 if trusted else ANY_ANGLE
         x, y, z = self.positions[place].tolist()
         return Pose(
-            (x, y, z), float(self.yaws[place]), np.diag([along, along, height, ANY_ANGLE, ANY_ANGLE, yaw]).ravel()
+            (x, y, z),
+            float(self.yaws[place]),
+            np.diag([along, along, height, ANY_ANGLE, ANY_ANGLE, yaw]).ravel(),
         )
 
     def _word(self, fix: surefix.Fix, trusted: bool) -> tuple[int, str]:

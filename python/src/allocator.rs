@@ -26,7 +26,8 @@ fn count() {
     }
 }
 
-// SAFETY: every method hands its arguments on to `System` unchanged; a counter without a destructor allocates nothing.
+// SAFETY: every method hands its arguments on to `System` unchanged; a counter without a destructor
+// allocates nothing.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();

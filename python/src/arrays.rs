@@ -1,4 +1,5 @@
-//! NumPy arrays, and whatever can become one, as slices: without a copy where they lie in one piece.
+//! NumPy arrays, and whatever can become one, as slices: without a copy where they lie in one
+//! piece.
 
 use half::f16;
 use numpy::{
@@ -11,9 +12,12 @@ use surefix::{Dtype, View};
 
 use crate::error::value;
 
-/// `object` as a NumPy array: itself, or by `__array__` or DLPack (a torch tensor, for one), in the same memory if
-/// possible.
-pub(crate) fn as_array<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Bound<'py, PyUntypedArray>> {
+/// `object` as a NumPy array: itself, or by `__array__` or DLPack (a torch tensor, for one), in the
+/// same memory if possible.
+pub(crate) fn as_array<'py>(
+    object: &Bound<'py, PyAny>,
+    what: &str,
+) -> PyResult<Bound<'py, PyUntypedArray>> {
     if let Ok(array) = object.cast::<PyUntypedArray>() {
         return Ok(array.clone());
     }
@@ -24,24 +28,35 @@ pub(crate) fn as_array<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<
     } else if object.hasattr("__dlpack__")? {
         numpy.call_method1("from_dlpack", (object,))
     } else {
-        let kind = object.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
+        let kind = object
+            .get_type()
+            .name()
+            .map_or_else(|_| "an object".to_owned(), |name| name.to_string());
         let expected = "a NumPy array, or anything with __array__ or __dlpack__";
         return Err(value(py, format!("{what}: expected {expected}, got {kind}")));
     };
-    let converted = converted
-        .map_err(|e| value(py, format!("{what}: cannot be read as a NumPy array: {}", e.value(py))))?;
+    let converted = converted.map_err(|e| {
+        value(py, format!("{what}: cannot be read as a NumPy array: {}", e.value(py)))
+    })?;
     converted.cast_into().map_err(PyErr::from)
 }
 
 /// The array's shape as Python writes it.
 pub(crate) fn shape_of(array: &Bound<'_, PyUntypedArray>) -> String {
     let sides: Vec<String> = array.shape().iter().map(ToString::to_string).collect();
-    if let [side] = sides.as_slice() { format!("({side},)") } else { format!("({})", sides.join(", ")) }
+    if let [side] = sides.as_slice() {
+        format!("({side},)")
+    } else {
+        format!("({})", sides.join(", "))
+    }
 }
 
 /// The name of the array's type, such as `float64`.
 pub(crate) fn dtype_of(array: &Bound<'_, PyUntypedArray>) -> String {
-    array.dtype().str().map_or_else(|_| "?".to_owned(), |name: Bound<'_, PyString>| name.to_string())
+    array
+        .dtype()
+        .str()
+        .map_or_else(|_| "?".to_owned(), |name: Bound<'_, PyString>| name.to_string())
 }
 
 /// The array with numbers of the type `T`, in its own memory layout; nothing for another type.
@@ -52,8 +67,8 @@ pub(crate) fn typed<'py, T: Element>(
     array.try_readonly().ok()
 }
 
-/// Whether each number lies at a multiple of its size from the first, as slices and `ndarray` count, and is aligned. A field
-/// of a packed structure is not so.
+/// Whether each number lies at a multiple of its size from the first, as slices and `ndarray`
+/// count, and is aligned. A field of a packed structure is not so.
 fn is_regular(array: &Bound<'_, PyUntypedArray>, size: usize) -> PyResult<bool> {
     let aligned = array.getattr("flags")?.getattr("aligned")?.extract::<bool>()?;
     Ok(aligned && array.strides().iter().all(|stride| stride.unsigned_abs().is_multiple_of(size)))
@@ -93,7 +108,10 @@ pub(crate) fn floats<'py>(
 }
 
 /// Float32 numbers of two dimensions, however they lie in memory.
-pub(crate) fn matrix<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
+pub(crate) fn matrix<'py>(
+    object: &Bound<'py, PyAny>,
+    what: &str,
+) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
     let array = as_array(object, what)?;
     check_axes(&array, what, 2)?;
     if is_regular(&array, size_of::<f32>())?
@@ -104,12 +122,19 @@ pub(crate) fn matrix<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Py
     contiguous(&array)?.ok_or_else(|| wrong_dtype(&array, what, "float32", "float32"))
 }
 
-pub(crate) fn check_axes(array: &Bound<'_, PyUntypedArray>, what: &str, axes: usize) -> PyResult<()> {
+pub(crate) fn check_axes(
+    array: &Bound<'_, PyUntypedArray>,
+    what: &str,
+    axes: usize,
+) -> PyResult<()> {
     if array.ndim() == axes {
         return Ok(());
     }
     let shape = shape_of(array);
-    Err(value(array.py(), format!("{what}: expected an array of {axes} dimension(s), got the shape {shape}")))
+    Err(value(
+        array.py(),
+        format!("{what}: expected an array of {axes} dimension(s), got the shape {shape}"),
+    ))
 }
 
 /// The refusal of a type, which says how to convert.
@@ -186,13 +211,15 @@ pub(crate) fn query<'py>(
 pub(crate) fn coordinates(object: &Bound<'_, PyAny>, what: &str) -> PyResult<(Vec<f64>, usize)> {
     let py = object.py();
     let numpy = py.import("numpy")?;
-    let array = numpy
-        .call_method1("ascontiguousarray", (object, dtype::<f64>(py)))
-        .map_err(|e| value(py, format!("{what}: expected numbers (n, 2) or (n, 3), got {}", e.value(py))))?;
+    let array =
+        numpy.call_method1("ascontiguousarray", (object, dtype::<f64>(py))).map_err(|e| {
+            value(py, format!("{what}: expected numbers (n, 2) or (n, 3), got {}", e.value(py)))
+        })?;
     let array = array.cast::<PyUntypedArray>()?;
     check_axes(array, what, 2)?;
     let axes = array.shape()[1];
-    let numbers = contiguous::<f64>(array)?.ok_or_else(|| wrong_dtype(array, what, "float64", "float64"))?;
+    let numbers =
+        contiguous::<f64>(array)?.ok_or_else(|| wrong_dtype(array, what, "float64", "float64"))?;
     Ok((numbers.as_slice()?.to_vec(), axes))
 }
 
@@ -214,7 +241,8 @@ pub(crate) fn whole_numbers(object: &Bound<'_, PyAny>, what: &str) -> PyResult<V
 pub(crate) fn flags(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<bool>> {
     let array = sequence_or_array(object, what)?;
     check_axes(&array, what, 1)?;
-    let flags = contiguous::<bool>(&array)?.ok_or_else(|| wrong_dtype(&array, what, "bool", "bool_"))?;
+    let flags =
+        contiguous::<bool>(&array)?.ok_or_else(|| wrong_dtype(&array, what, "bool", "bool_"))?;
     Ok(flags.as_slice()?.to_vec())
 }
 
@@ -223,10 +251,13 @@ pub(crate) fn sequence_or_array<'py>(
     object: &Bound<'py, PyAny>,
     what: &str,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
-    if object.is_instance_of::<pyo3::types::PyList>() || object.is_instance_of::<pyo3::types::PyTuple>() {
+    if object.is_instance_of::<pyo3::types::PyList>()
+        || object.is_instance_of::<pyo3::types::PyTuple>()
+    {
         let numpy = object.py().import("numpy")?;
         let array = numpy.call_method1("asarray", (object,));
-        let array = array.map_err(|e| value(object.py(), format!("{what}: {}", e.value(object.py()))))?;
+        let array =
+            array.map_err(|e| value(object.py(), format!("{what}: {}", e.value(object.py()))))?;
         return array.cast_into().map_err(PyErr::from);
     }
     as_array(object, what)

@@ -11,7 +11,9 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use surefix::descriptor::{Progress, describe_all};
 use surefix::{Floor, Recipe, View, match_descriptors};
 
-use crate::arrays::{as_array, dtype_of, flags, matrix, query, sequence_or_array, shape_of, whole_numbers};
+use crate::arrays::{
+    as_array, dtype_of, flags, matrix, query, sequence_or_array, shape_of, whole_numbers,
+};
 use crate::error::{OrRaise as _, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
@@ -22,8 +24,8 @@ use crate::simulate::Traverse;
 
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 ///
-/// ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the warm-up, where ``anchors`` is 0
-/// and ``speed`` is NaN.
+/// ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the
+/// warm-up, where ``anchors`` is 0 and ``speed`` is NaN.
 ///
 /// Examples
 /// --------
@@ -107,7 +109,8 @@ impl Run {
     ///     Where the file cannot be written.
     fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| {
-            let io = |source| surefix::Error::Io { path: path.clone(), action: "write the CSV", source };
+            let io =
+                |source| surefix::Error::Io { path: path.clone(), action: "write the CSV", source };
             let mut out = BufWriter::new(File::create(&path).map_err(io)?);
             self.0.write_csv(&mut out).and_then(|()| out.flush()).map_err(io)
         })
@@ -163,30 +166,23 @@ impl Run {
     }
 }
 
-/// Matches a whole distance matrix, in parallel: the answers are those of a ``Matcher`` that is pushed column by column.
+/// Matches a whole distance matrix, in parallel: the answers are those of a ``Matcher`` that is
+/// pushed column by column.
 ///
-/// Parameters
-/// ----------
-/// distances : array of float32, shape (n, m), in any memory layout
-///     ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
-/// floor : {"global", "running"} or float
-///     What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole matrix.
-/// trusted : array of bool, shape (m,), optional
-///     An external predictor's words in place of the consensus.
-/// gaps : array or list of int, optional
-///     The queries, in any order, before which there is a gap (``Matcher.gap``): one that does not follow on the one before.
-/// **options
-///     As for ``Matcher``.
+/// Parameters ---------- distances : array of float32, shape (n, m), in any memory layout
+/// ``distances[i, j]`` is the distance between place ``i`` and query ``j``. floor : {"global",
+/// "running"} or float What trusted cells are drawn towards. "global" is the paper's own: the
+/// minimum of the whole matrix. trusted : array of bool, shape (m,), optional An external
+/// predictor's words in place of the consensus. gaps : array or list of int, optional The queries,
+/// in any order, before which there is a gap (``Matcher.gap``): one that does not follow on the one
+/// before. **options As for ``Matcher``.
 ///
 /// Returns
 /// -------
 /// Run
 ///
-/// Raises
-/// ------
-/// SurefixValueError
-///     For another shape or type, a NaN or an infinity (the error says where), an option outside its range, or a gap
-///     before a query that there is not.
+/// Raises ------ SurefixValueError For another shape or type, a NaN or an infinity (the error says
+/// where), an option outside its range, or a gap before a query that there is not.
 ///
 /// Examples
 /// --------
@@ -218,7 +214,8 @@ pub(crate) fn match_distances(
     Ok(Run(run.or_raise(py)?))
 }
 
-/// Matches all queries against a map, in parallel: the answers are those of a ``Localizer`` that is pushed one by one.
+/// Matches all queries against a map, in parallel: the answers are those of a ``Localizer`` that is
+/// pushed one by one.
 ///
 /// Parameters
 /// ----------
@@ -241,10 +238,8 @@ pub(crate) fn match_distances(
 /// -------
 /// Run
 ///
-/// Raises
-/// ------
-/// SurefixValueError
-///     As for ``Localizer.push`` and ``Map.from_images``, and for a gap before a query that there is not.
+/// Raises ------ SurefixValueError As for ``Localizer.push`` and ``Map.from_images``, and for a gap
+/// before a query that there is not.
 ///
 /// Examples
 /// --------
@@ -296,17 +291,23 @@ pub(crate) fn match_(
     if let Some(array) = array.as_ref().filter(|array| array.ndim() == 2) {
         if array.shape()[1] != map.input_dim() {
             let (expected, got) = (map.input_dim(), array.shape()[1]);
-            return Err(to_py(py, &surefix::Error::Length { what: "queries: each row", expected, got }));
+            return Err(to_py(
+                py,
+                &surefix::Error::Length { what: "queries: each row", expected, got },
+            ));
         }
         let numbers = query(array, "queries", map)?;
         let view = numbers.view()?;
         let callback = progress_callback(py, progress, "Matching")?;
-        let run = with_progress(py, callback.as_ref(), |progress| Ok(py.detach(|| matched(view, progress))));
+        let run = with_progress(py, callback.as_ref(), |progress| {
+            Ok(py.detach(|| matched(view, progress)))
+        });
         return Ok(Run(run?));
     }
     let Recipe::Sad(sad) = map.recipe() else {
         let dim = map.input_dim();
-        let expected = format!("descriptors (m, {dim}), as this map was made of ready ones, or descriptor=");
+        let expected =
+            format!("descriptors (m, {dim}), as this map was made of ready ones, or descriptor=");
         let got = match (&array, path_of(queries)) {
             (Some(array), _) => shape_of(array),
             (None, Some(path)) => format!("the path {}", path.display()),
@@ -319,7 +320,8 @@ pub(crate) fn match_(
     let values = with_progress(py, callback.as_ref(), |progress| {
         images.with_source(py, |source| describe_all(&sad, source, progress))
     })?;
-    let run = with_progress(py, None, |progress| Ok(py.detach(|| matched(values.view(), progress))));
+    let run =
+        with_progress(py, None, |progress| Ok(py.detach(|| matched(values.view(), progress))));
     Ok(Run(run?))
 }
 
@@ -327,7 +329,8 @@ pub(crate) fn match_(
 fn indices(gaps: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
     let given = sequence_or_array(gaps, "gaps")?;
     if dtype_of(&given) == "bool" {
-        let advice = "expected indices of queries, got bool; convert a mask with np.flatnonzero(mask)";
+        let advice =
+            "expected indices of queries, got bool; convert a mask with np.flatnonzero(mask)";
         return Err(value(gaps.py(), format!("gaps: {advice}")));
     }
     let indices = whole_numbers(given.as_any(), "gaps")?.into_iter().map(|index| {
@@ -342,10 +345,13 @@ fn indices(gaps: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
 /// A list of descriptors as one array of rows; nothing for anything else.
 fn stacked<'py>(queries: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
     let listed = queries.is_instance_of::<PyList>() || queries.is_instance_of::<PyTuple>();
-    let Some(first) = (listed && queries.len()? > 0).then(|| queries.get_item(0)).transpose()? else {
+    let Some(first) = (listed && queries.len()? > 0).then(|| queries.get_item(0)).transpose()?
+    else {
         return Ok(None);
     };
-    if path_of(&first).is_some() || as_array(&first, "queries").map_or(true, |first| first.ndim() != 1) {
+    if path_of(&first).is_some()
+        || as_array(&first, "queries").map_or(true, |first| first.ndim() != 1)
+    {
         return Ok(None);
     }
     let py = queries.py();

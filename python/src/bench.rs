@@ -37,11 +37,8 @@ pub(crate) fn instruction_set() -> String {
 /// pushes : int
 ///     How many.
 ///
-/// Returns
-/// -------
-/// (array of uint64, shape (pushes,), int)
-///     Nanoseconds of each, the clock's own few tens among them, and how often all of them together called the
-///     allocator.
+/// Returns ------- (array of uint64, shape (pushes,), int) Nanoseconds of each, the clock's own few
+/// tens among them, and how often all of them together called the allocator.
 #[pyfunction]
 pub(crate) fn bench_latency(
     py: Python<'_>,
@@ -63,7 +60,8 @@ pub(crate) fn bench_latency(
     timed(py, pushes, sequence_length, |frame| matcher.push(&columns[frame % FRAMES]).map(|_| ()))
 }
 
-/// Times pushes of 640 x 480 RGB images on a SAD map one by one, once the sequence's window is full.
+/// Times pushes of 640 x 480 RGB images on a SAD map one by one, once the sequence's window is
+/// full.
 ///
 /// Parameters and results are those of ``bench_latency``.
 #[pyfunction]
@@ -75,10 +73,13 @@ pub(crate) fn bench_image_latency(
 ) -> PyResult<Latency<'_>> {
     let config = Config { sequence_length, ..Config::default() };
     let mut dice = Dice(2);
-    let small = (0..places).map(|_| dice.image(64, 32, Channels::Grey)).collect::<Result<Vec<_>, _>>();
-    let large = (0..FRAMES / 8).map(|_| dice.image(640, 480, Channels::Rgb)).collect::<Result<Vec<_>, _>>();
+    let small =
+        (0..places).map(|_| dice.image(64, 32, Channels::Grey)).collect::<Result<Vec<_>, _>>();
+    let large =
+        (0..FRAMES / 8).map(|_| dice.image(640, 480, Channels::Rgb)).collect::<Result<Vec<_>, _>>();
     let (small, large) = (small.or_raise(py)?, large.or_raise(py)?);
-    let map = Map::from_images(&small, Sad::default(), &mut |_, _| ControlFlow::Continue(())).or_raise(py)?;
+    let map = Map::from_images(&small, Sad::default(), &mut |_, _| ControlFlow::Continue(()))
+        .or_raise(py)?;
     let mut localizer = Localizer::new(Arc::new(map), config).or_raise(py)?;
     timed(py, pushes, sequence_length, |frame| {
         localizer.push_image(large[frame % large.len()].view()).map(|_| ())
@@ -216,7 +217,8 @@ impl Dice {
     }
 
     fn image(&mut self, width: usize, height: usize, channels: Channels) -> Result<Image, Error> {
-        let pixels = (0..width * height * channels.count()).map(|_| (self.next() >> 32) as u8).collect();
+        let pixels =
+            (0..width * height * channels.count()).map(|_| (self.next() >> 32) as u8).collect();
         Image::new(width, height, channels, pixels)
     }
 }

@@ -21,7 +21,8 @@ pub(crate) fn value(py: Python<'_>, message: String) -> PyErr {
 
 /// The exception for an object that another thread is using.
 pub(crate) fn busy(py: Python<'_>, what: &str) -> PyErr {
-    let message = format!("{what}: in use by another thread: give each thread its own, on one shared map");
+    let message =
+        format!("{what}: in use by another thread: give each thread its own, on one shared map");
     new(py, "SurefixError", message)
 }
 

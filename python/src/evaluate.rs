@@ -11,32 +11,26 @@ use crate::error::{OrRaise as _, value};
 use crate::options::whole;
 use crate::truth::truth_of;
 
-/// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal ones together. A
-/// sequence's warm-up, and queries that the truth ignores, are left out.
+/// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
+/// ones together. A sequence's warm-up, and queries that the truth ignores, are left out.
 ///
-/// Parameters
-/// ----------
-/// matches : Run or Matches
-///     Of any method.
-/// truth : array or pair of arrays
-///     Where each query really was. Places: int, shape (m,), -1 for a query that was off the map, so that any accepted match
-///     is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the same place), 0 (not) and -1 (ignored). Or a pair of
-///     positions in planar metres, of the places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3)
-///     (``surefix.datasets.local_metres`` turns latitude and longitude into metres).
-/// tolerance : float
-///     How far from the truth still counts as correct: places, or metres where the truth is positions.
-/// recall : {"correct", "place_exists", "rejected"}
-///     What recall is a share of. "correct" (the paper's wording): the queries whose match is correct. "place_exists":
-///     those that have a true place. "rejected": true positives and all rejected queries (the authors' earlier code).
+/// Parameters ---------- matches : Run or Matches Of any method. truth : array or pair of arrays
+/// Where each query really was. Places: int, shape (m,), -1 for a query that was off the map, so
+/// that any accepted match is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the same
+/// place), 0 (not) and -1 (ignored). Or a pair of positions in planar metres, of the places, shape
+/// (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3) (``surefix.datasets.local_metres``
+/// turns latitude and longitude into metres). tolerance : float How far from the truth still counts
+/// as correct: places, or metres where the truth is positions. recall : {"correct", "place_exists",
+/// "rejected"} What recall is a share of. "correct" (the paper's wording): the queries whose match
+/// is correct. "place_exists": those that have a true place. "rejected": true positives and all
+/// rejected queries (the authors' earlier code).
 ///
 /// Returns
 /// -------
 /// Evaluation
 ///
-/// Raises
-/// ------
-/// SurefixValueError
-///     Where the truth is of another length than the matches, of another type or shape, or an option outside its range.
+/// Raises ------ SurefixValueError Where the truth is of another length than the matches, of
+/// another type or shape, or an option outside its range.
 ///
 /// Examples
 /// --------
@@ -73,8 +67,12 @@ fn matches_of(object: &Bound<'_, PyAny>) -> PyResult<Vec<Match>> {
     }
     let field = |name: &str| {
         object.getattr(name).map_err(|_| {
-            let kind = object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
-            value(object.py(), format!("matches: expected a surefix.Run or surefix.Matches, got {kind}"))
+            let kind =
+                object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+            value(
+                object.py(),
+                format!("matches: expected a surefix.Run or surefix.Matches, got {kind}"),
+            )
         })
     };
     let places = whole_numbers(&field("place")?, "matches: place")?;
@@ -82,7 +80,9 @@ fn matches_of(object: &Bound<'_, PyAny>) -> PyResult<Vec<Match>> {
     let scores = scores.as_slice()?;
     let ready = flags(&field("ready")?, "matches: ready")?;
     let accepted = flags(&field("accepted")?, "matches: accepted")?;
-    for (name, count) in [("score", scores.len()), ("ready", ready.len()), ("accepted", accepted.len())] {
+    for (name, count) in
+        [("score", scores.len()), ("ready", ready.len()), ("accepted", accepted.len())]
+    {
         if count != places.len() {
             let message = format!("matches: {name}: expected {} values, got {count}", places.len());
             return Err(value(object.py(), message));
@@ -90,8 +90,10 @@ fn matches_of(object: &Bound<'_, PyAny>) -> PyResult<Vec<Match>> {
     }
     let negative = places.iter().position(|&place| place < 0);
     if let Some(query) = negative {
-        let message =
-            format!("matches: place: expected places from 0, got {} for query {query}", places[query]);
+        let message = format!(
+            "matches: place: expected places from 0, got {} for query {query}",
+            places[query]
+        );
         return Err(value(object.py(), message));
     }
     let each = places.iter().zip(scores).zip(ready.iter().zip(&accepted));
@@ -173,16 +175,19 @@ impl Evaluation {
     fn false_positives<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.column(py, |point| point.false_positives as i64)
     }
-    /// The area under the curve up to a recall, divided by it: 1 where all matches accepted by then are correct.
+    /// The area under the curve up to a recall, divided by it: 1 where all matches accepted by then
+    /// are correct.
     ///
-    /// Trapezoids between the lowest precisions at each recall; in the segment that ``upto`` cuts, the sweep's own line, which
-    /// leads to the highest precision at the next recall. The first precision is held back to recall 0. A curve that ends
-    /// before adds nothing beyond its end: read it beside ``max_recall``.
+    /// Trapezoids between the lowest precisions at each recall; in the segment that ``upto`` cuts,
+    /// the sweep's own line, which leads to the highest precision at the next recall. The first
+    /// precision is held back to recall 0. A curve that ends before adds nothing beyond its end:
+    /// read it beside ``max_recall``.
     fn auc(&self, py: Python<'_>, upto: f64) -> PyResult<f64> {
         check_upto(py, upto)?;
         Ok(self.0.auc(upto))
     }
-    /// An interval for ``auc(upto)``, by a bootstrap over blocks of consecutive queries, as neighbours are not independent.
+    /// An interval for ``auc(upto)``, by a bootstrap over blocks of consecutive queries, as
+    /// neighbours are not independent.
     ///
     /// Parameters
     /// ----------
@@ -217,8 +222,8 @@ impl Evaluation {
         let interval = py.detach(|| self.0.auc_interval(upto, &bootstrap)).or_raise(py)?;
         Ok((interval.low, interval.high))
     }
-    /// An interval for ``self.auc(upto) - other.auc(upto)`` on the same queries; each sample draws the same ones for both.
-    /// Where it holds 0, the drive does not tell which is better.
+    /// An interval for ``self.auc(upto) - other.auc(upto)`` on the same queries; each sample draws
+    /// the same ones for both. Where it holds 0, the drive does not tell which is better.
     ///
     /// Parameters
     /// ----------
@@ -247,15 +252,17 @@ impl Evaluation {
     ) -> PyResult<(f64, f64)> {
         check_upto(py, upto)?;
         let bootstrap = bootstrap(level, samples, block, seed)?;
-        let interval =
-            py.detach(|| self.0.auc_difference_interval(&other.0, upto, &bootstrap)).or_raise(py)?;
+        let interval = py
+            .detach(|| self.0.auc_difference_interval(&other.0, upto, &bootstrap))
+            .or_raise(py)?;
         Ok((interval.low, interval.high))
     }
     /// The largest recall at a precision of at least this; 0 where there is none.
     fn recall_at_precision(&self, precision: f64) -> f64 {
         self.0.recall_at_precision(precision)
     }
-    /// How many wrong matches are accepted by the time that this recall is reached; None where it never is.
+    /// How many wrong matches are accepted by the time that this recall is reached; None where it
+    /// never is.
     fn false_positives_at(&self, recall: f64) -> Option<usize> {
         self.0.false_positives_at(recall)
     }
@@ -264,7 +271,8 @@ impl Evaluation {
     fn max_recall(&self) -> f64 {
         self.0.max_recall()
     }
-    /// The largest harmonic mean of precision and recall over all thresholds; 0 where nothing is correct.
+    /// The largest harmonic mean of precision and recall over all thresholds; 0 where nothing is
+    /// correct.
     #[getter]
     fn best_f1(&self) -> f64 {
         self.0.best_f1().f1
@@ -286,11 +294,15 @@ impl Evaluation {
     }
     fn __repr__(&self) -> String {
         let (auc, max) = (self.0.auc(0.2), self.0.max_recall());
-        format!("Evaluation({} thresholds, auc(0.2)={auc:.4}, max_recall={max:.4})", self.0.points().len())
+        format!(
+            "Evaluation({} thresholds, auc(0.2)={auc:.4}, max_recall={max:.4})",
+            self.0.points().len()
+        )
     }
 }
 
-/// Recall at K: the share of the queries with a true place that have one among their K nearest places.
+/// Recall at K: the share of the queries with a true place that have one among their K nearest
+/// places.
 ///
 /// Parameters
 /// ----------

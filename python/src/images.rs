@@ -47,7 +47,9 @@ fn not_bytes(array: &Bound<'_, PyUntypedArray>, what: &str) -> PyErr {
     let got = dtype_of(array);
     let how = match got.as_str() {
         "uint16" => "(image >> 8).astype(np.uint8)",
-        "bool" | "float16" | "float32" | "float64" => "(255 * image).astype(np.uint8), if 1 is white",
+        "bool" | "float16" | "float32" | "float64" => {
+            "(255 * image).astype(np.uint8), if 1 is white"
+        }
         _ => "image.astype(np.uint8), if 255 is white",
     };
     value(array.py(), format!("{what}: expected uint8, got {got}; convert it with {how}"))
@@ -62,8 +64,9 @@ pub(crate) enum Images<'py> {
 }
 
 impl<'py> Images<'py> {
-    /// A folder or a pattern; a generated traverse; an array (n, H, W) or (n, H, W, 3); an iterable of paths or of arrays;
-    /// or any other sequence of arrays, each of which is asked for when it is its turn.
+    /// A folder or a pattern; a generated traverse; an array (n, H, W) or (n, H, W, 3); an iterable
+    /// of paths or of arrays; or any other sequence of arrays, each of which is asked for when it
+    /// is its turn.
     pub(crate) fn new(object: &Bound<'py, PyAny>) -> PyResult<Self> {
         let py = object.py();
         if let Ok(traverse) = object.cast::<Traverse>() {
@@ -85,10 +88,13 @@ impl<'py> Images<'py> {
             return Err(value(py, format!("images: expected {expected}, got the shape {got}")));
         }
         let not_images = |_| {
-            let kind = object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+            let kind =
+                object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
             value(
                 py,
-                format!("images: expected a folder, a pattern, or a sequence of images or paths, got {kind}"),
+                format!(
+                    "images: expected a folder, a pattern, or a sequence of images or paths, got {kind}"
+                ),
             )
         };
         let items: Vec<Bound<'py, PyAny>> =
@@ -114,7 +120,8 @@ impl<'py> Images<'py> {
             Self::Traverse(traverse) => py.detach(|| work(traverse)),
             Self::Sequence(sequence) => py.detach(|| work(sequence)),
             Self::Arrays(arrays) => {
-                let views = arrays.iter().map(|array| array.view(py)).collect::<PyResult<Vec<_>>>()?;
+                let views =
+                    arrays.iter().map(|array| array.view(py)).collect::<PyResult<Vec<_>>>()?;
                 py.detach(|| work(&Views(views)))
             }
         })
@@ -145,7 +152,8 @@ pub(crate) struct Sequence {
 impl Sequence {
     fn new(object: &Bound<'_, PyAny>) -> PyResult<Self> {
         let count = object.len()?;
-        let names = object.getattr("names").ok().and_then(|names| names.extract::<Vec<String>>().ok());
+        let names =
+            object.getattr("names").ok().and_then(|names| names.extract::<Vec<String>>().ok());
         let names = names.filter(|names| names.len() == count);
         Ok(Self { items: object.clone().unbind(), count, names })
     }
@@ -162,7 +170,8 @@ impl ImageSource for Sequence {
             let item = self.items.bind(py).get_item(index)?;
             let pixels = Pixels::new(&as_array(&item, &what)?, &what)?;
             let view = pixels.view(py)?;
-            Image::new(view.width(), view.height(), view.channels(), view.pixels().to_vec()).or_raise(py)
+            Image::new(view.width(), view.height(), view.channels(), view.pixels().to_vec())
+                .or_raise(py)
         };
         Python::attach(|py| {
             load(py).map_err(|error| {
@@ -179,7 +188,8 @@ impl ImageSource for Sequence {
 
 /// The path that a string or a path object names.
 pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> Option<PathBuf> {
-    let named = object.is_instance_of::<PyString>() || object.hasattr("__fspath__").unwrap_or(false);
+    let named =
+        object.is_instance_of::<PyString>() || object.hasattr("__fspath__").unwrap_or(false);
     named.then(|| object.extract().ok()).flatten()
 }
 
@@ -205,7 +215,8 @@ pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
     image_to_py(py, &image)
 }
 
-/// Decodes the bytes of an image file, such as a camera driver's compressed frame, as ``read_image`` does.
+/// Decodes the bytes of an image file, such as a camera driver's compressed frame, as
+/// ``read_image`` does.
 ///
 /// Parameters
 /// ----------
@@ -223,12 +234,17 @@ pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
 ///     Where it is not an image that can be decoded.
 #[pyfunction]
 #[pyo3(signature = (data, name="image"))]
-pub(crate) fn decode_image<'py>(py: Python<'py>, data: &[u8], name: &str) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn decode_image<'py>(
+    py: Python<'py>,
+    data: &[u8],
+    name: &str,
+) -> PyResult<Bound<'py, PyAny>> {
     let image = py.detach(|| surefix::decode_image(data, name)).or_raise(py)?;
     image_to_py(py, &image)
 }
 
-/// The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10`` follows ``frame9``.
+/// The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10``
+/// follows ``frame9``.
 ///
 /// Parameters
 /// ----------
@@ -259,8 +275,8 @@ pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound
     rows_to_py(py, image.pixels().into(), shape)
 }
 
-/// Tells `callback(done, total)` of the work that `run` does, and stops it on Ctrl-C, or where the callback raises or
-/// returns False.
+/// Tells `callback(done, total)` of the work that `run` does, and stops it on Ctrl-C, or where the
+/// callback raises or returns False.
 pub(crate) fn with_progress<T>(
     py: Python<'_>,
     callback: Option<&Py<PyAny>>,

@@ -83,9 +83,16 @@ pub(crate) fn extracted<'py>(
 pub(crate) fn recipe_text(recipe: &Bound<'_, PyAny>) -> PyResult<String> {
     let py = recipe.py();
     let as_dict = py.get_type::<PyDict>().call1((recipe,));
-    let text = as_dict.and_then(|recipe| py.import("json")?.call_method1("dumps", (recipe,))?.extract());
+    let text =
+        as_dict.and_then(|recipe| py.import("json")?.call_method1("dumps", (recipe,))?.extract());
     text.map_err(|e| {
-        value(py, format!("recipe: expected a mapping that JSON can hold, with a \"name\": {}", e.value(py)))
+        value(
+            py,
+            format!(
+                "recipe: expected a mapping that JSON can hold, with a \"name\": {}",
+                e.value(py)
+            ),
+        )
     })
 }
 
@@ -99,7 +106,8 @@ fn name_of(map: &surefix::Map) -> Option<String> {
 pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyResult<Py<PyAny>> {
     let py = descriptor.py();
     if map.recipe() != Recipe::Ready || !is_learned(descriptor) {
-        let expected = "a learned descriptor, with name, recipe and describe(images), on a map of such";
+        let expected =
+            "a learned descriptor, with name, recipe and describe(images), on a map of such";
         let got = descriptor.get_type().name()?;
         return Err(value(py, format!("descriptor: expected {expected}, got {got}")));
     }
@@ -108,7 +116,10 @@ pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyRe
         && name != expected
         && !gives_the_same(descriptor, map).unwrap_or(false)
     {
-        return Err(value(py, format!("descriptor: expected {expected:?}, as the map's own, got {name:?}")));
+        return Err(value(
+            py,
+            format!("descriptor: expected {expected:?}, as the map's own, got {name:?}"),
+        ));
     }
     Ok(descriptor.clone().unbind())
 }
@@ -134,10 +145,13 @@ pub(crate) fn described<'py>(
         if map.recipe() != Recipe::Ready || !is_image(frame) {
             return Ok(None);
         }
-        // What is no image and has more axes than a descriptor is most likely a network's batch of one.
+        // What is no image and has more axes than a descriptor is most likely a network's batch of
+        // one.
         let batch = as_array(frame, "frame").ok().filter(|array| dtype_of(array) != "uint8");
-        let batch = batch.map(|array| format!("{} of the shape {}", dtype_of(&array), shape_of(&array)));
-        let own = name_of(map).map(|name| format!(", or Localizer(map, descriptor=...) with {name:?}"));
+        let batch =
+            batch.map(|array| format!("{} of the shape {}", dtype_of(&array), shape_of(&array)));
+        let own =
+            name_of(map).map(|name| format!(", or Localizer(map, descriptor=...) with {name:?}"));
         if batch.is_none() && own.is_none() {
             return Ok(None);
         }
@@ -156,7 +170,8 @@ pub(crate) fn described<'py>(
     let shape = as_array(&vectors, "descriptor")?.shape().to_vec();
     if shape.len() != 2 || shape[0] != 1 {
         let name = descriptor.getattr("name")?;
-        let reason = format!("{name}: expected a vector for one image, shape (1, dim), got {shape:?}");
+        let reason =
+            format!("{name}: expected a vector for one image, shape (1, dim), got {shape:?}");
         return Err(value(py, reason));
     }
     vectors.get_item(0).map(Some)

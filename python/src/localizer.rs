@@ -15,17 +15,13 @@ use crate::options::{config, whole};
 
 /// Localizes along a map, one camera frame at a time.
 ///
-/// Parameters
-/// ----------
-/// map : Map
-///     The known route. Many localizers can share one.
-/// descriptor : surefix.descriptors.Descriptor, optional
-///     On a map of learned descriptors: what describes the images that are pushed. Its name is the one in the map's recipe.
-/// threads : int, optional
-///     How many threads scan the map, the caller's own among them. None for what suits the map: one for every 8 MB, up to
-///     all cores, so one for a map below 16 MB. The answers are the same to the last bit. A forked child has one.
-/// **options
-///     As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds.
+/// Parameters ---------- map : Map The known route. Many localizers can share one. descriptor :
+/// surefix.descriptors.Descriptor, optional On a map of learned descriptors: what describes the
+/// images that are pushed. Its name is the one in the map's recipe. threads : int, optional How
+/// many threads scan the map, the caller's own among them. None for what suits the map: one for
+/// every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to the last
+/// bit. A forked child has one. **options As for ``Matcher``: sequence_length, weight, tolerance,
+/// smoothing, gradient, floor, speeds.
 ///
 /// Raises
 /// ------
@@ -60,32 +56,30 @@ impl Localizer {
         let threads = threads.map(|given| whole("threads", given)).transpose()?;
         let descriptor = descriptor.map(|given| learned::checked(given, &map.0)).transpose()?;
         let localizer = surefix::Localizer::new(map.0.clone(), config);
-        let localizer = localizer.and_then(|localizer| localizer.with_threads(threads)).or_raise(py)?;
+        let localizer =
+            localizer.and_then(|localizer| localizer.with_threads(threads)).or_raise(py)?;
         Ok(Self(localizer, descriptor))
     }
 
     /// Takes one camera frame, and says where the robot is.
     ///
-    /// Parameters
-    /// ----------
-    /// frame : array or path
-    ///     A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images were; or a
-    ///     descriptor, (input_dim,), of the map's own type, or float32 on a map of ready descriptors, as it is before
-    ///     post-processing.
-    /// trusted : bool, optional
-    ///     An external predictor's word in place of the consensus.
+    /// Parameters ---------- frame : array or path A uint8 image, (H, W) or (H, W, 3), or a file of
+    /// one, described as the map's own images were; or a descriptor, (input_dim,), of the map's own
+    /// type, or float32 on a map of ready descriptors, as it is before post-processing. trusted :
+    /// bool, optional An external predictor's word in place of the consensus.
     ///
     /// Returns
     /// -------
     /// Fix
     ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     For another shape or type, a NaN or an infinity, or an image on a map of ready descriptors. The localizer
-    ///     is then as it was.
+    /// Raises ------ SurefixValueError For another shape or type, a NaN or an infinity, or an image
+    /// on a map of ready descriptors. The localizer is then as it was.
     #[pyo3(signature = (frame, trusted=None))]
-    fn push(slf: &Bound<'_, Self>, frame: &Bound<'_, PyAny>, trusted: Option<bool>) -> PyResult<Fix> {
+    fn push(
+        slf: &Bound<'_, Self>,
+        frame: &Bound<'_, PyAny>,
+        trusted: Option<bool>,
+    ) -> PyResult<Fix> {
         let py = slf.py();
         let locked = || slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"));
         let described = {
@@ -121,14 +115,13 @@ impl Localizer {
 
     /// A fix for each frame, as it comes.
     ///
-    /// Parameters
-    /// ----------
-    /// frames : iterable of arrays or paths, or a path
-    ///     Each as for ``push``. A path is a folder or a pattern of images, or whatever else ``surefix.streams.open_stream`` opens:
-    ///     a video, a bag, a camera by its number or URL, a file of arrays. Or a source that says what was lost, such as those of
-    ///     ``surefix.streams``: an iterable of objects with an ``image`` to push, and ``gap`` and ``dropped``. Where ``gap`` is
-    ///     true, or ``dropped``, the number of frames lost just before this one, is more than 0, ``Localizer.gap`` comes first. It
-    ///     holds even where the image is then refused.
+    /// Parameters ---------- frames : iterable of arrays or paths, or a path Each as for ``push``.
+    /// A path is a folder or a pattern of images, or whatever else ``surefix.streams.open_stream``
+    /// opens: a video, a bag, a camera by its number or URL, a file of arrays. Or a source that
+    /// says what was lost, such as those of ``surefix.streams``: an iterable of objects with an
+    /// ``image`` to push, and ``gap`` and ``dropped``. Where ``gap`` is true, or ``dropped``, the
+    /// number of frames lost just before this one, is more than 0, ``Localizer.gap`` comes first.
+    /// It holds even where the image is then refused.
     ///
     /// Returns
     /// -------
@@ -150,7 +143,8 @@ impl Localizer {
     /// [(0, False), (1, True), (3, False), (4, True)]
     fn stream(slf: &Bound<'_, Self>, frames: &Bound<'_, PyAny>) -> PyResult<FixStream> {
         let py = slf.py();
-        let opened = || py.import("surefix.streams")?.call_method1("open_stream", (frames,))?.try_iter();
+        let opened =
+            || py.import("surefix.streams")?.call_method1("open_stream", (frames,))?.try_iter();
         let frames = match path_of(frames) {
             Some(place) => match find_images(py, place) {
                 Ok(images) => images.into_pyobject(py)?.try_iter()?,
@@ -163,8 +157,9 @@ impl Localizer {
         Ok(FixStream { localizer: slf.clone().unbind(), frames: frames.unbind() })
     }
 
-    /// The distances from the newest frame to every place, a copy: shape (n,), float32; zeros before the first, and right after a
-    /// gap. On a map with a screen, those that were not needed for the fix are computed now.
+    /// The distances from the newest frame to every place, a copy: shape (n,), float32; zeros
+    /// before the first, and right after a gap. On a map with a screen, those that were not needed
+    /// for the fix are computed now.
     #[getter]
     fn distances<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let py = slf.py();
@@ -173,17 +168,20 @@ impl Localizer {
         Ok(PyArray1::from_slice(py, py.detach(|| localizer.distances())))
     }
 
-    /// How many of the map's rows the newest frame made it look at: all of them, or, on a map with a screen, those that were
-    /// left in doubt, for this query and for the ones before it in the window. 0 before the first frame.
+    /// How many of the map's rows the newest frame made it look at: all of them, or, on a map with
+    /// a screen, those that were left in doubt, for this query and for the ones before it in the
+    /// window. 0 before the first frame.
     #[getter]
     fn looked_at(slf: &Bound<'_, Self>) -> PyResult<usize> {
         Ok(shared(slf)?.0.looked_at())
     }
 
-    /// Says that the next frame does not follow on the one before: frames were dropped, or the camera was away.
+    /// Says that the next frame does not follow on the one before: frames were dropped, or the
+    /// camera was away.
     ///
-    /// As ``Matcher.gap``: ``fix.sequence`` is None until ``sequence_length`` frames have come; frame numbers, the running
-    /// floor and a drive's statistics (``surefix.post.Standardize``) go on.
+    /// As ``Matcher.gap``: ``fix.sequence`` is None until ``sequence_length`` frames have come;
+    /// frame numbers, the running floor and a drive's statistics (``surefix.post.Standardize``) go
+    /// on.
     ///
     /// Examples
     /// --------
@@ -206,7 +204,8 @@ impl Localizer {
         Ok(())
     }
 
-    /// The state as bytes, a drive's statistics among it, without the map; ``Localizer.restore`` goes on from it bit-identically.
+    /// The state as bytes, a drive's statistics among it, without the map; ``Localizer.restore``
+    /// goes on from it bit-identically.
     fn snapshot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyBytes>> {
         let py = slf.py();
         let this = shared(slf)?;
@@ -255,11 +254,13 @@ impl Localizer {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let threads = threads.map(|given| whole("threads", given)).transpose()?;
-        let expected = options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
+        let expected =
+            options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
         let descriptor = descriptor.map(|given| learned::checked(given, &map.0)).transpose()?;
         let map = map.0.clone();
-        let localizer =
-            py.detach(|| surefix::Localizer::restore(map, blob, expected.as_ref())?.with_threads(threads));
+        let localizer = py.detach(|| {
+            surefix::Localizer::restore(map, blob, expected.as_ref())?.with_threads(threads)
+        });
         Ok(Self(localizer.or_raise(py)?, descriptor))
     }
 
@@ -313,20 +314,22 @@ impl FixStream {
     }
 }
 
-/// The image of a frame that says what was lost (``surefix.streams.Frame``), and whether it follows on the one before; nothing
-/// for an array or a path.
+/// The image of a frame that says what was lost (``surefix.streams.Frame``), and whether it follows
+/// on the one before; nothing for an array or a path.
 fn frame_of<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>, bool)>> {
     if item.is_instance_of::<PyUntypedArray>() {
         return Ok(None);
     }
-    let parts = (item.getattr_opt("image")?, item.getattr_opt("gap")?, item.getattr_opt("dropped")?);
+    let parts =
+        (item.getattr_opt("image")?, item.getattr_opt("gap")?, item.getattr_opt("dropped")?);
     let (Some(image), Some(gap), Some(dropped)) = parts else { return Ok(None) };
     let refuse = |name: &str, expected: &str, got: &Bound<'_, PyAny>| {
         let got = got.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string());
         value(item.py(), format!("frame: {name}: expected {expected}, got {got}"))
     };
     let cut: bool = gap.extract().map_err(|_| refuse("gap", "True or False", &gap))?;
-    let lost: u64 =
-        dropped.extract().map_err(|_| refuse("dropped", "a whole number of 0 or more", &dropped))?;
+    let lost: u64 = dropped
+        .extract()
+        .map_err(|_| refuse("dropped", "a whole number of 0 or more", &dropped))?;
     Ok(Some((image, !cut && lost == 0)))
 }

@@ -17,8 +17,8 @@ use crate::sad::Sad;
 
 /// A known route: one descriptor a place, in route order, and all that is needed to use them.
 ///
-/// Make one with ``Map.from_images``, ``Map.from_descriptors`` or ``Map.open``. A map does not change: many localizers,
-/// in many threads, can read one.
+/// Make one with ``Map.from_images``, ``Map.from_descriptors`` or ``Map.open``. A map does not
+/// change: many localizers, in many threads, can read one.
 ///
 /// Examples
 /// --------
@@ -33,36 +33,29 @@ pub(crate) struct Map(pub(crate) Arc<surefix::Map>);
 
 #[pymethods]
 impl Map {
-    /// A map of the descriptors of a traverse's images, described on all cores. Places are named as the files are.
+    /// A map of the descriptors of a traverse's images, described on all cores. Places are named as
+    /// the files are.
     ///
-    /// Parameters
-    /// ----------
-    /// images : str, path, iterable of paths, iterable or sequence of uint8 arrays, array (n, H, W) or (n, H, W, 3)
-    ///     A folder or a pattern like ``"route/*.png"`` is sorted as a person would: ``frame10`` follows ``frame9``.
-    ///     Files, and the items of a sequence that is no list, are read when it is their turn. All images have one size.
-    /// descriptor : Sad or surefix.descriptors.Descriptor, optional
-    ///     The recipe; ``Sad()`` by default. With a learned descriptor, images are described by
-    ///     ``surefix.descriptors.extract``, a batch at a time, and may have any sizes that it takes.
-    /// positions : array, shape (n, 2) or (n, 3), optional
-    ///     Where each place is, in planar metres.
-    /// progress : callable, optional
-    ///     Called with ``(done, total)``; returning False stops. By default a bar on a terminal; False for none.
-    /// metric, post : optional
-    ///     For a learned descriptor, as for ``from_descriptors``.
-    /// cache : path, optional
-    ///     For a learned descriptor: a file from which it goes on after an interruption, as for ``extract``.
+    /// Parameters ---------- images : str, path, iterable of paths, iterable or sequence of uint8
+    /// arrays, array (n, H, W) or (n, H, W, 3) A folder or a pattern like ``"route/*.png"`` is
+    /// sorted as a person would: ``frame10`` follows ``frame9``. Files, and the items of a sequence
+    /// that is no list, are read when it is their turn. All images have one size. descriptor : Sad
+    /// or surefix.descriptors.Descriptor, optional The recipe; ``Sad()`` by default. With a learned
+    /// descriptor, images are described by ``surefix.descriptors.extract``, a batch at a time, and
+    /// may have any sizes that it takes. positions : array, shape (n, 2) or (n, 3), optional Where
+    /// each place is, in planar metres. progress : callable, optional Called with ``(done,
+    /// total)``; returning False stops. By default a bar on a terminal; False for none. metric,
+    /// post : optional For a learned descriptor, as for ``from_descriptors``. cache : path,
+    /// optional For a learned descriptor: a file from which it goes on after an interruption, as
+    /// for ``extract``.
     ///
     /// Returns
     /// -------
     /// Map
     ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     For an image that cannot be read or has another size (the error names it), or fewer than two images; for metric, post
-    ///     or cache with SAD, which has its own metric and needs neither.
-    /// SurefixFileError
-    ///     Where there is no such folder.
+    /// Raises ------ SurefixValueError For an image that cannot be read or has another size (the
+    /// error names it), or fewer than two images; for metric, post or cache with SAD, which has its
+    /// own metric and needs neither. SurefixFileError Where there is no such folder.
     ///
     /// Examples
     /// --------
@@ -84,11 +77,12 @@ impl Map {
         cache: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, Self>> {
         if let Some(descriptor) = descriptor.filter(|given| learned::is_learned(given)) {
-            return learned::map_of_images(images, descriptor, positions, progress, metric, post, cache);
+            return learned::map_of_images(
+                images, descriptor, positions, progress, metric, post, cache,
+            );
         }
         if [metric, post, cache].iter().any(Option::is_some) {
-            let reason =
-                "metric, post, cache: expected a learned descriptor beside them, got Sad, which needs none";
+            let reason = "metric, post, cache: expected a learned descriptor beside them, got Sad, which needs none";
             return Err(value(py, reason.to_owned()));
         }
         let sad = places::recipe(py, descriptor)?;
@@ -101,17 +95,16 @@ impl Map {
         Bound::new(py, Self(Arc::new(with_positions(map, positions).or_raise(py)?)))
     }
 
-    /// Makes the map of a traverse's images straight into a file, on all cores: the file that ``from_images(...).save(path)`` would
-    /// write, in the memory of one image a core. Open it afterwards.
+    /// Makes the map of a traverse's images straight into a file, on all cores: the file that
+    /// ``from_images(...).save(path)`` would write, in the memory of one image a core. Open it
+    /// afterwards.
     ///
-    /// The file is written beside its place and then renamed. Where it fails, or is stopped, nothing is left of it.
+    /// The file is written beside its place and then renamed. Where it fails, or is stopped,
+    /// nothing is left of it.
     ///
-    /// Parameters
-    /// ----------
-    /// path : str or path
-    ///     The file to write.
-    /// images, descriptor, positions, progress
-    ///     As for ``from_images``. A list of arrays, or an array, is in memory anyway; files, and sequences such as a data set's, are not.
+    /// Parameters ---------- path : str or path The file to write. images, descriptor, positions,
+    /// progress As for ``from_images``. A list of arrays, or an array, is in memory anyway; files,
+    /// and sequences such as a data set's, are not.
     ///
     /// Raises
     /// ------
@@ -150,34 +143,25 @@ impl Map {
         })
     }
 
-    /// Makes the map in a file longer, without reading its rows into memory. The longer file is written beside the old one and then
-    /// renamed: where it fails, or is stopped, the old one stays. It is the file that all places at once would have made.
+    /// Makes the map in a file longer, without reading its rows into memory. The longer file is
+    /// written beside the old one and then renamed: where it fails, or is stopped, the old one
+    /// stays. It is the file that all places at once would have made.
     ///
-    /// Maps that are open stay as they are; a snapshot of a localizer is of the map that it was taken on.
+    /// Maps that are open stay as they are; a snapshot of a localizer is of the map that it was
+    /// taken on.
     ///
-    /// Parameters
-    /// ----------
-    /// path : str or path
-    ///     The file of a map.
-    /// more : Map, or images as for ``from_images``
-    ///     The places that follow: a map of the same kind, or the images of a drive that goes on, where the map was made of images.
-    ///     They are described as those were. Images in arrays are numbered on.
-    /// descriptor : surefix.descriptors.Descriptor, optional
-    ///     What describes the images, where the map's descriptors are learned: the map's own.
-    /// positions : array, shape (m, 2) or (m, 3), optional
-    ///     Where the images' places are, in planar metres; needed where the map has positions.
-    /// progress : callable, optional
-    ///     As for ``from_images``.
-    /// cache : path, optional
-    ///     With ``descriptor``, as for ``from_images``.
+    /// Parameters ---------- path : str or path The file of a map. more : Map, or images as for
+    /// ``from_images`` The places that follow: a map of the same kind, or the images of a drive
+    /// that goes on, where the map was made of images. They are described as those were. Images in
+    /// arrays are numbered on. descriptor : surefix.descriptors.Descriptor, optional What describes
+    /// the images, where the map's descriptors are learned: the map's own. positions : array, shape
+    /// (m, 2) or (m, 3), optional Where the images' places are, in planar metres; needed where the
+    /// map has positions. progress : callable, optional As for ``from_images``. cache : path,
+    /// optional With ``descriptor``, as for ``from_images``.
     ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     Where the file is not a map, or the places differ from its own in type, length, metric or recipe, or one has names or positions
-    ///     and the other has none; and as for ``from_images``.
-    /// SurefixFileError
-    ///     Where the file cannot be read or written.
+    /// Raises ------ SurefixValueError Where the file is not a map, or the places differ from its
+    /// own in type, length, metric or recipe, or one has names or positions and the other has none;
+    /// and as for ``from_images``. SurefixFileError Where the file cannot be read or written.
     #[staticmethod]
     #[pyo3(signature = (path, more, descriptor=None, *, positions=None, progress=None, cache=None))]
     fn append(
@@ -199,13 +183,17 @@ impl Map {
         }
         if descriptor.or(cache).is_some() {
             let expected = "descriptor, cache: expected images and a learned descriptor";
-            let got = if descriptor.is_some() { "a map, which is described" } else { "no descriptor" };
+            let got =
+                if descriptor.is_some() { "a map, which is described" } else { "no descriptor" };
             return Err(value(py, format!("{expected}, got {got}")));
         }
         let positions = places::positions(positions)?;
         if let Ok(more) = more.cast::<Self>() {
             if positions.is_some() {
-                return Err(value(py, "positions: expected none beside a map, which has its own".to_owned()));
+                return Err(value(
+                    py,
+                    "positions: expected none beside a map, which has its own".to_owned(),
+                ));
             }
             let more = &more.get().0;
             return py.detach(|| surefix::Map::append(path, more)).or_raise(py);
@@ -219,7 +207,8 @@ impl Map {
         })
     }
 
-    /// This map and then ``more``, as one: the map that all their descriptors at once would have made. Neither changes.
+    /// This map and then ``more``, as one: the map that all their descriptors at once would have
+    /// made. Neither changes.
     ///
     /// Parameters
     /// ----------
@@ -230,10 +219,8 @@ impl Map {
     /// -------
     /// Map
     ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     Where they differ in type, length, metric or recipe, or one has names or positions and the other has none.
+    /// Raises ------ SurefixValueError Where they differ in type, length, metric or recipe, or one
+    /// has names or positions and the other has none.
     ///
     /// Examples
     /// --------
@@ -247,34 +234,25 @@ impl Map {
 
     /// A map of ready descriptors, from any technique.
     ///
-    /// Parameters
-    /// ----------
-    /// descriptors : array, shape (n, dim), of float32, float16, int8 or uint8
-    ///     Kept in its own type. Copied once.
-    /// metric : {"cosine", "euclidean", "manhattan"}
-    ///     How descriptors are compared; "manhattan" is the mean absolute difference.
-    /// positions : array, shape (n, 2) or (n, 3), optional
-    ///     Where each place is, in planar metres.
-    /// names : sequence of str, optional
-    ///     A name for each place.
-    /// screen : {"i8"}, optional
-    ///     As for ``with_screen``.
-    /// post : list of steps, or a fitted surefix.post.Post, optional
-    ///     What the descriptors, float32, go through before they are kept, fitted on them; see ``surefix.post``. Queries go through
-    ///     the same: from then on ``distances``, ``Localizer.push`` and ``match`` take vectors as they are before it.
-    /// recipe : mapping, optional
-    ///     Where the descriptors come from, for a learned descriptor: what JSON can hold, with a "name".
+    /// Parameters ---------- descriptors : array, shape (n, dim), of float32, float16, int8 or
+    /// uint8 Kept in its own type. Copied once. metric : {"cosine", "euclidean", "manhattan"} How
+    /// descriptors are compared; "manhattan" is the mean absolute difference. positions : array,
+    /// shape (n, 2) or (n, 3), optional Where each place is, in planar metres. names : sequence of
+    /// str, optional A name for each place. screen : {"i8"}, optional As for ``with_screen``. post
+    /// : list of steps, or a fitted surefix.post.Post, optional What the descriptors, float32, go
+    /// through before they are kept, fitted on them; see ``surefix.post``. Queries go through the
+    /// same: from then on ``distances``, ``Localizer.push`` and ``match`` take vectors as they are
+    /// before it. recipe : mapping, optional Where the descriptors come from, for a learned
+    /// descriptor: what JSON can hold, with a "name".
     ///
     /// Returns
     /// -------
     /// Map
     ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     For fewer than two rows, another type, a NaN or an infinity (the error names its row), a row of zeros under
-    ///     the cosine, or another number of positions or names than of rows; as for ``with_screen`` and ``surefix.post.fit``; for a
-    ///     recipe without a name.
+    /// Raises ------ SurefixValueError For fewer than two rows, another type, a NaN or an infinity
+    /// (the error names its row), a row of zeros under the cosine, or another number of positions
+    /// or names than of rows; as for ``with_screen`` and ``surefix.post.fit``; for a recipe without
+    /// a name.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     #[pyo3(
@@ -293,7 +271,8 @@ impl Map {
     ) -> PyResult<Self> {
         let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
         let recipe = recipe.map(learned::recipe_text).transpose()?;
-        let metric = metric.map_or_else(|| "cosine".to_owned(), ToString::to_string).parse().or_raise(py)?;
+        let metric =
+            metric.map_or_else(|| "cosine".to_owned(), ToString::to_string).parse().or_raise(py)?;
         let positions = places::positions(positions)?;
         let array = as_array(descriptors, "descriptors")?;
         check_axes(&array, "descriptors", 2)?;
@@ -304,13 +283,14 @@ impl Map {
         let numbers = Numbers::new(&array, "descriptors")?;
         let rows = numbers.view()?;
         let map = match post {
-            None => {
-                py.detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric)).or_raise(py)?
-            }
+            None => py
+                .detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric))
+                .or_raise(py)?,
             Some(post) => {
                 let (post, rows) = post::fitted(post, rows, dim)?;
                 let dim = post.output();
-                let map = py.detach(|| surefix::Map::from_descriptors(rows, dim, metric)?.with_post(post));
+                let map = py
+                    .detach(|| surefix::Map::from_descriptors(rows, dim, metric)?.with_post(post));
                 map.or_raise(py)?
             }
         };
@@ -328,32 +308,30 @@ impl Map {
 
     /// Opens a map that ``save`` or ``build`` wrote.
     ///
-    /// Parameters
-    /// ----------
-    /// path : str or path
-    /// mmap : bool
-    ///     By default the file is read whole into memory. True maps it instead: a map of gigabytes is open in milliseconds, what is used
-    ///     is read when it is used, and processes share the memory. The danger: as long as the map lives, nobody may
-    ///     change the file in place or make it shorter, or the program ends (SIGBUS) or sees other numbers. To replace the file, as ``save``,
-    ///     ``build`` and ``append`` do, is safe. A NaN in it is found when a frame is pushed, not here; the first ``snapshot`` of
-    ///     a localizer reads the whole file once.
-    /// screen : {"i8"}, optional
-    ///     As for ``with_screen``: it is not in the file, and making it reads all of it.
+    /// Parameters ---------- path : str or path mmap : bool By default the file is read whole into
+    /// memory. True maps it instead: a map of gigabytes is open in milliseconds, what is used is
+    /// read when it is used, and processes share the memory. The danger: as long as the map lives,
+    /// nobody may change the file in place or make it shorter, or the program ends (SIGBUS) or sees
+    /// other numbers. To replace the file, as ``save``, ``build`` and ``append`` do, is safe. A NaN
+    /// in it is found when a frame is pushed, not here; the first ``snapshot`` of a localizer reads
+    /// the whole file once. screen : {"i8"}, optional As for ``with_screen``: it is not in the
+    /// file, and making it reads all of it.
     ///
     /// Returns
     /// -------
     /// Map
     ///
-    /// Raises
-    /// ------
-    /// SurefixFileError
-    ///     Where the file cannot be read.
-    /// SurefixValueError
-    ///     Where it is truncated, damaged, not a map, or of a newer version; and as for ``with_screen``.
+    /// Raises ------ SurefixFileError Where the file cannot be read. SurefixValueError Where it is
+    /// truncated, damaged, not a map, or of a newer version; and as for ``with_screen``.
     #[staticmethod]
     #[pyo3(signature = (path, mmap=false, *, screen=None))]
     #[allow(unsafe_code)]
-    fn open(py: Python<'_>, path: PathBuf, mmap: bool, screen: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    fn open(
+        py: Python<'_>,
+        path: PathBuf,
+        mmap: bool,
+        screen: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
         let map = py.detach(|| {
             if mmap {
@@ -366,14 +344,16 @@ impl Map {
         Ok(Self(Arc::new(screened(py, map.or_raise(py)?, screen)?)))
     }
 
-    /// The same map with a screen: a copy of its rows in signed bytes, a quarter more memory; the rows are shared. A ``Localizer``
-    /// scans those, which says of each distance between which two numbers it lies, and looks only at the rows that these leave in
-    /// doubt. Its answers are those that it would give without, to the last bit.
+    /// The same map with a screen: a copy of its rows in signed bytes, a quarter more memory; the
+    /// rows are shared. A ``Localizer`` scans those, which says of each distance between which two
+    /// numbers it lies, and looks only at the rows that these leave in doubt. Its answers are those
+    /// that it would give without, to the last bit.
     ///
-    /// This pays where the map is larger than the cache and its places differ: ``Localizer.looked_at`` says at how many rows a
-    /// frame made it look. Where it does not pay, the localizer notices, and scans the rows for a while before it tries again.
-    /// Rows of fewer than 256 numbers are always scanned as they are. A screen is not saved with the map: making it takes about
-    /// as long as a few pushes.
+    /// This pays where the map is larger than the cache and its places differ:
+    /// ``Localizer.looked_at`` says at how many rows a frame made it look. Where it does not pay,
+    /// the localizer notices, and scans the rows for a while before it tries again. Rows of fewer
+    /// than 256 numbers are always scanned as they are. A screen is not saved with the map: making
+    /// it takes about as long as a few pushes.
     ///
     /// Parameters
     /// ----------
@@ -384,10 +364,8 @@ impl Map {
     /// -------
     /// Map
     ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     For another type, a map of other numbers than float32, the manhattan distance, or too little memory.
+    /// Raises ------ SurefixValueError For another type, a map of other numbers than float32, the
+    /// manhattan distance, or too little memory.
     ///
     /// Examples
     /// --------
@@ -402,8 +380,8 @@ impl Map {
         Ok(Self(Arc::new(screened(py, surefix::Map::clone(&self.0), Some(dtype))?)))
     }
 
-    /// Saves the map as one safetensors file with all that is needed to use it. It is written beside its place and then
-    /// renamed: there is never half a file.
+    /// Saves the map as one safetensors file with all that is needed to use it. It is written
+    /// beside its place and then renamed: there is never half a file.
     ///
     /// Raises
     /// ------
@@ -415,10 +393,9 @@ impl Map {
 
     /// The distances from a descriptor to every place.
     ///
-    /// Parameters
-    /// ----------
-    /// descriptor : array, shape (input_dim,), of the map's own type, or of float32 on a map of ready descriptors
-    ///     As it is before post-processing, where the map has some.
+    /// Parameters ---------- descriptor : array, shape (input_dim,), of the map's own type, or of
+    /// float32 on a map of ready descriptors As it is before post-processing, where the map has
+    /// some.
     ///
     /// Returns
     /// -------
@@ -458,7 +435,8 @@ impl Map {
         self.0.input_dim()
     }
 
-    /// What queries go through before they are compared, and descriptors went through; None where there is nothing.
+    /// What queries go through before they are compared, and descriptors went through; None where
+    /// there is nothing.
     #[getter]
     fn post(&self) -> Option<Post> {
         self.0.post().cloned().map(Post)
@@ -520,7 +498,8 @@ impl Map {
     }
 
     pub(crate) fn __repr__(&self) -> String {
-        let (places, dim, dtype, metric) = (self.0.places(), self.0.dim(), self.0.dtype(), self.0.metric());
+        let (places, dim, dtype, metric) =
+            (self.0.places(), self.0.dim(), self.0.dtype(), self.0.metric());
         let bytes = self.0.descriptors().len() * dtype.size();
         format!("Map({places} places x {dim} {dtype}, {metric}, {:.1} MB)", bytes as f64 / 1e6)
     }

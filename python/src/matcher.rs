@@ -9,26 +9,19 @@ use crate::error::{OrRaise as _, busy};
 use crate::fix::Fix;
 use crate::options::{config, whole};
 
-/// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that yields distances.
+/// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
+/// yields distances.
 ///
-/// Parameters
-/// ----------
-/// places : int
-///     How many places the route has, at least 2.
-/// sequence_length : int
-///     `L`, how many queries a sequence has (Eq. 6), from 1 to `places`.
-/// weight : float
-///     `w`, how far a trusted cell is drawn to the floor (Eq. 4), from 0 (the plain sequence) to 1.
-/// tolerance : int
-///     How many places the minimum and the gradient's peak may lie apart in a trusted match (Eq. 3).
-/// smoothing : int
-///     How many gradients are summed along the diagonal (the paper's 3 x 3 kernel); 1 where queries come in any order.
-/// gradient : {"halved", "unhalved"}
-///     Eq. 1 as printed, or without its 1/2 as in the authors' public code; they can differ only at the route's ends.
-/// floor : {"running"} or float
-///     What trusted cells are drawn towards: the smallest distance so far, or this number if it is smaller still.
-/// speeds : sequence of float
-///     Slopes to try, in places a query; the best mean wins. Halves of a place round up.
+/// Parameters ---------- places : int How many places the route has, at least 2. sequence_length :
+/// int `L`, how many queries a sequence has (Eq. 6), from 1 to `places`. weight : float `w`, how
+/// far a trusted cell is drawn to the floor (Eq. 4), from 0 (the plain sequence) to 1. tolerance :
+/// int How many places the minimum and the gradient's peak may lie apart in a trusted match (Eq.
+/// 3). smoothing : int How many gradients are summed along the diagonal (the paper's 3 x 3 kernel);
+/// 1 where queries come in any order. gradient : {"halved", "unhalved"} Eq. 1 as printed, or
+/// without its 1/2 as in the authors' public code; they can differ only at the route's ends. floor
+/// : {"running"} or float What trusted cells are drawn towards: the smallest distance so far, or
+/// this number if it is smaller still. speeds : sequence of float Slopes to try, in places a query;
+/// the best mean wins. Halves of a place round up.
 ///
 /// Raises
 /// ------
@@ -54,7 +47,11 @@ impl Matcher {
         signature = (places, **options),
         text_signature = "(places, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
     )]
-    fn new(py: Python<'_>, places: &Bound<'_, PyAny>, options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        places: &Bound<'_, PyAny>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
         let config = config(py, options, Floor::Running)?;
         Ok(Self(surefix::Matcher::new(whole("places", places)?, config).or_raise(py)?))
     }
@@ -77,7 +74,11 @@ impl Matcher {
     /// SurefixValueError
     ///     For a wrong length or type, a NaN or an infinity. The matcher is then as it was.
     #[pyo3(signature = (distances, trusted=None))]
-    fn push(slf: &Bound<'_, Self>, distances: &Bound<'_, PyAny>, trusted: Option<bool>) -> PyResult<Fix> {
+    fn push(
+        slf: &Bound<'_, Self>,
+        distances: &Bound<'_, PyAny>,
+        trusted: Option<bool>,
+    ) -> PyResult<Fix> {
         let py = slf.py();
         let distances = floats(distances, "distances", 1)?;
         let distances = distances.as_slice()?;
@@ -90,11 +91,12 @@ impl Matcher {
         Ok(Fix(fix.or_raise(py)?))
     }
 
-    /// Says that the next query does not follow on the one before: frames were dropped, or the camera was away.
+    /// Says that the next query does not follow on the one before: frames were dropped, or the
+    /// camera was away.
     ///
-    /// The diagonal is broken there, so that no gradient is summed and no sequence made across: ``fix.sequence`` is None until
-    /// ``sequence_length`` queries have come. Frame numbers and the running floor go on. A gap before the first query, or
-    /// right after another, changes nothing.
+    /// The diagonal is broken there, so that no gradient is summed and no sequence made across:
+    /// ``fix.sequence`` is None until ``sequence_length`` queries have come. Frame numbers and the
+    /// running floor go on. A gap before the first query, or right after another, changes nothing.
     ///
     /// Examples
     /// --------
@@ -152,7 +154,8 @@ impl Matcher {
         text_signature = "(blob, *, sequence_length=..., weight=..., tolerance=..., smoothing=..., gradient=..., floor=..., speeds=...)"
     )]
     fn restore(py: Python<'_>, blob: &[u8], options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let expected = options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
+        let expected =
+            options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
         Ok(Self(py.detach(|| surefix::Matcher::restore(blob, expected.as_ref())).or_raise(py)?))
     }
 
@@ -170,6 +173,10 @@ impl Matcher {
 
     fn __repr__(&self) -> String {
         let length = self.0.config().sequence_length;
-        format!("Matcher(places={}, sequence_length={length}, frames={})", self.0.places(), self.0.frames())
+        format!(
+            "Matcher(places={}, sequence_length={length}, frames={})",
+            self.0.places(),
+            self.0.frames()
+        )
     }
 }

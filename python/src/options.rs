@@ -9,7 +9,11 @@ use crate::error::{OrRaise as _, value};
 const NAMES: &str = "sequence_length, weight, tolerance, smoothing, gradient, floor, speeds";
 
 /// The options of `**options`, over the defaults; `floor` says which floor is the default.
-pub(crate) fn config(py: Python<'_>, options: Option<&Bound<'_, PyDict>>, floor: Floor) -> PyResult<Config> {
+pub(crate) fn config(
+    py: Python<'_>,
+    options: Option<&Bound<'_, PyDict>>,
+    floor: Floor,
+) -> PyResult<Config> {
     let mut config = Config { floor, ..Config::default() };
     for (name, given) in options.into_iter().flatten() {
         let name: String = name.extract()?;

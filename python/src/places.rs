@@ -9,7 +9,10 @@ use crate::error::{OrRaise as _, value};
 use crate::sad::Sad;
 
 /// The recipe of a `descriptor` argument.
-pub(crate) fn recipe(py: Python<'_>, descriptor: Option<&Bound<'_, PyAny>>) -> PyResult<surefix::Sad> {
+pub(crate) fn recipe(
+    py: Python<'_>,
+    descriptor: Option<&Bound<'_, PyAny>>,
+) -> PyResult<surefix::Sad> {
     match descriptor.filter(|given| !given.is_none()).map(Bound::cast::<Sad>) {
         None => Ok(surefix::Sad::default()),
         Some(Ok(sad)) => Ok(sad.get().0),
@@ -26,7 +29,9 @@ pub(crate) fn names(names: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
         ));
     }
     let each = names.try_iter().and_then(|each| each.map(|name| name?.extract()).collect());
-    each.map_err(|_| value(names.py(), "names: expected a sequence of strings, one a place".to_owned()))
+    each.map_err(|_| {
+        value(names.py(), "names: expected a sequence of strings, one a place".to_owned())
+    })
 }
 
 /// The positions of a `positions` argument.

@@ -12,7 +12,8 @@ use crate::options::whole;
 
 /// A chain of steps of post-processing that has been fitted on references.
 ///
-/// ``surefix.post.fit`` makes one; ``Map.from_descriptors(..., post=[...])`` fits one on the map's own rows, and ``Map.post`` is it.
+/// ``surefix.post.fit`` makes one; ``Map.from_descriptors(..., post=[...])`` fits one on the map's
+/// own rows, and ``Map.post`` is it.
 ///
 /// Examples
 /// --------
@@ -30,19 +31,21 @@ pub(crate) struct Post(pub(crate) surefix::Post);
 
 #[pymethods]
 impl Post {
-    /// Does the steps to one vector, (input_dim,), or to many, (n, input_dim), as they were done to the references. (Statistics of a
-    /// drive, ``Standardize("running")``, are kept by a ``Localizer``, and by ``match``.)
+    /// Does the steps to one vector, (input_dim,), or to many, (n, input_dim), as they were done to
+    /// the references. (Statistics of a drive, ``Standardize("running")``, are kept by a
+    /// ``Localizer``, and by ``match``.)
     ///
     /// Returns
     /// -------
     /// array of float32, shape (output_dim,) or (n, output_dim)
     ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     For another shape or type than float32, a NaN or an infinity, or a vector of zeros that is to have the length 1; it
-    ///     names the row.
-    fn apply<'py>(&self, py: Python<'py>, vectors: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    /// Raises ------ SurefixValueError For another shape or type than float32, a NaN or an
+    /// infinity, or a vector of zeros that is to have the length 1; it names the row.
+    fn apply<'py>(
+        &self,
+        py: Python<'py>,
+        vectors: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let array = as_array(vectors, "vectors")?;
         if array.ndim() != 1 {
             check_axes(&array, "vectors", 2)?;
@@ -94,14 +97,16 @@ impl Post {
     }
 }
 
-/// Fits steps, given as JSON, on references (n, dim) of float32. Gives the chain, and the references as it makes them.
+/// Fits steps, given as JSON, on references (n, dim) of float32. Gives the chain, and the
+/// references as it makes them.
 #[pyfunction]
 pub(crate) fn fit_post<'py>(
     py: Python<'py>,
     references: &Bound<'py, PyAny>,
     steps: &str,
 ) -> PyResult<(Post, Bound<'py, PyAny>)> {
-    let steps: Vec<Step> = serde_json::from_str(steps).map_err(|e| value(py, format!("post: {e}")))?;
+    let steps: Vec<Step> =
+        serde_json::from_str(steps).map_err(|e| value(py, format!("post: {e}")))?;
     let array = as_array(references, "references")?;
     check_axes(&array, "references", 2)?;
     let numbers = float32s(&array, "references")?;
@@ -115,16 +120,13 @@ pub(crate) fn fit_post<'py>(
 /// The most numbers of a vector whose statistics are kept: memory that is asked for is there.
 const LONGEST: usize = 1 << 24;
 
-/// Standardises vector after vector by the mean and standard deviation of those that came, the newest among them: what a stream can know of
-/// its own statistics (Welford, 1962).
+/// Standardises vector after vector by the mean and standard deviation of those that came, the
+/// newest among them: what a stream can know of its own statistics (Welford, 1962).
 ///
-/// Parameters
-/// ----------
-/// dim : int, optional
-///     How many numbers a vector has.
-/// references : array of float32, shape (n, dim), optional
-///     Instead of ``dim``: begins with their statistics, as if these were one vector. So the first vectors of a drive are
-///     standardised by the references, and what follows more and more by the drive. Without, the first vector becomes zeros.
+/// Parameters ---------- dim : int, optional How many numbers a vector has. references : array of
+/// float32, shape (n, dim), optional Instead of ``dim``: begins with their statistics, as if these
+/// were one vector. So the first vectors of a drive are standardised by the references, and what
+/// follows more and more by the drive. Without, the first vector becomes zeros.
 ///
 /// Examples
 /// --------
@@ -154,7 +156,9 @@ impl Running {
                 let (rows, dim) = (numbers.as_slice()?, array.shape()[1]);
                 Ok(Self(py.detach(|| Statistics::after(rows, dim)).or_raise(py)?))
             }
-            _ => Err(value(py, format!("Running: expected dim, from 1 to {LONGEST}, or references"))),
+            _ => {
+                Err(value(py, format!("Running: expected dim, from 1 to {LONGEST}, or references")))
+            }
         }
     }
 
@@ -164,7 +168,10 @@ impl Running {
     /// ------
     /// SurefixValueError
     ///     For another length or type, a NaN or an infinity; nothing has changed then.
-    fn push<'py>(slf: &Bound<'py, Self>, vector: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    fn push<'py>(
+        slf: &Bound<'py, Self>,
+        vector: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let py = slf.py();
         let array = as_array(vector, "vector")?;
         check_axes(&array, "vector", 1)?;
@@ -182,8 +189,8 @@ impl Running {
         self.0.count()
     }
 
-    /// The state as bytes; ``Running.restore`` goes on from it bit-identically. Keep it beside the localizer's own snapshot, which
-    /// does not hold it.
+    /// The state as bytes; ``Running.restore`` goes on from it bit-identically. Keep it beside the
+    /// localizer's own snapshot, which does not hold it.
     fn snapshot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyBytes>> {
         let py = slf.py();
         let this = slf.try_borrow().map_err(|_| busy(py, "Running"))?;
@@ -224,7 +231,8 @@ fn float32<'a>(py: Python<'_>, numbers: View<'a>, what: &str) -> PyResult<&'a [f
     }
 }
 
-/// A chain for rows of `dim` numbers, and the rows as it makes them: `given` is fitted already, or steps that are fitted now.
+/// A chain for rows of `dim` numbers, and the rows as it makes them: `given` is fitted already, or
+/// steps that are fitted now.
 pub(crate) fn fitted(
     given: &Bound<'_, PyAny>,
     rows: View<'_>,
@@ -242,6 +250,7 @@ pub(crate) fn fitted(
         return Ok((post.clone(), done));
     }
     let steps: String = py.import("surefix.post")?.call_method1("as_json", (given,))?.extract()?;
-    let steps: Vec<Step> = serde_json::from_str(&steps).map_err(|e| value(py, format!("post: {e}")))?;
+    let steps: Vec<Step> =
+        serde_json::from_str(&steps).map_err(|e| value(py, format!("post: {e}")))?;
     py.detach(|| surefix::Post::fit(&steps, rows, dim)).or_raise(py)
 }

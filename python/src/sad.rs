@@ -10,14 +10,10 @@ use crate::options::{self, whole};
 
 /// The SAD descriptor: an image in grey, made small, normalised patch by patch.
 ///
-/// Parameters
-/// ----------
-/// size : (int, int)
-///     Width and height of the small image, in pixels.
-/// patch : int
-///     The side of a patch, in pixels; it must divide both sides.
-/// dtype : {"u8", "f32"}
-///     "u8" keeps ``clamp(round(128 + 32 z))``: a quarter of the memory, exact integer distances. "f32" keeps ``z``.
+/// Parameters ---------- size : (int, int) Width and height of the small image, in pixels. patch :
+/// int The side of a patch, in pixels; it must divide both sides. dtype : {"u8", "f32"} "u8" keeps
+/// ``clamp(round(128 + 32 z))``: a quarter of the memory, exact integer distances. "f32" keeps
+/// ``z``.
 ///
 /// Raises
 /// ------
@@ -64,7 +60,11 @@ impl Sad {
     /// ------
     /// SurefixValueError
     ///     For another type or shape.
-    fn describe<'py>(&self, py: Python<'py>, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    fn describe<'py>(
+        &self,
+        py: Python<'py>,
+        image: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let pixels = Pixels::new(&as_array(image, "image")?, "image")?;
         let view = pixels.view(py)?;
         let values = py.detach(|| self.0.describe(view)).or_raise(py)?;
@@ -81,7 +81,11 @@ impl Sad {
     /// Returns
     /// -------
     /// array of uint8, shape (height, width) of the descriptor
-    fn thumbnail<'py>(&self, py: Python<'py>, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    fn thumbnail<'py>(
+        &self,
+        py: Python<'py>,
+        image: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let pixels = Pixels::new(&as_array(image, "image")?, "image")?;
         let view = pixels.view(py)?;
         let small = py.detach(|| self.0.thumbnail(view)).or_raise(py)?;
@@ -128,7 +132,9 @@ fn dtype_named(given: &Bound<'_, PyAny>) -> PyResult<Dtype> {
     let short = match given.extract::<String>().as_deref() {
         Ok("u8") => Some("uint8".to_owned()),
         Ok("f32") => Some("float32".to_owned()),
-        _ => py.import("numpy")?.call_method1("dtype", (given,)).ok().map(|dtype| dtype.to_string()),
+        _ => {
+            py.import("numpy")?.call_method1("dtype", (given,)).ok().map(|dtype| dtype.to_string())
+        }
     };
     match short.as_deref() {
         Some("uint8") => Ok(Dtype::U8),

@@ -12,16 +12,10 @@ use crate::options::{self, whole};
 
 /// A generated route: a drive past structured scenery, the same for the same seed on every machine.
 ///
-/// Parameters
-/// ----------
-/// places : int
-///     Frames of a traverse, at least 2. Frames are rendered when asked for: a million places need no storage.
-/// size : (int, int)
-///     Width and height of a frame, in pixels.
-/// spacing : float
-///     Metres from one frame of the reference drive to the next.
-/// seed : int
-///     Another seed is another route.
+/// Parameters ---------- places : int Frames of a traverse, at least 2. Frames are rendered when
+/// asked for: a million places need no storage. size : (int, int) Width and height of a frame, in
+/// pixels. spacing : float Metres from one frame of the reference drive to the next. seed : int
+/// Another seed is another route.
 ///
 /// Raises
 /// ------
@@ -70,7 +64,8 @@ impl Route {
         self.drive(py, Conditions::reference())
     }
 
-    /// The default second drive: another season, light, lane, speed and traffic. Each can be changed.
+    /// The default second drive: another season, light, lane, speed and traffic. Each can be
+    /// changed.
     ///
     /// Parameters
     /// ----------
@@ -80,11 +75,16 @@ impl Route {
         signature = (**conditions),
         text_signature = "($self, *, light=..., season=..., lateral_offset=..., speed_jitter=..., occluders=..., noise=..., seed=...)"
     )]
-    fn revisit(&self, py: Python<'_>, conditions: Option<&Bound<'_, PyDict>>) -> PyResult<Traverse> {
+    fn revisit(
+        &self,
+        py: Python<'_>,
+        conditions: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Traverse> {
         self.drive(py, changed(Conditions::revisit(), conditions)?)
     }
 
-    /// A drive in conditions of one's own; those not given are the reference drive's, where each is 0.
+    /// A drive in conditions of one's own; those not given are the reference drive's, where each is
+    /// 0.
     ///
     /// Parameters
     /// ----------
@@ -98,7 +98,11 @@ impl Route {
         signature = (**conditions),
         text_signature = "($self, *, light=0.0, season=0.0, lateral_offset=0.0, speed_jitter=0.0, occluders=0.0, noise=0.0, seed=0)"
     )]
-    fn traverse(&self, py: Python<'_>, conditions: Option<&Bound<'_, PyDict>>) -> PyResult<Traverse> {
+    fn traverse(
+        &self,
+        py: Python<'_>,
+        conditions: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Traverse> {
         self.drive(py, changed(Conditions::reference(), conditions)?)
     }
 
@@ -130,7 +134,10 @@ fn changed(mut conditions: Conditions, given: Option<&Bound<'_, PyDict>>) -> PyR
             }
             _ => {
                 let names = "light, season, lateral_offset, speed_jitter, occluders, noise, seed";
-                return Err(value(given.py(), format!("condition `{name}`: expected one of {names}")));
+                return Err(value(
+                    given.py(),
+                    format!("condition `{name}`: expected one of {names}"),
+                ));
             }
         };
         *number = given.extract()?;
@@ -138,7 +145,8 @@ fn changed(mut conditions: Conditions, given: Option<&Bound<'_, PyDict>>) -> PyR
     Ok(conditions)
 }
 
-/// A drive along a generated route: a sequence of frames, each rendered when asked for, uint8 (H, W, 3).
+/// A drive along a generated route: a sequence of frames, each rendered when asked for, uint8 (H,
+/// W, 3).
 ///
 /// Examples
 /// --------
@@ -157,7 +165,8 @@ impl Traverse {
 
     fn __getitem__<'py>(&self, py: Python<'py>, index: isize) -> PyResult<Bound<'py, PyAny>> {
         let count = self.0.len();
-        let from = if index < 0 { count.checked_add_signed(index) } else { usize::try_from(index).ok() };
+        let from =
+            if index < 0 { count.checked_add_signed(index) } else { usize::try_from(index).ok() };
         let Some(index) = from.filter(|&index| index < count) else {
             return Err(PyIndexError::new_err(format!("frame {index} of {count}")));
         };
@@ -171,10 +180,14 @@ impl Traverse {
         PyArray1::from_iter(py, (0..self.0.len()).map(|index| self.0.position(index)))
     }
 
-    /// The true place of each frame on a map of the drive ``reference``: shape (n,), int64, -1 off the map.
+    /// The true place of each frame on a map of the drive ``reference``: shape (n,), int64, -1 off
+    /// the map.
     fn truth<'py>(&self, py: Python<'py>, reference: &Self) -> Bound<'py, PyArray1<i64>> {
         let truth = py.detach(|| self.0.truth(&reference.0));
-        PyArray1::from_iter(py, truth.into_iter().map(|place| place.map_or(-1, |place| place as i64)))
+        PyArray1::from_iter(
+            py,
+            truth.into_iter().map(|place| place.map_or(-1, |place| place as i64)),
+        )
     }
 
     fn __repr__(&self) -> String {

@@ -7,7 +7,8 @@ use crate::batch::Run;
 use crate::error::OrRaise as _;
 use crate::truth::truth_of;
 
-/// The confusion table of a run's trust flags, which speak of its single matches: positive is trusted, true is correct.
+/// The confusion table of a run's trust flags, which speak of its single matches: positive is
+/// trusted, true is correct.
 ///
 /// Parameters
 /// ----------
@@ -77,7 +78,8 @@ impl Trust {
     fn precision(&self) -> f64 {
         self.0.precision()
     }
-    /// The share of the correct matches that is trusted (the true positive rate); 0 where none is correct.
+    /// The share of the correct matches that is trusted (the true positive rate); 0 where none is
+    /// correct.
     #[getter]
     fn recall(&self) -> f64 {
         self.0.recall()
@@ -93,7 +95,8 @@ impl Trust {
         self.0.share_trusted()
     }
     fn __repr__(&self) -> String {
-        let TrustTable { true_positives, false_positives, false_negatives, true_negatives } = self.0;
+        let TrustTable { true_positives, false_positives, false_negatives, true_negatives } =
+            self.0;
         format!(
             "Trust(true_positives={true_positives}, false_positives={false_positives}, \
              false_negatives={false_negatives}, true_negatives={true_negatives})"

@@ -9,7 +9,8 @@ use surefix::{Error, Positions};
 use crate::arrays::{contiguous, coordinates, sequence_or_array, shape_of, whole_numbers};
 use crate::error::{OrRaise as _, value};
 
-/// The truth from an array of places (m,), a matrix (n, m), or a pair of positions ((n, k), (m, k)).
+/// The truth from an array of places (m,), a matrix (n, m), or a pair of positions ((n, k), (m,
+/// k)).
 pub(crate) fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Truth> {
     let py = object.py();
     if let Ok(pair) = object.cast::<PyTuple>()
@@ -30,8 +31,12 @@ pub(crate) fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Tr
     let kind = char::from(array.dtype().kind());
     if !"biu".contains(kind) {
         let shape = shape_of(&array);
-        let expected = "places (m,), a matrix (n, m) of bool or of 1, 0 and -1, or a pair of positions";
-        return Err(value(py, format!("truth: expected {expected}, got {} {shape}", array.dtype())));
+        let expected =
+            "places (m,), a matrix (n, m) of bool or of 1, 0 and -1, or a pair of positions";
+        return Err(value(
+            py,
+            format!("truth: expected {expected}, got {} {shape}", array.dtype()),
+        ));
     }
     // Wide enough that no cell wraps around to an allowed one.
     let cells = clipped(&array)?;
@@ -59,8 +64,9 @@ fn places(object: &Bound<'_, PyAny>) -> PyResult<Vec<Option<usize>>> {
     let truth = whole_numbers(object, "truth")?;
     if let Some(query) = truth.iter().position(|&place| place < -1) {
         let got = truth[query];
-        let message =
-            format!("truth: expected a place, or -1 where there is none, got {got} for query {query}");
+        let message = format!(
+            "truth: expected a place, or -1 where there is none, got {got} for query {query}"
+        );
         return Err(value(object.py(), message));
     }
     Ok(truth.into_iter().map(|place| usize::try_from(place).ok()).collect())

@@ -1,8 +1,9 @@
 """Where am I on this route, and may I trust that answer?
 
-surefix matches the images of a drive to those of an earlier drive along the same route, and says of each match
-whether to trust it: Carson, Ford and Milford, *Unsupervised Quality Prediction for Improved Single-Frame and Weighted
-Sequential Visual Place Recognition*, ICRA 2023. No training, no ground truth, any descriptor.
+surefix matches the images of a drive to those of an earlier drive along the same route, and says of
+each match whether to trust it: Carson, Ford and Milford, *Unsupervised Quality Prediction for
+Improved Single-Frame and Weighted Sequential Visual Place Recognition*, ICRA 2023. No training, no
+ground truth, any descriptor.
 """
 
 from importlib import import_module

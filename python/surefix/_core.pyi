@@ -1,4 +1,6 @@
-"""The compiled part of surefix. Docstrings live in the Rust sources; stubtest holds these signatures to the binary."""
+"""The compiled part of surefix. Docstrings live in the Rust sources; stubtest holds these
+signatures to the binary.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from collections.abc import Sequence as _Sequence
@@ -138,7 +140,10 @@ class Fix:
 @final
 class Sad:
     def __new__(
-        cls, size: tuple[int, int] = (64, 32), patch: int = 8, dtype: npt.DTypeLike | Literal["u8", "f32"] = "u8"
+        cls,
+        size: tuple[int, int] = (64, 32),
+        patch: int = 8,
+        dtype: npt.DTypeLike | Literal["u8", "f32"] = "u8",
     ) -> Sad: ...
     def describe(self, image: _Array) -> npt.NDArray[Any]: ...
     def thumbnail(self, image: _Array) -> _UInt8: ...
@@ -405,7 +410,13 @@ class Evaluation:
     def false_positives(self) -> _Int64: ...
     def auc(self, upto: float) -> float: ...
     def auc_interval(
-        self, upto: float, *, level: float = 0.95, samples: int = 1000, block: int | None = None, seed: int = 0
+        self,
+        upto: float,
+        *,
+        level: float = 0.95,
+        samples: int = 1000,
+        block: int | None = None,
+        seed: int = 0,
     ) -> tuple[float, float]: ...
     def auc_difference_interval(
         self,
@@ -466,7 +477,11 @@ def find_images(place: _Path) -> list[str]: ...
 @final
 class Route:
     def __new__(
-        cls, places: int = 1000, size: tuple[int, int] = (320, 160), spacing: float = 3.0, seed: int = 1
+        cls,
+        places: int = 1000,
+        size: tuple[int, int] = (320, 160),
+        spacing: float = 3.0,
+        seed: int = 1,
     ) -> Route: ...
     def reference(self) -> Traverse: ...
     def revisit(
@@ -502,6 +517,10 @@ class Traverse:
 
 # What `surefix bench` measures in Rust.
 def instruction_set() -> str: ...
-def bench_latency(places: int, sequence_length: int, pushes: int) -> tuple[npt.NDArray[np.uint64], int]: ...
-def bench_image_latency(places: int, sequence_length: int, pushes: int) -> tuple[npt.NDArray[np.uint64], int]: ...
+def bench_latency(
+    places: int, sequence_length: int, pushes: int
+) -> tuple[npt.NDArray[np.uint64], int]: ...
+def bench_image_latency(
+    places: int, sequence_length: int, pushes: int
+) -> tuple[npt.NDArray[np.uint64], int]: ...
 def bench_read(words: npt.NDArray[np.uint64], seconds: float, threads: int = 1) -> float: ...

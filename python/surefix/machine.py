@@ -19,4 +19,6 @@ def _processor() -> str:
     except (OSError, UnicodeDecodeError):
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return next(filter(None, [*names, platform.processor(), platform.machine()]), "an unnamed processor")
+    return next(
+        filter(None, [*names, platform.processor(), platform.machine()]), "an unnamed processor"
+    )

@@ -15,18 +15,12 @@ __all__ = ["Matches"]
 class Matches:
     """One match a query, of any method: what ``surefix.evaluate`` takes beside a ``Run``.
 
-    Parameters
-    ----------
-    place : array of int, shape (m,)
-        The place that each query was matched to.
-    score : array of float32, shape (m,)
-        How good each match is; less is better.
-    ready : array of bool, shape (m,), optional
-        False where the method had no answer yet, as in a sequence's warm-up: such queries are left out. All True by
-        default.
-    accepted : array of bool, shape (m,), optional
-        False where the method refuses the match whatever its score, as a mask does: such queries are never accepted,
-        but count. All True by default.
+    Parameters ---------- place : array of int, shape (m,) The place that each query was matched to.
+    score : array of float32, shape (m,) How good each match is; less is better. ready : array of
+    bool, shape (m,), optional False where the method had no answer yet, as in a sequence's warm-up:
+    such queries are left out. All True by default. accepted : array of bool, shape (m,), optional
+    False where the method refuses the match whatever its score, as a mask does: such queries are
+    never accepted, but count. All True by default.
 
     Examples
     --------
@@ -45,15 +39,22 @@ class Matches:
     def __post_init__(self) -> None:
         place, score = np.asarray(self.place), np.asarray(self.score)
         if place.ndim != 1 or (place.size and place.dtype.kind not in "iu"):
-            raise SurefixValueError(f"place: expected whole numbers, one a query, got {place.dtype} {place.shape}")
+            raise SurefixValueError(
+                f"place: expected whole numbers, one a query, got {place.dtype} {place.shape}"
+            )
         if score.dtype.kind not in "fiu":
             raise SurefixValueError(f"score: expected numbers, one a query, got {score.dtype}")
-        fields: dict[str, Any] = {"place": place.astype(np.int64), "score": score.astype(np.float32)}
+        fields: dict[str, Any] = {
+            "place": place.astype(np.int64),
+            "score": score.astype(np.float32),
+        }
         for name in ("ready", "accepted"):
             flags = getattr(self, name)
             fields[name] = np.ones(len(place), bool) if flags is None else np.asarray(flags)
             if fields[name].dtype != np.bool_:
-                raise SurefixValueError(f"{name}: expected bool, one a query, got {fields[name].dtype}")
+                raise SurefixValueError(
+                    f"{name}: expected bool, one a query, got {fields[name].dtype}"
+                )
         for name, array in fields.items():
             if array.shape != place.shape:
                 expected = f"expected one number a query, {place.shape}"

@@ -1,4 +1,5 @@
-"""Post-processing of learned descriptors: fitted on the references, kept with the map, done to each query.
+"""Post-processing of learned descriptors: fitted on the references, kept with the map, done to each
+query.
 
 >>> import numpy as np, surefix
 >>> from surefix.post import Normalize, Pca, Standardize
@@ -37,17 +38,17 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Standardize:
-    """Each dimension less its mean over the references, in units of its population standard deviation.
+    """Each dimension less its mean over the references, in units of its population standard
+    deviation.
 
     A dimension that is the same in all references becomes 0.
 
-    Parameters
-    ----------
-    statistics : "references" or "running"
-        What the queries of a drive are standardised by: the references' own mean and deviation, or those of the drive's
-        queries so far, the newest among them, which begin with the references' as if these were one query. With
-        "running", a ``Localizer`` keeps the drive's, in its snapshots too, until ``reset``, and ``match`` takes its
-        queries as one drive. The references are standardised by their own either way.
+    Parameters ---------- statistics : "references" or "running" What the queries of a drive are
+    standardised by: the references' own mean and deviation, or those of the drive's queries so far,
+    the newest among them, which begin with the references' as if these were one query. With
+    "running", a ``Localizer`` keeps the drive's, in its snapshots too, until ``reset``, and
+    ``match`` takes its queries as one drive. The references are standardised by their own either
+    way.
     """
 
     statistics: Literal["references", "running"] = "references"
@@ -56,10 +57,11 @@ class Standardize:
 
 @dataclass(frozen=True, slots=True)
 class Pca:
-    """The coordinates along the ``dim`` directions in which the references differ most; whitened by default.
+    """The coordinates along the ``dim`` directions in which the references differ most; whitened by
+    default.
 
-    As scikit-learn's ``PCA(dim, whiten=True)`` computes them. There are no more than the references span: fewer than
-    there are references.
+    As scikit-learn's ``PCA(dim, whiten=True)`` computes them. There are no more than the references
+    span: fewer than there are references.
     """
 
     dim: int
@@ -76,9 +78,11 @@ class Normalize:
 
 @dataclass(frozen=True, slots=True)
 class RandomProjection:
-    """The products with ``dim`` vectors of random signs, divided by ``sqrt(dim)``: distances stay about what they are.
+    """The products with ``dim`` vectors of random signs, divided by ``sqrt(dim)``: distances stay
+    about what they are.
 
-    Achlioptas, *Database-friendly random projections*, 2003. The same ``seed`` gives the same signs everywhere.
+    Achlioptas, *Database-friendly random projections*, 2003. The same ``seed`` gives the same signs
+    everywhere.
     """
 
     dim: int
@@ -97,11 +101,9 @@ def fit(references: Any, steps: Iterable[Step]) -> Post:
     references : array of float32, shape (n, dim)
     steps : iterable of Standardize, Pca, Normalize and RandomProjection
 
-    Raises
-    ------
-    SurefixValueError
-        For references of another shape or type, fewer than two, a NaN or an infinity; for more principal components
-        than they span; for a row of zeros that is to have the length 1.
+    Raises ------ SurefixValueError For references of another shape or type, fewer than two, a NaN
+    or an infinity; for more principal components than they span; for a row of zeros that is to have
+    the length 1.
 
     Examples
     --------
@@ -114,7 +116,8 @@ def fit(references: Any, steps: Iterable[Step]) -> Post:
 
 
 def standardized(rows: Any) -> npt.NDArray[np.float32]:
-    """Rows standardised by their own statistics: for a whole drive that is there before it is matched.
+    """Rows standardised by their own statistics: for a whole drive that is there before it is
+    matched.
 
     Examples
     --------
@@ -145,7 +148,9 @@ def as_json(steps: Any) -> str:
         for name, value in asdict(step).items():
             expected, fits = _EXPECTED[name]
             if not fits(value):
-                raise SurefixValueError(f"post: {type(step).__name__}: expected {name} to be {expected}, got {value!r}")
+                raise SurefixValueError(
+                    f"post: {type(step).__name__}: expected {name} to be {expected}, got {value!r}"
+                )
     # Numbers of NumPy's as those of Python.
     return json.dumps([_plain(step) for step in listed], default=lambda number: number.item())
 
@@ -157,7 +162,11 @@ def _plain(step: Step) -> dict[str, Any]:
 
 
 def _is_whole(value: object) -> bool:
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and 0 <= int(value) < 2**63
+    return (
+        isinstance(value, (int, np.integer))
+        and not isinstance(value, bool)
+        and 0 <= int(value) < 2**63
+    )
 
 
 # What each field of a step may be.

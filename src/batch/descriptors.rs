@@ -15,10 +15,11 @@ const REPORTED: usize = 64;
 /// Distance vectors that are held at a time, in numbers: 16 MB.
 const HELD: usize = 1 << 22;
 
-/// Matches many descriptors, one after the other in `queries`, against a map: the distances on all cores, the answers
-/// those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map twice, so that no matrix need be held. `gaps` are
-/// the queries, in any order, before which there is a gap ([`Matcher::gap`]).
-/// `progress` hears of queries done and to do; `Break` from it stops the work.
+/// Matches many descriptors, one after the other in `queries`, against a map: the distances on all
+/// cores, the answers those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map
+/// twice, so that no matrix need be held. `gaps` are the queries, in any order, before which there
+/// is a gap ([`Matcher::gap`]). `progress` hears of queries done and to do; `Break` from it stops
+/// the work.
 ///
 /// ```
 /// use std::ops::ControlFlow;
@@ -34,9 +35,10 @@ const HELD: usize = 1 << 22;
 /// ```
 ///
 /// # Errors
-/// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] where the map's dimension does not divide the
-/// numbers; [`Error::Length`] where `trusted` has not one word a query; [`Error::Option`] for a gap before a query that there
-/// is not; [`Error::Interrupted`] where `progress` breaks.
+/// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] where the map's dimension
+/// does not divide the numbers; [`Error::Length`] where `trusted` has not one word a query;
+/// [`Error::Option`] for a gap before a query that there is not; [`Error::Interrupted`] where
+/// `progress` breaks.
 pub fn match_descriptors<'a>(
     map: &Map,
     queries: impl Into<View<'a>>,
@@ -48,7 +50,8 @@ pub fn match_descriptors<'a>(
     let queries = queries.into();
     let dim = map.input_dim();
     if !queries.len().is_multiple_of(dim) {
-        let (expected, got) = (format!("rows of {dim} numbers"), format!("{} numbers", queries.len()));
+        let (expected, got) =
+            (format!("rows of {dim} numbers"), format!("{} numbers", queries.len()));
         return Err(Error::Shape { what: "queries", expected, got });
     }
     let count = queries.len() / dim;
@@ -64,7 +67,11 @@ pub fn match_descriptors<'a>(
     let total = if config.floor == Floor::Global { 2 * count } else { count };
     let mut report = |done: usize| {
         let due = done.is_multiple_of(REPORTED) || done == total;
-        if due && progress(done, total).is_break() { Err(Error::Interrupted { done, total }) } else { Ok(()) }
+        if due && progress(done, total).is_break() {
+            Err(Error::Interrupted { done, total })
+        } else {
+            Ok(())
+        }
     };
     let mut scanned = 0;
     if config.floor == Floor::Global {

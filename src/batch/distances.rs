@@ -9,10 +9,11 @@ use crate::error::Error;
 use crate::matcher::{Matcher, minimum};
 use crate::parallel::each;
 
-/// Matches a whole distance matrix: `D[[i, j]]` is the distance between place `i` and query `j`, in any memory layout.
-/// The answers are those of a [`Matcher`] that is pushed column by column; `floor: Global` (the paper's own) is possible
-/// here too. `trusted`, where given, is an external predictor's word for each query; `gaps` are the queries, in any order,
-/// before which there is a gap ([`Matcher::gap`]).
+/// Matches a whole distance matrix: `D[[i, j]]` is the distance between place `i` and query `j`, in
+/// any memory layout. The answers are those of a [`Matcher`] that is pushed column by column;
+/// `floor: Global` (the paper's own) is possible here too. `trusted`, where given, is an external
+/// predictor's word for each query; `gaps` are the queries, in any order, before which there is a
+/// gap ([`Matcher::gap`]).
 ///
 /// ```
 /// use ndarray::array;
@@ -25,8 +26,9 @@ use crate::parallel::each;
 /// ```
 ///
 /// # Errors
-/// As for [`Config::validate`], and [`Error::Option`] for a gap before a query that there is not; [`Error::NotFinite`] (row:
-/// query, index: place) for a NaN or an infinity; [`Error::Length`] where `trusted` has not one word a query.
+/// As for [`Config::validate`], and [`Error::Option`] for a gap before a query that there is not;
+/// [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity; [`Error::Length`]
+/// where `trusted` has not one word a query.
 #[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
 pub fn match_distances(
     distances: ArrayView2<'_, f32>,
@@ -55,11 +57,13 @@ pub fn match_distances(
     ))?;
     let mut config = config.clone();
     if config.floor == Floor::Global {
-        config.floor = Floor::Fixed(f64::from(minima.iter().copied().fold(f32::INFINITY, f32::min)));
+        config.floor =
+            Floor::Fixed(f64::from(minima.iter().copied().fold(f32::INFINITY, f32::min)));
     }
 
-    // The batch is the stream, cut into pieces. Each begins early enough for its first window and gradients to be those
-    // of the whole stream, and with the minimum that the stream would have had.
+    // The batch is the stream, cut into pieces. Each begins early enough for its first window and
+    // gradients to be those of the whole stream, and with the minimum that the stream would have
+    // had.
     let lead = (config.sequence_length - 1).saturating_add(config.smoothing - 1);
     let fixes = flatten(each(
         pieces,
@@ -94,11 +98,20 @@ fn piece_length(config: &Config, queries: usize) -> usize {
 }
 
 /// The smallest distance of each query, and a refusal of what is not finite.
-fn column_minima(distances: &ArrayView2<'_, f32>, start: usize, end: usize) -> Result<Vec<f32>, Error> {
+fn column_minima(
+    distances: &ArrayView2<'_, f32>,
+    start: usize,
+    end: usize,
+) -> Result<Vec<f32>, Error> {
     let mut minima = Vec::with_capacity(end - start);
     for_each_column(distances, start, end, |query, column| {
         if let Some((index, value)) = first_not_finite(column) {
-            return Err(Error::NotFinite { what: "distances (row: query)", row: Some(query), index, value });
+            return Err(Error::NotFinite {
+                what: "distances (row: query)",
+                row: Some(query),
+                index,
+                value,
+            });
         }
         minima.push(minimum(column).distance);
         Ok(())
@@ -106,8 +119,8 @@ fn column_minima(distances: &ArrayView2<'_, f32>, start: usize, end: usize) -> R
     Ok(minima)
 }
 
-/// The columns from `start` to `end`, each in one piece of memory. A matrix that is stored row by row is turned a tile at
-/// a time, so that whole cache lines are read and written.
+/// The columns from `start` to `end`, each in one piece of memory. A matrix that is stored row by
+/// row is turned a tile at a time, so that whole cache lines are read and written.
 fn for_each_column(
     distances: &ArrayView2<'_, f32>,
     start: usize,

@@ -21,7 +21,8 @@ pub struct Run {
 }
 
 impl Run {
-    /// Writes the fixes as CSV: a line of names, then a line a query. Warm-up leaves `anchors` and `speed` empty.
+    /// Writes the fixes as CSV: a line of names, then a line a query. Warm-up leaves `anchors` and
+    /// `speed` empty.
     ///
     /// # Errors
     /// Whatever `out` gives.

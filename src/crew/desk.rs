@@ -8,7 +8,8 @@ use super::{Sought, Work};
 use crate::distance::{Dtype, Query, Values, View};
 use crate::map::Map;
 
-/// Where a helper finds its orders and hands in its chunks. Nobody holds the lock for longer than a copy takes.
+/// Where a helper finds its orders and hands in its chunks. Nobody holds the lock for longer than a
+/// copy takes.
 pub(super) struct Desk {
     pub(super) tray: Mutex<Tray>,
     bell: Condvar,
@@ -18,7 +19,8 @@ pub(super) struct Tray {
     order: Order,
     round: u64,
     paper: Paper,
-    /// The chunks that this helper has done in this round, and their distances, each at its own place.
+    /// The chunks that this helper has done in this round, and their distances, each at its own
+    /// place.
     chunks: Vec<usize>,
     distances: Vec<f32>,
 }
@@ -59,7 +61,8 @@ impl Desk {
         Self { tray: Mutex::new(tray), bell: Condvar::new() }
     }
 
-    /// Wakes the helper for a query, unless it is just handing something in: then it is late for this one.
+    /// Wakes the helper for a query, unless it is just handing something in: then it is late for
+    /// this one.
     pub(super) fn order(&self, round: u64, sought: Sought<'_>) {
         if let Ok(mut tray) = self.tray.try_lock() {
             tray.paper.write(sought);
@@ -83,7 +86,8 @@ impl Desk {
         }
     }
 
-    /// A helper's life: it ends with an order, or where a lock was left behind by a thread that died.
+    /// A helper's life: it ends with an order, or where a lock was left behind by a thread that
+    /// died.
     pub(super) fn serve(&self, work: &Work) {
         let mut paper = Paper::blank(&work.map);
         let mut distances = vec![0.0; work.map.places()];
@@ -97,7 +101,8 @@ impl Desk {
         }
     }
 
-    /// Sleeps until there is something to do: which round it is for, and what is sought; nothing for going home.
+    /// Sleeps until there is something to do: which round it is for, and what is sought; nothing
+    /// for going home.
     fn next_order(&self, paper: &mut Paper) -> Option<u64> {
         let mut tray = self.tray.lock().ok()?;
         loop {
@@ -114,7 +119,13 @@ impl Desk {
     }
 
     /// Whether the round is still on.
-    pub(super) fn hand_in(&self, round: u64, chunk: usize, distances: &[f32], places: Range<usize>) -> bool {
+    pub(super) fn hand_in(
+        &self,
+        round: u64,
+        chunk: usize,
+        distances: &[f32],
+        places: Range<usize>,
+    ) -> bool {
         let Ok(mut tray) = self.tray.lock() else { return false };
         let on = tray.round == round;
         if on {
@@ -160,9 +171,10 @@ impl Paper {
 
     fn read(&self) -> Sought<'_> {
         match self.form {
-            Form::Numbers(chosen) => {
-                Sought::Distances(Query { numbers: self.numbers[chosen].view(), length: self.length })
-            }
+            Form::Numbers(chosen) => Sought::Distances(Query {
+                numbers: self.numbers[chosen].view(),
+                length: self.length,
+            }),
             Form::Codes => Sought::Products(&self.codes),
         }
     }

@@ -1,9 +1,11 @@
-//! Threads that scan one map together, for a localizer whose map is larger than the processor's cache.
+//! Threads that scan one map together, for a localizer whose map is larger than the processor's
+//! cache.
 //!
-//! The threads are started once and sleep between frames. A frame's rows are dealt out in chunks to whoever comes for the
-//! next one, the caller too. The caller never waits for another thread: what one has taken and not yet handed in when all is
-//! dealt out, the caller does itself. So a thread that wakes late takes less, and one that is held up, or has died, is not
-//! missed. Rows are independent of each other: the answer is the same to the last bit, whoever did what.
+//! The threads are started once and sleep between frames. A frame's rows are dealt out in chunks to
+//! whoever comes for the next one, the caller too. The caller never waits for another thread: what
+//! one has taken and not yet handed in when all is dealt out, the caller does itself. So a thread
+//! that wakes late takes less, and one that is held up, or has died, is not missed. Rows are
+//! independent of each other: the answer is the same to the last bit, whoever did what.
 
 mod desk;
 #[cfg(test)]
@@ -19,13 +21,14 @@ use crate::distance::Query;
 use crate::map::Map;
 use desk::Desk;
 
-/// Bytes of rows for which a thread is started unasked: two for 16 MB. Two threads against one, whole pushes on a Xeon with
-/// 2 MB of cache a core, AVX-512, medians: 1.0 times as fast at 3.7 MB, 1.3 at 8 MB, 1.5 at 16 MB, 1.7 at 33 MB, 1.9 at
-/// 205 MB. On a machine whose cores are all taken, waking others gains nothing and can cost the caller its turn: small maps,
-/// which are scanned within one, are left alone.
+/// Bytes of rows for which a thread is started unasked: two for 16 MB. Two threads against one,
+/// whole pushes on a Xeon with 2 MB of cache a core, AVX-512, medians: 1.0 times as fast at 3.7 MB,
+/// 1.3 at 8 MB, 1.5 at 16 MB, 1.7 at 33 MB, 1.9 at 205 MB. On a machine whose cores are all taken,
+/// waking others gains nothing and can cost the caller its turn: small maps, which are scanned
+/// within one, are left alone.
 const BYTES_A_THREAD: usize = 8 << 20;
-/// Bytes of rows in a chunk, where the map is large enough: far more than its handling costs, and far less than a frame,
-/// for as much may be done twice.
+/// Bytes of rows in a chunk, where the map is large enough: far more than its handling costs, and
+/// far less than a frame, for as much may be done twice.
 const BYTES_A_CHUNK: usize = 1 << 18;
 
 /// What a scan is for.
@@ -73,11 +76,16 @@ struct Helper {
     thread: JoinHandle<()>,
 }
 
-/// As many threads as scan a map of this size well: one for every `BYTES_A_THREAD`, up to all cores.
+/// As many threads as scan a map of this size well: one for every `BYTES_A_THREAD`, up to all
+/// cores.
 pub(crate) fn threads_for(map: &Map) -> usize {
     let worth = map.descriptors().bytes().len() / BYTES_A_THREAD;
     // The number of cores is asked of the system, which takes a while: only where it matters.
-    if worth < 2 { 1 } else { thread::available_parallelism().map_or(1, |cores| worth.min(cores.get())) }
+    if worth < 2 {
+        1
+    } else {
+        thread::available_parallelism().map_or(1, |cores| worth.min(cores.get()))
+    }
 }
 
 impl Crew {
@@ -107,14 +115,16 @@ impl Crew {
         let large = BYTES_A_CHUNK / (map.dim() * map.dtype().size());
         let places_a_chunk = small.min(large).max(1);
         let done = vec![false; map.places().div_ceil(places_a_chunk)];
-        let work = Arc::new(Work { map: Arc::clone(map), places_a_chunk, next: AtomicUsize::new(0) });
+        let work =
+            Arc::new(Work { map: Arc::clone(map), places_a_chunk, next: AtomicUsize::new(0) });
         Self { process: process::id(), work, helpers: Vec::new(), round: 0, done }
     }
 
     fn hire(&mut self) -> io::Result<()> {
         let desk = Arc::new(Desk::new(&self.work.map, self.done.len()));
         let (work, own) = (Arc::clone(&self.work), Arc::clone(&desk));
-        let thread = thread::Builder::new().name("surefix".to_owned()).spawn(move || own.serve(&work))?;
+        let thread =
+            thread::Builder::new().name("surefix".to_owned()).spawn(move || own.serve(&work))?;
         self.helpers.push(Helper { desk, thread });
         Ok(())
     }
@@ -156,7 +166,8 @@ impl Crew {
 }
 
 impl Work {
-    /// The next chunk, for whoever asks first. (The order of all else between threads is the locks'.)
+    /// The next chunk, for whoever asks first. (The order of all else between threads is the
+    /// locks'.)
     fn take(&self) -> Option<usize> {
         let chunk = self.next.fetch_add(1, Ordering::Relaxed);
         (chunk < self.map.places().div_ceil(self.places_a_chunk)).then_some(chunk)

@@ -68,7 +68,8 @@ fn what_is_handed_in_late_is_not_looked_at() {
 
 #[test]
 fn small_maps_have_no_helpers_and_large_ones_have_them_unasked() {
-    let map = |places: usize| Map::from_descriptors(vec![1_u8; places * 4096], 4096, Metric::Manhattan);
+    let map =
+        |places: usize| Map::from_descriptors(vec![1_u8; places * 4096], 4096, Metric::Manhattan);
     assert_eq!(threads_for(&map(1800).unwrap()), 1);
     let cores = thread::available_parallelism().map_or(1, usize::from);
     assert_eq!(threads_for(&map(4096).unwrap()), cores.min(2));

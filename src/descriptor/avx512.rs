@@ -1,8 +1,8 @@
-//! The first pass of the resize with the registers of AVX-512: the same sums as in `resize`, taken apart into bytes, for
-//! the instruction that adds up four products of bytes at once (VNNI).
+//! The first pass of the resize with the registers of AVX-512: the same sums as in `resize`, taken
+//! apart into bytes, for the instruction that adds up four products of bytes at once (VNNI).
 //!
-//! A weight of 22 bits is `low + 256 middle + 65536 high`, three bytes with a sign; sums of 32 bits wrap around, and what
-//! comes out is the same whole number.
+//! A weight of 22 bits is `low + 256 middle + 65536 high`, three bytes with a sign; sums of 32 bits
+//! wrap around, and what comes out is the same whole number.
 
 #![allow(unsafe_code, reason = "intrinsics, which run only where the processor was asked")]
 #![allow(clippy::wildcard_imports, reason = "their names are prefixed")]
@@ -17,7 +17,8 @@ use crate::isa::Isa;
 const ROWS: usize = 16;
 /// Bytes a register.
 const BYTES: usize = 64;
-/// Which four neighbouring columns the words of a row's register are: the order in which `grey` leaves them.
+/// Which four neighbouring columns the words of a row's register are: the order in which `grey`
+/// leaves them.
 const GROUPS: [usize; ROWS] = [0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15];
 
 /// A register's bytes in memory.
@@ -56,7 +57,8 @@ impl Columns {
         }
         self.of = of;
         // The last weight is the mark of the end.
-        let groups = |(first, weights): (usize, &[i32])| (first % 4 + weights.len() - 1).div_ceil(4);
+        let groups =
+            |(first, weights): (usize, &[i32])| (first % 4 + weights.len() - 1).div_ceil(4);
         self.reach = across.each().map(groups).max().unwrap_or(0);
         let lines = |columns: usize| columns.div_ceil(BYTES);
         self.grey.resize(lines(of.0), [EMPTY; ROWS]);
@@ -80,8 +82,8 @@ impl Columns {
         self.weights.resize(self.firsts.len() * self.reach, Weights::default());
     }
 
-    /// The rows of `image` in grey, each as wide as the target of `across`, into `out`. `false`, and nothing done, where
-    /// the processor lacks the instructions.
+    /// The rows of `image` in grey, each as wide as the target of `across`, into `out`. `false`,
+    /// and nothing done, where the processor lacks the instructions.
     pub(super) fn run(&mut self, image: ImageView<'_>, across: &Axis, out: &mut [u8]) -> bool {
         if !Isa::Avx512.is_available() {
             return false;
@@ -100,8 +102,12 @@ impl Columns {
             // In the last block, what is left of the one before takes the place of missing rows.
             for (index, pixels) in pixels.chunks_exact(row).enumerate() {
                 match image.channels() {
-                    Channels::Grey => self.fill(index, pixels, |bytes: &[u8; BYTES]| ordered(bytes)),
-                    Channels::Rgb => self.fill(index, pixels, |bytes: &[u8; 3 * BYTES]| grey(bytes)),
+                    Channels::Grey => {
+                        self.fill(index, pixels, |bytes: &[u8; BYTES]| ordered(bytes))
+                    }
+                    Channels::Rgb => {
+                        self.fill(index, pixels, |bytes: &[u8; 3 * BYTES]| grey(bytes))
+                    }
                 }
             }
             for (lines, wide) in self.grey.iter().zip(self.wide.as_chunks_mut::<ROWS>().0) {
@@ -129,7 +135,12 @@ impl Columns {
     /// A row of `pixels`, `N` of its bytes a register.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
-    fn fill<const N: usize>(&mut self, index: usize, pixels: &[u8], grey: impl Fn(&[u8; N]) -> __m512i) {
+    fn fill<const N: usize>(
+        &mut self,
+        index: usize,
+        pixels: &[u8],
+        grey: impl Fn(&[u8; N]) -> __m512i,
+    ) {
         let (whole, rest) = pixels.as_chunks::<N>();
         for (lines, pixels) in self.grey.iter_mut().zip(whole) {
             store(&mut lines[index], grey(pixels));
@@ -153,14 +164,16 @@ impl Columns {
             let [a, b, c, d] = [0, 1, 2, 3].map(|place| {
                 let weights = &weights[place * self.reach..][..self.reach];
                 let wide = &self.wide[firsts[place]..][..self.reach];
-                let (mut low, mut middle, mut high) = (half, _mm512_setzero_si512(), _mm512_setzero_si512());
+                let (mut low, mut middle, mut high) =
+                    (half, _mm512_setzero_si512(), _mm512_setzero_si512());
                 for (wide, weights) in wide.iter().zip(weights) {
                     let wide = fetch(wide);
                     low = _mm512_dpbusd_epi32(low, wide, four(weights[0]));
                     middle = _mm512_dpbusd_epi32(middle, wide, four(weights[1]));
                     high = _mm512_dpbusd_epi32(high, wide, four(weights[2]));
                 }
-                let (middle, high) = (_mm512_slli_epi32::<8>(middle), _mm512_slli_epi32::<16>(high));
+                let (middle, high) =
+                    (_mm512_slli_epi32::<8>(middle), _mm512_slli_epi32::<16>(high));
                 let sum = _mm512_add_epi32(low, _mm512_add_epi32(middle, high));
                 _mm512_min_epi32(_mm512_srai_epi32::<PRECISION>(sum), most)
             });
@@ -219,14 +232,15 @@ fn ordered(bytes: &[u8; BYTES]) -> __m512i {
 
 /// The brightness of 64 pixels, in groups of four in the order of `GROUPS`.
 ///
-/// `(19595 R + 38470 G + 7471 B + 32768) >> 16` with the weights in bytes, green's in two halves: `256 (77 R + 75 G + 29 B +
-/// 75 G) + (-117 R + 35 G + 47 B + 35 G)`.
+/// `(19595 R + 38470 G + 7471 B + 32768) >> 16` with the weights in bytes, green's in two halves:
+/// `256 (77 R + 75 G + 29 B + 75 G) + (-117 R + 35 G + 47 B + 35 G)`.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
 fn grey(rgb: &[u8; 3 * BYTES]) -> __m512i {
     let lanes = _mm512_setr_epi32(0, 1, 2, 0, 3, 4, 5, 0, 6, 7, 8, 0, 9, 10, 11, 0);
     let last = _mm512_setr_epi32(4, 5, 6, 4, 7, 8, 9, 4, 10, 11, 12, 4, 13, 14, 15, 4);
-    let expand = _mm512_broadcast_i32x4(_mm_setr_epi8(0, 1, 2, 1, 3, 4, 5, 4, 6, 7, 8, 7, 9, 10, 11, 10));
+    let expand =
+        _mm512_broadcast_i32x4(_mm_setr_epi8(0, 1, 2, 1, 3, 4, 5, 4, 6, 7, 8, 7, 9, 10, 11, 10));
     let high = _mm512_set1_epi32(i32::from_le_bytes([77, 75, 29, 75]));
     let low = _mm512_set1_epi32(i32::from_le_bytes([-117_i8 as u8, 35, 47, 35]));
     let half = _mm512_set1_epi32(128);
@@ -240,13 +254,15 @@ fn grey(rgb: &[u8; 3 * BYTES]) -> __m512i {
         let above = _mm512_slli_epi32::<8>(_mm512_dpbusd_epi32(half, pixels, high));
         _mm512_dpbusd_epi32(above, pixels, low)
     });
-    // The third byte of each sum is the brightness: sixteen words of four pixels that are sixteen apart.
+    // The third byte of each sum is the brightness: sixteen words of four pixels that are sixteen
+    // apart.
     let [a, b, c, d] = sums;
     let ab = choose(0x0000_FF00, _mm512_srli_epi32::<8>(b), _mm512_srli_epi32::<16>(a));
     let abc = choose(0x00FF_0000, c, ab);
     let abcd = choose(-0x0100_0000, _mm512_slli_epi32::<8>(d), abc);
     // Four neighbours a word.
-    let turn = _mm512_broadcast_i32x4(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
+    let turn =
+        _mm512_broadcast_i32x4(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
     _mm512_shuffle_epi8(abcd, turn)
 }
 
@@ -261,7 +277,8 @@ fn choose(mask: i32, one: __m512i, other: __m512i) -> __m512i {
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn turned(rows: &[Line; ROWS]) -> [__m512i; ROWS] {
-    // Within quarters of a register: words 4 q + i of rows 4 p to 4 p + 3, in column (p, i), quarter q.
+    // Within quarters of a register: words 4 q + i of rows 4 p to 4 p + 3, in column (p, i),
+    // quarter q.
     let mut quarters = [_mm512_setzero_si512(); ROWS];
     for part in 0..4 {
         let [a, b, c, d] = [0, 1, 2, 3].map(|row| fetch(&rows[4 * part + row]));
@@ -276,7 +293,8 @@ fn turned(rows: &[Line; ROWS]) -> [__m512i; ROWS] {
     for word in 0..4 {
         let [a, b, c, d] = [0, 4, 8, 12].map(|part| quarters[part + word]);
         let (ab, cd) = (_mm512_shuffle_i32x4::<0x88>(a, b), _mm512_shuffle_i32x4::<0x88>(c, d));
-        let (ab_odd, cd_odd) = (_mm512_shuffle_i32x4::<0xDD>(a, b), _mm512_shuffle_i32x4::<0xDD>(c, d));
+        let (ab_odd, cd_odd) =
+            (_mm512_shuffle_i32x4::<0xDD>(a, b), _mm512_shuffle_i32x4::<0xDD>(c, d));
         columns[word] = _mm512_shuffle_i32x4::<0x88>(ab, cd);
         columns[word + 4] = _mm512_shuffle_i32x4::<0x88>(ab_odd, cd_odd);
         columns[word + 8] = _mm512_shuffle_i32x4::<0xDD>(ab, cd);

@@ -9,7 +9,8 @@ use super::source::ImageSource;
 use crate::error::Error;
 
 /// The endings that count as images in a folder.
-const ENDINGS: [&str; 11] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "ppm", "pgm", "pbm", "pnm"];
+const ENDINGS: [&str; 11] =
+    ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "ppm", "pgm", "pbm", "pnm"];
 
 /// Image files in route order. `frame10` follows `frame9`.
 ///
@@ -30,7 +31,8 @@ pub struct ImageFiles {
 }
 
 impl ImageFiles {
-    /// The images of a folder (other files are passed over), or those that a pattern such as `route/*.png` matches.
+    /// The images of a folder (other files are passed over), or those that a pattern such as
+    /// `route/*.png` matches.
     ///
     /// # Errors
     /// [`Error::Io`] where there is no such folder, [`Error::Option`] for a malformed pattern,
@@ -117,18 +119,20 @@ impl ImageSource for ImageFiles {
     }
 }
 
-/// Reads one image file: grey ones as grey, all others as RGB, 8 bits a channel. Deeper ones are scaled to 8 bits;
-/// transparency and EXIF orientation are ignored.
+/// Reads one image file: grey ones as grey, all others as RGB, 8 bits a channel. Deeper ones are
+/// scaled to 8 bits; transparency and EXIF orientation are ignored.
 ///
 /// # Errors
-/// [`Error::Io`] where the file cannot be opened, [`Error::Image`] where it is not an image that can be decoded.
+/// [`Error::Io`] where the file cannot be opened, [`Error::Image`] where it is not an image that
+/// can be decoded.
 pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
     let path = path.as_ref();
     let io = |source| Error::Io { path: path.to_owned(), action: "read the image", source };
     decode_image(&fs::read(path).map_err(io)?, &path.display().to_string())
 }
 
-/// Decodes the bytes of an image file, such as a camera driver's compressed frame, as [`read_image`] does.
+/// Decodes the bytes of an image file, such as a camera driver's compressed frame, as
+/// [`read_image`] does.
 ///
 /// `name` is what the error calls it.
 ///
@@ -140,8 +144,10 @@ pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
         return Err(unreadable("a truncated JPEG: its end marker is missing".to_owned()));
     }
     let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let decoded =
-        reader.map_err(|e| unreadable(e.to_string()))?.decode().map_err(|e| unreadable(e.to_string()))?;
+    let decoded = reader
+        .map_err(|e| unreadable(e.to_string()))?
+        .decode()
+        .map_err(|e| unreadable(e.to_string()))?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let (channels, pixels) = if decoded.color().has_color() {
         (Channels::Rgb, decoded.into_rgb8().into_raw())
@@ -151,11 +157,13 @@ pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
     Image::new(width, height, channels, pixels).map_err(|e| unreadable(e.to_string()))
 }
 
-/// Whether these are the bytes of a JPEG without its end marker: decoders fill in grey what is missing.
+/// Whether these are the bytes of a JPEG without its end marker: decoders fill in grey what is
+/// missing.
 fn is_cut_short(bytes: &[u8]) -> bool {
     const START_OF_SCAN: u8 = 0xDA;
     let Some(mut rest) = bytes.strip_prefix(&[0xFF, 0xD8]) else { return false };
-    // The segments before the picture, each with its length: a thumbnail in one of them has an end marker of its own.
+    // The segments before the picture, each with its length: a thumbnail in one of them has an end
+    // marker of its own.
     while let [0xFF, marker, high, low, ..] = rest {
         if *marker == START_OF_SCAN {
             return !rest.windows(2).any(|pair| pair == [0xFF, 0xD9]);

@@ -66,7 +66,12 @@ impl Image {
     ///
     /// # Errors
     /// [`Error::Shape`] where a side is zero or `pixels` is not `width * height * channels` bytes.
-    pub fn new(width: usize, height: usize, channels: Channels, pixels: Vec<u8>) -> Result<Self, Error> {
+    pub fn new(
+        width: usize,
+        height: usize,
+        channels: Channels,
+        pixels: Vec<u8>,
+    ) -> Result<Self, Error> {
         ImageView::new(width, height, channels, &pixels)?;
         Ok(Self { width, height, channels, pixels })
     }
@@ -82,7 +87,12 @@ impl Image {
 
     /// The same image, borrowed.
     pub fn view(&self) -> ImageView<'_> {
-        ImageView { width: self.width, height: self.height, channels: self.channels, pixels: &self.pixels }
+        ImageView {
+            width: self.width,
+            height: self.height,
+            channels: self.channels,
+            pixels: &self.pixels,
+        }
     }
 
     /// Pixels a row.
@@ -116,7 +126,12 @@ impl<'a> ImageView<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] where a side is zero or `pixels` is not `width * height * channels` bytes.
-    pub fn new(width: usize, height: usize, channels: Channels, pixels: &'a [u8]) -> Result<Self, Error> {
+    pub fn new(
+        width: usize,
+        height: usize,
+        channels: Channels,
+        pixels: &'a [u8],
+    ) -> Result<Self, Error> {
         let bytes = width.checked_mul(height).and_then(|area| area.checked_mul(channels.count()));
         if width == 0 || height == 0 || bytes != Some(pixels.len()) {
             return Err(Error::Shape {

@@ -1,5 +1,8 @@
 //! From images to descriptors (method 1.7), and what is done to those of others (method 1.10).
-#![allow(clippy::inline_always, reason = "what is not inlined is not compiled for the instruction set")]
+#![allow(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;

@@ -1,5 +1,5 @@
-//! The descriptor once more, a step at a time and a number at a time, and the fast one held against it: the same bits for
-//! every image, on every instruction set.
+//! The descriptor once more, a step at a time and a number at a time, and the fast one held against
+//! it: the same bits for every image, on every instruction set.
 
 use super::{Channels, Describer, Image, Sad};
 use crate::distance::{Dtype, Values};
@@ -190,7 +190,9 @@ fn every_colour_has_its_brightness() {
     let mut colours = Vec::with_capacity(256 * 256 * 3);
     for red in 0..=255 {
         colours.clear();
-        colours.extend((0..=255).flat_map(|green| (0..=255).map(move |blue| [red, green, blue])).flatten());
+        colours.extend(
+            (0..=255).flat_map(|green| (0..=255).map(move |blue| [red, green, blue])).flatten(),
+        );
         let image = Image::new(256, 256, Channels::Rgb, colours.clone()).unwrap();
         for isa in Isa::available() {
             let mut got = vec![0; 256 * 256];
@@ -214,7 +216,8 @@ fn rows_of_many_pixels_have_their_sums() {
             assert!(got == resize(&grey(&image), (width, 3), (to, 3)), "{width} to {to} on {isa}");
         }
     }
-    // Weights that are rounded up sum to more than one: white stays white, and not what is left of a larger number.
+    // Weights that are rounded up sum to more than one: white stays white, and not what is left of
+    // a larger number.
     let white = Image::new(2_000_000, 1, Channels::Grey, vec![255; 2_000_000]).unwrap();
     for isa in Isa::available() {
         assert_eq!(super::resize::shrunk(isa, white.view(), (1, 1)), [255], "{isa}");

@@ -1,9 +1,11 @@
-//! What one vector passes through on its way along a chain: memory that is used again, and the statistics of its drive.
+//! What one vector passes through on its way along a chain: memory that is used again, and the
+//! statistics of its drive.
 
 use super::post::Post;
 use super::running::Running;
 
-/// By itself, for vectors that are treated as the references were; [`of_drive`](Self::of_drive) for the queries of a drive.
+/// By itself, for vectors that are treated as the references were; [`of_drive`](Self::of_drive) for
+/// the queries of a drive.
 #[derive(Debug, Default)]
 pub(crate) struct Passage {
     pub(super) now: Vec<f32>,

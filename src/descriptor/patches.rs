@@ -4,8 +4,8 @@
 pub(super) const LEVELS: f64 = 32.0;
 const MIDDLE: f64 = 128.0;
 
-/// Normalises images of one width, a band of patches at a time. What is known of a patch is written to each of its
-/// columns, so that whole rows of pixels are worked on, whatever the patch.
+/// Normalises images of one width, a band of patches at a time. What is known of a patch is written
+/// to each of its columns, so that whole rows of pixels are worked on, whatever the patch.
 #[derive(Clone, Debug)]
 pub(super) struct Patches {
     side: usize,
@@ -24,8 +24,8 @@ impl Patches {
         Self { side, sums: whole.clone(), squares: whole, totals: real.clone(), scales: real }
     }
 
-    /// Each patch by itself: `z = (p - mean) / std`, and 0 where the std is below one grey level. The sums are
-    /// whole numbers, so nothing is lost before the last division.
+    /// Each patch by itself: `z = (p - mean) / std`, and 0 where the std is below one grey level.
+    /// The sums are whole numbers, so nothing is lost before the last division.
     #[inline(always)]
     pub(super) fn normalise<T>(&mut self, small: &[u8], out: &mut [T], store: impl Fn(f64) -> T) {
         let (width, count) = (self.sums.len(), (self.side * self.side) as f64);
@@ -60,9 +60,11 @@ impl Patches {
     fn measure(&mut self) {
         let count = (self.side * self.side) as u64;
         let whole = self.sums.chunks_exact(self.side).zip(self.squares.chunks_exact(self.side));
-        let real = self.totals.chunks_exact_mut(self.side).zip(self.scales.chunks_exact_mut(self.side));
+        let real =
+            self.totals.chunks_exact_mut(self.side).zip(self.scales.chunks_exact_mut(self.side));
         for ((sums, squares), (totals, scales)) in whole.zip(real) {
-            let add = |numbers: &[u32]| numbers.iter().map(|&number| u64::from(number)).sum::<u64>();
+            let add =
+                |numbers: &[u32]| numbers.iter().map(|&number| u64::from(number)).sum::<u64>();
             let (sum, squares) = (add(sums), add(squares));
             // count^2 times the variance.
             let spread = count * squares - sum * sum;
@@ -73,7 +75,8 @@ impl Patches {
     }
 }
 
-/// `clamp(round(128 + 32 z))`, halves away from zero. Within the clamp that is upwards, and needs no library function.
+/// `clamp(round(128 + 32 z))`, halves away from zero. Within the clamp that is upwards, and needs
+/// no library function.
 #[inline(always)]
 pub(super) fn level(z: f64) -> u8 {
     let level = (MIDDLE + LEVELS * z).clamp(0.0, 255.0);

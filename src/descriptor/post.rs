@@ -1,4 +1,5 @@
-//! Post-processing of learned descriptors: fitted on the references, and done to each query (method 1.10).
+//! Post-processing of learned descriptors: fitted on the references, and done to each query (method
+//! 1.10).
 
 use serde::{Deserialize, Serialize};
 
@@ -7,22 +8,25 @@ use super::stage::Stage;
 use crate::error::Error;
 use crate::parallel::each;
 
-/// One step of post-processing, as it is asked for. In a chain, each works on what the one before gives.
+/// One step of post-processing, as it is asked for. In a chain, each works on what the one before
+/// gives.
 ///
-/// As JSON: `{"step": "standardize"}`, `{"step": "standardize_running"}`, `{"step": "pca", "dim": 512, "whiten": true}`,
-/// `{"step": "normalize"}`, `{"step": "projection", "dim": 512, "seed": 0}`.
+/// As JSON: `{"step": "standardize"}`, `{"step": "standardize_running"}`, `{"step": "pca", "dim":
+/// 512, "whiten": true}`, `{"step": "normalize"}`, `{"step": "projection", "dim": 512, "seed": 0}`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "step", rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum Step {
-    /// Each dimension less its mean over the references, in units of its population standard deviation; 0 where all references have
-    /// the same number.
+    /// Each dimension less its mean over the references, in units of its population standard
+    /// deviation; 0 where all references have the same number.
     Standardize,
-    /// The references as by [`Standardize`](Self::Standardize); each query of a drive by the mean and the deviation of the drive's queries so
-    /// far, which begin with the references' own as if those were one query ([`Running::after`](super::Running::after)). A
+    /// The references as by [`Standardize`](Self::Standardize); each query of a drive by the mean
+    /// and the deviation of the drive's queries so far, which begin with the references' own as if
+    /// those were one query ([`Running::after`](super::Running::after)). A
     /// [`Localizer`](crate::Localizer) keeps these, in its snapshots too.
     StandardizeRunning,
-    /// The coordinates along the `dim` directions in which the references differ most (principal component analysis).
+    /// The coordinates along the `dim` directions in which the references differ most (principal
+    /// component analysis).
     Pca {
         /// How many, up to what the references span.
         dim: usize,
@@ -31,7 +35,8 @@ pub enum Step {
     },
     /// To the length 1.
     Normalize,
-    /// The products with `dim` vectors of random signs, divided by `sqrt(dim)`: distances stay about what they are (Achlioptas, 2003).
+    /// The products with `dim` vectors of random signs, divided by `sqrt(dim)`: distances stay
+    /// about what they are (Achlioptas, 2003).
     Projection {
         /// How many.
         dim: usize,
@@ -40,7 +45,8 @@ pub enum Step {
     },
 }
 
-/// A chain of steps that has been fitted on the references, so that queries are treated as these were.
+/// A chain of steps that has been fitted on the references, so that queries are treated as these
+/// were.
 ///
 /// ```
 /// use surefix::descriptor::{Post, Step};
@@ -58,13 +64,14 @@ pub struct Post {
 }
 
 impl Post {
-    /// Fits the steps on references, rows of `dim` numbers, one after the other: each on what those before it make of them. Gives the chain,
-    /// and the references as the chain makes them.
+    /// Fits the steps on references, rows of `dim` numbers, one after the other: each on what those
+    /// before it make of them. Gives the chain, and the references as the chain makes them.
     ///
     /// # Errors
-    /// [`Error::Shape`] where `dim` does not divide the numbers; [`Error::NotFinite`] for a NaN or an infinity, in the references or
-    /// after a step; [`Error::Option`] for a `dim` of 0, or of more than the references span or memory holds;
-    /// [`Error::NoDirection`] for a row of zeros that is to have the length 1; [`Error::TooFewPlaces`] below two rows.
+    /// [`Error::Shape`] where `dim` does not divide the numbers; [`Error::NotFinite`] for a NaN or
+    /// an infinity, in the references or after a step; [`Error::Option`] for a `dim` of 0, or of
+    /// more than the references span or memory holds; [`Error::NoDirection`] for a row of zeros
+    /// that is to have the length 1; [`Error::TooFewPlaces`] below two rows.
     pub fn fit(steps: &[Step], rows: &[f32], dim: usize) -> Result<(Self, Vec<f32>), Error> {
         if dim == 0 || !rows.len().is_multiple_of(dim) {
             let expected = "rows of at least one number, all of one length".to_owned();
@@ -98,7 +105,8 @@ impl Post {
             let name = |part: &str| format!("post.{index}.{part}");
             let finite = stage.offset.iter().chain(&stage.scale).all(|x| x.is_finite())
                 && stage.matrix.iter().all(|x| x.is_finite())
-                && (stage.step != Step::StandardizeRunning || stage.variances().all(f64::is_finite));
+                && (stage.step != Step::StandardizeRunning
+                    || stage.variances().all(f64::is_finite));
             if !finite {
                 return Err(format!("{}: expected finite numbers", name("*")));
             }
@@ -113,7 +121,10 @@ impl Post {
                 Step::Pca { .. } | Step::Projection { .. } => {
                     if stage.matrix.is_empty() || !stage.matrix.len().is_multiple_of(width) {
                         let got = stage.matrix.len();
-                        return Err(format!("{}: expected {width} rows, got {got} numbers", name("matrix")));
+                        return Err(format!(
+                            "{}: expected {width} rows, got {got} numbers",
+                            name("matrix")
+                        ));
                     }
                     stage.matrix.len() / width
                 }
@@ -165,16 +176,21 @@ impl Post {
         self.running().next().is_some()
     }
 
-    /// Does the steps to vectors of [`input`](Self::input) numbers, one after the other, on all cores. Each is treated as the references were:
-    /// statistics of a drive are a localizer's.
+    /// Does the steps to vectors of [`input`](Self::input) numbers, one after the other, on all
+    /// cores. Each is treated as the references were: statistics of a drive are a localizer's.
     ///
     /// # Errors
-    /// [`Error::Shape`] where these are no such vectors, [`Error::NotFinite`] for a NaN or an infinity, in them or after a step, and
-    /// [`Error::NoDirection`] for one of zeros that is to have the length 1; each names the row.
+    /// [`Error::Shape`] where these are no such vectors, [`Error::NotFinite`] for a NaN or an
+    /// infinity, in them or after a step, and [`Error::NoDirection`] for one of zeros that is to
+    /// have the length 1; each names the row.
     pub fn apply(&self, rows: &[f32]) -> Result<Vec<f32>, Error> {
         if !rows.len().is_multiple_of(self.input) {
             let expected = format!("rows of {} numbers", self.input);
-            return Err(Error::Shape { what: "vectors", expected, got: format!("{} numbers", rows.len()) });
+            return Err(Error::Shape {
+                what: "vectors",
+                expected,
+                got: format!("{} numbers", rows.len()),
+            });
         }
         let several = rows.len() > self.input;
         apply(&self.stages, rows, self.input, self.output, several)
@@ -184,7 +200,11 @@ impl Post {
     ///
     /// # Errors
     /// [`Error::Length`] for another length, and those of [`apply`](Self::apply).
-    pub(crate) fn pass<'a>(&self, vector: &[f32], through: &'a mut Passage) -> Result<&'a [f32], Error> {
+    pub(crate) fn pass<'a>(
+        &self,
+        vector: &[f32],
+        through: &'a mut Passage,
+    ) -> Result<&'a [f32], Error> {
         if vector.len() != self.input {
             let (what, expected, got) = ("descriptor", self.input, vector.len());
             return Err(Error::Length { what, expected, got });
@@ -240,7 +260,8 @@ fn pass<'a>(
     Ok(&through.now)
 }
 
-/// Rows standardised by their own statistics, as [`Step::Standardize`] does: for a whole drive that is there before it is matched.
+/// Rows standardised by their own statistics, as [`Step::Standardize`] does: for a whole drive that
+/// is there before it is matched.
 ///
 /// ```
 /// let rows = [1.0_f32, 5.0, 3.0, 5.0];

@@ -9,7 +9,8 @@ use crate::error::Error;
 fn rows(count: usize, dim: usize, seed: u64) -> Vec<f32> {
     let mut state = seed;
     let mut draw = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f32 / 8_388_608.0 - 1.0
     };
     (0..count * dim).map(|index| draw() * (1 + index % dim) as f32 + (index % dim) as f32).collect()
@@ -149,7 +150,8 @@ fn a_projection_keeps_distances_about_and_is_the_same_everywhere() {
 fn what_cannot_be_is_refused() {
     let flat = [1.0_f32, 2.0, 1.0, 2.0, 1.0, 2.0];
     assert_eq!(standardized(&flat, 2).unwrap(), [0.0; 6]);
-    let say = |steps: &[Step], rows: &[f32], dim| Post::fit(steps, rows, dim).unwrap_err().to_string();
+    let say =
+        |steps: &[Step], rows: &[f32], dim| Post::fit(steps, rows, dim).unwrap_err().to_string();
     let normalize = say(&[Step::Standardize, Step::Normalize], &flat, 2);
     assert!(normalize.contains("when normalized (row 0)"), "{normalize}");
     let line = [1.0_f32, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0];
@@ -171,9 +173,15 @@ fn what_cannot_be_is_refused() {
     assert!(huge.contains("descriptor, projected: expected finite numbers"), "{huge}");
     let (post, _) = Post::fit(&[Step::Normalize], &line, 2).unwrap();
     assert!(matches!(post.apply(&[1.0, 2.0, 3.0]), Err(Error::Shape { .. })));
-    assert!(matches!(post.apply(&[1.0, 2.0, 0.0, 0.0]), Err(Error::NoDirection { row: Some(1), .. })));
+    assert!(matches!(
+        post.apply(&[1.0, 2.0, 0.0, 0.0]),
+        Err(Error::NoDirection { row: Some(1), .. })
+    ));
     let mut through = super::Passage::new(&post);
-    assert!(matches!(post.pass(&[1.0], &mut through), Err(Error::Length { expected: 2, got: 1, .. })));
+    assert!(matches!(
+        post.pass(&[1.0], &mut through),
+        Err(Error::Length { expected: 2, got: 1, .. })
+    ));
 }
 
 proptest! {

@@ -1,7 +1,7 @@
 //! Random signs that are the same everywhere.
 
-/// `rows` rows of `dim` signs, 1 or -1, drawn by `SplitMix64` from `seed`: 64 a draw, the lowest bit first. Nothing where there is
-/// no memory for them.
+/// `rows` rows of `dim` signs, 1 or -1, drawn by `SplitMix64` from `seed`: 64 a draw, the lowest
+/// bit first. Nothing where there is no memory for them.
 pub(super) fn signs(rows: usize, dim: usize, seed: u64) -> Option<Vec<f32>> {
     let count = rows.checked_mul(dim)?;
     let mut signs = Vec::new();

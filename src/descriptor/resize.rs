@@ -1,11 +1,12 @@
 //! Antialiased bilinear resizing as Pillow does it: grey, then rows, then columns, in fixed point.
 //!
-//! It is our own because `push` may not allocate, and resize libraries compute their tables anew for each
-//! image: here they are kept for as long as the camera does not change its image size.
+//! It is our own because `push` may not allocate, and resize libraries compute their tables anew
+//! for each image: here they are kept for as long as the camera does not change its image size.
 //!
-//! A row's sums are a few dozen products each, at places that differ from sum to sum: little for a vector register to
-//! hold. So the rows are taken a block at a time and turned on their side: the same sum of all rows of a block then runs
-//! side by side. Everything is in whole numbers, so the order of additions makes no difference.
+//! A row's sums are a few dozen products each, at places that differ from sum to sum: little for a
+//! vector register to hold. So the rows are taken a block at a time and turned on their side: the
+//! same sum of all rows of a block then runs side by side. Everything is in whole numbers, so the
+//! order of additions makes no difference.
 
 use std::ops::Range;
 
@@ -16,7 +17,8 @@ use super::image::{Channels, ImageView};
 use super::transpose::{deinterleave, interleave};
 use crate::isa::Isa;
 
-/// Bits behind the point of a weight: an 8-bit pixel times a weight, summed, fits 32 bits with a sign.
+/// Bits behind the point of a weight: an 8-bit pixel times a weight, summed, fits 32 bits with a
+/// sign.
 pub(super) const PRECISION: u32 = 32 - 8 - 2;
 /// Rows a block: as many 32-bit sums as the widest registers hold.
 const ROWS: usize = 16;
@@ -28,16 +30,18 @@ const END: i32 = -1;
 pub(super) struct Axis {
     pub(super) source: usize,
     pub(super) target: usize,
-    /// For each target pixel: its first source pixel, and where its weights and their `END` are in `weights`.
+    /// For each target pixel: its first source pixel, and where its weights and their `END` are in
+    /// `weights`.
     taps: Vec<(usize, Range<usize>)>,
-    /// The weights of one target pixel after the other, each with an `END`. (A loop that ends at a mark is one that the
-    /// compiler leaves alone: with a count, it would vectorise along the weights, which are few, and not along the rows.)
+    /// The weights of one target pixel after the other, each with an `END`. (A loop that ends at a
+    /// mark is one that the compiler leaves alone: with a count, it would vectorise along the
+    /// weights, which are few, and not along the rows.)
     weights: Vec<i32>,
 }
 
 impl Axis {
-    /// The triangle filter, widened by the factor of reduction (so that it does not alias), normalised, and rounded to
-    /// `PRECISION` bits.
+    /// The triangle filter, widened by the factor of reduction (so that it does not alias),
+    /// normalised, and rounded to `PRECISION` bits.
     fn prepare(&mut self, source: usize, target: usize) {
         if (self.source, self.target) == (source, target) {
             return;
@@ -58,13 +62,15 @@ impl Axis {
             let total: f64 = (first..last).map(triangle).sum();
             let one = f64::from(1_u32 << PRECISION);
             let start = self.weights.len();
-            self.weights.extend((first..last).map(|pixel| (0.5 + triangle(pixel) / total * one) as i32));
+            self.weights
+                .extend((first..last).map(|pixel| (0.5 + triangle(pixel) / total * one) as i32));
             self.weights.push(END);
             self.taps.push((first, start..self.weights.len()));
         }
     }
 
-    /// For each target pixel: its first source pixel, and the weights from there on, with the `END`.
+    /// For each target pixel: its first source pixel, and the weights from there on, with the
+    /// `END`.
     #[inline(always)]
     pub(super) fn each(&self) -> impl Iterator<Item = (usize, &[i32])> {
         self.taps.iter().map(|(first, weights)| (*first, &self.weights[weights.clone()]))
@@ -86,9 +92,16 @@ pub(super) struct Resize {
 }
 
 impl Resize {
-    /// `image` in grey into `out` of `to` (width, height), rows first, then columns, each rounded to 8 bits.
+    /// `image` in grey into `out` of `to` (width, height), rows first, then columns, each rounded
+    /// to 8 bits.
     #[inline(always)]
-    pub(super) fn run(&mut self, isa: Isa, image: ImageView<'_>, to: (usize, usize), out: &mut [u8]) {
+    pub(super) fn run(
+        &mut self,
+        isa: Isa,
+        image: ImageView<'_>,
+        to: (usize, usize),
+        out: &mut [u8],
+    ) {
         let (width, height) = (image.width(), image.height());
         self.across.prepare(width, to.0);
         self.down.prepare(height, to.1);
@@ -132,7 +145,8 @@ impl Resize {
     }
 }
 
-/// The memory of the first pass, for `ROWS` rows. Four bytes of a column are a word, four words the column.
+/// The memory of the first pass, for `ROWS` rows. Four bytes of a column are a word, four words the
+/// column.
 #[derive(Clone, Debug, Default)]
 struct Block {
     /// The rows in grey, one after the other.
@@ -146,7 +160,8 @@ struct Block {
 }
 
 impl Block {
-    /// The first pass: the rows of `image` in grey, each as wide as the target of `across`, into `out`.
+    /// The first pass: the rows of `image` in grey, each as wide as the target of `across`, into
+    /// `out`.
     #[inline(always)]
     fn run(&mut self, image: ImageView<'_>, across: &Axis, out: &mut [u8]) {
         let (wide, narrow, channels) = (across.source, across.target, image.channels());
@@ -174,7 +189,10 @@ impl Block {
         let width = self.wide.len();
         for (rows, words) in self.grey.chunks_exact(4 * width).zip(&mut self.words) {
             let row = |index: usize| &rows[index * width..][..width];
-            interleave([row(0), row(1), row(2), row(3)], bytemuck::must_cast_slice_mut(&mut words[..width]));
+            interleave(
+                [row(0), row(1), row(2), row(3)],
+                bytemuck::must_cast_slice_mut(&mut words[..width]),
+            );
         }
         let [a, b, c, d] = &self.words;
         interleave([a, b, c, d], &mut self.wide);

@@ -3,11 +3,12 @@
 use super::stage::Stage;
 use crate::error::Error;
 
-/// Standardises vector after vector by the mean and the population standard deviation of those that came, the newest among them
-/// (Welford, 1962): what a stream can know of its own statistics.
+/// Standardises vector after vector by the mean and the population standard deviation of those that
+/// came, the newest among them (Welford, 1962): what a stream can know of its own statistics.
 ///
-/// It gives what [`standardized`](super::standardized) would give for the newest of the rows so far, up to rounding; the first vector becomes zeros.
-/// Where a dimension has been the same so far, it gives 0.
+/// It gives what [`standardized`](super::standardized) would give for the newest of the rows so
+/// far, up to rounding; the first vector becomes zeros. Where a dimension has been the same so far,
+/// it gives 0.
 ///
 /// ```
 /// use surefix::descriptor::Running;
@@ -33,8 +34,9 @@ impl Running {
         Self { count: 0, mean: vec![0.0; dim], square: vec![0.0; dim] }
     }
 
-    /// The same, as if one vector had come before: the mean of references, that far from itself as these are on average. So the first
-    /// ones of a drive are standardised by the references, and what follows more and more by the drive.
+    /// The same, as if one vector had come before: the mean of references, that far from itself as
+    /// these are on average. So the first ones of a drive are standardised by the references, and
+    /// what follows more and more by the drive.
     ///
     /// ```
     /// # use surefix::descriptor::Running;
@@ -61,13 +63,17 @@ impl Running {
     pub(super) fn become_after(&mut self, stage: &Stage) {
         self.count = 1;
         self.mean.copy_from_slice(&stage.offset);
-        self.square.iter_mut().zip(stage.variances()).for_each(|(square, variance)| *square = variance);
+        self.square
+            .iter_mut()
+            .zip(stage.variances())
+            .for_each(|(square, variance)| *square = variance);
     }
 
     /// Takes a vector in, and writes it standardised to `out`.
     ///
     /// # Errors
-    /// [`Error::Length`] for another length, [`Error::NotFinite`] for a NaN or an infinity. Nothing has changed then.
+    /// [`Error::Length`] for another length, [`Error::NotFinite`] for a NaN or an infinity. Nothing
+    /// has changed then.
     pub fn push(&mut self, vector: &[f32], out: &mut [f32]) -> Result<(), Error> {
         for (what, got) in [("descriptor", vector.len()), ("out", out.len())] {
             if got != self.mean.len() {
@@ -83,11 +89,15 @@ impl Running {
         Ok(())
     }
 
-    /// What [`push`](Self::push) does, of as many numbers and finite ones; the statistics with the vector go to `next`.
+    /// What [`push`](Self::push) does, of as many numbers and finite ones; the statistics with the
+    /// vector go to `next`.
     pub(super) fn look(&self, vector: &[f32], next: &mut Self, out: &mut [f32]) {
         next.count = self.count + 1;
-        let state = self.mean.iter().zip(&self.square).zip(next.mean.iter_mut().zip(&mut next.square));
-        for ((&x, out), ((&mean, &square), (next_mean, next_square))) in vector.iter().zip(out).zip(state) {
+        let state =
+            self.mean.iter().zip(&self.square).zip(next.mean.iter_mut().zip(&mut next.square));
+        for ((&x, out), ((&mean, &square), (next_mean, next_square))) in
+            vector.iter().zip(out).zip(state)
+        {
             (*next_mean, *next_square, *out) = taken_in(x, mean, square, next.count as f64);
         }
     }
@@ -110,12 +120,14 @@ impl Running {
     }
 }
 
-/// The mean and the sum of squared differences with `x`, which is number `count`; and `x` standardised by them.
+/// The mean and the sum of squared differences with `x`, which is number `count`; and `x`
+/// standardised by them.
 fn taken_in(x: f32, mean: f64, square: f64, count: f64) -> (f64, f64, f32) {
     let x = f64::from(x);
     let before = x - mean;
     let mean = mean + before / count;
     let square = square + before * (x - mean);
-    let standardized = if square > 0.0 { ((x - mean) / (square / count).sqrt()) as f32 } else { 0.0 };
+    let standardized =
+        if square > 0.0 { ((x - mean) / (square / count).sqrt()) as f32 } else { 0.0 };
     (mean, square, standardized)
 }

@@ -1,7 +1,8 @@
-//! A drive's statistics as bytes, so that a robot that restarts goes on where it was, to the last bit.
+//! A drive's statistics as bytes, so that a robot that restarts goes on where it was, to the last
+//! bit.
 //!
-//! A small safetensors file: the tensors `mean` and `square`, one metadata entry `surefix` with the rest as JSON, and the tensor
-//! `checksum` over all of it.
+//! A small safetensors file: the tensors `mean` and `square`, one metadata entry `surefix` with the
+//! rest as JSON, and the tensor `checksum` over all of it.
 
 use std::collections::HashMap;
 use std::fmt::Display;
@@ -29,8 +30,8 @@ struct Header {
 }
 
 impl Running {
-    /// The whole state as bytes; [`restore`](Self::restore) goes on from it bit-identically. A localizer's own snapshot does not
-    /// hold it.
+    /// The whole state as bytes; [`restore`](Self::restore) goes on from it bit-identically. A
+    /// localizer's own snapshot does not hold it.
     ///
     /// ```
     /// use surefix::descriptor::Running;
@@ -55,7 +56,8 @@ impl Running {
             ("square", tensor(Dtype::F64, self.square.len(), &square)?),
             ("checksum", tensor(Dtype::U64, 1, &sum)?),
         ];
-        serialize(tensors, Some(HashMap::from([(ENTRY.to_owned(), header)]))).map_err(|e| refused(&e))
+        serialize(tensors, Some(HashMap::from([(ENTRY.to_owned(), header)])))
+            .map_err(|e| refused(&e))
     }
 
     /// Statistics that go on where the snapshot was taken.
@@ -63,14 +65,18 @@ impl Running {
     /// # Errors
     /// [`Error::Snapshot`] where the bytes are damaged, foreign or of a newer version.
     pub fn restore(snapshot: &[u8]) -> Result<Self, Error> {
-        let damaged = |e: &dyn Display| refused(&format!("damaged or not one of running statistics ({e})"));
+        let damaged =
+            |e: &dyn Display| refused(&format!("damaged or not one of running statistics ({e})"));
         let tensors = SafeTensors::deserialize(snapshot).map_err(|e| damaged(&e))?;
         let (_, metadata) = SafeTensors::read_metadata(snapshot).map_err(|e| damaged(&e))?;
         let text = metadata.metadata().as_ref().and_then(|entries| entries.get(ENTRY));
         let text = text.ok_or_else(|| damaged(&"no surefix entry"))?;
         let header: Header = serde_json::from_str(text).map_err(|e| damaged(&e))?;
         if header.format != FORMAT {
-            return Err(damaged(&format!("expected the format {FORMAT:?}, got {:?}", header.format)));
+            return Err(damaged(&format!(
+                "expected the format {FORMAT:?}, got {:?}",
+                header.format
+            )));
         }
         if header.version > VERSION {
             let found = header.version;
@@ -83,7 +89,8 @@ impl Running {
         if checksum(text, mean.data(), square.data()) != sum.map_err(|e| damaged(&e))?.data() {
             return Err(damaged(&"its checksum does not fit"));
         }
-        let fits = |tensor: &TensorView<'_>| tensor.dtype() == Dtype::F64 && tensor.shape().len() == 1;
+        let fits =
+            |tensor: &TensorView<'_>| tensor.dtype() == Dtype::F64 && tensor.shape().len() == 1;
         if !fits(&mean) || !fits(&square) || mean.shape() != square.shape() {
             return Err(damaged(&"tensors of the wrong shape"));
         }

@@ -58,11 +58,12 @@ impl Default for Sad {
 }
 
 impl Sad {
-    /// Descriptors of `size` (width, height) pixels, normalised in patches of `patch x patch`, kept as `U8`
-    /// (`128 + 32 z`) or `F32` (`z`).
+    /// Descriptors of `size` (width, height) pixels, normalised in patches of `patch x patch`, kept
+    /// as `U8` (`128 + 32 z`) or `F32` (`z`).
     ///
     /// # Errors
-    /// [`Error::Option`] where a side is not a multiple of the patch or above 4096, or for another type.
+    /// [`Error::Option`] where a side is not a multiple of the patch or above 4096, or for another
+    /// type.
     pub fn new(size: (usize, usize), patch: usize, dtype: Dtype) -> Result<Self, Error> {
         let (width, height) = size;
         let divides = |side: usize| (1..=MAX_SIDE).contains(&side) && side.is_multiple_of(patch);
@@ -70,8 +71,9 @@ impl Sad {
             return Err(option("patch", "a side of at least 1 pixel", &patch));
         }
         if !(divides(width) && divides(height)) {
-            let expected =
-                format!("a width and a height from 1 to {MAX_SIDE} that the patch ({patch}) divides");
+            let expected = format!(
+                "a width and a height from 1 to {MAX_SIDE} that the patch ({patch}) divides"
+            );
             return Err(option("size", &expected, &format!("{width} x {height}")));
         }
         if !matches!(dtype, Dtype::U8 | Dtype::F32) {
@@ -115,7 +117,8 @@ impl Sad {
         Ok(values)
     }
 
-    /// What the descriptor sees before it is normalised: the image in grey, at the descriptor's size.
+    /// What the descriptor sees before it is normalised: the image in grey, at the descriptor's
+    /// size.
     ///
     /// # Errors
     /// None today: an [`ImageView`] is checked when it is made.

@@ -86,7 +86,8 @@ const BATCH: usize = 32;
 ///
 /// # Errors
 /// Whatever loading an image gives; [`Error::ImageSize`] for one whose size is not the first one's;
-/// [`Error::Interrupted`] where `progress` breaks. The first image in route order that fails is the one named.
+/// [`Error::Interrupted`] where `progress` breaks. The first image in route order that fails is the
+/// one named.
 pub fn describe_all(
     sad: &Sad,
     images: &(impl ImageSource + ?Sized),
@@ -99,7 +100,8 @@ pub fn describe_all(
     Ok(all)
 }
 
-/// The same, straight into `memory`, which has room for the descriptors of all images; there is at least one.
+/// The same, straight into `memory`, which has room for the descriptors of all images; there is at
+/// least one.
 pub(crate) fn describe_into(
     sad: &Sad,
     images: &(impl ImageSource + ?Sized),
@@ -113,7 +115,8 @@ pub(crate) fn describe_into(
     })
 }
 
-/// The same, batch by batch in one small piece of memory: `take` is handed each batch's descriptors, in route order.
+/// The same, batch by batch in one small piece of memory: `take` is handed each batch's
+/// descriptors, in route order.
 pub(crate) fn describe_each(
     sad: &Sad,
     images: &(impl ImageSource + ?Sized),
@@ -153,8 +156,8 @@ pub(crate) fn go_on(answer: ControlFlow<()>, done: usize, total: usize) -> Resul
     if answer.is_break() { Err(Error::Interrupted { done, total }) } else { Ok(()) }
 }
 
-/// Describers, as many as there are threads at work, and the images that they describe. An image is in memory only while
-/// it is described.
+/// Describers, as many as there are threads at work, and the images that they describe. An image is
+/// in memory only while it is described.
 struct Crew<'a, I: ?Sized> {
     sad: &'a Sad,
     images: &'a I,
@@ -178,7 +181,8 @@ impl<'a, I: ImageSource + ?Sized> Crew<'a, I> {
 
     /// Describes the images from `start` on into `rows`, as many as there are rows.
     fn describe(&self, start: usize, rows: &mut [u8]) -> Result<(), Error> {
-        let done = each_row(rows, self.width(), |row, memory| self.describe_one(start + row, memory));
+        let done =
+            each_row(rows, self.width(), |row, memory| self.describe_one(start + row, memory));
         done.into_iter().collect()
     }
 
@@ -190,8 +194,9 @@ impl<'a, I: ImageSource + ?Sized> Crew<'a, I> {
         }
         let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         let free = idle().pop();
-        let (mut describer, mut values) = free
-            .unwrap_or_else(|| (Describer::new(*self.sad), Values::zeros(self.sad.dtype(), self.sad.dim())));
+        let (mut describer, mut values) = free.unwrap_or_else(|| {
+            (Describer::new(*self.sad), Values::zeros(self.sad.dtype(), self.sad.dim()))
+        });
         let described = describer.describe(image.view(), &mut values);
         row.copy_from_slice(values.view().bytes());
         idle().push((describer, values));

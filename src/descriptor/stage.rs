@@ -10,7 +10,8 @@ use crate::isa::Isa;
 /// The most numbers that a projection gives.
 const MOST: usize = 1 << 20;
 
-/// A step that knows what it does: all are `matrix (x - offset) scale`, or the division by the length.
+/// A step that knows what it does: all are `matrix (x - offset) scale`, or the division by the
+/// length.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Stage {
     pub(crate) step: Step,
@@ -33,7 +34,8 @@ impl Stage {
         match step {
             Step::Standardize | Step::StandardizeRunning => {
                 let (mean, deviation) = moments(rows, dim);
-                stage.scale = deviation.iter().map(|&s| if s > 0.0 { s.recip() } else { 0.0 }).collect();
+                stage.scale =
+                    deviation.iter().map(|&s| if s > 0.0 { s.recip() } else { 0.0 }).collect();
                 stage.offset = mean;
             }
             Step::Pca { dim: wanted, whiten } => {
@@ -49,7 +51,9 @@ impl Stage {
                 }
                 let signs = projection::signs(wanted, dim, seed);
                 stage.matrix = signs.ok_or_else(|| {
-                    refused(format!("so few that {dim} signs for each, of 4 bytes, fit into memory"))
+                    refused(format!(
+                        "so few that {dim} signs for each, of 4 bytes, fit into memory"
+                    ))
                 })?;
             }
             Step::Normalize => {}
@@ -87,11 +91,15 @@ impl Stage {
         match self.step {
             Step::Standardize | Step::StandardizeRunning => {
                 let parts = vector.iter().zip(self.offset.iter().zip(&self.scale));
-                out.extend(parts.map(|(&x, (&offset, &scale))| ((f64::from(x) - offset) * scale) as f32));
+                out.extend(
+                    parts.map(|(&x, (&offset, &scale))| ((f64::from(x) - offset) * scale) as f32),
+                );
             }
             Step::Pca { dim: wanted, .. } => {
                 // The centred vector first, and then the products behind it.
-                out.extend(vector.iter().zip(&self.offset).map(|(&x, &mean)| (f64::from(x) - mean) as f32));
+                out.extend(
+                    vector.iter().zip(&self.offset).map(|(&x, &mean)| (f64::from(x) - mean) as f32),
+                );
                 out.resize(dim + wanted, 0.0);
                 let (centred, coordinates) = out.split_at_mut(dim);
                 products(Isa::best(), centred, &self.matrix, coordinates);
@@ -117,7 +125,8 @@ impl Stage {
     }
 }
 
-/// The mean of each dimension over the rows, and its population standard deviation: exactly 0 where all are the same.
+/// The mean of each dimension over the rows, and its population standard deviation: exactly 0 where
+/// all are the same.
 pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
     let count = (rows.len() / dim) as f64;
     let mut mean = vec![0.0; dim];
@@ -138,6 +147,7 @@ pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
         }
     }
     let deviation = square.iter().zip(&differs);
-    let deviation = deviation.map(|(square, &differs)| if differs { (square / count).sqrt() } else { 0.0 });
+    let deviation =
+        deviation.map(|(square, &differs)| if differs { (square / count).sqrt() } else { 0.0 });
     (mean, deviation.collect())
 }

@@ -36,8 +36,8 @@ fn tile(pixels: &[u8], width: usize, patch: usize, at: usize) -> Vec<u8> {
     (top..top + patch).flat_map(inside).collect()
 }
 
-/// `round(128 + 32 (p - mean) / std)` in whole numbers alone. With `a = N p - sum` and `s = N^2 var`, `k = round(32 a / sqrt(s))`
-/// is the largest `k` with `(2 k - 1) sqrt(s) <= 64 a`.
+/// `round(128 + 32 (p - mean) / std)` in whole numbers alone. With `a = N p - sum` and `s = N^2
+/// var`, `k = round(32 a / sqrt(s))` is the largest `k` with `(2 k - 1) sqrt(s) <= 64 a`.
 fn exact_byte(tile: &[u8], pixel: u8) -> u8 {
     let count = tile.len() as i128;
     let sum: i128 = tile.iter().map(|&p| i128::from(p)).sum();
@@ -59,10 +59,12 @@ fn exact_byte(tile: &[u8], pixel: u8) -> u8 {
 /// (width, height), patch, and pixels in a narrow or a wide band of greys.
 fn small_image() -> impl Strategy<Value = ((usize, usize), usize, Vec<u8>)> {
     let band = select(vec![(0_u8, 1_u8), (100, 103), (0, 50), (0, 255), (250, 255)]);
-    (1..9_usize, 1..4_usize, 1..4_usize, band).prop_flat_map(|(patch, across, down, (low, high))| {
-        let size = (patch * across, patch * down);
-        (Just(size), Just(patch), vec(low..=high, size.0 * size.1))
-    })
+    (1..9_usize, 1..4_usize, 1..4_usize, band).prop_flat_map(
+        |(patch, across, down, (low, high))| {
+            let size = (patch * across, patch * down);
+            (Just(size), Just(patch), vec(low..=high, size.0 * size.1))
+        },
+    )
 }
 
 proptest! {
@@ -92,7 +94,8 @@ proptest! {
     }
 }
 
-/// Random tiles never meet a rounding edge, so the few tiles of three greys where `32 z` is a half are searched for.
+/// Random tiles never meet a rounding edge, so the few tiles of three greys where `32 z` is a half
+/// are searched for.
 #[test]
 fn halves_round_up_wherever_they_occur() {
     let mut halves = 0;
@@ -100,14 +103,16 @@ fn halves_round_up_wherever_they_occur() {
         (2..=8).flat_map(|patch| (1..=3).flat_map(move |a| (1..=3).map(move |b| (patch, a, b))))
     {
         let count: i64 = patch * patch;
-        for (x, y) in
-            (1..=255_i64).flat_map(|x| (x..=255).map(move |y| (x, y))).filter(|_| few + many < count)
+        for (x, y) in (1..=255_i64)
+            .flat_map(|x| (x..=255).map(move |y| (x, y)))
+            .filter(|_| few + many < count)
         {
             let (sum, squares) = (few * x + many * y, few * x * x + many * y * y);
             let spread = count * squares - sum * sum;
             let root = (spread as f64).sqrt() as i64;
             let half = |pixel: i64| {
-                (64 * (count * pixel - sum)) % root == 0 && (64 * (count * pixel - sum)) / root % 2 != 0
+                (64 * (count * pixel - sum)) % root == 0
+                    && (64 * (count * pixel - sum)) / root % 2 != 0
             };
             if root * root != spread || root < count || ![0, x, y].into_iter().any(half) {
                 continue;
@@ -120,7 +125,8 @@ fn halves_round_up_wherever_they_occur() {
             for tile in [tile, negative] {
                 let side = patch as usize;
                 let got = bytes(describe(&tile, (side, side), side, Dtype::U8));
-                let expected: Vec<u8> = tile.iter().map(|&pixel| exact_byte(&tile, pixel)).collect();
+                let expected: Vec<u8> =
+                    tile.iter().map(|&pixel| exact_byte(&tile, pixel)).collect();
                 assert_eq!(got, expected, "{tile:?}");
             }
         }
@@ -165,7 +171,8 @@ fn tiles_are_normalised_each_by_itself() {
 #[test]
 fn brightness_is_pillows_luma() {
     let levels = [0, 1, 2, 63, 127, 128, 200, 254, 255];
-    for (r, g, b) in levels.iter().flat_map(|&r| levels.iter().flat_map(move |&g| levels.map(|b| (r, g, b))))
+    for (r, g, b) in
+        levels.iter().flat_map(|&r| levels.iter().flat_map(move |&g| levels.map(|b| (r, g, b))))
     {
         let image = Image::new(1, 1, Channels::Rgb, vec![r, g, b]).unwrap();
         let got = Sad::new((1, 1), 1, Dtype::U8).unwrap().thumbnail(image.view()).unwrap();
@@ -191,8 +198,10 @@ fn triangle(row: &[f64], target: usize) -> Vec<f64> {
     let reach = scale.max(1.0);
     let pixel = |index: usize| {
         let centre = (index as f64 + 0.5) * scale;
-        let weights = (0..row.len()).map(|x| (1.0 - ((x as f64 + 0.5 - centre) / reach).abs()).max(0.0));
-        let (sum, total) = row.iter().zip(weights).fold((0.0, 0.0), |(s, t), (p, w)| (s + p * w, t + w));
+        let weights =
+            (0..row.len()).map(|x| (1.0 - ((x as f64 + 0.5 - centre) / reach).abs()).max(0.0));
+        let (sum, total) =
+            row.iter().zip(weights).fold((0.0, 0.0), |(s, t), (p, w)| (s + p * w, t + w));
         sum / total
     };
     (0..target).map(pixel).collect()
@@ -251,7 +260,11 @@ fn one_grey_stays_one_grey_and_a_ramp_stays_a_ramp() {
                 let ramp: Vec<u8> = (0..from).map(|i| (i * step) as u8).collect();
                 let across = resize(&ramp, (from, 1), (to, 1));
                 assert!(across.is_sorted(), "{from} to {to}, steps of {step}: {across:?}");
-                assert_eq!(resize(&ramp, (1, from), (1, to)), across, "both axes are filtered alike");
+                assert_eq!(
+                    resize(&ramp, (1, from), (1, to)),
+                    across,
+                    "both axes are filtered alike"
+                );
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Blocks of rows turned on their side, so that a vector register holds one pixel of many rows.
 //!
-//! Four by four, because compilers turn these loops into the shuffles of whichever instruction set they compile for.
+//! Four by four, because compilers turn these loops into the shuffles of whichever instruction set
+//! they compile for.
 
 /// `out[i]` is the `i`-th of each row.
 #[inline(always)]

@@ -11,11 +11,12 @@ use crate::parallel::each;
 /// A component whose variance is less than this part of the largest is nothing but rounding.
 const LEAST: f64 = 1e-10;
 
-/// The mean of the rows, and the first `wanted` principal components as rows of a matrix, each divided by the standard deviation along it
-/// (with `n - 1`) if they are to `whiten`. Of a component and its opposite, the one whose largest coefficient is positive.
+/// The mean of the rows, and the first `wanted` principal components as rows of a matrix, each
+/// divided by the standard deviation along it (with `n - 1`) if they are to `whiten`. Of a
+/// component and its opposite, the one whose largest coefficient is positive.
 ///
-/// The components are those of the smaller of two matrices, that of the dimensions' covariances and that of the rows' products
-/// with each other, which have the same ones.
+/// The components are those of the smaller of two matrices, that of the dimensions' covariances and
+/// that of the rows' products with each other, which have the same ones.
 ///
 /// # Errors
 /// [`Error::Option`] for none, or more than the rows span.
@@ -51,11 +52,17 @@ pub(super) fn principal(
         || (),
         |(), at| {
             let mut products = vec![0.0; side];
-            wide_products(Isa::best(), &sides[at * length..(at + 1) * length], sides, &mut products);
+            wide_products(
+                Isa::best(),
+                &sides[at * length..(at + 1) * length],
+                sides,
+                &mut products,
+            );
             products
         },
     );
-    let eigen = SymmetricEigen::new(DMatrix::from_fn(side, side, |row, column| products[row][column]));
+    let eigen =
+        SymmetricEigen::new(DMatrix::from_fn(side, side, |row, column| products[row][column]));
     let mut order: Vec<usize> = (0..side).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let value = |at: usize| eigen.eigenvalues[order[at]];
@@ -78,8 +85,9 @@ pub(super) fn principal(
                 vector.iter().copied().collect()
             };
             let length = component.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let largest =
-                component.iter().fold(0.0_f64, |most, &x| if x.abs() > most.abs() { x } else { most });
+            let largest = component
+                .iter()
+                .fold(0.0_f64, |most, &x| if x.abs() > most.abs() { x } else { most });
             let deviation = (value(at) / (count - 1) as f64).sqrt();
             let unit = largest.signum() / length / if whiten { deviation } else { 1.0 };
             for x in &mut component {

@@ -1,6 +1,9 @@
 //! The registers of AVX-512: F, BW, DQ, VL and VNNI.
 
-#![allow(unsafe_code, reason = "intrinsics, behind a value that proves that the processor has them")]
+#![allow(
+    unsafe_code,
+    reason = "intrinsics, behind a value that proves that the processor has them"
+)]
 #![allow(clippy::wildcard_imports, reason = "their names are prefixed")]
 
 use std::arch::x86_64::*;
@@ -27,8 +30,8 @@ fn inside<W: Work>(machine: Avx512, work: W) {
     work.on(machine);
 }
 
-// SAFETY, of every block below: `self` exists only where the processor has these instructions, and a load reads no
-// more than the array that it is given.
+// SAFETY, of every block below: `self` exists only where the processor has these instructions, and
+// a load reads no more than the array that it is given.
 impl Machine for Avx512 {
     type Floats = [__m256; 2];
     type Wide = __m512d;
@@ -61,7 +64,9 @@ impl Machine for Avx512 {
     fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
         // SAFETY: as said above.
-        [0, 1].map(|part: usize| unsafe { _mm256_cvtph_ps(_mm_loadu_si128(parts[part].as_ptr().cast())) })
+        [0, 1].map(|part: usize| unsafe {
+            _mm256_cvtph_ps(_mm_loadu_si128(parts[part].as_ptr().cast()))
+        })
     }
 
     #[inline(always)]

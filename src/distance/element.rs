@@ -184,8 +184,8 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Refuses a NaN or an infinity, and says where it stands in rows of `dim` numbers (a single row needs no
-    /// number).
+    /// Refuses a NaN or an infinity, and says where it stands in rows of `dim` numbers (a single
+    /// row needs no number).
     pub(crate) fn check_finite(&self, what: &'static str, dim: usize) -> Result<(), Error> {
         let found = match self {
             Self::F32(v) => first_not_finite(v),

@@ -11,8 +11,8 @@ pub(super) const LANES: usize = 16;
 /// How many bytes are taken at a time, on every machine.
 pub(super) const BLOCK: usize = 64;
 
-/// One instruction set. The value is the proof that the processor has it, so that everything here is safe to call; loads take
-/// arrays, whose length the type knows.
+/// One instruction set. The value is the proof that the processor has it, so that everything here
+/// is safe to call; loads take arrays, whose length the type knows.
 pub(super) trait Machine: Copy {
     /// [`LANES`] of f32, in registers.
     type Floats: Copy;
@@ -50,7 +50,8 @@ pub(super) trait Machine: Copy {
     fn fetch<T>(self, _ahead: *const T) {}
     /// `sum + |a|`.
     fn absolute(self, sum: Self::Wide, a: Self::Wide) -> Self::Wide;
-    /// `sum + a b`, fused or not: two numbers of 24 bits have a product of 48, which f64 holds without rounding.
+    /// `sum + a b`, fused or not: two numbers of 24 bits have a product of 48, which f64 holds
+    /// without rounding.
     fn product(self, sum: Self::Wide, a: Self::Wide, b: Self::Wide) -> Self::Wide;
     /// The sixteen sums.
     fn store(self, lanes: Self::Lanes) -> [f64; LANES];
@@ -72,7 +73,12 @@ pub(super) trait Machine: Copy {
     /// The numbers, in registers.
     fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts;
     /// For signed bytes, `sum + query row`: at most sixteen products a sum.
-    fn products_i16(self, sum: Self::Counts, query: Self::Shorts, row: &[i8; BLOCK]) -> Self::Counts;
+    fn products_i16(
+        self,
+        sum: Self::Counts,
+        query: Self::Shorts,
+        row: &[i8; BLOCK],
+    ) -> Self::Counts;
     /// What [`differences`](Self::differences) summed.
     fn total_differences(self, sum: Self::Counts) -> i64;
     /// What the others summed.

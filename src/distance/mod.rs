@@ -5,20 +5,28 @@
 //!
 //! # Instruction sets
 //!
-//! The sums are computed with the registers of an [`Isa`], chosen once a call: AVX-512 (with VNNI for the products of signed
-//! bytes), AVX2, NEON, or plain Rust. All of them give the same distances, bit for bit:
+//! The sums are computed with the registers of an [`Isa`], chosen once a call: AVX-512 (with VNNI
+//! for the products of signed bytes), AVX2, NEON, or plain Rust. All of them give the same
+//! distances, bit for bit:
 //!
-//! - Bytes against bytes of their own type are summed as whole numbers. There is one exact sum, whatever the order.
-//! - Floats, and floats against bytes, are subtracted as f32. The terms are widened to f64 and summed in sixteen sums: number `i` is
-//!   added to sum `i` modulo 16, in order of `i`, and the sums are then added by halves (8 to 8, 4 to 4, 2 to 2, 1 to 1). A wider
-//!   register holds more of the sixteen, and that is all that it changes. Squares, and the products of the cosine, may be fused with
-//!   their addition or not: two numbers of 24 bits have a product of 48, which f64 holds as it is.
+//! - Bytes against bytes of their own type are summed as whole numbers. There is one exact sum,
+//!   whatever the order.
+//! - Floats, and floats against bytes, are subtracted as f32. The terms are widened to f64 and
+//!   summed in sixteen sums: number `i` is added to sum `i` modulo 16, in order of `i`, and the
+//!   sums are then added by halves (8 to 8, 4 to 4, 2 to 2, 1 to 1). A wider register holds more of
+//!   the sixteen, and that is all that it changes. Squares, and the products of the cosine, may be
+//!   fused with their addition or not: two numbers of 24 bits have a product of 48, which f64 holds
+//!   as it is.
 //!
-//! So a manhattan or euclidean distance has the relative error of its differences, at most `2^-24`, that of its f64 sum, at most
-//! `(dim / 16 + 8) 2^-53`, and then the one rounding to f32: up to tens of millions of numbers a row it is within two units in the last
-//! place of the true one. The cosine has the error of its sum absolutely, as `1 - x` has.
+//! So a manhattan or euclidean distance has the relative error of its differences, at most `2^-24`,
+//! that of its f64 sum, at most `(dim / 16 + 8) 2^-53`, and then the one rounding to f32: up to
+//! tens of millions of numbers a row it is within two units in the last place of the true one. The
+//! cosine has the error of its sum absolutely, as `1 - x` has.
 
-#![allow(clippy::inline_always, reason = "what is inlined is compiled for the caller's instruction set")]
+#![allow(
+    clippy::inline_always,
+    reason = "what is inlined is compiled for the caller's instruction set"
+)]
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -52,7 +60,8 @@ pub(crate) use element::{each_type, first_not_finite};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Metric {
-    /// The mean absolute difference (the sum of absolute differences, SAD, divided by the dimension).
+    /// The mean absolute difference (the sum of absolute differences, SAD, divided by the
+    /// dimension).
     Manhattan,
     /// The root of the sum of squared differences.
     Euclidean,
@@ -101,7 +110,8 @@ pub(crate) struct Rows<'a> {
     pub(crate) isa: Isa,
 }
 
-/// A query that can be compared with the rows of a map: all that can be wrong with it has been looked for.
+/// A query that can be compared with the rows of a map: all that can be wrong with it has been
+/// looked for.
 #[derive(Clone, Copy)]
 pub(crate) struct Query<'a> {
     pub(crate) numbers: View<'a>,
@@ -110,11 +120,12 @@ pub(crate) struct Query<'a> {
 }
 
 impl<'a> Query<'a> {
-    /// A query is float32, or of the rows' own type; that it has as many numbers as a row is the caller's to have checked.
+    /// A query is float32, or of the rows' own type; that it has as many numbers as a row is the
+    /// caller's to have checked.
     ///
     /// # Errors
-    /// [`Error::Dtype`] for another type, [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a cosine
-    /// of zeros.
+    /// [`Error::Dtype`] for another type, [`Error::NotFinite`] for a NaN or an infinity,
+    /// [`Error::NoDirection`] for a cosine of zeros.
     pub(crate) fn new(numbers: View<'a>, rows: Rows<'_>) -> Result<Self, Error> {
         let what = "descriptor";
         numbers.check_finite(what, rows.dim)?;
@@ -146,13 +157,14 @@ pub(crate) fn distances(query: Query<'_>, rows: Rows<'_>, out: &mut [f32]) {
     }
 }
 
-/// Writes the sum of the products of `query`, numbers of up to 14 bits, with each row of signed bytes into `out`, which has a
-/// number for each row: the exact sum, rounded once.
+/// Writes the sum of the products of `query`, numbers of up to 14 bits, with each row of signed
+/// bytes into `out`, which has a number for each row: the exact sum, rounded once.
 pub(crate) fn short_products(isa: Isa, query: &[i16], rows: &[i8], out: &mut [f32]) {
     scan::shorts(isa, query, rows, out, |_, sum| sum as f32);
 }
 
-/// Writes the product of `vector` with each row into `out`, which has a number for each row: summed in f64, rounded once.
+/// Writes the product of `vector` with each row into `out`, which has a number for each row: summed
+/// in f64, rounded once.
 pub(crate) fn products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f32]) {
     scan::floats::<Products, _, _, _>(isa, vector, rows, out, |_, sum| sum as f32);
 }
@@ -168,7 +180,9 @@ fn bytes<B: Byte>(query: &[B], values: &[B], length: f64, rows: Rows<'_>, out: &
     match metric {
         Metric::Manhattan => {
             let count = dim as f64 * unit;
-            scan::bytes::<Differences, _, _>(isa, query, values, out, |_, sum| (sum as f64 / count) as f32);
+            scan::bytes::<Differences, _, _>(isa, query, values, out, |_, sum| {
+                (sum as f64 / count) as f32
+            });
         }
         Metric::Euclidean => {
             let finish = |_, sum| ((sum as f64).sqrt() / unit) as f32;
@@ -182,12 +196,20 @@ fn bytes<B: Byte>(query: &[B], values: &[B], length: f64, rows: Rows<'_>, out: &
 }
 
 /// The distances of floats to floats or to bytes, subtracted in f32 and summed in f64.
-fn floats<Q: Number, R: Number>(query: &[Q], values: &[R], length: f64, rows: Rows<'_>, out: &mut [f32]) {
+fn floats<Q: Number, R: Number>(
+    query: &[Q],
+    values: &[R],
+    length: f64,
+    rows: Rows<'_>,
+    out: &mut [f32],
+) {
     let Rows { dim, metric, unit, norms, isa, .. } = rows;
     match metric {
         Metric::Manhattan => {
             let count = dim as f64 * unit;
-            scan::floats::<Differences, _, _, _>(isa, query, values, out, |_, sum| (sum / count) as f32);
+            scan::floats::<Differences, _, _, _>(isa, query, values, out, |_, sum| {
+                (sum / count) as f32
+            });
         }
         Metric::Euclidean => {
             let finish = |_, sum: f64| (sum.sqrt() / unit) as f32;

@@ -1,6 +1,9 @@
 //! The registers of NEON.
 
-#![allow(unsafe_code, reason = "intrinsics, behind a value that proves that the processor has them")]
+#![allow(
+    unsafe_code,
+    reason = "intrinsics, behind a value that proves that the processor has them"
+)]
 #![allow(clippy::wildcard_imports, reason = "their names are prefixed")]
 
 use std::arch::aarch64::*;
@@ -28,8 +31,8 @@ fn inside<W: Work>(machine: Neon, work: W) {
     work.on(machine);
 }
 
-// SAFETY, of every block below: `self` exists only where the processor has these instructions, and a load reads no
-// more than the array that it is given.
+// SAFETY, of every block below: `self` exists only where the processor has these instructions, and
+// a load reads no more than the array that it is given.
 impl Machine for Neon {
     type Floats = [float32x4_t; 4];
     type Wide = float64x2_t;
@@ -63,7 +66,8 @@ impl Machine for Neon {
         let parts = numbers.as_chunks::<4>().0;
         [0, 1, 2, 3].map(|part: usize| {
             let wide: float32x4_t;
-            // SAFETY: as said above. The instruction is NEON's own, but stable Rust has no name for it.
+            // SAFETY: as said above. The instruction is NEON's own, but stable Rust has no name for
+            // it.
             unsafe {
                 let numbers = vld1_u16(parts[part].as_ptr().cast());
                 asm!("fcvtl {0:v}.4s, {1:v}.4h", out(vreg) wide, in(vreg) numbers, options(pure, nomem, nostack));
@@ -79,7 +83,8 @@ impl Machine for Neon {
             // SAFETY: as said above.
             unsafe {
                 let numbers = vmovl_s8(vld1_s8(parts[part / 2].as_ptr()));
-                let four = if part % 2 == 1 { vget_high_s16(numbers) } else { vget_low_s16(numbers) };
+                let four =
+                    if part % 2 == 1 { vget_high_s16(numbers) } else { vget_low_s16(numbers) };
                 vcvtq_f32_s32(vmovl_s16(four))
             }
         })
@@ -92,7 +97,8 @@ impl Machine for Neon {
             // SAFETY: as said above.
             unsafe {
                 let numbers = vmovl_u8(vld1_u8(parts[part / 2].as_ptr()));
-                let four = if part % 2 == 1 { vget_high_u16(numbers) } else { vget_low_u16(numbers) };
+                let four =
+                    if part % 2 == 1 { vget_high_u16(numbers) } else { vget_low_u16(numbers) };
                 vcvtq_f32_u32(vmovl_u16(four))
             }
         })
@@ -109,7 +115,13 @@ impl Machine for Neon {
         [0, 1, 2, 3, 4, 5, 6, 7].map(|part: usize| {
             let four = numbers[part / 2];
             // SAFETY: as said above.
-            unsafe { if part % 2 == 1 { vcvt_high_f64_f32(four) } else { vcvt_f64_f32(vget_low_f32(four)) } }
+            unsafe {
+                if part % 2 == 1 {
+                    vcvt_high_f64_f32(four)
+                } else {
+                    vcvt_f64_f32(vget_low_f32(four))
+                }
+            }
         })
     }
 

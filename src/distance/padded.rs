@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-/// A query as whole blocks, the last one filled up with zeros. Where a row's last block is filled up in the same way, the
-/// terms of what was filled in are zeros too.
+/// A query as whole blocks, the last one filled up with zeros. Where a row's last block is filled
+/// up in the same way, the terms of what was filled in are zeros too.
 pub(super) struct Padded<'a, N, const WIDTH: usize> {
     dim: usize,
     pub(super) blocks: &'a [[N; WIDTH]],
@@ -27,8 +27,9 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
         &values[start..start + self.dim].as_chunks().0[..self.blocks.len()]
     }
 
-    /// While a row and the next are read side by side, memory is asked for that is read `ahead` bytes later in each: at the end
-    /// of a row that is two rows on. Gives the blocks of a row in two parts, each with how many bytes further on that memory lies.
+    /// While a row and the next are read side by side, memory is asked for that is read `ahead`
+    /// bytes later in each: at the end of a row that is two rows on. Gives the blocks of a row in
+    /// two parts, each with how many bytes further on that memory lies.
     #[inline(always)]
     pub(super) fn ahead_of_two<R>(&self, ahead: usize) -> [(Range<usize>, usize); 2] {
         let (row, count) = (self.dim * size_of::<R>(), self.blocks.len());
@@ -43,7 +44,8 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
         let start = row * self.dim + self.blocks.len() * WIDTH;
         let mut last = [R::default(); WIDTH];
         match values.get(start..).and_then(|from| from.first_chunk::<WIDTH>()) {
-            // What stands behind the row is read as well, and dropped: a copy of one size is far faster.
+            // What stands behind the row is read as well, and dropped: a copy of one size is far
+            // faster.
             Some(numbers) => {
                 for (index, (last, number)) in last.iter_mut().zip(numbers).enumerate() {
                     *last = if index < self.broken { *number } else { R::default() };

@@ -49,7 +49,8 @@ macro_rules! widen_bytes {
 }
 widen_bytes!(i8, u8);
 
-/// The sum of `term(a, b)` over two vectors of floats of one length: number `i` goes to lane `i` modulo sixteen.
+/// The sum of `term(a, b)` over two vectors of floats of one length: number `i` goes to lane `i`
+/// modulo sixteen.
 pub(super) fn sum<A: Widen, B: Widen>(a: &[A], b: &[B], term: impl Fn(f32, f32) -> f64) -> f64 {
     let (mut space_a, mut space_b) = ([0.0; SPACE], [0.0; SPACE]);
     let mut lanes = [0.0; LANES];
@@ -81,13 +82,15 @@ pub(super) fn sum_of_lanes(mut lanes: [f64; LANES]) -> f64 {
 /// The sum of `term(a, b)` over two vectors of bytes of one length, exactly.
 pub(super) fn total<B: Copy + Into<i32>>(a: &[B], b: &[B], term: impl Fn(i32, i32) -> i32) -> i64 {
     let blocks = a.chunks(BYTES).zip(b.chunks(BYTES));
-    let sums = blocks.map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| term(a.into(), b.into())).sum::<i32>());
+    let sums =
+        blocks.map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| term(a.into(), b.into())).sum::<i32>());
     sums.map(i64::from).sum()
 }
 
 /// The sum of the products of numbers of 14 bits with bytes, exactly.
 pub(super) fn short_total(a: &[i16], b: &[i8]) -> i64 {
     let blocks = a.chunks(SHORTS).zip(b.chunks(SHORTS));
-    let sums = blocks.map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>());
+    let sums = blocks
+        .map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>());
     sums.map(i64::from).sum()
 }

@@ -8,18 +8,20 @@ use super::scalar;
 use super::term::Term;
 use crate::isa::Isa;
 
-/// After how many blocks of bytes the sums are emptied. A lane of 32 bits gets at most sixteen terms a block, each below
-/// 2^16, so that it stays below 2^30; and a row's last, broken block fits in as well.
+/// After how many blocks of bytes the sums are emptied. A lane of 32 bits gets at most sixteen
+/// terms a block, each below 2^16, so that it stays below 2^30; and a row's last, broken block fits
+/// in as well.
 const RUN: usize = 1024;
 
-/// The same for products with numbers of 14 bits: sixteen terms a block, each below 2^20, and a last block more.
+/// The same for products with numbers of 14 bits: sixteen terms a block, each below 2^20, and a
+/// last block more.
 const SHORTS_RUN: usize = 64;
 
 /// How many blocks of a row are taken at a time, each with sums of its own: none waits for another.
 const UNROLLED: usize = 4;
 
-/// How many bytes ahead of what it reads a scan asks for memory. Rows come as fast as the memory gives them, and the processor by
-/// itself stops looking ahead at the end of a page.
+/// How many bytes ahead of what it reads a scan asks for memory. Rows come as fast as the memory
+/// gives them, and the processor by itself stops looking ahead at the end of a page.
 const AHEAD: usize = 4096;
 /// Of f32, of which two rows are read at a time.
 const AHEAD_OF_F32: usize = 2560;
@@ -56,7 +58,8 @@ fn run(isa: Isa, work: impl Work) {
     }
 }
 
-/// The sums of `T` over the query and each row of `values`, in f64, each handed to `finish` with its row's number.
+/// The sums of `T` over the query and each row of `values`, in f64, each handed to `finish` with
+/// its row's number.
 pub(super) fn floats<T: Term, Q: Number, R: Number, O>(
     isa: Isa,
     query: &[Q],
@@ -67,7 +70,8 @@ pub(super) fn floats<T: Term, Q: Number, R: Number, O>(
     run(isa, Floats::<T, Q, R, O, _> { query, values, out, finish, term: PhantomData });
 }
 
-/// The sums of `T` over the query and each row of `values`, exactly, each handed to `finish` with its row's number.
+/// The sums of `T` over the query and each row of `values`, exactly, each handed to `finish` with
+/// its row's number.
 pub(super) fn bytes<T: Term, B: Byte, O>(
     isa: Isa,
     query: &[B],
@@ -78,8 +82,8 @@ pub(super) fn bytes<T: Term, B: Byte, O>(
     run(isa, Bytes::<T, B, O, _> { query, values, out, finish, term: PhantomData });
 }
 
-/// The sums of the products of numbers of up to 14 bits with the bytes of each row, exactly, each handed to `finish` with its
-/// row's number.
+/// The sums of the products of numbers of up to 14 bits with the bytes of each row, exactly, each
+/// handed to `finish` with its row's number.
 pub(super) fn shorts<O>(
     isa: Isa,
     query: &[i16],
@@ -208,8 +212,10 @@ fn two_sums<M: Machine, T: Term, Q: Number, R: Number>(
     let (mut first_lanes, mut second_lanes) = (machine.lanes(), machine.lanes());
     let (first, second) = (query.row::<R>(values, row), query.row::<R>(values, row + 1));
     for (blocks, ahead) in query.ahead_of_two::<R>(AHEAD_OF_F32) {
-        let (query, first, second) = (&query.blocks[blocks.clone()], &first[blocks.clone()], &second[blocks]);
-        let [after_first, after_second] = [first, second].map(|row| row.as_ptr().wrapping_byte_add(ahead));
+        let (query, first, second) =
+            (&query.blocks[blocks.clone()], &first[blocks.clone()], &second[blocks]);
+        let [after_first, after_second] =
+            [first, second].map(|row| row.as_ptr().wrapping_byte_add(ahead));
         let (first, second) = (&first[..query.len()], &second[..query.len()]);
         for at in 0..query.len() {
             machine.fetch(after_first.wrapping_add(at));
@@ -241,8 +247,8 @@ fn finish<M: Machine, T: Term, Q: Number, R: Number>(
     scalar::sum_of_lanes(machine.store(lanes))
 }
 
-/// How the terms of a block of whole numbers are counted. (No closure: those are not surely inlined, and what is not inlined
-/// is not compiled for the instruction set.)
+/// How the terms of a block of whole numbers are counted. (No closure: those are not surely
+/// inlined, and what is not inlined is not compiled for the instruction set.)
 trait Counted {
     type Query: Copy + Default;
     type Row: Copy + Default;
@@ -268,7 +274,12 @@ impl<T: Term, B: Byte> Counted for OfBytes<T, B> {
     const RUN: usize = RUN;
 
     #[inline(always)]
-    fn count<M: Machine>(machine: M, sum: M::Counts, query: &[u8; BLOCK], row: &[u8; BLOCK]) -> M::Counts {
+    fn count<M: Machine>(
+        machine: M,
+        sum: M::Counts,
+        query: &[u8; BLOCK],
+        row: &[u8; BLOCK],
+    ) -> M::Counts {
         T::count::<M, B>(machine, sum, machine.block(query), machine.block(row))
     }
 
@@ -284,7 +295,12 @@ impl Counted for OfShorts {
     const RUN: usize = SHORTS_RUN;
 
     #[inline(always)]
-    fn count<M: Machine>(machine: M, sum: M::Counts, query: &[i16; BLOCK], row: &[i8; BLOCK]) -> M::Counts {
+    fn count<M: Machine>(
+        machine: M,
+        sum: M::Counts,
+        query: &[i16; BLOCK],
+        row: &[i8; BLOCK],
+    ) -> M::Counts {
         machine.products_i16(sum, machine.shorts(query), row)
     }
 

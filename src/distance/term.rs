@@ -11,7 +11,12 @@ pub(super) trait Term: Copy {
     /// Adds the terms of a block of floats, to each lane its own.
     fn add<M: Machine>(machine: M, lanes: &mut M::Lanes, a: M::Floats, b: M::Floats);
     /// Adds the terms of a block of bytes.
-    fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts;
+    fn count<M: Machine, B: Byte>(
+        machine: M,
+        sum: M::Counts,
+        query: M::Block,
+        row: M::Block,
+    ) -> M::Counts;
     /// What [`count`](Self::count) summed.
     fn total<M: Machine>(machine: M, sum: M::Counts) -> i64;
     /// By how much that is too large, for any row.
@@ -51,7 +56,12 @@ impl Term for Differences {
         }
     }
     #[inline(always)]
-    fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {
+    fn count<M: Machine, B: Byte>(
+        machine: M,
+        sum: M::Counts,
+        query: M::Block,
+        row: M::Block,
+    ) -> M::Counts {
         machine.differences(sum, unsigned::<M, B>(machine, query), unsigned::<M, B>(machine, row))
     }
     #[inline(always)]
@@ -81,7 +91,12 @@ impl Term for Squares {
         }
     }
     #[inline(always)]
-    fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {
+    fn count<M: Machine, B: Byte>(
+        machine: M,
+        sum: M::Counts,
+        query: M::Block,
+        row: M::Block,
+    ) -> M::Counts {
         machine.squares(sum, unsigned::<M, B>(machine, query), unsigned::<M, B>(machine, row))
     }
     #[inline(always)]
@@ -111,8 +126,17 @@ impl Term for Products {
         }
     }
     #[inline(always)]
-    fn count<M: Machine, B: Byte>(machine: M, sum: M::Counts, query: M::Block, row: M::Block) -> M::Counts {
-        if B::SIGNED { machine.products_i8(sum, query, row) } else { machine.products_u8(sum, query, row) }
+    fn count<M: Machine, B: Byte>(
+        machine: M,
+        sum: M::Counts,
+        query: M::Block,
+        row: M::Block,
+    ) -> M::Counts {
+        if B::SIGNED {
+            machine.products_i8(sum, query, row)
+        } else {
+            machine.products_u8(sum, query, row)
+        }
     }
     #[inline(always)]
     fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
@@ -120,6 +144,10 @@ impl Term for Products {
     }
     #[inline(always)]
     fn excess<M: Machine, B: Byte>(query: &[B]) -> i64 {
-        if B::SIGNED { M::OFFSET * query.iter().map(|&x| i64::from(x.into())).sum::<i64>() } else { 0 }
+        if B::SIGNED {
+            M::OFFSET * query.iter().map(|&x| i64::from(x.into())).sum::<i64>()
+        } else {
+            0
+        }
     }
 }

@@ -1,4 +1,5 @@
-//! Every metric on every pair of types against a line of f64, over all lengths around the block sizes.
+//! Every metric on every pair of types against a line of f64, over all lengths around the block
+//! sizes.
 
 mod kernels;
 
@@ -26,7 +27,8 @@ fn pairs() -> impl Iterator<Item = (Dtype, Dtype)> {
 fn numbers(dtype: Dtype, count: usize, seed: u64) -> Values {
     let mut state = seed;
     let mut draw = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as u32
     };
     let mut float = || (draw() as f32 / 8_388_608.0 - 1.0) * [1.0, 1e-3, 30.0][draw() as usize % 3];
@@ -69,7 +71,9 @@ fn unaligned(values: &Values) -> View<'_> {
 fn run(metric: Metric, query: View<'_>, values: View<'_>, unit: f64) -> Result<Vec<f32>, Error> {
     let dim = query.len();
     let norms: Vec<f64> = match metric {
-        Metric::Cosine => (0..values.len() / dim).map(|i| norm(values.row(i, dim).unwrap())).collect(),
+        Metric::Cosine => {
+            (0..values.len() / dim).map(|i| norm(values.row(i, dim).unwrap())).collect()
+        }
         _ => Vec::new(),
     };
     let on = |isa| {
@@ -93,7 +97,8 @@ fn bits(numbers: &[f32]) -> Vec<u32> {
     numbers.iter().map(|x| x.to_bits()).collect()
 }
 
-/// Within two units in the last place of the f64 result; the cosine loses what `1 - x` loses in f64.
+/// Within two units in the last place of the f64 result; the cosine loses what `1 - x` loses in
+/// f64.
 fn close(got: f32, expected: f64, metric: Metric) -> bool {
     let rounded = expected as f32;
     let (below, above) = match metric {
@@ -119,8 +124,11 @@ fn compare(metric: Metric, (query, rows): (Dtype, Dtype), dim: usize, seed: u64,
         }
         let expected = naive(metric, &wide(query), &wide(row), unit);
         let whole = matches!(query, View::I8(_) | View::U8(_));
-        let about =
-            format!("{metric} {} to {}, {dim} numbers: {got} for {expected}", query.dtype(), rows.dtype());
+        let about = format!(
+            "{metric} {} to {}, {dim} numbers: {got} for {expected}",
+            query.dtype(),
+            rows.dtype()
+        );
         if whole && metric != Metric::Cosine {
             // Whole numbers add without loss in f64 too: one rounding in the end.
             assert_eq!(got, expected as f32, "{about}");
@@ -134,7 +142,9 @@ fn compare(metric: Metric, (query, rows): (Dtype, Dtype), dim: usize, seed: u64,
 fn every_length_around_the_blocks() {
     let lengths = (1..=257).chain([511, 512, 513, 1000, 16_383, 16_384, 16_385, 32_768, 40_001]);
     for dim in lengths {
-        for (metric, pair) in METRICS.into_iter().flat_map(|metric| pairs().map(move |pair| (metric, pair))) {
+        for (metric, pair) in
+            METRICS.into_iter().flat_map(|metric| pairs().map(move |pair| (metric, pair)))
+        {
             compare(metric, pair, dim, dim as u64, 1.0);
         }
     }

@@ -1,7 +1,7 @@
 //! How sure a figure is: the block bootstrap.
 //!
-//! Neighbouring frames see the same scenery, so they are not independent, and queries are drawn in blocks of
-//! consecutive ones (Künsch 1989; circular blocks, Politis and Romano 1992).
+//! Neighbouring frames see the same scenery, so they are not independent, and queries are drawn in
+//! blocks of consecutive ones (Künsch 1989; circular blocks, Politis and Romano 1992).
 
 use super::curve::Curve;
 use super::metrics::area;
@@ -16,7 +16,8 @@ const MOST_SAMPLES: usize = 100_000_000;
 pub struct Bootstrap {
     /// How many times the queries are drawn anew. 1000 by default.
     pub samples: usize,
-    /// How many consecutive queries a block has; by default the root of the number of queries, rounded.
+    /// How many consecutive queries a block has; by default the root of the number of queries,
+    /// rounded.
     pub block: Option<usize>,
     /// The share of the samples inside the interval. 0.95 by default.
     pub level: f64,
@@ -56,13 +57,19 @@ impl Bootstrap {
         Ok(())
     }
 
-    /// The percentile interval of `figure`, which is told how often each of `queries` queries was drawn.
-    fn interval(&self, queries: usize, figure: impl Fn(&[usize]) -> f64 + Sync) -> Result<Interval, Error> {
+    /// The percentile interval of `figure`, which is told how often each of `queries` queries was
+    /// drawn.
+    fn interval(
+        &self,
+        queries: usize,
+        figure: impl Fn(&[usize]) -> f64 + Sync,
+    ) -> Result<Interval, Error> {
         self.check()?;
         if queries == 0 {
             return Ok(Interval { low: 0.0, high: 0.0 });
         }
-        let block = self.block.unwrap_or((queries as f64).sqrt().round() as usize).clamp(1, queries);
+        let block =
+            self.block.unwrap_or((queries as f64).sqrt().round() as usize).clamp(1, queries);
         let mut figures = each(
             0..self.samples,
             || vec![0; queries],
@@ -98,12 +105,13 @@ impl Curve {
         bootstrap.interval(self.queries, |times| area(&self.redrawn(times), upto))
     }
 
-    /// An interval for the difference of two areas on the same queries, this one's less the other's: each sample draws
-    /// the same queries for both. Where it holds 0, the drive does not tell which is better.
+    /// An interval for the difference of two areas on the same queries, this one's less the
+    /// other's: each sample draws the same queries for both. Where it holds 0, the drive does not
+    /// tell which is better.
     ///
     /// # Errors
-    /// [`Error::Length`] where the other is of another number of queries, [`Error::Option`] for an option of the
-    /// bootstrap outside its range.
+    /// [`Error::Length`] where the other is of another number of queries, [`Error::Option`] for an
+    /// option of the bootstrap outside its range.
     pub fn auc_difference_interval(
         &self,
         other: &Self,

@@ -44,7 +44,8 @@ pub struct Match {
     pub score: f32,
     /// Whether the method had an answer: not so in a sequence's warm-up. Such queries are left out.
     pub ready: bool,
-    /// Whether the match may be accepted at all: a mask may refuse it whatever its score. Such queries count all the same.
+    /// Whether the match may be accepted at all: a mask may refuse it whatever its score. Such
+    /// queries count all the same.
     pub accepted: bool,
 }
 
@@ -112,7 +113,8 @@ pub struct Curve {
 /// ```
 ///
 /// # Errors
-/// [`Error::Length`] where the truth speaks of another number of queries, [`Error::NotFinite`] for a score that is a NaN.
+/// [`Error::Length`] where the truth speaks of another number of queries, [`Error::NotFinite`] for
+/// a score that is a NaN.
 pub fn evaluate(matches: &[Match], truth: &Truth, recall: Recall) -> Result<Curve, Error> {
     if truth.len() != matches.len() {
         return Err(Error::Length { what: "truth", expected: matches.len(), got: truth.len() });
@@ -136,10 +138,13 @@ pub fn evaluate(matches: &[Match], truth: &Truth, recall: Recall) -> Result<Curv
     Ok(Curve { points, judged, queries: matches.len(), recall })
 }
 
-/// Accepts the matches from the best score to the worst, equal scores together. Each query counts `times` times.
+/// Accepts the matches from the best score to the worst, equal scores together. Each query counts
+/// `times` times.
 fn sweep(judged: &[Judged], recall: Recall, times: impl Fn(&Judged) -> usize) -> Vec<Point> {
-    let count = |which: fn(&Judged) -> bool| judged.iter().filter(|j| which(j)).map(&times).sum::<usize>();
-    let (total, correct, exist) = (count(|_| true), count(|j| j.correct), count(|j| j.place_exists));
+    let count =
+        |which: fn(&Judged) -> bool| judged.iter().filter(|j| which(j)).map(&times).sum::<usize>();
+    let (total, correct, exist) =
+        (count(|_| true), count(|j| j.correct), count(|j| j.place_exists));
     let (mut accepted, mut true_positives) = (0, 0);
     let mut points = Vec::new();
     // -0 and 0 sort apart, but are one score.
@@ -184,7 +189,8 @@ impl Curve {
         self.judged.iter().filter(|j| j.correct).count()
     }
 
-    /// The curve's points where each query counts as often as `times` says: what the bootstrap draws.
+    /// The curve's points where each query counts as often as `times` says: what the bootstrap
+    /// draws.
     pub(super) fn redrawn(&self, times: &[usize]) -> Vec<Point> {
         sweep(&self.judged, self.recall, |j| times[j.query])
     }

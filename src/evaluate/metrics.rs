@@ -16,10 +16,11 @@ pub struct BestF1 {
 }
 
 impl Curve {
-    /// The area under the curve up to the recall `upto`, divided by `upto`: 1 where every match accepted by then is
-    /// correct. Trapezoids between the lowest precisions at each recall; in the segment that `upto` cuts, the sweep's own
-    /// line, which leads to the highest precision at the next recall. The first precision is held back to recall 0. A curve
-    /// that ends before `upto` adds nothing beyond its end, so read it beside [`max_recall`](Self::max_recall).
+    /// The area under the curve up to the recall `upto`, divided by `upto`: 1 where every match
+    /// accepted by then is correct. Trapezoids between the lowest precisions at each recall; in the
+    /// segment that `upto` cuts, the sweep's own line, which leads to the highest precision at the
+    /// next recall. The first precision is held back to recall 0. A curve that ends before `upto`
+    /// adds nothing beyond its end, so read it beside [`max_recall`](Self::max_recall).
     pub fn auc(&self, upto: f64) -> f64 {
         area(self.points(), upto)
     }
@@ -35,13 +36,14 @@ impl Curve {
         enough.map(|point| point.recall).fold(0.0, f64::max)
     }
 
-    /// How many wrong matches are accepted by the time that the recall is reached; nothing where it never is.
+    /// How many wrong matches are accepted by the time that the recall is reached; nothing where it
+    /// never is.
     pub fn false_positives_at(&self, recall: f64) -> Option<usize> {
         self.points().iter().find(|point| point.recall >= recall).map(|point| point.false_positives)
     }
 
-    /// The threshold with the largest harmonic mean of precision and recall, the strictest of equals; zeros where
-    /// nothing is correct.
+    /// The threshold with the largest harmonic mean of precision and recall, the strictest of
+    /// equals; zeros where nothing is correct.
     pub fn best_f1(&self) -> BestF1 {
         let mut best = BestF1::default();
         for &Point { threshold, precision, recall, .. } in self.points() {

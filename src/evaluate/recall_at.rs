@@ -9,8 +9,8 @@ use crate::distance::first_not_finite;
 use crate::error::Error;
 use crate::parallel::each;
 
-/// For each `K` of `ks`: the share of the queries that have a true place which have one among their `K` nearest places.
-/// Ties go to the lowest place; 0 where no query has a true place.
+/// For each `K` of `ks`: the share of the queries that have a true place which have one among their
+/// `K` nearest places. Ties go to the lowest place; 0 where no query has a true place.
 ///
 /// ```
 /// use ndarray::array;
@@ -24,39 +24,55 @@ use crate::parallel::each;
 /// ```
 ///
 /// # Errors
-/// [`Error::Length`] where the truth speaks of another number of queries than the matrix (places by queries) has columns, or
-/// of another route (see [`Truth::check_places`]); [`Error::Option`] for a K of 0;
-/// [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity.
-pub fn recall_at(distances: &ArrayView2<'_, f32>, truth: &Truth, ks: &[usize]) -> Result<Vec<f64>, Error> {
+/// [`Error::Length`] where the truth speaks of another number of queries than the matrix (places by
+/// queries) has columns, or of another route (see [`Truth::check_places`]); [`Error::Option`] for a
+/// K of 0; [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity.
+pub fn recall_at(
+    distances: &ArrayView2<'_, f32>,
+    truth: &Truth,
+    ks: &[usize],
+) -> Result<Vec<f64>, Error> {
     let (places, queries) = distances.dim();
     if truth.len() != queries {
         return Err(Error::Length { what: "truth", expected: queries, got: truth.len() });
     }
     truth.check_places(places)?;
     if ks.contains(&0) {
-        return Err(Error::Option { name: "ks", expected: "numbers from 1".to_owned(), got: "0".to_owned() });
+        return Err(Error::Option {
+            name: "ks",
+            expected: "numbers from 1".to_owned(),
+            got: "0".to_owned(),
+        });
     }
     // How many places come before the nearest true one; nothing where the query has none.
     let rank = |query: usize| -> Result<Option<usize>, Error> {
         let column = distances.column(query).to_vec();
         if let Some((index, value)) = first_not_finite(&column) {
-            return Err(Error::NotFinite { what: "distances (row: query)", row: Some(query), index, value });
+            return Err(Error::NotFinite {
+                what: "distances (row: query)",
+                row: Some(query),
+                index,
+                value,
+            });
         }
         if !truth.exists(query) {
             return Ok(None);
         }
         let correct = (0..places).filter(|&place| truth.judge(query, place) == Verdict::Correct);
-        let nearest = correct
-            .min_by(|&a, &b| column[a].partial_cmp(&column[b]).unwrap_or(Ordering::Equal).then(a.cmp(&b)));
+        let nearest = correct.min_by(|&a, &b| {
+            column[a].partial_cmp(&column[b]).unwrap_or(Ordering::Equal).then(a.cmp(&b))
+        });
         Ok(nearest.map(|true_place| {
             let here = column[true_place];
-            let comes_before = |(place, &d): (usize, &f32)| d < here || (d == here && place < true_place);
+            let comes_before =
+                |(place, &d): (usize, &f32)| d < here || (d == here && place < true_place);
             column.iter().enumerate().filter(|&one| comes_before(one)).count()
         }))
     };
     let ranks: Vec<Option<usize>> =
         each(0..queries, || (), |(), query| rank(query)).into_iter().collect::<Result<_, _>>()?;
     let known = (0..queries).filter(|&query| truth.exists(query)).count().max(1);
-    let share = |&k: &usize| ranks.iter().flatten().filter(|&&rank| rank < k).count() as f64 / known as f64;
+    let share =
+        |&k: &usize| ranks.iter().flatten().filter(|&&rank| rank < k).count() as f64 / known as f64;
     Ok(ks.iter().map(share).collect())
 }

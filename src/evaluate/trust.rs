@@ -30,7 +30,8 @@ impl TrustTable {
         share(self.true_positives, self.true_positives + self.false_positives)
     }
 
-    /// The share of the correct matches that is trusted (the true positive rate); 0 where none is correct.
+    /// The share of the correct matches that is trusted (the true positive rate); 0 where none is
+    /// correct.
     pub fn recall(&self) -> f64 {
         share(self.true_positives, self.true_positives + self.false_negatives)
     }
@@ -51,11 +52,12 @@ fn share(part: usize, whole: usize) -> f64 {
     part as f64 / whole.max(1) as f64
 }
 
-/// The confusion table of a run's trust flags, which speak of the single matches. Queries that the truth ignores are
-/// left out.
+/// The confusion table of a run's trust flags, which speak of the single matches. Queries that the
+/// truth ignores are left out.
 ///
 /// # Errors
-/// [`Error::Length`] where the truth speaks of another number of queries or, like [`Error::Option`], of another route.
+/// [`Error::Length`] where the truth speaks of another number of queries or, like
+/// [`Error::Option`], of another route.
 pub fn evaluate_trust(run: &Run, truth: &Truth) -> Result<TrustTable, Error> {
     if truth.len() != run.fixes.len() {
         return Err(Error::Length { what: "truth", expected: run.fixes.len(), got: truth.len() });

@@ -48,19 +48,20 @@ pub enum Verdict {
 }
 
 impl Truth {
-    /// The true place of each query; nothing for a query that was off the map. A match within `tolerance` places is
-    /// correct.
+    /// The true place of each query; nothing for a query that was off the map. A match within
+    /// `tolerance` places is correct.
     pub fn places(truth: Vec<Option<usize>>, tolerance: usize) -> Self {
         Self(Kind::Places { truth, tolerance })
     }
 
-    /// A matrix, places by queries: 1 where they show the same place, 0 where they do not, -1 where that is to be ignored.
-    /// A match within `tolerance` places of a 1 is correct.
+    /// A matrix, places by queries: 1 where they show the same place, 0 where they do not, -1 where
+    /// that is to be ignored. A match within `tolerance` places of a 1 is correct.
     ///
     /// # Errors
     /// [`Error::Shape`] for any other number in a cell.
     pub fn cells(cells: &ArrayView2<'_, i8>, tolerance: usize) -> Result<Self, Error> {
-        if let Some(((place, query), cell)) = cells.indexed_iter().find(|(_, cell)| !(-1..=1).contains(*cell))
+        if let Some(((place, query), cell)) =
+            cells.indexed_iter().find(|(_, cell)| !(-1..=1).contains(*cell))
         {
             let expected = "cells of 1 (the same place), 0 (not) or -1 (ignored)".to_owned();
             let got = format!("{cell} at place {place}, query {query}");
@@ -70,12 +71,12 @@ impl Truth {
         Ok(Self(Kind::Cells { columns, tolerance }))
     }
 
-    /// Where each place and each query is. A match within `metres` is correct; a query that has no place within
-    /// `metres` is off the map.
+    /// Where each place and each query is. A match within `metres` is correct; a query that has no
+    /// place within `metres` is off the map.
     ///
     /// # Errors
-    /// [`Error::Shape`] where one has two axes and the other three, [`Error::Option`] for a tolerance that is not a
-    /// number of 0 or more.
+    /// [`Error::Shape`] where one has two axes and the other three, [`Error::Option`] for a
+    /// tolerance that is not a number of 0 or more.
     pub fn positions(places: Positions, queries: Positions, metres: f64) -> Result<Self, Error> {
         if places.axes() != queries.axes() {
             let expected = format!("{} coordinates a query, as the places have", places.axes());
@@ -87,8 +88,11 @@ impl Truth {
             return Err(Error::Option { name: "tolerance", expected, got: metres.to_string() });
         }
         let near = |place, query| distance(&places, place, &queries, query) <= metres;
-        let exists =
-            each(0..queries.len(), || (), |(), query| (0..places.len()).any(|place| near(place, query)));
+        let exists = each(
+            0..queries.len(),
+            || (),
+            |(), query| (0..places.len()).any(|place| near(place, query)),
+        );
         Ok(Self(Kind::Positions { places, queries, metres, exists }))
     }
 
@@ -109,7 +113,8 @@ impl Truth {
     /// Refuses a truth that speaks of another route than one of `places` places.
     ///
     /// # Errors
-    /// [`Error::Option`] for a true place past the end, [`Error::Length`] for a matrix or positions of other places.
+    /// [`Error::Option`] for a true place past the end, [`Error::Length`] for a matrix or positions
+    /// of other places.
     pub fn check_places(&self, places: usize) -> Result<(), Error> {
         let length = |got| {
             if got == places {
@@ -119,13 +124,21 @@ impl Truth {
         };
         match &self.0 {
             Kind::Places { truth, .. } => {
-                let beyond =
-                    truth.iter().enumerate().find(|(_, place)| place.is_some_and(|place| place >= places));
+                let beyond = truth
+                    .iter()
+                    .enumerate()
+                    .find(|(_, place)| place.is_some_and(|place| place >= places));
                 let Some((query, Some(place))) = beyond else { return Ok(()) };
                 let expected = format!("places below {places}, or none");
-                Err(Error::Option { name: "truth", expected, got: format!("{place} for query {query}") })
+                Err(Error::Option {
+                    name: "truth",
+                    expected,
+                    got: format!("{place} for query {query}"),
+                })
             }
-            Kind::Cells { columns, .. } => columns.first().map_or(Ok(()), |column| length(column.len())),
+            Kind::Cells { columns, .. } => {
+                columns.first().map_or(Ok(()), |column| length(column.len()))
+            }
             Kind::Positions { places: positions, .. } => length(positions.len()),
         }
     }
@@ -134,12 +147,15 @@ impl Truth {
     pub fn exists(&self, query: usize) -> bool {
         match &self.0 {
             Kind::Places { truth, .. } => truth.get(query).is_some_and(Option::is_some),
-            Kind::Cells { columns, .. } => columns.get(query).is_some_and(|column| column.contains(&1)),
+            Kind::Cells { columns, .. } => {
+                columns.get(query).is_some_and(|column| column.contains(&1))
+            }
             Kind::Positions { exists, .. } => exists.get(query).copied().unwrap_or(false),
         }
     }
 
-    /// What it says of matching query `query` to `place`. Off the map and past the end, every match is wrong.
+    /// What it says of matching query `query` to `place`. Off the map and past the end, every match
+    /// is wrong.
     pub fn judge(&self, query: usize, place: usize) -> Verdict {
         let correct = match &self.0 {
             Kind::Places { truth, tolerance } => {
@@ -148,8 +164,10 @@ impl Truth {
             }
             Kind::Cells { columns, tolerance } => {
                 let column = columns.get(query).map_or(&[][..], Vec::as_slice);
-                let (first, end) =
-                    (place.saturating_sub(*tolerance), place.saturating_add(*tolerance).saturating_add(1));
+                let (first, end) = (
+                    place.saturating_sub(*tolerance),
+                    place.saturating_add(*tolerance).saturating_add(1),
+                );
                 let near = column.get(first..end.min(column.len())).unwrap_or_default();
                 if !near.contains(&1) && column.get(place) == Some(&-1) {
                     return Verdict::Ignored;

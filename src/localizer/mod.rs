@@ -20,17 +20,21 @@ const MAX_THREADS: usize = 1024;
 
 /// Localizes along a map, one camera frame at a time.
 ///
-/// Many localizers can read one map at once. `push_descriptor` allocates nothing after construction;
-/// `push_image` allocates only when the camera's image size changes, so for the first image.
+/// Many localizers can read one map at once. `push_descriptor` allocates nothing after
+/// construction; `push_image` allocates only when the camera's image size changes, so for the first
+/// image.
 ///
-/// A map of 16 MB or more is scanned by several threads, one for every 8 MB, up to all cores; a smaller one by the caller
-/// alone. [`with_threads`](Self::with_threads) sets their number. The answers are the same to the last bit. The threads are
-/// started with the localizer, sleep between frames, and end with it. A push waits for none of them, whatever holds one up:
-/// what another thread has begun and not finished when the rest of the map is scanned, the caller does itself. With one
-/// thread, a push takes no lock and asks nothing of the operating system; with several, it tries locks (and goes on where
-/// one is taken) and asks the system to wake the others. In a process forked off this one, the caller scans alone.
+/// A map of 16 MB or more is scanned by several threads, one for every 8 MB, up to all cores; a
+/// smaller one by the caller alone. [`with_threads`](Self::with_threads) sets their number. The
+/// answers are the same to the last bit. The threads are started with the localizer, sleep between
+/// frames, and end with it. A push waits for none of them, whatever holds one up: what another
+/// thread has begun and not finished when the rest of the map is scanned, the caller does itself.
+/// With one thread, a push takes no lock and asks nothing of the operating system; with several, it
+/// tries locks (and goes on where one is taken) and asks the system to wake the others. In a
+/// process forked off this one, the caller scans alone.
 ///
-/// A map with a screen ([`Map::with_screen`]) is scanned at a quarter of the bytes, for the same answers.
+/// A map with a screen ([`Map::with_screen`]) is scanned at a quarter of the bytes, for the same
+/// answers.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -50,7 +54,8 @@ pub struct Localizer {
     crew: Option<Crew>,
     /// Describes images the map's own way, where the map has one.
     describer: Option<(Describer, Values)>,
-    /// Where a descriptor passes through the map's post-processing, and what is known of the drive there.
+    /// Where a descriptor passes through the map's post-processing, and what is known of the drive
+    /// there.
     through: Option<Passage>,
 }
 
@@ -73,8 +78,8 @@ impl Localizer {
         Self::with_matcher(map, matcher)
     }
 
-    /// The same localizer with `threads` threads to scan the map, the caller's own among them; with none given, as many as
-    /// suit the map's size, which is what a new one has.
+    /// The same localizer with `threads` threads to scan the map, the caller's own among them; with
+    /// none given, as many as suit the map's size, which is what a new one has.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -128,12 +133,14 @@ impl Localizer {
     /// Localizes by a camera image, described as the map's own images were.
     ///
     /// # Errors
-    /// [`Error::NoDescriptor`] where the map was made of ready descriptors. The localizer is then as it was.
+    /// [`Error::NoDescriptor`] where the map was made of ready descriptors. The localizer is then
+    /// as it was.
     pub fn push_image<'a>(&mut self, image: impl Into<ImageView<'a>>) -> Result<Fix, Error> {
         self.push_image_with_trust(image.into(), None)
     }
 
-    /// Localizes by a descriptor: float32, or of the map's own type; on a map with post-processing as it is before that.
+    /// Localizes by a descriptor: float32, or of the map's own type; on a map with post-processing
+    /// as it is before that.
     ///
     /// # Errors
     /// As for [`Map::distances_into`]. The localizer is then as it was.
@@ -141,7 +148,8 @@ impl Localizer {
         self.push_descriptor_with_trust(descriptor.into(), None)
     }
 
-    /// [`push_image`](Self::push_image), with an external predictor's word in place of the consensus where there is one.
+    /// [`push_image`](Self::push_image), with an external predictor's word in place of the
+    /// consensus where there is one.
     ///
     /// # Errors
     /// As for [`push_image`](Self::push_image).
@@ -150,13 +158,15 @@ impl Localizer {
         image: ImageView<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
-        let Some((describer, values)) = &mut self.describer else { return Err(Error::NoDescriptor) };
+        let Some((describer, values)) = &mut self.describer else {
+            return Err(Error::NoDescriptor);
+        };
         describer.describe(image, values)?;
         self.way.push(&self.map, &mut self.crew, self.map.query(values.view())?, trusted)
     }
 
-    /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of the consensus where
-    /// there is one.
+    /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of
+    /// the consensus where there is one.
     ///
     /// # Errors
     /// As for [`push_descriptor`](Self::push_descriptor).
@@ -182,8 +192,8 @@ impl Localizer {
         frames.into_iter().map(|frame| self.push_image(frame))
     }
 
-    /// The distances from the newest frame to every place; zeros before the first, and right after a gap. On a map with a screen, those that were
-    /// not needed for the fix are computed now.
+    /// The distances from the newest frame to every place; zeros before the first, and right after
+    /// a gap. On a map with a screen, those that were not needed for the fix are computed now.
     pub fn distances(&mut self) -> &[f32] {
         match &mut self.way {
             Way::Plain(plain) => plain.distances(),
@@ -191,9 +201,9 @@ impl Localizer {
         }
     }
 
-    /// How many of the map's rows the newest frame made the localizer look at: all of them, or, on a map with a screen, those
-    /// that were left in doubt, for this query and for the ones before it in the window. 0 before the first frame; right after
-    /// a restart, all.
+    /// How many of the map's rows the newest frame made the localizer look at: all of them, or, on
+    /// a map with a screen, those that were left in doubt, for this query and for the ones before
+    /// it in the window. 0 before the first frame; right after a restart, all.
     pub fn looked_at(&self) -> usize {
         match &self.way {
             Way::Plain(plain) => plain.looked_at(),
@@ -201,8 +211,9 @@ impl Localizer {
         }
     }
 
-    /// Says that the next frame does not follow on the one before, as [`Matcher::gap`] does: until `L` frames have come, fixes
-    /// have no sequence. The running floor goes on, and so do a drive's statistics, where the map's post-processing keeps such.
+    /// Says that the next frame does not follow on the one before, as [`Matcher::gap`] does: until
+    /// `L` frames have come, fixes have no sequence. The running floor goes on, and so do a drive's
+    /// statistics, where the map's post-processing keeps such.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -233,9 +244,9 @@ impl Localizer {
         }
     }
 
-    /// The state as bytes, without the map; [`restore`](Self::restore) goes on from it bit-identically. It is the same whether
-    /// the map has a screen or not, so that either can go on from it; with a screen, all distances of the window are computed
-    /// for it.
+    /// The state as bytes, without the map; [`restore`](Self::restore) goes on from it
+    /// bit-identically. It is the same whether the map has a screen or not, so that either can go
+    /// on from it; with a screen, all distances of the window are computed for it.
     ///
     /// # Errors
     /// As for [`Matcher::snapshot`].
@@ -249,12 +260,17 @@ impl Localizer {
         }
     }
 
-    /// A localizer that goes on where the snapshot was taken, on the same map. Where `expected` is given, the snapshot
-    /// must have been taken under the same options.
+    /// A localizer that goes on where the snapshot was taken, on the same map. Where `expected` is
+    /// given, the snapshot must have been taken under the same options.
     ///
     /// # Errors
-    /// [`Error::Snapshot`] where the bytes are damaged, of another map, of other options or of a newer version.
-    pub fn restore(map: Arc<Map>, snapshot: &[u8], expected: Option<&Config>) -> Result<Self, Error> {
+    /// [`Error::Snapshot`] where the bytes are damaged, of another map, of other options or of a
+    /// newer version.
+    pub fn restore(
+        map: Arc<Map>,
+        snapshot: &[u8],
+        expected: Option<&Config>,
+    ) -> Result<Self, Error> {
         let saved = load(snapshot, expected)?;
         if saved.map != Some(map.fingerprint()) || saved.matcher.places() != map.places() {
             let reason = match saved.map {

@@ -12,7 +12,8 @@ pub(super) struct Plain {
     matcher: Matcher,
     /// The newest frame's distances.
     distances: Vec<f32>,
-    /// Where those of the next frame are written, so that a frame that is refused leaves the newest ones alone.
+    /// Where those of the next frame are written, so that a frame that is refused leaves the newest
+    /// ones alone.
     next: Vec<f32>,
 }
 

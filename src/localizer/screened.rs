@@ -1,4 +1,5 @@
-//! Localizing by a map's screen: a scan of the bytes, and a look at the rows that it leaves in doubt (method 1.9).
+//! Localizing by a map's screen: a scan of the bytes, and a look at the rows that it leaves in
+//! doubt (method 1.9).
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -38,14 +39,17 @@ impl Screened {
     /// [`Error::Memory`] where there is not enough for a second window.
     pub(super) fn new(map: &Map, screen: Arc<Screen>, matcher: Matcher) -> Result<Self, Error> {
         let config = matcher.config();
-        // What was restored may hold numbers of any size: until it is forgotten, nothing is added to bounds.
+        // What was restored may hold numbers of any size: until it is forgotten, nothing is added
+        // to bounds.
         let reach = config.smoothing.max(config.sequence_length);
         let (rest, looked_at) = if matcher.frames() > 0 { (reach, map.places()) } else { (0, 0) };
         let bounded = Bounded::new(matcher)?;
         let (window, places) = (bounded.window(), map.places());
         let mut queries = Ring::new(window, map.dim())?;
         let mut lengths = VecDeque::new();
-        lengths.try_reserve_exact(window + 1).map_err(|_| Error::Memory { places: 1, columns: window })?;
+        lengths
+            .try_reserve_exact(window + 1)
+            .map_err(|_| Error::Memory { places: 1, columns: window })?;
         for _ in 0..bounded.remembered() {
             // Nobody asks for their distances, which are known.
             queries.advance();
@@ -101,8 +105,8 @@ impl Screened {
         map.bounds(screen, aim, products, lower, upper)
     }
 
-    /// Finds all distances. Where some are so large that sums of them overflow, all others become known as well, and nothing is
-    /// screened as long as they are remembered.
+    /// Finds all distances. Where some are so large that sums of them overflow, all others become
+    /// known as well, and nothing is screened as long as they are remembered.
     fn scan(&mut self, map: &Map, crew: &mut Option<Crew>, query: Query<'_>) -> Result<(), Error> {
         let Self { bounded, queries, lengths, lower, patience, .. } = self;
         scan(map, crew, Sought::Distances(query), lower);
@@ -163,8 +167,9 @@ impl Screened {
     }
 }
 
-/// Whether the screen is tried. After a frame for which it did not pay, so many are scanned plainly that the cost of having
-/// tried is a small part of theirs; after several such frames in a row, more.
+/// Whether the screen is tried. After a frame for which it did not pay, so many are scanned plainly
+/// that the cost of having tried is a small part of theirs; after several such frames in a row,
+/// more.
 #[derive(Clone, Debug)]
 struct Patience {
     /// How many frames are still to be scanned plainly.
@@ -190,7 +195,8 @@ impl Patience {
         self.left = self.left.saturating_sub(1);
     }
 
-    /// It has tried, and looked at so many rows. One that is looked at by itself costs more than one of many.
+    /// It has tried, and looked at so many rows. One that is looked at by itself costs more than
+    /// one of many.
     fn judge(&mut self, looked_at: usize, places: usize) {
         if looked_at > places / 2 {
             self.rest(self.next);
@@ -216,7 +222,8 @@ struct Rows<'a> {
 
 impl Exact for Rows<'_> {
     fn distances(&mut self, age: usize, places: Range<usize>, out: &mut [f32]) {
-        let query = Query { numbers: View::F32(self.queries.column(age)), length: self.lengths[age] };
+        let query =
+            Query { numbers: View::F32(self.queries.column(age)), length: self.lengths[age] };
         if places.len() == self.map.places() {
             scan(self.map, self.crew, Sought::Distances(query), out);
         } else {
@@ -229,7 +236,8 @@ impl Exact for Rows<'_> {
 mod tests {
     use super::*;
 
-    /// How often it tries in so many frames, of which each that is tried makes it look at `looked_at` rows of 1000.
+    /// How often it tries in so many frames, of which each that is tried makes it look at
+    /// `looked_at` rows of 1000.
     fn tries(patience: &mut Patience, frames: usize, looked_at: usize) -> usize {
         let mut tries = 0;
         for _ in 0..frames {
@@ -247,7 +255,8 @@ mod tests {
     fn it_tries_always_where_it_pays_and_seldom_where_it_does_not() {
         let mut patience = Patience::new(0);
         assert_eq!(tries(&mut patience, 100, 500), 100);
-        // 1 + 4 + 1 + 8 + 1 + 16 + 1 + 32 + 1 + 64 + 1 + 128 + 1 + 256, and from there on one in 257.
+        // 1 + 4 + 1 + 8 + 1 + 16 + 1 + 32 + 1 + 64 + 1 + 128 + 1 + 256, and from there on one in
+        // 257.
         assert_eq!(tries(&mut patience, 515, 501), 7);
         assert_eq!(tries(&mut patience, 2570, 1000), 10);
         patience.rest(3);

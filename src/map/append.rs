@@ -19,8 +19,9 @@ use crate::distance::{Values, norm};
 use crate::error::Error;
 
 impl Map {
-    /// This map and then `more`, as one: the map that all their descriptors at once would have made. A snapshot that was taken on the
-    /// shorter one is refused on the longer one, which is another map.
+    /// This map and then `more`, as one: the map that all their descriptors at once would have
+    /// made. A snapshot that was taken on the shorter one is refused on the longer one, which is
+    /// another map.
     ///
     /// ```
     /// use surefix::{Map, Metric};
@@ -31,9 +32,10 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Append`] unless both have descriptors of one length, type, metric and recipe (where both say theirs) that went through the same post-processing,
-    /// both or neither have names, and both or neither have positions, of as many coordinates; where this map has a screen, so has the longer one, with the errors of
-    /// [`with_screen`](Self::with_screen).
+    /// [`Error::Append`] unless both have descriptors of one length, type, metric and recipe (where
+    /// both say theirs) that went through the same post-processing, both or neither have names, and
+    /// both or neither have positions, of as many coordinates; where this map has a screen, so has
+    /// the longer one, with the errors of [`with_screen`](Self::with_screen).
     pub fn extended(&self, more: &Self) -> Result<Self, Error> {
         check_before("the map", &self.layout(), &more.layout())?;
         check_post("the map", self.post(), more.post())?;
@@ -55,11 +57,13 @@ impl Map {
         }
     }
 
-    /// Makes the map in the file `path` longer by `more`, without reading its rows into memory: they are copied, and the longer file is
-    /// then renamed into place. It is the file that all descriptors at once would have made.
+    /// Makes the map in the file `path` longer by `more`, without reading its rows into memory:
+    /// they are copied, and the longer file is then renamed into place. It is the file that all
+    /// descriptors at once would have made.
     ///
     /// # Errors
-    /// As for [`open`](Self::open), [`extended`](Self::extended) and [`save`](Self::save). The file is then as it was.
+    /// As for [`open`](Self::open), [`extended`](Self::extended) and [`save`](Self::save). The file
+    /// is then as it was.
     pub fn append(path: impl AsRef<Path>, more: &Self) -> Result<(), Error> {
         let mut old = Old::open(path.as_ref())?;
         check_before(&old.name(), &old.layout, &more.layout())?;
@@ -78,13 +82,13 @@ impl Map {
         })
     }
 
-    /// Makes the map in the file `path` longer by the SAD descriptors of `images`, described as its own were, on all cores and in the
-    /// memory of one image a core. It is the file that all images at once would have made: images without a name, which go by their
-    /// number, are numbered on.
+    /// Makes the map in the file `path` longer by the SAD descriptors of `images`, described as its
+    /// own were, on all cores and in the memory of one image a core. It is the file that all images
+    /// at once would have made: images without a name, which go by their number, are numbered on.
     ///
     /// # Errors
-    /// As for [`append`](Self::append) and [`build`](Self::build); [`Error::Append`] where the map was made of ready descriptors, or
-    /// there are no images. The file is then as it was.
+    /// As for [`append`](Self::append) and [`build`](Self::build); [`Error::Append`] where the map
+    /// was made of ready descriptors, or there are no images. The file is then as it was.
     pub fn append_images(
         path: impl AsRef<Path>,
         images: &(impl ImageSource + ?Sized),
@@ -105,7 +109,8 @@ impl Map {
         }
         let axes = positions.map_or(0, Positions::axes);
         check_positions(&old.name(), old.layout.axes, axes)?;
-        let names = old.small.names.as_ref().map(|_| Names::new(numbered_on(images, first))).transpose()?;
+        let names =
+            old.small.names.as_ref().map(|_| Names::new(numbered_on(images, first))).transpose()?;
         let longer = Longer { places, positions, norms: &[], names: names.as_ref() };
         old.write(&longer, |old, out| {
             old.copy_rows(out, &mut || go_on(progress(0, places), 0, places))?;
@@ -132,7 +137,9 @@ fn check_before(name: &str, map: &Layout, more: &Layout) -> Result<(), Error> {
         }
     };
     let named = |of: &Layout| if of.names.is_some() { "a name for each place" } else { "no names" };
-    for (expected, got) in [(kind(map), kind(more)), (named(map).to_owned(), named(more).to_owned())] {
+    for (expected, got) in
+        [(kind(map), kind(more)), (named(map).to_owned(), named(more).to_owned())]
+    {
         if expected != got {
             return Err(misfit(name, &expected, &got));
         }
@@ -141,7 +148,8 @@ fn check_before(name: &str, map: &Layout, more: &Layout) -> Result<(), Error> {
     check_positions(name, map.axes, more.axes)
 }
 
-/// Whether what is known of the descriptors' origin fits together. Of ready descriptors, nothing need be known.
+/// Whether what is known of the descriptors' origin fits together. Of ready descriptors, nothing
+/// need be known.
 fn check_learned(name: &str, map: &Layout, more: &Layout) -> Result<(), Error> {
     let parsed = |recipe: &str| serde_json::from_str::<Value>(recipe).ok();
     let said = |recipe: &str| recipe.chars().take(200).collect::<String>();
@@ -235,7 +243,12 @@ impl<'a> Old<'a> {
     ) -> Result<(), Error> {
         let mut layout = self.layout.clone();
         layout.places += longer.places;
-        let names = self.small.names.as_ref().zip(longer.names).map(|(old, new)| [old.bytes(), new.bytes()]);
+        let names = self
+            .small
+            .names
+            .as_ref()
+            .zip(longer.names)
+            .map(|(old, new)| [old.bytes(), new.bytes()]);
         let layout = layout.placed(names.map(|[old, new]| old.len() + new.len()));
         if layout.norms.is_some() && self.small.norms.is_none() {
             self.small.norms = Some(self.norms().map_err(|refusal| refusal.of(self.path))?);

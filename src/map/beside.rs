@@ -19,8 +19,9 @@ pub(super) struct Beside<'a> {
     path: &'a Path,
 }
 
-/// Has `write` write a file beside `path`, and then puts it there. An old file stays until the new one is whole, and where
-/// `write` fails; nothing else is left behind. Whoever has the old file open or mapped keeps it as it was.
+/// Has `write` write a file beside `path`, and then puts it there. An old file stays until the new
+/// one is whole, and where `write` fails; nothing else is left behind. Whoever has the old file
+/// open or mapped keeps it as it was.
 pub(super) fn write_beside(
     path: &Path,
     write: impl FnOnce(&mut Beside<'_>) -> Result<(), Error>,
@@ -40,7 +41,8 @@ fn create(path: &Path) -> io::Result<NamedTempFile> {
     if path.file_name().is_none() || path.is_dir() {
         return Err(io::Error::other("expected a file name, got a folder"));
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder =
+        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
         let missing = format!("there is no folder {}", folder.display());
         return Err(io::Error::new(io::ErrorKind::NotFound, missing));
@@ -78,13 +80,17 @@ impl Beside<'_> {
     /// What post-processing adds and multiplies with, step by step: before the rows.
     pub(super) fn vectors_of_post(&mut self, post: Option<&Post>) -> Result<(), Error> {
         let stages = post.map_or(&[][..], Post::stages).iter();
-        stages.flat_map(|stage| [&stage.offset, &stage.scale]).try_for_each(|numbers| self.floats(numbers))
+        stages
+            .flat_map(|stage| [&stage.offset, &stage.scale])
+            .try_for_each(|numbers| self.floats(numbers))
     }
 
     /// Its matrices: behind the rows.
     pub(super) fn matrices_of_post(&mut self, post: Option<&Post>) -> Result<(), Error> {
         let mut stages = post.map_or(&[][..], Post::stages).iter();
-        stages.try_for_each(|stage| self.numbers(bytemuck::must_cast_slice(&stage.matrix), size_of::<f32>()))
+        stages.try_for_each(|stage| {
+            self.numbers(bytemuck::must_cast_slice(&stage.matrix), size_of::<f32>())
+        })
     }
 
     /// Numbers of `size` bytes each, as they lie in memory.
@@ -113,7 +119,9 @@ impl Beside<'_> {
             go_on()?;
             let copied = io::copy(&mut from.take(left.min(PIECE)), &mut self.out).map_err(io)?;
             if copied == 0 {
-                return Err(io(io::Error::other("the old file became shorter while it was copied")));
+                return Err(io(io::Error::other(
+                    "the old file became shorter while it was copied",
+                )));
             }
             left -= copied;
         }
@@ -121,7 +129,8 @@ impl Beside<'_> {
     }
 }
 
-/// Turns numbers of `size` bytes each from memory's order into the file's, which is little-endian, or back.
+/// Turns numbers of `size` bytes each from memory's order into the file's, which is little-endian,
+/// or back.
 pub(super) fn swap_to_file_order(bytes: &mut [u8], size: usize) {
     if cfg!(target_endian = "big") {
         bytes.chunks_exact_mut(size).for_each(<[u8]>::reverse);

@@ -12,12 +12,14 @@ use crate::distance::Metric;
 use crate::error::Error;
 
 impl Map {
-    /// A map of the SAD descriptors of a traverse's images, described on all cores (feature `rayon`).
-    /// Places are named as the images are. `progress` hears of images done and to do; `Break` from it stops the work.
+    /// A map of the SAD descriptors of a traverse's images, described on all cores (feature
+    /// `rayon`). Places are named as the images are. `progress` hears of images done and to do;
+    /// `Break` from it stops the work.
     ///
     /// # Errors
-    /// [`Error::Image`] or [`Error::Io`] for an image that cannot be read, [`Error::ImageSize`] for one of another
-    /// size, [`Error::TooFewPlaces`] below two images, [`Error::Interrupted`] where `progress` breaks.
+    /// [`Error::Image`] or [`Error::Io`] for an image that cannot be read, [`Error::ImageSize`] for
+    /// one of another size, [`Error::TooFewPlaces`] below two images, [`Error::Interrupted`] where
+    /// `progress` breaks.
     pub fn from_images(
         images: &(impl ImageSource + ?Sized),
         sad: Sad,
@@ -30,8 +32,9 @@ impl Map {
         Self::assemble(rows, sad.dim(), Metric::Manhattan, Recipe::Sad(sad))?.named(names)
     }
 
-    /// The same, straight into a file: the bytes that [`from_images`](Self::from_images) and [`save`](Self::save) would write, in the
-    /// memory of one image a core. Where it fails or is stopped, an old file stays as it was, and nothing else is left.
+    /// The same, straight into a file: the bytes that [`from_images`](Self::from_images) and
+    /// [`save`](Self::save) would write, in the memory of one image a core. Where it fails or is
+    /// stopped, an old file stays as it was, and nothing else is left.
     ///
     /// ```
     /// use std::ops::ControlFlow;
@@ -47,8 +50,8 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// As for [`from_images`](Self::from_images); [`Error::Length`] unless there are as many positions as images, [`Error::Io`] where
-    /// the file cannot be written.
+    /// As for [`from_images`](Self::from_images); [`Error::Length`] unless there are as many
+    /// positions as images, [`Error::Io`] where the file cannot be written.
     pub fn build(
         path: impl AsRef<Path>,
         images: &(impl ImageSource + ?Sized),

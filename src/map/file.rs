@@ -20,9 +20,9 @@ use crate::error::Error;
 const NORM_ERROR: f64 = 1e-6;
 
 impl Map {
-    /// Saves the map as one safetensors file that carries all that is needed to use it. The file is written beside its
-    /// place and then renamed: there is never half a file, and an old one stays until the new one is whole. So a mapped
-    /// map can be saved onto its own file.
+    /// Saves the map as one safetensors file that carries all that is needed to use it. The file is
+    /// written beside its place and then renamed: there is never half a file, and an old one stays
+    /// until the new one is whole. So a mapped map can be saved onto its own file.
     ///
     /// # Errors
     /// [`Error::Io`] where the file cannot be written.
@@ -39,33 +39,37 @@ impl Map {
         })
     }
 
-    /// Opens a map that [`save`](Self::save) wrote: reads it into memory, straight to where its rows stay.
+    /// Opens a map that [`save`](Self::save) wrote: reads it into memory, straight to where its
+    /// rows stay.
     ///
     /// # Errors
-    /// [`Error::Io`] where the file cannot be read, [`Error::MapFile`] where it is not a map or a damaged one,
-    /// [`Error::MapVersion`] where a newer version of the library wrote it.
+    /// [`Error::Io`] where the file cannot be read, [`Error::MapFile`] where it is not a map or a
+    /// damaged one, [`Error::MapVersion`] where a newer version of the library wrote it.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         read_file(path).map_err(|refusal| refusal.of(path))
     }
 
-    /// Opens a map without reading its rows: they are mapped into memory, and the system reads what is used, when it is used.
-    /// A map of gigabytes is open in milliseconds, and processes that open the same one share its memory.
+    /// Opens a map without reading its rows: they are mapped into memory, and the system reads what
+    /// is used, when it is used. A map of gigabytes is open in milliseconds, and processes that
+    /// open the same one share its memory.
     ///
-    /// Nothing looks at all rows, so numbers that [`open`](Self::open) would refuse are found late: a NaN or an infinity in a row
-    /// makes the distance to its place one, and [`Localizer`](crate::Localizer) refuses that frame and names the place.
-    /// Two things read the whole file once: the first snapshot of a localizer, which identifies the map by a hash, and
+    /// Nothing looks at all rows, so numbers that [`open`](Self::open) would refuse are found late:
+    /// a NaN or an infinity in a row makes the distance to its place one, and
+    /// [`Localizer`](crate::Localizer) refuses that frame and names the place. Two things read the
+    /// whole file once: the first snapshot of a localizer, which identifies the map by a hash, and
     /// opening a map for the cosine that a version without `norms` in its files wrote.
     ///
     /// # Safety
-    /// As long as the map or a clone of it lives, nobody may change the file or make it shorter, in this process or in another.
-    /// Where it is shortened, the next look at the rows ends the program (SIGBUS on Unix); where it is changed, numbers
-    /// change under references that Rust takes for constant, which is undefined behaviour. To put another file in its place,
-    /// as [`save`](Self::save) does, is safe.
+    /// As long as the map or a clone of it lives, nobody may change the file or make it shorter, in
+    /// this process or in another. Where it is shortened, the next look at the rows ends the
+    /// program (SIGBUS on Unix); where it is changed, numbers change under references that Rust
+    /// takes for constant, which is undefined behaviour. To put another file in its place, as
+    /// [`save`](Self::save) does, is safe.
     ///
     /// # Errors
-    /// As for [`open`](Self::open), and [`Error::MapFile`] where the rows are not aligned for their type or the machine is
-    /// big-endian: such a file can only be read into memory.
+    /// As for [`open`](Self::open), and [`Error::MapFile`] where the rows are not aligned for their
+    /// type or the machine is big-endian: such a file can only be read into memory.
     #[cfg(feature = "mmap")]
     #[allow(unsafe_code)]
     pub unsafe fn open_mapped(path: impl AsRef<Path>) -> Result<Self, Error> {
@@ -144,14 +148,18 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
     let mut small = Small::default();
     for (part, span) in layout.parts() {
         if part != Part::Rows {
-            small.take(&layout, part, Cow::Borrowed(&mapping[start + span.start..start + span.end]))?;
+            small.take(
+                &layout,
+                part,
+                Cow::Borrowed(&mapping[start + span.start..start + span.end]),
+            )?;
         }
     }
     let (from, to) = (start + layout.rows.start, start + layout.rows.end);
     let rows = Storage::mapped(mapping, from..to, layout.dtype);
     let size = layout.dtype.size();
-    let rows =
-        rows.ok_or_else(|| foreign(format!("its rows begin at byte {from}, no multiple of {size}")))?;
+    let rows = rows
+        .ok_or_else(|| foreign(format!("its rows begin at byte {from}, no multiple of {size}")))?;
     let norms = match small.norms.take() {
         Some(norms) => norms,
         None => checked_norms(super::lengths(rows.view(), layout.dim, layout.metric)?)?,

@@ -1,11 +1,13 @@
 //! What a map's file holds, and where.
 //!
-//! The file is a safetensors file, so any reader of those can open it. Tensors, from the strictest alignment to the loosest:
-//! `positions` (places, axes), float64 metres; `norms` (places), float64, the length of each descriptor where the metric is the
-//! cosine; `post.K.offset` and `post.K.scale`, float64, of step `K` of the post-processing; `descriptors` (places, dim); `post.K.matrix`,
-//! float32, as many rows as the step gives numbers; `names`, the UTF-8 names with a NUL after each. All but the descriptors are
-//! optional. One metadata entry, `surefix`, holds the rest as JSON. A file with post-processing has version 2, so that a reader that knows
-//! nothing of it does not compare queries as they come.
+//! The file is a safetensors file, so any reader of those can open it. Tensors, from the strictest
+//! alignment to the loosest: `positions` (places, axes), float64 metres; `norms` (places), float64,
+//! the length of each descriptor where the metric is the cosine; `post.K.offset` and
+//! `post.K.scale`, float64, of step `K` of the post-processing; `descriptors` (places, dim);
+//! `post.K.matrix`, float32, as many rows as the step gives numbers; `names`, the UTF-8 names with
+//! a NUL after each. All but the descriptors are optional. One metadata entry, `surefix`, holds the
+//! rest as JSON. A file with post-processing has version 2, so that a reader that knows nothing of
+//! it does not compare queries as they come.
 
 use std::collections::HashMap;
 use std::io::{self, Read};
@@ -48,7 +50,8 @@ struct Entry {
     learned: Option<serde_json::Value>,
 }
 
-/// What a map is but for its numbers, and where in the file those lie: bytes from the end of the header on.
+/// What a map is but for its numbers, and where in the file those lie: bytes from the end of the
+/// header on.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     pub(super) metric: Metric,
@@ -155,11 +158,21 @@ impl Layout {
             tensors.push(part("norms", FileDtype::F64, vec![self.places], span));
         }
         let post = |matrix: bool| {
-            let parts = self.post_parts.iter().filter(move |part| (part.kind == PostKind::Matrix) == matrix);
-            parts.map(|p| part(&p.name(), p.kind.dtype(), p.shape.clone(), &p.span)).collect::<Vec<_>>()
+            let parts = self
+                .post_parts
+                .iter()
+                .filter(move |part| (part.kind == PostKind::Matrix) == matrix);
+            parts
+                .map(|p| part(&p.name(), p.kind.dtype(), p.shape.clone(), &p.span))
+                .collect::<Vec<_>>()
         };
         tensors.extend(post(false));
-        tensors.push(part("descriptors", file_dtype(self.dtype), vec![self.places, self.dim], &self.rows));
+        tensors.push(part(
+            "descriptors",
+            file_dtype(self.dtype),
+            vec![self.places, self.dim],
+            &self.rows,
+        ));
         tensors.extend(post(true));
         if let Some(span) = &self.names {
             tensors.push(part("names", FileDtype::U8, vec![span.len()], span));
@@ -180,8 +193,8 @@ impl Layout {
         Ok([&(text.len() as u64).to_le_bytes(), text.as_slice()].concat())
     }
 
-    /// Reads the head of a file of `length` bytes: the layout, and the byte at which the header ends. All of it fits inside
-    /// the file.
+    /// Reads the head of a file of `length` bytes: the layout, and the byte at which the header
+    /// ends. All of it fits inside the file.
     pub(super) fn read(from: &mut impl Read, length: u64) -> Result<(Self, u64), Refusal> {
         let broken = |reason: &dyn std::fmt::Display| {
             Refusal::Foreign(format!("truncated, or not a safetensors file ({reason})"))
@@ -216,11 +229,14 @@ impl Layout {
             return Err(misfit("descriptors", "a tensor (places, dim)".to_owned(), rows));
         };
         let dtype = memory_dtype(rows.dtype).filter(|&dtype| match entry.descriptor {
-            Recipe::Sad(sad) => (sad.dtype(), sad.dim(), Metric::Manhattan) == (dtype, dim, entry.metric),
+            Recipe::Sad(sad) => {
+                (sad.dtype(), sad.dim(), Metric::Manhattan) == (dtype, dim, entry.metric)
+            }
             Recipe::Ready => true,
         });
         let Some(dtype) = dtype else {
-            let expected = "a tensor of F32, F16, I8 or U8, as the descriptor's recipe has it".to_owned();
+            let expected =
+                "a tensor of F32, F16, I8 or U8, as the descriptor's recipe has it".to_owned();
             return Err(misfit("descriptors", expected, rows));
         };
         let span = |info: &TensorInfo| info.data_offsets.0..info.data_offsets.1;
@@ -237,7 +253,8 @@ impl Layout {
             axes = shape.get(1).copied().unwrap_or(0);
             shape == [places, 2] || shape == [places, 3]
         };
-        let expected = format!("a tensor of F64 ({places}, 2) or ({places}, 3), a row for each place");
+        let expected =
+            format!("a tensor of F64 ({places}, 2) or ({places}, 3), a row for each place");
         let positions = optional("positions", FileDtype::F64, &mut is_positions, expected)?;
         let norms = match entry.metric {
             Metric::Cosine => {
@@ -249,7 +266,8 @@ impl Layout {
         let names = optional("names", FileDtype::U8, &mut |_| true, "UTF-8 text".to_owned())?;
         let (metric, recipe, rows) = (entry.metric, entry.descriptor, span(rows));
         if !entry.post.is_empty() && entry.version == WITHOUT_POST {
-            let reason = format!("post-processing: expected version {VERSION}, got {}", entry.version);
+            let reason =
+                format!("post-processing: expected version {VERSION}, got {}", entry.version);
             return Err(Refusal::Foreign(reason));
         }
         if !entry.post.is_empty() && (dtype != Dtype::F32 || recipe != Recipe::Ready) {
@@ -257,8 +275,13 @@ impl Layout {
             return Err(Refusal::Foreign(reason));
         }
         let post_parts = read_post_parts(metadata, entry.post.len())?;
-        if entry.learned.as_ref().is_some_and(|learned| recipe != Recipe::Ready || !is_recipe(learned)) {
-            let reason = "learned: expected an object with a name, beside ready descriptors".to_owned();
+        if entry
+            .learned
+            .as_ref()
+            .is_some_and(|learned| recipe != Recipe::Ready || !is_recipe(learned))
+        {
+            let reason =
+                "learned: expected an object with a name, beside ready descriptors".to_owned();
             return Err(Refusal::Foreign(reason));
         }
         let learned = entry.learned.map(|recipe| recipe.to_string().into());
@@ -328,7 +351,12 @@ fn post_parts(post: &Post) -> Vec<PostPart> {
             (PostKind::Matrix, vec![output, width], 4 * stage.matrix.len()),
         ];
         let there = shapes.into_iter().filter(|(_, _, bytes)| *bytes > 0);
-        parts.extend(there.map(|(kind, shape, bytes)| PostPart { step, kind, shape, span: 0..bytes }));
+        parts.extend(there.map(|(kind, shape, bytes)| PostPart {
+            step,
+            kind,
+            shape,
+            span: 0..bytes,
+        }));
         width = output;
     }
     parts
@@ -343,7 +371,10 @@ fn read_post_parts(metadata: &Metadata, steps: usize) -> Result<Vec<PostPart>, R
         if info.dtype != kind.dtype() || info.shape.len() != axes {
             let expected = format!("{:?} of {axes} axes", kind.dtype());
             let got = format!("{:?} {:?}", info.dtype, info.shape);
-            return Err(Refusal::Foreign(format!("{}: expected {expected}, got {got}", part.name())));
+            return Err(Refusal::Foreign(format!(
+                "{}: expected {expected}, got {got}",
+                part.name()
+            )));
         }
         (part.shape, part.span) = (info.shape.clone(), info.data_offsets.0..info.data_offsets.1);
         parts.push(part);
@@ -364,9 +395,10 @@ fn read_entry(metadata: &Metadata) -> Result<Entry, Refusal> {
     }
     let foreign = |reason: &str| Refusal::Foreign(format!("a safetensors file, but {reason}"));
     let text = metadata.metadata().as_ref().and_then(|entries| entries.get(ENTRY));
-    let text = text.ok_or_else(|| foreign("without surefix's entry: some other program wrote it"))?;
-    let Version { format, version } =
-        serde_json::from_str(text).map_err(|e| foreign(&format!("its entry cannot be read ({e})")))?;
+    let text =
+        text.ok_or_else(|| foreign("without surefix's entry: some other program wrote it"))?;
+    let Version { format, version } = serde_json::from_str(text)
+        .map_err(|e| foreign(&format!("its entry cannot be read ({e})")))?;
     if format != FORMAT {
         return Err(foreign(&format!("expected the format {FORMAT:?}, got {format:?}")));
     }

@@ -13,8 +13,9 @@ use crate::error::Error;
 const LONGEST_RECIPE: usize = 1 << 20;
 
 impl Map {
-    /// The same map, whose rows are what `post` made of the references. Each query goes through it before it is compared: from now on,
-    /// descriptors of [`Post::input`] numbers are what is pushed, matched, and asked the distances of.
+    /// The same map, whose rows are what `post` made of the references. Each query goes through it
+    /// before it is compared: from now on, descriptors of [`Post::input`] numbers are what is
+    /// pushed, matched, and asked the distances of.
     ///
     /// ```
     /// use surefix::{Map, Metric, Post, Step};
@@ -26,8 +27,8 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Option`] for a map of other than ready float32 descriptors, [`Error::Length`] where `post` gives another length than the
-    /// map's.
+    /// [`Error::Option`] for a map of other than ready float32 descriptors, [`Error::Length`] where
+    /// `post` gives another length than the map's.
     pub fn with_post(mut self, post: Post) -> Result<Self, Error> {
         if self.dtype() != Dtype::F32 || self.recipe != Recipe::Ready {
             return Err(Error::Option {
@@ -58,8 +59,9 @@ impl Map {
         self.post.as_ref().map_or(self.dim, |post| post.input())
     }
 
-    /// The same map with the recipe of its descriptors, which somebody else computes: a JSON object with a `name`, and what else is needed to make
-    /// them again, in at most 1 MiB. It is kept in the file and means nothing to this library.
+    /// The same map with the recipe of its descriptors, which somebody else computes: a JSON object
+    /// with a `name`, and what else is needed to make them again, in at most 1 MiB. It is kept in
+    /// the file and means nothing to this library.
     ///
     /// # Errors
     /// [`Error::Option`] unless it is that, and for a map of SAD descriptors, which has its recipe.
@@ -73,7 +75,10 @@ impl Map {
             return Err(refused("a map of SAD descriptors".to_owned()));
         }
         if recipe.len() > LONGEST_RECIPE {
-            return Err(refused(format!("{} bytes, where {LONGEST_RECIPE} are the most", recipe.len())));
+            return Err(refused(format!(
+                "{} bytes, where {LONGEST_RECIPE} are the most",
+                recipe.len()
+            )));
         }
         // As deep as in the file, which must be read again.
         let [parsed]: [Value; 1] =
@@ -90,7 +95,8 @@ impl Map {
         self.learned.as_deref()
     }
 
-    /// The descriptor after post-processing, which takes place in `through`; where the map has none, as it came.
+    /// The descriptor after post-processing, which takes place in `through`; where the map has
+    /// none, as it came.
     pub(crate) fn passed<'a>(
         &self,
         descriptor: View<'a>,

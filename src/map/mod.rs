@@ -42,7 +42,8 @@ pub enum Recipe {
     Sad(Sad),
 }
 
-/// A known route: `places` descriptors of `dim` numbers, how to compare them, and how they were made.
+/// A known route: `places` descriptors of `dim` numbers, how to compare them, and how they were
+/// made.
 ///
 /// ```
 /// use surefix::{Map, Metric};
@@ -76,9 +77,14 @@ impl Map {
     /// A map of ready descriptors: rows of `dim` numbers, one after the other, in route order.
     ///
     /// # Errors
-    /// [`Error::Shape`] where `dim` does not divide the numbers, [`Error::TooFewPlaces`] below two rows,
-    /// [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a row of zeros under the cosine.
-    pub fn from_descriptors(rows: impl Into<Values>, dim: usize, metric: Metric) -> Result<Self, Error> {
+    /// [`Error::Shape`] where `dim` does not divide the numbers, [`Error::TooFewPlaces`] below two
+    /// rows, [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a row of
+    /// zeros under the cosine.
+    pub fn from_descriptors(
+        rows: impl Into<Values>,
+        dim: usize,
+        metric: Metric,
+    ) -> Result<Self, Error> {
         Self::assemble(Storage::from(rows.into()), dim, metric, Recipe::Ready)
     }
 
@@ -119,7 +125,8 @@ impl Map {
     /// The same map with a name for each place, such as its image's file name.
     ///
     /// # Errors
-    /// [`Error::Length`] unless there are as many names as places, [`Error::Option`] for a name with a NUL.
+    /// [`Error::Length`] unless there are as many names as places, [`Error::Option`] for a name
+    /// with a NUL.
     pub fn with_names(self, names: Vec<String>) -> Result<Self, Error> {
         self.named(Names::new(names)?)
     }
@@ -138,14 +145,18 @@ impl Map {
     /// [`Error::Length`] unless there are as many positions as places.
     pub fn with_positions(mut self, positions: Positions) -> Result<Self, Error> {
         if positions.len() != self.places {
-            return Err(Error::Length { what: "positions", expected: self.places, got: positions.len() });
+            return Err(Error::Length {
+                what: "positions",
+                expected: self.places,
+                got: positions.len(),
+            });
         }
         self.positions = Some(positions);
         Ok(self)
     }
 
-    /// The same map, whose distances are computed with the given instruction set instead of [`Isa::best`].
-    /// It decides the speed; the distances are the same, to the last bit.
+    /// The same map, whose distances are computed with the given instruction set instead of
+    /// [`Isa::best`]. It decides the speed; the distances are the same, to the last bit.
     ///
     /// ```
     /// use surefix::{Isa, Map, Metric};
@@ -207,9 +218,10 @@ impl Map {
         self.positions.as_ref()
     }
 
-    /// The distances from a descriptor to every place: one number a place, in route order. On a map with post-processing, the descriptor
-    /// goes through that first, as the references did: statistics of a drive are a [`Localizer`](crate::Localizer)'s.
-    /// SAD distances are in units of `z`, whatever the type that they are stored in (method 1.7).
+    /// The distances from a descriptor to every place: one number a place, in route order. On a map
+    /// with post-processing, the descriptor goes through that first, as the references did:
+    /// statistics of a drive are a [`Localizer`](crate::Localizer)'s. SAD distances are in units of
+    /// `z`, whatever the type that they are stored in (method 1.7).
     ///
     /// # Errors
     /// As for [`distances_into`](Self::distances_into).
@@ -222,16 +234,22 @@ impl Map {
     /// Like [`distances`](Self::distances), into memory that the caller keeps.
     ///
     /// # Errors
-    /// [`Error::Length`] for a descriptor that has not [`input_dim`](Self::input_dim) numbers or an `out` that has not `places()`;
-    /// [`Error::Dtype`] unless it is of the map's own type, or float32 on a map of ready descriptors; [`Error::NotFinite`] for a NaN or an infinity;
-    /// [`Error::NoDirection`] for zeros under the cosine, or where post-processing normalises them. `out` is then unchanged.
+    /// [`Error::Length`] for a descriptor that has not [`input_dim`](Self::input_dim) numbers or an
+    /// `out` that has not `places()`; [`Error::Dtype`] unless it is of the map's own type, or
+    /// float32 on a map of ready descriptors; [`Error::NotFinite`] for a NaN or an infinity;
+    /// [`Error::NoDirection`] for zeros under the cosine, or where post-processing normalises them.
+    /// `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
         let mut through = self.post.as_deref().map(Passage::new);
         self.distances_of_passed(self.passed(descriptor, through.as_mut())?, out)
     }
 
     /// [`distances_into`](Self::distances_into), of a descriptor after post-processing.
-    pub(crate) fn distances_of_passed(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
+    pub(crate) fn distances_of_passed(
+        &self,
+        descriptor: View<'_>,
+        out: &mut [f32],
+    ) -> Result<(), Error> {
         let query = self.query(descriptor)?;
         if out.len() != self.places {
             return Err(Error::Length { what: "distances", expected: self.places, got: out.len() });
@@ -240,7 +258,8 @@ impl Map {
         Ok(())
     }
 
-    /// A descriptor that can be compared with the map's: processed already, where the map has post-processing.
+    /// A descriptor that can be compared with the map's: processed already, where the map has
+    /// post-processing.
     ///
     /// # Errors
     /// Those of [`distances_into`](Self::distances_into) that are about the descriptor.
@@ -249,7 +268,8 @@ impl Map {
         if descriptor.len() != self.dim {
             return Err(Error::Length { what, expected: self.dim, got: descriptor.len() });
         }
-        // The numbers of SAD in float32 (z) are not those in uint8 (128 + 32 z): one is no query for the other.
+        // The numbers of SAD in float32 (z) are not those in uint8 (128 + 32 z): one is no query
+        // for the other.
         if let (Recipe::Sad(_), map, got) = (self.recipe, self.dtype(), descriptor.dtype())
             && map != got
         {
@@ -258,7 +278,8 @@ impl Map {
         Query::new(descriptor, self.as_rows())
     }
 
-    /// Writes the distances to some of the places, which must be there, into `out`, which has a number for each.
+    /// Writes the distances to some of the places, which must be there, into `out`, which has a
+    /// number for each.
     pub(crate) fn scan(&self, query: Query<'_>, places: Range<usize>, out: &mut [f32]) {
         let mut rows = self.as_rows();
         let numbers = places.start * self.dim..places.end * self.dim;
@@ -289,7 +310,8 @@ impl Map {
         }
     }
 
-    /// A hash of all that decides a distance: a snapshot knows its map by it. Computed once, when first asked for.
+    /// A hash of all that decides a distance: a snapshot knows its map by it. Computed once, when
+    /// first asked for.
     pub(crate) fn fingerprint(&self) -> u64 {
         *self.fingerprint.get_or_init(|| {
             let mut hash = XxHash3_64::with_seed(0);
@@ -309,7 +331,11 @@ fn count_places(numbers: usize, dim: usize) -> Result<usize, Error> {
     let what = "map";
     if dim == 0 || !numbers.is_multiple_of(dim) {
         let expected = "rows of at least one number, all of one length".to_owned();
-        return Err(Error::Shape { what, expected, got: format!("{numbers} numbers in rows of {dim}") });
+        return Err(Error::Shape {
+            what,
+            expected,
+            got: format!("{numbers} numbers in rows of {dim}"),
+        });
     }
     let places = numbers / dim;
     if places < 2 {
@@ -321,7 +347,9 @@ fn count_places(numbers: usize, dim: usize) -> Result<usize, Error> {
 /// Each row's length where the metric needs it, else nothing.
 fn lengths(rows: View<'_>, dim: usize, metric: Metric) -> Result<Vec<f64>, Error> {
     let norms: Vec<f64> = match metric {
-        Metric::Cosine => (0..rows.len() / dim).filter_map(|i| rows.row(i, dim)).map(norm).collect(),
+        Metric::Cosine => {
+            (0..rows.len() / dim).filter_map(|i| rows.row(i, dim)).map(norm).collect()
+        }
         Metric::Manhattan | Metric::Euclidean => Vec::new(),
     };
     match norms.iter().position(|&norm| norm == 0.0) {

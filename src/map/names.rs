@@ -4,8 +4,8 @@ use std::sync::OnceLock;
 
 use crate::error::Error;
 
-/// A name for each place: the form of the file, a NUL after each. A million strings of their own would take longer to make
-/// than all the rest of a map takes to open.
+/// A name for each place: the form of the file, a NUL after each. A million strings of their own
+/// would take longer to make than all the rest of a map takes to open.
 #[derive(Clone, Debug)]
 pub(super) struct Names {
     text: String,

@@ -21,7 +21,8 @@ pub(super) enum Part {
 }
 
 impl Layout {
-    /// The parts that there are with their places in the file, in the order in which they lie there.
+    /// The parts that there are with their places in the file, in the order in which they lie
+    /// there.
     pub(super) fn parts(&self) -> Vec<(Part, Range<usize>)> {
         let each = [
             (Part::Positions, self.positions.clone()),
@@ -50,7 +51,12 @@ pub(super) struct Small {
 
 impl Small {
     /// Takes a part's bytes.
-    pub(super) fn take(&mut self, layout: &Layout, part: Part, bytes: Cow<'_, [u8]>) -> Result<(), Refusal> {
+    pub(super) fn take(
+        &mut self,
+        layout: &Layout,
+        part: Part,
+        bytes: Cow<'_, [u8]>,
+    ) -> Result<(), Refusal> {
         match part {
             Part::Positions => self.positions = Some(Positions::new(floats(&bytes), layout.axes)?),
             Part::Norms => self.norms = Some(checked_norms(floats(&bytes))?),
@@ -78,7 +84,8 @@ impl Small {
                     PostKind::Scale => self.stages[step].scale = floats(&bytes),
                     PostKind::Matrix => {
                         let numbers = bytes.as_chunks().0.iter();
-                        self.stages[step].matrix = numbers.map(|x| f32::from_le_bytes(*x)).collect();
+                        self.stages[step].matrix =
+                            numbers.map(|x| f32::from_le_bytes(*x)).collect();
                     }
                 }
             }
@@ -119,7 +126,9 @@ pub(super) fn checked_norms(norms: Vec<f64>) -> Result<Vec<f64>, Refusal> {
         None => Ok(norms),
         Some(row) => {
             let got = norms[row];
-            Err(Refusal::Foreign(format!("norms: expected finite numbers above 0, got {got} at row {row}")))
+            Err(Refusal::Foreign(format!(
+                "norms: expected finite numbers above 0, got {got} at row {row}"
+            )))
         }
     }
 }

@@ -22,7 +22,8 @@ impl Positions {
     /// Positions of `axes` (2 or 3) coordinates each, place by place, in metres.
     ///
     /// # Errors
-    /// [`Error::Shape`] for other axes or a count that they do not divide, [`Error::NotFinite`] for a NaN or an infinity.
+    /// [`Error::Shape`] for other axes or a count that they do not divide, [`Error::NotFinite`] for
+    /// a NaN or an infinity.
     pub fn new(metres: Vec<f64>, axes: usize) -> Result<Self, Error> {
         if !matches!(axes, 2 | 3) || !metres.len().is_multiple_of(axes) {
             return Err(Error::Shape {

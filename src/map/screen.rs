@@ -1,4 +1,5 @@
-//! Rows at a quarter of the bytes, beside a map's own, and how far the distances of those can be from theirs (method 1.9).
+//! Rows at a quarter of the bytes, beside a map's own, and how far the distances of those can be
+//! from theirs (method 1.9).
 
 #![allow(clippy::inline_always, reason = "what is inlined is compiled for the instruction set")]
 
@@ -13,7 +14,8 @@ use crate::parallel::{each, each_row};
 
 /// The largest code of a row's number, on both sides of 0.
 const CODE: f64 = 127.0;
-/// The largest code of a query's number: 14 bits with the sign, so that a kernel's sums of products do not overflow.
+/// The largest code of a query's number: 14 bits with the sign, so that a kernel's sums of products
+/// do not overflow.
 const QUERY_CODE: f64 = 8191.0;
 /// How many rows are looked at between two rows of ranges.
 const ROWS: usize = 1024;
@@ -22,15 +24,16 @@ pub(crate) const FAR: f32 = 1e30;
 /// By how much a number can be off, of its size, that was rounded to float32, and twice as much.
 const ROUNDED: f64 = 1.0 / (1 << 23) as f64;
 
-/// The rows as codes: number `j` of row `i` is `offset[j] + scale[j] * code[i, j]`, and what that is off by, over the row, has
-/// the length `error[i]` at most.
+/// The rows as codes: number `j` of row `i` is `offset[j] + scale[j] * code[i, j]`, and what that
+/// is off by, over the row, has the length `error[i]` at most.
 #[derive(Debug)]
 pub(crate) struct Screen {
     codes: Storage,
     offset: Vec<f64>,
     scale: Vec<f64>,
     error: Vec<f64>,
-    /// The squared length of each row's `scale * code`, and of the row less `offset`, for the euclidean distance.
+    /// The squared length of each row's `scale * code`, and of the row less `offset`, for the
+    /// euclidean distance.
     square: Vec<f64>,
     row_square: Vec<f64>,
     /// No row of codes is longer.
@@ -39,7 +42,8 @@ pub(crate) struct Screen {
     extent: f64,
 }
 
-/// A query as codes, and what the bounds of its distances are made of: memory that is used again for each query.
+/// A query as codes, and what the bounds of its distances are made of: memory that is used again
+/// for each query.
 #[derive(Clone, Debug)]
 pub(crate) struct Aim {
     /// The query's numbers, times the scales, in units of `step`.
@@ -60,14 +64,16 @@ impl Aim {
 }
 
 impl Map {
-    /// The same map with a screen: a copy of its rows in signed bytes, a quarter more memory. A [`Localizer`](crate::Localizer)
-    /// scans those, which says of each distance between which two numbers it lies, and looks only at the rows that these leave in
-    /// doubt. Its answers are those that it would give without, to the last bit.
+    /// The same map with a screen: a copy of its rows in signed bytes, a quarter more memory. A
+    /// [`Localizer`](crate::Localizer) scans those, which says of each distance between which two
+    /// numbers it lies, and looks only at the rows that these leave in doubt. Its answers are those
+    /// that it would give without, to the last bit.
     ///
-    /// This pays where the map is larger than the cache and its places differ: a push then costs little more than the scan of
-    /// the bytes. Where it does not pay, the localizer notices, and scans the rows for a while before it tries again. Rows of
-    /// fewer than 256 numbers are always scanned as they are. A screen is not saved with the map: making it takes about as
-    /// long as a few pushes.
+    /// This pays where the map is larger than the cache and its places differ: a push then costs
+    /// little more than the scan of the bytes. Where it does not pay, the localizer notices, and
+    /// scans the rows for a while before it tries again. Rows of fewer than 256 numbers are always
+    /// scanned as they are. A screen is not saved with the map: making it takes about as long as a
+    /// few pushes.
     ///
     /// ```
     /// use surefix::{Dtype, Map, Metric};
@@ -77,8 +83,9 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Option`] for another type than `I8`, for a map of other numbers than float32, for the manhattan distance, and
-    /// where there is not enough memory; [`Error::NotFinite`] for a NaN or an infinity in a mapped map.
+    /// [`Error::Option`] for another type than `I8`, for a map of other numbers than float32, for
+    /// the manhattan distance, and where there is not enough memory; [`Error::NotFinite`] for a NaN
+    /// or an infinity in a mapped map.
     pub fn with_screen(mut self, dtype: Dtype) -> Result<Self, Error> {
         let refused = |expected: &str, got: String| {
             Err(Error::Option { name: "screen", expected: expected.to_owned(), got })
@@ -108,8 +115,8 @@ impl Map {
         self.screen.as_ref().map(|screen| screen.codes.view().dtype())
     }
 
-    /// Between which two numbers each distance lies, from the sums that [`Screen::scan`] gave; whether all of them are below
-    /// [`FAR`].
+    /// Between which two numbers each distance lies, from the sums that [`Screen::scan`] gave;
+    /// whether all of them are below [`FAR`].
     pub(crate) fn bounds(
         &self,
         screen: &Screen,
@@ -154,8 +161,10 @@ impl Screen {
         let offset = half(1.0);
         let scale: Vec<f64> = half(-1.0).into_iter().map(|half| half / CODE).collect();
         let rounding = rounding(dim);
-        let reach =
-            offset.iter().zip(&scale).map(|(offset, scale)| (offset.abs() + (CODE + 1.0) * scale).powi(2));
+        let reach = offset
+            .iter()
+            .zip(&scale)
+            .map(|(offset, scale)| (offset.abs() + (CODE + 1.0) * scale).powi(2));
         let extent = reach.sum::<f64>().sqrt();
         let mut codes = Storage::try_zeros(Dtype::I8, rows.len())?;
         let made = each_row(codes.bytes_mut(), dim, |row, codes| {
@@ -163,7 +172,10 @@ impl Screen {
             isa.run(|| encode(numbers, &offset, &scale, bytemuck::must_cast_slice_mut(codes)))
         });
         let longest = made.iter().map(|row| row.length).fold(0.0, f64::max).sqrt();
-        let error = made.iter().map(|row| row.error.sqrt() * (1.0 + rounding) + rounding * extent).collect();
+        let error = made
+            .iter()
+            .map(|row| row.error.sqrt() * (1.0 + rounding) + rounding * extent)
+            .collect();
         let square = made.iter().map(|row| row.square).collect();
         let row_square = made.iter().map(|row| row.row_square).collect();
         Some(Self { codes, offset, scale, error, square, row_square, longest, extent })
@@ -176,7 +188,8 @@ impl Screen {
         let Aimed { step, constant, scaled, rest } =
             isa.run(|| self.encode_query(numbers, centred, &mut aim.codes));
         let rounding = rounding(self.offset.len());
-        // What the product of the codes can be off by: Cauchy and Schwarz, for what the query's codes leave out.
+        // What the product of the codes can be off by: Cauchy and Schwarz, for what the query's
+        // codes leave out.
         let codes = (rest * (1.0 + rounding) + rounding * scaled) * self.longest;
         aim.slack = if centred {
             2.0 * codes + rounding * (constant + 2.0 * scaled * self.longest)
@@ -215,36 +228,48 @@ impl Screen {
     /// Writes the products of a query's codes with those of some places into `out`.
     pub(crate) fn scan(&self, isa: Isa, codes: &[i16], places: Range<usize>, out: &mut [f32]) {
         if let View::I8(rows) = self.codes.view() {
-            short_products(isa, codes, &rows[places.start * codes.len()..places.end * codes.len()], out);
+            short_products(
+                isa,
+                codes,
+                &rows[places.start * codes.len()..places.end * codes.len()],
+                out,
+            );
         }
     }
 
-    /// The product with a row is `constant + step * sum`, but for what the row's codes leave out (`|q|` times that, by Cauchy
-    /// and Schwarz) and for `slack`. From there on each operation is the distance's own, and none of them turns an order
-    /// around: rounding included, the bounds stay bounds.
+    /// The product with a row is `constant + step * sum`, but for what the row's codes leave out
+    /// (`|q|` times that, by Cauchy and Schwarz) and for `slack`. From there on each operation is
+    /// the distance's own, and none of them turns an order around: rounding included, the bounds
+    /// stay bounds.
     #[inline(always)]
     fn cosines(&self, aim: &Aim, norms: &[f64], sums: &[f32], low: &mut [f32], high: &mut [f32]) {
         let length = aim.length * (1.0 + rounding(self.offset.len()));
         let rows = sums.iter().zip(&self.error).zip(norms);
         for (((&sum, error), norm), (low, high)) in rows.zip(low.iter_mut().zip(high)) {
             let part = aim.step * f64::from(sum);
-            let (product, around) = (aim.constant + part, length * error + aim.slack + part.abs() * ROUNDED);
-            let cosine = |product: f64| (1.0 - product / (aim.length * norm)).clamp(0.0, 2.0) as f32;
+            let (product, around) =
+                (aim.constant + part, length * error + aim.slack + part.abs() * ROUNDED);
+            let cosine =
+                |product: f64| (1.0 - product / (aim.length * norm)).clamp(0.0, 2.0) as f32;
             (*low, *high) = (cosine(product + around), cosine(product - around));
         }
     }
 
-    /// The squared distance to a row of codes is `constant - 2 step sum + square`, but for `slack`; the row itself lies within its
-    /// error of that (the triangle's inequality). With the row's own square in place of that of its codes it is the squared
-    /// distance to the row, but for twice the product of the query with what the codes leave out (Cauchy and Schwarz). The
-    /// first is closer for near rows, the second for far ones, and both hold. They are those of the true distance: the computed one
-    /// comes from differences that were rounded to float32, and is off by half of [`ROUNDED`] of itself at most.
+    /// The squared distance to a row of codes is `constant - 2 step sum + square`, but for `slack`;
+    /// the row itself lies within its error of that (the triangle's inequality). With the row's own
+    /// square in place of that of its codes it is the squared distance to the row, but for twice
+    /// the product of the query with what the codes leave out (Cauchy and Schwarz). The first is
+    /// closer for near rows, the second for far ones, and both hold. They are those of the true
+    /// distance: the computed one comes from differences that were rounded to float32, and is off
+    /// by half of [`ROUNDED`] of itself at most.
     #[inline(always)]
     fn euclideans(&self, aim: &Aim, sums: &[f32], low: &mut [f32], high: &mut [f32]) {
         let rounding = rounding(self.offset.len());
         let length = 2.0 * aim.length * (1.0 + rounding);
         let rows = sums.iter().zip(&self.error).zip(self.square.iter().zip(&self.row_square));
-        for (((&sum, error), (square, row_square)), (low, high)) in rows.zip(low.iter_mut().zip(high)) {
+        for (((&sum, error), (square, row_square)), (low, high)) in
+            rows.zip(low.iter_mut().zip(high))
+        {
             let part = 2.0 * aim.step * f64::from(sum);
             let slack = aim.slack + part.abs() * ROUNDED;
             let (codes, row) = (aim.constant - part + square, aim.constant - part + row_square);
@@ -272,7 +297,8 @@ struct Aimed {
 /// Writes the codes of a row.
 #[inline(always)]
 fn encode(numbers: &[f32], offset: &[f64], scale: &[f64], codes: &mut [i8]) -> Coded {
-    for (code, ((&x, offset), scale)) in codes.iter_mut().zip(numbers.iter().zip(offset).zip(scale)) {
+    for (code, ((&x, offset), scale)) in codes.iter_mut().zip(numbers.iter().zip(offset).zip(scale))
+    {
         // Where all rows have the same number, the scale is 0 and so is what stands above it.
         let whole = ((f64::from(x) - offset) / scale.max(f64::MIN_POSITIVE)).round_ties_even();
         *code = whole.clamp(-CODE, CODE) as i8;
@@ -285,7 +311,8 @@ fn encode(numbers: &[f32], offset: &[f64], scale: &[f64], codes: &mut [i8]) -> C
     Coded { error, square, row_square, length }
 }
 
-/// Puts `terms(0)`, `terms(1)`, ... together, each of the numbers in several lanes, which is as exact and runs in vector registers.
+/// Puts `terms(0)`, `terms(1)`, ... together, each of the numbers in several lanes, which is as
+/// exact and runs in vector registers.
 #[inline(always)]
 fn in_lanes<const N: usize>(
     count: usize,

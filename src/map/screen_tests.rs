@@ -11,7 +11,8 @@ struct Dice(u64);
 
 impl Dice {
     fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         self.0 >> 20
     }
 
@@ -72,19 +73,27 @@ proptest! {
 fn the_bounds_are_close() {
     const DIM: usize = 1000;
     let mut dice = Dice(1);
-    let rows: Vec<f32> = (0..100 * DIM).map(|_| dice.next() as f32 / (1_u64 << 43) as f32 - 1.0).collect();
+    let rows: Vec<f32> =
+        (0..100 * DIM).map(|_| dice.next() as f32 / (1_u64 << 43) as f32 - 1.0).collect();
     for metric in [Metric::Euclidean, Metric::Cosine] {
-        let map = Map::from_descriptors(rows.clone(), DIM, metric).unwrap().with_screen(Dtype::I8).unwrap();
+        let map = Map::from_descriptors(rows.clone(), DIM, metric)
+            .unwrap()
+            .with_screen(Dtype::I8)
+            .unwrap();
         let (screen, mut aim) = (map.screened().unwrap(), Aim::new(DIM));
         let query = map.query(View::F32(&rows[..DIM])).unwrap();
         screen.aim(map.isa(), metric, query, &mut aim);
         let [mut sums, mut low, mut high] = [(); 3].map(|()| vec![0.0; 100]);
         screen.scan(map.isa(), &aim.codes, 0..100, &mut sums);
         assert!(map.bounds(screen, &aim, &sums, &mut low, &mut high));
-        // A byte's step is a 127th of the largest number, its error at most half of that, and a root of 12 less than the
-        // step in the mean: relative to a row's length a 254th; twice that between the bounds. A distance is about 1.4 lengths.
-        let widest =
-            low[1..].iter().zip(&high[1..]).map(|(low, high)| (high - low) / high).fold(0.0, f32::max);
+        // A byte's step is a 127th of the largest number, its error at most half of that, and a
+        // root of 12 less than the step in the mean: relative to a row's length a 254th; twice that
+        // between the bounds. A distance is about 1.4 lengths.
+        let widest = low[1..]
+            .iter()
+            .zip(&high[1..])
+            .map(|(low, high)| (high - low) / high)
+            .fold(0.0, f32::max);
         assert!(widest < 2.0 * 1.1 / 254.0, "{metric}: {widest}");
     }
 }

@@ -6,12 +6,13 @@ use std::{ops::Range, sync::Arc};
 
 use crate::distance::{Dtype, Values, View, each_type};
 
-/// Where rows begin in memory: at a multiple of a cache line, which is the widest vector register too. Loads that straddle
-/// lines cost twice as much where the map is in the cache.
+/// Where rows begin in memory: at a multiple of a cache line, which is the widest vector register
+/// too. Loads that straddle lines cost twice as much where the map is in the cache.
 const LINE: usize = 64;
 
-/// From so many bytes on, rows lie in memory that is asked for in huge pages where the system has them. Large maps are then scanned
-/// up to 1.9 times as fast, for the processor need not look up the place of every 4 kB.
+/// From so many bytes on, rows lie in memory that is asked for in huge pages where the system has
+/// them. Large maps are then scanned up to 1.9 times as fast, for the processor need not look up
+/// the place of every 4 kB.
 #[cfg(feature = "mmap")]
 const LARGE: usize = 4 << 20;
 /// How much is moved from one memory to another before the first is made shorter.
@@ -64,7 +65,8 @@ impl Storage {
         joined
     }
 
-    /// The numbers of the type `dtype` in a part of a mapped file; nothing where they are not aligned for it.
+    /// The numbers of the type `dtype` in a part of a mapped file; nothing where they are not
+    /// aligned for it.
     #[cfg(feature = "mmap")]
     pub(super) fn mapped(file: memmap2::Mmap, span: Range<usize>, dtype: Dtype) -> Option<Self> {
         let bytes = file.get(span.clone())?;
@@ -82,11 +84,14 @@ impl Storage {
             #[cfg(feature = "mmap")]
             Kind::Pages { memory, dtype } => cast(memory, *dtype),
             #[cfg(feature = "mmap")]
-            Kind::Mapped { file, span, dtype } => cast(file.get(span.clone()).unwrap_or_default(), *dtype),
+            Kind::Mapped { file, span, dtype } => {
+                cast(file.get(span.clone()).unwrap_or_default(), *dtype)
+            }
         }
     }
 
-    /// The numbers' memory, to be written; empty where they are mapped, for those are never written.
+    /// The numbers' memory, to be written; empty where they are mapped, for those are never
+    /// written.
     pub(super) fn bytes_mut(&mut self) -> &mut [u8] {
         match &mut self.0 {
             Kind::Owned { numbers, start, len } => {
@@ -101,8 +106,8 @@ impl Storage {
     }
 }
 
-/// Takes the numbers over, without ever having two copies: they are moved up to the next line within their own memory, or
-/// piece by piece into pages.
+/// Takes the numbers over, without ever having two copies: they are moved up to the next line
+/// within their own memory, or piece by piece into pages.
 impl From<Values> for Storage {
     fn from(mut numbers: Values) -> Self {
         #[cfg(feature = "mmap")]
@@ -126,7 +131,11 @@ impl Clone for Storage {
     fn clone(&self) -> Self {
         #[cfg(feature = "mmap")]
         if let Kind::Mapped { file, span, dtype } = &self.0 {
-            return Self(Kind::Mapped { file: Arc::clone(file), span: span.clone(), dtype: *dtype });
+            return Self(Kind::Mapped {
+                file: Arc::clone(file),
+                span: span.clone(),
+                dtype: *dtype,
+            });
         }
         let view = self.view();
         let mut copy = Self::zeros(view.dtype(), view.len());
@@ -159,7 +168,8 @@ fn move_into<T: bytemuck::NoUninit>(memory: &mut [u8], numbers: &mut Vec<T>) {
     }
 }
 
-/// The numbers of bytes that are aligned for them, in whole pages or by a check when they were mapped: nothing can fail.
+/// The numbers of bytes that are aligned for them, in whole pages or by a check when they were
+/// mapped: nothing can fail.
 #[cfg(feature = "mmap")]
 fn cast(bytes: &[u8], dtype: Dtype) -> View<'_> {
     match dtype {

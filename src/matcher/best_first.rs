@@ -1,4 +1,5 @@
-//! The least of numbers of which lower bounds are known, with a look at as few of them as possible (method 1.9).
+//! The least of numbers of which lower bounds are known, with a look at as few of them as possible
+//! (method 1.9).
 
 use super::extreme::{BLOCK, any, first_better};
 
@@ -13,14 +14,16 @@ pub(super) enum Found {
     Crowd,
 }
 
-/// Whether a number, or what it may be at best, comes before the best so far: less, or equal and at a lower place.
+/// Whether a number, or what it may be at best, comes before the best so far: less, or equal and at
+/// a lower place.
 pub(super) fn beats(one: Candidate, best: Option<Candidate>) -> bool {
     best.is_none_or(|(least, at)| one.0 < least || (one.0 == least && one.1 < at))
 }
 
-/// The first of the least of some numbers, of places `first`, `first + 1`, ..., which are not below their `bounds`.
-/// `number(place, best)` looks at one: the number, or nothing where it turns out that it does not beat the best so far.
-/// Of the many that may beat the first one that is looked at, more than `most` are too many.
+/// The first of the least of some numbers, of places `first`, `first + 1`, ..., which are not below
+/// their `bounds`. `number(place, best)` looks at one: the number, or nothing where it turns out
+/// that it does not beat the best so far. Of the many that may beat the first one that is looked
+/// at, more than `most` are too many.
 pub(super) fn first_least<T: Copy + PartialOrd + Into<f64>>(
     bounds: &[T],
     first: usize,
@@ -72,9 +75,9 @@ fn least<T: Copy + PartialOrd + Into<f64>>(numbers: &[T]) -> Option<usize> {
     for (block, numbers) in numbers.chunks(BLOCK).enumerate() {
         let start = match found {
             Some((_, best)) => first_better(numbers, best, |a, b| a < b),
-            None => {
-                numbers.first().map(|&first| first_better(numbers, first, |a, b| a < b).unwrap_or((0, first)))
-            }
+            None => numbers
+                .first()
+                .map(|&first| first_better(numbers, first, |a, b| a < b).unwrap_or((0, first))),
         };
         if let Some((at, number)) = start {
             found = Some((block * BLOCK + at, number));

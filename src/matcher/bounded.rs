@@ -1,10 +1,12 @@
-//! The same fixes from distances of which the bounds are known, and few of the distances themselves (method 1.9).
+//! The same fixes from distances of which the bounds are known, and few of the distances themselves
+//! (method 1.9).
 //!
-//! A push is told between which two numbers each distance lies. The least distance, the largest gradient and the least
-//! sum are then each found in the same way: every candidate has a bound; the most promising one is looked at, which means that
-//! its distances are asked for, and after it those that may still be better, until none is left. Every addition here is
-//! the method's own, in its order, on bounds instead of distances. Rounding keeps the order of numbers, so that the results
-//! are bounds again, rounding included.
+//! A push is told between which two numbers each distance lies. The least distance, the largest
+//! gradient and the least sum are then each found in the same way: every candidate has a bound; the
+//! most promising one is looked at, which means that its distances are asked for, and after it
+//! those that may still be better, until none is left. Every addition here is the method's own, in
+//! its order, on bounds instead of distances. Rounding keeps the order of numbers, so that the
+//! results are bounds again, rounding included.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -19,7 +21,8 @@ use crate::error::Error;
 use crate::isa::Work;
 use crate::room::Roomy;
 
-/// Where more than one place in so many is in doubt, all of the column is looked at: in order, that is no slower.
+/// Where more than one place in so many is in doubt, all of the column is looked at: in order, that
+/// is no slower.
 const CROWD: usize = 4;
 
 /// Knows the distances of the newest queries.
@@ -28,7 +31,8 @@ pub(crate) trait Exact {
     fn distances(&mut self, age: usize, places: Range<usize>, out: &mut [f32]);
 }
 
-/// A [`Matcher`] that is told bounds. Its fixes are those of one that is told the distances, to the last bit.
+/// A [`Matcher`] that is told bounds. Its fixes are those of one that is told the distances, to the
+/// last bit.
 #[derive(Clone, Debug)]
 pub(crate) struct Bounded {
     /// The method's state; its columns are lower bounds.
@@ -68,9 +72,10 @@ impl Bounded {
         Ok(Self { matcher, upper, looked, gradients, sums, candidates })
     }
 
-    /// Takes bounds of the distances from the current query to every place, all finite and so small that sums of them do
-    /// not overflow, and says where the robot is, and how many rows have been looked at. Without `upper`, `lower` is the
-    /// distances themselves, of any size if all older ones have been looked at.
+    /// Takes bounds of the distances from the current query to every place, all finite and so small
+    /// that sums of them do not overflow, and says where the robot is, and how many rows have been
+    /// looked at. Without `upper`, `lower` is the distances themselves, of any size if all older
+    /// ones have been looked at.
     pub(crate) fn push(
         &mut self,
         lower: &[f32],
@@ -99,11 +104,13 @@ impl Bounded {
 
         let single = self.single(lower, exact);
         let peak = self.peak(exact);
-        let trusted = external.unwrap_or_else(|| consensus(single, peak, self.matcher.config.tolerance));
+        let trusted =
+            external.unwrap_or_else(|| consensus(single, peak, self.matcher.config.tolerance));
         let frame = self.matcher.remember(Anchor { single, trusted });
         let sequence = self.sequence(frame, exact);
 
-        let (place, score) = sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
+        let (place, score) =
+            sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
         let rows = self.looked.iter().sum::<usize>() - before;
         (Fix { frame, trusted, place, score, single, gradient: peak, sequence }, rows)
     }
@@ -140,8 +147,13 @@ impl Bounded {
         cells.settle(0, 0..2);
         cells.settle(0, places - 2..places);
         loop {
-            let enhanced =
-                Enhanced { columns: cells.lower, upper: Some(cells.upper), earlier, kind, smoothing };
+            let enhanced = Enhanced {
+                columns: cells.lower,
+                upper: Some(cells.upper),
+                earlier,
+                kind,
+                smoothing,
+            };
             let ages = enhanced.held().min(cells.lower.len());
             let Some(doubtful) = (0..ages).find(|&age| cells.looked[age] < places) else {
                 return Enhanced { upper: None, ..enhanced }.peak();
@@ -166,11 +178,14 @@ impl Bounded {
                         }
                     }
                 }
-                let known = Enhanced { columns: cells.lower, upper: None, earlier, kind, smoothing };
+                let known =
+                    Enhanced { columns: cells.lower, upper: None, earlier, kind, smoothing };
                 Some(-f64::from(known.sum(place)))
             };
             match first_least(gradients, 0, None, places / CROWD, candidates, negated) {
-                Found::Best(Some((negated, place))) => return Peak { place, value: -negated as f32 },
+                Found::Best(Some((negated, place))) => {
+                    return Peak { place, value: -negated as f32 };
+                }
                 Found::Best(None) | Found::Crowd => cells.settle_all(doubtful),
             }
         }
@@ -190,7 +205,9 @@ impl Bounded {
             let window = Window { frame, columns: cells.lower, anchors, weight, floor };
             weigh_anchored(diagonal, window, &mut search.anchored);
             sums.clear();
-            diagonal.sums(window.columns, frame, |_: usize, some: &mut [f64]| sums.extend_from_slice(some));
+            diagonal.sums(window.columns, frame, |_: usize, some: &mut [f64]| {
+                sums.extend_from_slice(some)
+            });
             if !full {
                 continue;
             }
@@ -231,7 +248,8 @@ impl Bounded {
         settled.matcher
     }
 
-    /// The newest query's distances, all of them looked at; nothing before the first, and right after a gap.
+    /// The newest query's distances, all of them looked at; nothing before the first, and right
+    /// after a gap.
     pub(crate) fn newest(&mut self, exact: &mut impl Exact) -> Option<&[f32]> {
         if self.matcher.columns.len() > 0 {
             self.settle_all(0, exact);

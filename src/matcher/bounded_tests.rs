@@ -27,7 +27,8 @@ struct Dice(u64);
 
 impl Dice {
     fn below(&mut self, end: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) % end
     }
 
@@ -35,17 +36,20 @@ impl Dice {
         self.below(1 << 24) as f32 / (1 << 24) as f32
     }
 
-    /// A drive along the route, from `start`, whose distances dip where it is, by more or less; or whole numbers, which tie.
+    /// A drive along the route, from `start`, whose distances dip where it is, by more or less; or
+    /// whole numbers, which tie.
     fn column(&mut self, places: usize, at: usize, ties: bool) -> Vec<f32> {
-        let mut column: Vec<f32> =
-            (0..places).map(|_| if ties { self.below(4) as f32 } else { 0.5 + 0.5 * self.share() }).collect();
+        let mut column: Vec<f32> = (0..places)
+            .map(|_| if ties { self.below(4) as f32 } else { 0.5 + 0.5 * self.share() })
+            .collect();
         if !ties && self.below(5) > 0 {
             column[at % places] -= 0.7 * self.share();
         }
         column
     }
 
-    /// Bounds as wide as `width` on either side; some are the distances themselves, some lie on one side only.
+    /// Bounds as wide as `width` on either side; some are the distances themselves, some lie on one
+    /// side only.
     fn bounds(&mut self, column: &[f32], width: f32) -> (Vec<f32>, Vec<f32>) {
         let mut side = |x: f32, sign: f32| match self.below(8) {
             0 => x,

@@ -20,10 +20,12 @@ pub struct Single {
     pub distance: f32,
 }
 
-/// Eq. 2: the place of the smallest distance, the first of equals, of a vector that may be taken: one look finds both.
+/// Eq. 2: the place of the smallest distance, the first of equals, of a vector that may be taken:
+/// one look finds both.
 ///
 /// # Errors
-/// [`Error::Length`] unless there is one distance a place, [`Error::NotFinite`] for a NaN or an infinity.
+/// [`Error::Length`] unless there is one distance a place, [`Error::NotFinite`] for a NaN or an
+/// infinity.
 #[inline(always)]
 pub(super) fn checked_minimum(distances: &[f32], places: usize) -> Result<Single, Error> {
     let what = "distances";

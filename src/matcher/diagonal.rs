@@ -8,7 +8,8 @@ use super::visit::Visit;
 use crate::config::reach;
 use crate::error::Error;
 
-/// The longest window whose sums are made afresh for each query: as fast as keeping sums, in less memory.
+/// The longest window whose sums are made afresh for each query: as fast as keeping sums, in less
+/// memory.
 const DIRECT: usize = 8;
 
 /// A slope, and how many places back it lies `k` queries ago: `round(v k)`.
@@ -42,9 +43,10 @@ impl Diagonal {
         self.back.last().copied().unwrap_or(0)
     }
 
-    /// Takes in the newest of `columns`, that of query `frame`, and gives the sums of the diagonals that end at `start`,
-    /// `start + 1`, ... to `visit(start, sums)`, in the order of places and without a gap from [`first`](Self::first) to
-    /// the last place; nothing before the first full window.
+    /// Takes in the newest of `columns`, that of query `frame`, and gives the sums of the diagonals
+    /// that end at `start`, `start + 1`, ... to `visit(start, sums)`, in the order of places and
+    /// without a gap from [`first`](Self::first) to the last place; nothing before the first full
+    /// window.
     #[inline(always)]
     pub(super) fn sums(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit<f64>) {
         if let Some(sliding) = &mut self.sliding {
@@ -59,8 +61,9 @@ impl Diagonal {
         for start in (self.first()..places).step_by(BLOCK) {
             let sums = &mut sums[..BLOCK.min(places - start)];
             let to_beat = visit.to_beat(start..start + sums.len());
-            if to_beat.is_some_and(|least| none_below(columns, &self.back, start..start + sums.len(), least))
-            {
+            if to_beat.is_some_and(|least| {
+                none_below(columns, &self.back, start..start + sums.len(), least)
+            }) {
                 continue;
             }
             direct_sums(columns, runs, |age| self.back[age], start, sums);

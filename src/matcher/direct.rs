@@ -8,9 +8,9 @@ use super::ring::Ring;
 /// How many sums are made at a time: they stay in the first-level cache.
 pub(super) const BLOCK: usize = 256;
 
-/// Writes to `sums`, at most [`BLOCK`], those of the diagonals that end in `start`, `start + 1`, ..., in the order of
-/// [`diagonal_sum`](super::order::diagonal_sum). A diagonal lies `back(age)` places back `age` queries ago; the caller
-/// sees to it that all of it is on the route.
+/// Writes to `sums`, at most [`BLOCK`], those of the diagonals that end in `start`, `start + 1`,
+/// ..., in the order of [`diagonal_sum`](super::order::diagonal_sum). A diagonal lies `back(age)`
+/// places back `age` queries ago; the caller sees to it that all of it is on the route.
 #[inline(always)]
 pub(super) fn direct_sums(
     columns: &Ring,
@@ -43,8 +43,8 @@ pub(super) fn direct_sums(
     }
 }
 
-/// Whether it is sure that no diagonal that ends in these places has a sum below `least`: known of most blocks, for windows of
-/// three columns at most, without a sum being written anywhere.
+/// Whether it is sure that no diagonal that ends in these places has a sum below `least`: known of
+/// most blocks, for windows of three columns at most, without a sum being written anywhere.
 #[inline(always)]
 pub(super) fn none_below(columns: &Ring, back: &[usize], places: Range<usize>, least: f64) -> bool {
     let (length, whole) = (back.len(), places.len() == BLOCK);
@@ -53,7 +53,9 @@ pub(super) fn none_below(columns: &Ring, back: &[usize], places: Range<usize>, l
     }
     let terms = |age: usize| columns.column(age)[places.start - back[age]..].first_chunk();
     let oldest = length - 1;
-    let (Some(a), Some(b), Some(c)) = (terms(0), terms(oldest.min(1)), terms(oldest)) else { return false };
+    let (Some(a), Some(b), Some(c)) = (terms(0), terms(oldest.min(1)), terms(oldest)) else {
+        return false;
+    };
     !match length {
         1 => any_of(a, b, c, |a, _, _| a < least),
         2 => any_of(a, b, c, |a, b, _| a + b < least),
@@ -61,7 +63,8 @@ pub(super) fn none_below(columns: &Ring, back: &[usize], places: Range<usize>, l
     }
 }
 
-/// Whether it holds of any three of the numbers. Without a way out in the middle, it runs in vector registers.
+/// Whether it holds of any three of the numbers. Without a way out in the middle, it runs in vector
+/// registers.
 #[inline(always)]
 fn any_of(
     a: &[f32; BLOCK],

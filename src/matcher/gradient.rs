@@ -1,4 +1,5 @@
-//! The gradient of a distance vector and its enhancement along the route (method 1.1 and 1.2, Eq. 1).
+//! The gradient of a distance vector and its enhancement along the route (method 1.1 and 1.2, Eq.
+//! 1).
 
 use std::ops::Range;
 
@@ -16,13 +17,15 @@ pub struct Peak {
     pub value: f32,
 }
 
-/// Eq. 1: the second difference of the distances `d`, into `g`. Both have the same length, at least two.
+/// Eq. 1: the second difference of the distances `d`, into `g`. Both have the same length, at least
+/// two.
 pub(super) fn gradient(d: &[f32], kind: Gradient, g: &mut [f32]) {
     with_gradient(d, d, kind, 0, g, |g, value| *g = value);
 }
 
-/// Eq. 1 for the places from `from` on: `put(out, gradient)` for each number of `out`. A place's own distance is that of
-/// `d`, those of its neighbours are of `around`: the same, or, for a bound of the gradient, bounds of the distances.
+/// Eq. 1 for the places from `from` on: `put(out, gradient)` for each number of `out`. A place's
+/// own distance is that of `d`, those of its neighbours are of `around`: the same, or, for a bound
+/// of the gradient, bounds of the distances.
 ///
 /// Plain f32 operations in a fixed order: every instruction set gives the same bits.
 #[inline(always)]
@@ -91,8 +94,8 @@ fn any_above(
     any
 }
 
-/// What stands in for a gradient before the start of the route or of the run: the mean of the current one,
-/// which telescopes to its two ends.
+/// What stands in for a gradient before the start of the route or of the run: the mean of the
+/// current one, which telescopes to its two ends.
 #[inline(always)]
 pub(super) fn missing_gradient(d: &[f32], kind: Gradient) -> f32 {
     let n = d.len();
@@ -102,8 +105,9 @@ pub(super) fn missing_gradient(d: &[f32], kind: Gradient) -> f32 {
     }
 }
 
-/// What the enhancement adds up (method 1.2): the newest columns, whose gradients (Eq. 1) are made again for each query, as
-/// reading them is all that it costs, and the sequence reads them anyway; and the gradients of queries before them.
+/// What the enhancement adds up (method 1.2): the newest columns, whose gradients (Eq. 1) are made
+/// again for each query, as reading them is all that it costs, and the sequence reads them anyway;
+/// and the gradients of queries before them.
 #[derive(Clone, Copy)]
 pub(super) struct Enhanced<'a> {
     pub(super) columns: &'a Ring,
@@ -112,7 +116,8 @@ pub(super) struct Enhanced<'a> {
     /// Gradients, the newest first.
     pub(super) earlier: &'a Ring,
     pub(super) kind: Gradient,
-    /// How many terms a sum has. The mean of the current gradient stands in for what there is neither distance nor gradient of.
+    /// How many terms a sum has. The mean of the current gradient stands in for what there is
+    /// neither distance nor gradient of.
     pub(super) smoothing: usize,
 }
 
@@ -134,14 +139,15 @@ impl Enhanced<'_> {
     /// The place of the largest sum.
     #[inline(always)]
     pub(super) fn peak(self) -> Peak {
-        // Sums can overflow where distances come near f32::MAX. A NaN is never the peak; where nothing else is, place 0 stays.
+        // Sums can overflow where distances come near f32::MAX. A NaN is never the peak; where
+        // nothing else is, place 0 stays.
         let mut peak = Peak { place: 0, value: f32::NEG_INFINITY };
         self.sums(&mut peak);
         peak
     }
 
-    /// `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms in this order, of all places, at most a few
-    /// hundred at a time.
+    /// `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms in this order, of all places, at
+    /// most a few hundred at a time.
     #[inline(always)]
     pub(super) fn sums(self, mut visit: impl Visit<f32>) {
         let n = self.columns.height();
@@ -168,7 +174,8 @@ impl Enhanced<'_> {
         let around = upper.map_or(column, |upper| upper.column(0));
         with_gradient(around, column, kind, start, sums, |sum, g| *sum = g);
         for age in 1..held {
-            // The first `absent` places of this block lie before the start of the route, `age` places back.
+            // The first `absent` places of this block lie before the start of the route, `age`
+            // places back.
             let absent = age.saturating_sub(start).min(sums.len());
             let (before, within) = sums.split_at_mut(absent);
             for sum in before {
@@ -191,16 +198,19 @@ impl Enhanced<'_> {
         }
     }
 
-    /// Whether it is sure that none of these places has a sum above `least`: known of most blocks, without a sum being
-    /// written anywhere, and never of those at the ends of the route.
+    /// Whether it is sure that none of these places has a sum above `least`: known of most blocks,
+    /// without a sum being written anywhere, and never of those at the ends of the route.
     #[inline(always)]
     fn none_above(&self, least: f32, places: Range<usize>) -> bool {
         let inside = places.start > self.smoothing && places.end < self.columns.height();
         if !inside || self.upper.is_some() || self.smoothing != 3 || self.columns.len() < 3 {
             return false;
         }
-        let triples =
-            (self.triples(0, places.start), self.triples(1, places.start), self.triples(2, places.start));
+        let triples = (
+            self.triples(0, places.start),
+            self.triples(1, places.start),
+            self.triples(2, places.start),
+        );
         let (Some(newest), Some(before), Some(oldest)) = triples else { return false };
         match self.kind {
             Gradient::Halved => !any_above(least, newest, before, oldest, halved),
@@ -208,7 +218,8 @@ impl Enhanced<'_> {
         }
     }
 
-    /// The distances, `age` queries and places back, of a block of places inside the route, each between its neighbours'.
+    /// The distances, `age` queries and places back, of a block of places inside the route, each
+    /// between its neighbours'.
     #[inline(always)]
     fn triples(&self, age: usize, start: usize) -> Option<Triples<'_>> {
         let column = &self.columns.column(age)[start - age - 1..];
@@ -226,7 +237,9 @@ impl Enhanced<'_> {
                 let mut g = [0.0];
                 let around = self.upper.unwrap_or(self.columns).column(age);
                 let column = self.columns.column(age);
-                with_gradient(around, column, self.kind, place - age, &mut g, |g, value| *g = value);
+                with_gradient(around, column, self.kind, place - age, &mut g, |g, value| {
+                    *g = value
+                });
                 g[0]
             } else {
                 self.earlier.column(age - self.columns.len())[place - age]

@@ -50,21 +50,25 @@ pub struct Fix {
     pub trusted: bool,
     /// The sequence's place once it is ready; before that, the single match's.
     pub place: usize,
-    /// The sequence's score once it is ready; before that, the single match's distance. Less is better.
+    /// The sequence's score once it is ready; before that, the single match's distance. Less is
+    /// better.
     pub score: f32,
     /// The best match of this query alone.
     pub single: Single,
     /// Where the enhanced gradient peaks.
     pub gradient: Peak,
-    /// The sequence's match; nothing for the first `L - 1` queries, and again after a gap, while the matcher warms up.
+    /// The sequence's match; nothing for the first `L - 1` queries, and again after a gap, while
+    /// the matcher warms up.
     pub sequence: Option<Sequence>,
 }
 
-/// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that yields distances.
+/// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
+/// yields distances.
 ///
-/// `push` allocates nothing, takes no lock and does not panic, whatever the data, and costs the same for every query and,
-/// but for the shortest, for every `L`. The memory is set at construction: `max(L, smoothing)` f32 numbers a place, and, where
-/// `L` is more than 8, `L / 2 + 2` f64 numbers a place for the sums that slide along.
+/// `push` allocates nothing, takes no lock and does not panic, whatever the data, and costs the
+/// same for every query and, but for the shortest, for every `L`. The memory is set at
+/// construction: `max(L, smoothing)` f32 numbers a place, and, where `L` is more than 8, `L / 2 +
+/// 2` f64 numbers a place for the sums that slide along.
 ///
 /// ```
 /// use surefix::{Config, Matcher};
@@ -82,7 +86,8 @@ pub struct Matcher {
     frames: u64,
     /// The smallest distance of all queries so far.
     lowest: f32,
-    /// The newest distance vectors since the last gap, raw: as many as the sequence and the smoothing need.
+    /// The newest distance vectors since the last gap, raw: as many as the sequence and the
+    /// smoothing need.
     columns: Ring,
     /// In a restored matcher, the gradients of queries before those of `columns`, newest first.
     earlier: Ring,
@@ -96,8 +101,9 @@ impl Matcher {
     /// A matcher for a route of `places` places.
     ///
     /// # Errors
-    /// [`Error::TooFewPlaces`] below two places; [`Error::Option`] for an option outside its range, `floor: Global`
-    /// among them: a stream cannot know the whole matrix; [`Error::Memory`] where there is not enough for the window.
+    /// [`Error::TooFewPlaces`] below two places; [`Error::Option`] for an option outside its range,
+    /// `floor: Global` among them: a stream cannot know the whole matrix; [`Error::Memory`] where
+    /// there is not enough for the window.
     pub fn new(places: usize, config: Config) -> Result<Self, Error> {
         config.validate(places)?;
         if config.floor == Floor::Global {
@@ -124,7 +130,8 @@ impl Matcher {
         })
     }
 
-    /// The same matcher on another instruction set than the best one; the answers are the same to the last bit.
+    /// The same matcher on another instruction set than the best one; the answers are the same to
+    /// the last bit.
     ///
     /// # Errors
     /// [`Error::Option`] for one that this processor lacks.
@@ -136,13 +143,14 @@ impl Matcher {
     /// Takes the distances from the current query to every place, and says where the robot is.
     ///
     /// # Errors
-    /// [`Error::Length`] unless there are as many distances as places, [`Error::NotFinite`] for a NaN or an infinity.
-    /// The matcher is then as it was.
+    /// [`Error::Length`] unless there are as many distances as places, [`Error::NotFinite`] for a
+    /// NaN or an infinity. The matcher is then as it was.
     pub fn push(&mut self, distances: &[f32]) -> Result<Fix, Error> {
         self.step(distances, None)
     }
 
-    /// Like [`push`](Self::push), with an external predictor's word in place of the consensus (Eq. 3).
+    /// Like [`push`](Self::push), with an external predictor's word in place of the consensus (Eq.
+    /// 3).
     ///
     /// # Errors
     /// As for [`push`](Self::push).
@@ -154,14 +162,17 @@ impl Matcher {
         self.isa.run(Step { matcher: self, distances, external })
     }
 
-    /// The method (docs/method.md), in its order. What works on all places is compiled for the instruction set.
+    /// The method (docs/method.md), in its order. What works on all places is compiled for the
+    /// instruction set.
     #[inline(always)]
     fn method(&mut self, distances: &[f32], external: Option<bool>) -> Result<Fix, Error> {
-        // The single match (Eq. 2), found by the same look that refuses a vector. Nothing is kept of a refused one.
+        // The single match (Eq. 2), found by the same look that refuses a vector. Nothing is kept
+        // of a refused one.
         let single = checked_minimum(distances, self.places)?;
         self.columns.advance().copy_from_slice(distances);
 
-        // 1.1 and 1.2 The gradient (Eq. 1), its enhancement along the diagonal, and where that peaks.
+        // 1.1 and 1.2 The gradient (Eq. 1), its enhancement along the diagonal, and where that
+        // peaks.
         let Config { gradient, smoothing, tolerance, weight, .. } = self.config;
         let Self { columns, earlier, .. } = &*self;
         let peak = Enhanced { columns, upper: None, earlier, kind: gradient, smoothing }.peak();
@@ -174,10 +185,12 @@ impl Matcher {
         let floor = self.floor();
 
         // 1.5 The weighted sequence (Eqs. 5 and 6), once the window is full.
-        let window = Window { frame, columns: &self.columns, anchors: &self.anchors, weight, floor };
+        let window =
+            Window { frame, columns: &self.columns, anchors: &self.anchors, weight, floor };
         let sequence = self.search.best(window);
 
-        let (place, score) = sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
+        let (place, score) =
+            sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
         Ok(Fix { frame, trusted, place, score, single, gradient: peak, sequence })
     }
 
@@ -199,10 +212,11 @@ impl Matcher {
         }
     }
 
-    /// Says that the next query does not follow on the one before: frames were dropped, or the camera was away. The
-    /// diagonal is broken there, so that no gradient is summed and no sequence made across (method 1.5): fixes have no
-    /// sequence until `L` queries have come. Frame numbers and the running floor go on. A gap before the first query, or right
-    /// after another, changes nothing. Nothing is allocated.
+    /// Says that the next query does not follow on the one before: frames were dropped, or the
+    /// camera was away. The diagonal is broken there, so that no gradient is summed and no sequence
+    /// made across (method 1.5): fixes have no sequence until `L` queries have come. Frame numbers
+    /// and the running floor go on. A gap before the first query, or right after another, changes
+    /// nothing. Nothing is allocated.
     ///
     /// ```
     /// use surefix::{Config, Matcher};
@@ -225,8 +239,8 @@ impl Matcher {
         self.lowest = f32::INFINITY;
     }
 
-    /// Begins at query `frame`, with the smallest distance that the queries before it had: a batch is streams that begin
-    /// in the middle.
+    /// Begins at query `frame`, with the smallest distance that the queries before it had: a batch
+    /// is streams that begin in the middle.
     pub(crate) fn begin_at(&mut self, frame: usize, lowest: f32) {
         self.frames = frame as u64;
         self.lowest = lowest;

@@ -16,8 +16,9 @@ pub(crate) struct Ring {
 impl Ring {
     /// Room for `capacity` columns, taken and touched now.
     pub(crate) fn new(capacity: usize, height: usize) -> Result<Self, Error> {
-        let count =
-            capacity.checked_mul(height).ok_or(Error::Memory { places: height, columns: capacity })?;
+        let count = capacity
+            .checked_mul(height)
+            .ok_or(Error::Memory { places: height, columns: capacity })?;
         let mut numbers = Vec::new();
         let refused = |_| Error::Memory { places: height, columns: capacity };
         numbers.try_reserve_exact(count).map_err(refused)?;
@@ -66,7 +67,8 @@ impl Ring {
 
     fn start(&self, age: usize) -> usize {
         debug_assert!(age < self.filled, "column {age} of {}", self.filled);
-        let slot = if age <= self.newest { self.newest - age } else { self.newest + self.capacity - age };
+        let slot =
+            if age <= self.newest { self.newest - age } else { self.newest + self.capacity - age };
         slot * self.height
     }
 }

@@ -59,7 +59,8 @@ impl Anchors {
         self.ring[self.turned(age)]
     }
 
-    /// The age and the place of each trusted match, in any order; `length` queries must have been pushed.
+    /// The age and the place of each trusted match, in any order; `length` queries must have been
+    /// pushed.
     fn trusted(&self) -> impl Iterator<Item = (usize, usize)> {
         let trusted = self.ring.iter().enumerate().filter(|(_, anchor)| anchor.trusted);
         trusted.map(|(slot, anchor)| (self.turned(slot), anchor.single.place))
@@ -139,18 +140,24 @@ impl Search {
             }
         }
         let mut anchored = Vec::new();
-        anchored.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
+        anchored
+            .try_reserve_exact(length)
+            .map_err(|_| Error::Memory { places: 1, columns: length })?;
         Ok(Self { diagonals, anchored: Roomy(anchored) })
     }
 
-    /// Eqs. 4 to 6: the smallest mean of all diagonals of full windows; nothing before the first full window.
+    /// Eqs. 4 to 6: the smallest mean of all diagonals of full windows; nothing before the first
+    /// full window.
     #[inline(always)]
     pub(super) fn best(&mut self, window: Window<'_>) -> Option<Sequence> {
         let mut best: Option<(usize, f64, &Diagonal)> = None;
         for diagonal in &mut self.diagonals {
-            let Some((place, sum)) = best_place(diagonal, window, &mut self.anchored) else { continue };
+            let Some((place, sum)) = best_place(diagonal, window, &mut self.anchored) else {
+                continue;
+            };
             // The smallest sum; of equals the lowest place, then the speed named first.
-            let wins = best.is_none_or(|(at, least, _)| sum < least || (sum == least && place < at));
+            let wins =
+                best.is_none_or(|(at, least, _)| sum < least || (sum == least && place < at));
             if wins {
                 best = Some((place, sum, diagonal));
             }
@@ -158,7 +165,8 @@ impl Search {
         best.map(|(place, sum, diagonal)| window.sequence(place, sum, diagonal))
     }
 
-    /// Takes in the newest column without a search: a restored matcher goes through its columns again.
+    /// Takes in the newest column without a search: a restored matcher goes through its columns
+    /// again.
     pub(super) fn catch_up(&mut self, columns: &Ring, frame: u64) {
         for diagonal in &mut self.diagonals {
             diagonal.catch_up(columns, frame);
@@ -166,8 +174,9 @@ impl Search {
     }
 }
 
-/// Eq. 6 for one slope: the first place where the sum is smallest, and that sum. The plain sums of all diagonals are made
-/// together; the few diagonals with trusted cells have sums of their own, with the weights of this query.
+/// Eq. 6 for one slope: the first place where the sum is smallest, and that sum. The plain sums of
+/// all diagonals are made together; the few diagonals with trusted cells have sums of their own,
+/// with the weights of this query.
 #[inline(always)]
 fn best_place(
     diagonal: &mut Diagonal,
@@ -209,10 +218,14 @@ impl Visit<f64> for &mut Least<'_> {
     }
 }
 
-/// The diagonals that hold trusted cells, by the place where they end, in order, each with its weighted sum; none before
-/// the first full window.
+/// The diagonals that hold trusted cells, by the place where they end, in order, each with its
+/// weighted sum; none before the first full window.
 #[inline(always)]
-pub(super) fn weigh_anchored(diagonal: &Diagonal, window: Window<'_>, anchored: &mut Vec<(usize, f64)>) {
+pub(super) fn weigh_anchored(
+    diagonal: &Diagonal,
+    window: Window<'_>,
+    anchored: &mut Vec<(usize, f64)>,
+) {
     anchored.clear();
     let back = &diagonal.back;
     if window.columns.len() < back.len() {

@@ -1,9 +1,11 @@
-//! The sums of long windows along the diagonals of slope 1, at a cost that does not grow with their length.
+//! The sums of long windows along the diagonals of slope 1, at a cost that does not grow with their
+//! length.
 //!
-//! Nothing is subtracted, so that nothing drifts and a huge distance leaves no trace once it has left the window. A sum
-//! is put together of three that are kept (method 1.5): the running sum of the query's own block, the finished one of the
-//! block before, and the end of the block before that, of which every length is prepared while the next block arrives. A
-//! query costs four additions a place, whichever it is: there is no query that pays for the others.
+//! Nothing is subtracted, so that nothing drifts and a huge distance leaves no trace once it has
+//! left the window. A sum is put together of three that are kept (method 1.5): the running sum of
+//! the query's own block, the finished one of the block before, and the end of the block before
+//! that, of which every length is prepared while the next block arrives. A query costs four
+//! additions a place, whichever it is: there is no query that pays for the others.
 
 use std::ops::Range;
 
@@ -24,8 +26,9 @@ pub(super) struct Sliding {
     running: Vec<f64>,
     /// The same of the block before, which is finished.
     finished: Vec<f64>,
-    /// Ends of blocks, by the place where a diagonal leaves the block. An end of the newest finished block takes the
-    /// memory of one of the block before it that is used for the last time: [`Sliding::slot`].
+    /// Ends of blocks, by the place where a diagonal leaves the block. An end of the newest
+    /// finished block takes the memory of one of the block before it that is used for the last
+    /// time: [`Sliding::slot`].
     ends: Vec<f64>,
 }
 
@@ -44,9 +47,9 @@ impl Sliding {
         Ok(Self { length, places, running: zeros(1)?, finished: zeros(1)?, ends })
     }
 
-    /// Takes in the newest of `columns`, that of query `frame`, and gives the sums of the diagonals that end at `start`,
-    /// `start + 1`, ... to `visit(start, sums)`, from the first place that has a full window on; nothing before the first
-    /// full window.
+    /// Takes in the newest of `columns`, that of query `frame`, and gives the sums of the diagonals
+    /// that end at `start`, `start + 1`, ... to `visit(start, sums)`, from the first place that has
+    /// a full window on; nothing before the first full window.
     #[inline(always)]
     pub(super) fn advance(&mut self, columns: &Ring, frame: u64, mut visit: impl Visit<f64>) {
         let (length, places, block) = (self.length, self.places, block(self.length));
@@ -57,13 +60,15 @@ impl Sliding {
         let begins = row == 0 || columns.len() == 1;
         let ready = columns.len() >= length;
         let newest = &columns.column(0)[row..];
-        let (slot, shorter) = (self.slot(frame), if row == 0 { None } else { self.slot(frame - 1) });
+        let (slot, shorter) =
+            (self.slot(frame), if row == 0 { None } else { self.slot(frame - 1) });
         // The next longer end of the last block: one column more, as long as that column was seen.
         let next = columns.len() > 2 * row + 1;
         let mut prepared = row;
         let mut sums = [0.0_f64; BLOCK];
 
-        // Places where diagonals enter this block, of those that have not left the route yet. The first have no full window.
+        // Places where diagonals enter this block, of those that have not left the route yet. The
+        // first have no full window.
         let (entered, first) = (places - row, if ready { length - 1 - row } else { places });
         for from in (0..entered).step_by(BLOCK) {
             let to = entered.min(from + BLOCK);
@@ -73,7 +78,8 @@ impl Sliding {
                 let sums = &mut sums[..to - whole];
                 let (running, newest) = (&mut self.running[whole..to], &newest[whole..to]);
                 let finished = &self.finished[whole - block..to - block];
-                let end = slot.map(|slot| &self.ends[slot * places..][whole - block - 1..to - block - 1]);
+                let end =
+                    slot.map(|slot| &self.ends[slot * places..][whole - block - 1..to - block - 1]);
                 let to_beat = visit.to_beat(whole + row..to + row);
                 if add_up(running, newest, begins, finished, end, to_beat) {
                     put_together(running, finished, end, sums);
@@ -83,7 +89,8 @@ impl Sliding {
             if let Some(slot) = slot
                 && next
             {
-                // What has just been used makes room. After the last place, those follow that the next queries will need.
+                // What has just been used makes room. After the last place, those follow that the
+                // next queries will need.
                 let to = if to == entered { places } else { to }.saturating_sub(block + 1);
                 if prepared < to {
                     let terms = &columns.column(2 * row + 1)[prepared - row..to - row];
@@ -94,10 +101,16 @@ impl Sliding {
         }
     }
 
-    /// The next longer ends of the last block, into `slot`, for diagonals that leave it at `places`: those of the query
-    /// before this one, in the slot `shorter`, and a term more.
+    /// The next longer ends of the last block, into `slot`, for diagonals that leave it at
+    /// `places`: those of the query before this one, in the slot `shorter`, and a term more.
     #[inline(always)]
-    fn prepare(&mut self, slot: usize, shorter: Option<usize>, terms: &[f32], places: Range<usize>) {
+    fn prepare(
+        &mut self,
+        slot: usize,
+        shorter: Option<usize>,
+        terms: &[f32],
+        places: Range<usize>,
+    ) {
         let height = self.places;
         let Some(shorter) = shorter else {
             let longer = &mut self.ends[slot * height..][places];
@@ -111,12 +124,16 @@ impl Sliding {
             (&mut low[slot * height..][places.clone()], &high[places])
         };
         let parts = shorter.iter().zip(terms);
-        longer.iter_mut().zip(parts).for_each(|(end, (shorter, &term))| *end = shorter + f64::from(term));
+        longer
+            .iter_mut()
+            .zip(parts)
+            .for_each(|(end, (shorter, &term))| *end = shorter + f64::from(term));
     }
 
-    /// Which memory a query uses for the last time, the end of the block before the last, and fills anew, with an end of the
-    /// last block. The ends are used from the longest to the shortest and prepared from the shortest to the longest, so
-    /// that the order of the slots turns with each block. The last query of a block needs none where `L` is even.
+    /// Which memory a query uses for the last time, the end of the block before the last, and fills
+    /// anew, with an end of the last block. The ends are used from the longest to the shortest and
+    /// prepared from the shortest to the longest, so that the order of the slots turns with each
+    /// block. The last query of a block needs none where `L` is even.
     fn slot(&self, frame: u64) -> Option<usize> {
         let (slots, row) = (longest_end(self.length), row(frame, self.length));
         if row >= slots {
@@ -138,8 +155,8 @@ fn add(running: &mut [f64], newest: &[f32], begins: bool) {
     }
 }
 
-/// The same, and says whether a sum of the window may be below `least`; where nothing is to be beaten, it may. All slices are
-/// equally long.
+/// The same, and says whether a sum of the window may be below `least`; where nothing is to be
+/// beaten, it may. All slices are equally long.
 #[inline(always)]
 fn add_up(
     running: &mut [f64],
@@ -182,7 +199,9 @@ fn add_up(
 fn put_together(running: &[f64], finished: &[f64], end: Option<&[f64]>, sums: &mut [f64]) {
     let parts = sums.iter_mut().zip(running.iter().zip(finished));
     match end {
-        Some(end) => parts.zip(end).for_each(|((sum, (own, before)), end)| *sum = own + before + end),
+        Some(end) => {
+            parts.zip(end).for_each(|((sum, (own, before)), end)| *sum = own + before + end)
+        }
         None => parts.for_each(|(sum, (own, before))| *sum = own + before),
     }
 }

@@ -1,7 +1,8 @@
 //! A matcher's state as bytes, so that a robot that restarts goes on where it was, to the last bit.
 //!
-//! A snapshot is a small safetensors file: the tensors `columns` and `gradients` (newest first), a localizer's `running.K`, each the snapshot
-//! of a drive's statistics, one metadata entry `surefix` with the rest as JSON, and the tensor `checksum` over all of it.
+//! A snapshot is a small safetensors file: the tensors `columns` and `gradients` (newest first), a
+//! localizer's `running.K`, each the snapshot of a drive's statistics, one metadata entry `surefix`
+//! with the rest as JSON, and the tensor `checksum` over all of it.
 
 use std::collections::HashMap;
 use std::hash::Hasher as _;
@@ -39,7 +40,8 @@ struct Header {
     places: usize,
     config: Config,
     frames: u64,
-    /// How many queries have come since a gap, where they are fewer than the window and the smoothing reach back.
+    /// How many queries have come since a gap, where they are fewer than the window and the
+    /// smoothing reach back.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     since_gap: Option<u64>,
     /// How many statistics of the drive there are.
@@ -60,7 +62,8 @@ pub(crate) struct Saved {
 }
 
 impl Matcher {
-    /// The matcher's whole state as bytes; [`restore`](Self::restore) goes on from it bit-identically.
+    /// The matcher's whole state as bytes; [`restore`](Self::restore) goes on from it
+    /// bit-identically.
     ///
     /// # Errors
     /// [`Error::Snapshot`] where the state is too large for the format (over 100 MB of header).
@@ -68,22 +71,26 @@ impl Matcher {
         self.save(None, &[])
     }
 
-    /// A matcher that goes on where the snapshot was taken. Where `expected` is given, the snapshot must have been
-    /// taken under the same options.
+    /// A matcher that goes on where the snapshot was taken. Where `expected` is given, the snapshot
+    /// must have been taken under the same options.
     ///
     /// # Errors
-    /// [`Error::Snapshot`] where the bytes are damaged, foreign, of a newer version, or of other options.
+    /// [`Error::Snapshot`] where the bytes are damaged, foreign, of a newer version, or of other
+    /// options.
     pub fn restore(snapshot: &[u8], expected: Option<&Config>) -> Result<Self, Error> {
         let saved = load(snapshot, expected)?;
         Ok(saved.matcher)
     }
 
-    /// The state as bytes, marked with the fingerprint of the map that it belongs to, and with snapshots of a drive's statistics.
+    /// The state as bytes, marked with the fingerprint of the map that it belongs to, and with
+    /// snapshots of a drive's statistics.
     pub(crate) fn save(&self, map: Option<u64>, running: &[Vec<u8>]) -> Result<Vec<u8>, Error> {
-        let (window, smoothed) = (self.held(self.config.sequence_length), self.held(self.smoothed()));
+        let (window, smoothed) =
+            (self.held(self.config.sequence_length), self.held(self.smoothed()));
         let columns = bytes((0..window).flat_map(|age| self.columns.column(age).iter().copied()));
         let gradients = bytes((0..smoothed).flat_map(|age| self.gradient(age)));
-        let (seen, reach) = (self.held(self.columns.capacity()) as u64, self.columns.capacity() as u64);
+        let (seen, reach) =
+            (self.held(self.columns.capacity()) as u64, self.columns.capacity() as u64);
         let since_gap = (seen < self.frames.min(reach)).then_some(seen);
         let header = Header {
             format: FORMAT.to_owned(),
@@ -103,8 +110,9 @@ impl Matcher {
         };
         let parts = [&columns, &gradients].into_iter().chain(running).map(Vec::as_slice);
         let checksum = checksum(&header, parts);
-        let bytes =
-            |dtype, count: usize, bytes| TensorView::new(dtype, vec![count], bytes).map_err(|e| refused(&e));
+        let bytes = |dtype, count: usize, bytes| {
+            TensorView::new(dtype, vec![count], bytes).map_err(|e| refused(&e))
+        };
         let mut tensors = vec![
             ("columns".to_owned(), tensor(&columns, window)?),
             ("gradients".to_owned(), tensor(&gradients, smoothed)?),
@@ -113,7 +121,8 @@ impl Matcher {
         for (index, running) in running.iter().enumerate() {
             tensors.push((running_name(index), bytes(Dtype::U8, running.len(), running)?));
         }
-        serialize(tensors, Some(HashMap::from([(ENTRY.to_owned(), header)]))).map_err(|e| refused(&e))
+        serialize(tensors, Some(HashMap::from([(ENTRY.to_owned(), header)])))
+            .map_err(|e| refused(&e))
     }
 
     /// How many of the newest `capacity` columns or gradients there are yet.
@@ -154,7 +163,8 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     let columns = tensors.tensor("columns").map_err(|e| damaged(&e))?;
     let gradients = tensors.tensor("gradients").map_err(|e| damaged(&e))?;
     let written = tensors.tensor("checksum").map_err(|e| damaged(&e))?;
-    let running: Vec<_> = (0..).map_while(|index| tensors.tensor(&running_name(index)).ok()).collect();
+    let running: Vec<_> =
+        (0..).map_while(|index| tensors.tensor(&running_name(index)).ok()).collect();
     let parts = [&columns, &gradients].into_iter().chain(&running).map(TensorView::data);
     if checksum(text, parts) != written.data() {
         return Err(damaged(&"its checksum does not fit"));
@@ -163,7 +173,10 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     if let Some(expected) = expected
         && *expected != header.config
     {
-        return Err(refused(&format!("taken under other options: {}", expected.differences(&header.config))));
+        return Err(refused(&format!(
+            "taken under other options: {}",
+            expected.differences(&header.config)
+        )));
     }
 
     // The shapes first: a forged size must not take memory.
@@ -171,7 +184,8 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
     if header.frames > MAX_FRAMES {
         return Err(damaged(&"an impossible number of frames"));
     }
-    let (length, smoothed) = (header.config.sequence_length, header.config.smoothing.min(header.places));
+    let (length, smoothed) =
+        (header.config.sequence_length, header.config.smoothing.min(header.places));
     let seen = header.since_gap.unwrap_or(header.frames);
     let reached = header.frames.min(length.max(smoothed) as u64);
     if header.running != running.len() {
@@ -203,7 +217,8 @@ pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, 
         matcher.search.catch_up(&matcher.columns, matcher.frames);
         matcher.frames += 1;
     }
-    // Where the smoothing reaches further back than the sequence, the gradients are all that is left of the older columns.
+    // Where the smoothing reaches further back than the sequence, the gradients are all that is
+    // left of the older columns.
     let older = gradients.shape()[0].saturating_sub(header.anchors.len());
     matcher.earlier = Ring::new(older, header.places)?;
     for gradient in newest_last(gradients.data(), header.places).take(older) {
@@ -247,9 +262,11 @@ fn check_version(header: &str) -> Result<(), Error> {
         version: u64,
     }
     match serde_json::from_str::<Version>(header) {
-        Ok(Version { format, version }) if format == FORMAT && version > VERSION => Err(refused(&format!(
-            "format {version}, but this version of surefix reads up to {VERSION}: upgrade surefix"
-        ))),
+        Ok(Version { format, version }) if format == FORMAT && version > VERSION => {
+            Err(refused(&format!(
+                "format {version}, but this version of surefix reads up to {VERSION}: upgrade surefix"
+            )))
+        }
         Ok(Version { format, .. }) if format == FORMAT => Ok(()),
         _ => Err(refused(&"damaged or not a snapshot (the header is not a snapshot's)")),
     }

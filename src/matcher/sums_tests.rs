@@ -1,4 +1,5 @@
-//! Every way to the sums of the diagonals against the order of additions in the method, to the last bit.
+//! Every way to the sums of the diagonals against the order of additions in the method, to the last
+//! bit.
 
 use std::ops::Range;
 
@@ -16,7 +17,8 @@ struct Wild(u64);
 
 impl Wild {
     fn number(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let (share, power) = ((self.0 >> 40) as f32 / (1 << 24) as f32, (self.0 >> 8) % 61);
         (share - 0.3) * 10_f32.powi(power as i32 - 30)
     }
@@ -26,8 +28,8 @@ impl Wild {
     }
 }
 
-/// The words of the method, with query numbers: the blocks of queries, and what is added to what. `d[j]` is the distance
-/// of query `j` on the diagonal.
+/// The words of the method, with query numbers: the blocks of queries, and what is added to what.
+/// `d[j]` is the distance of query `j` on the diagonal.
 fn by_the_words(d: &[f32], query: usize, length: usize) -> f64 {
     let block = (length / 2).max(1);
     let (begin, oldest) = (query / block * block, query + 1 - length);
@@ -56,7 +58,8 @@ fn cases() -> ProptestConfig {
     ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() }
 }
 
-/// The first of the least sums. It asks for those below the best so far, or, `now_and_then`, for all of a block.
+/// The first of the least sums. It asks for those below the best so far, or, `now_and_then`, for
+/// all of a block.
 struct Found {
     sum: f64,
     place: usize,

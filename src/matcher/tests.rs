@@ -1,4 +1,5 @@
-//! The kernels against one-line oracles, to the last bit, on grids of small numbers where everything ties.
+//! The kernels against one-line oracles, to the last bit, on grids of small numbers where
+//! everything ties.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -90,8 +91,11 @@ fn check_peak(
     let highest = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let place = sums.iter().position(|&x| x == highest).unwrap();
     let (columns, kept) = d.split_at(d.len() - kept.min(d.len() - 1));
-    let earlier =
-        if kept.is_empty() { Ring::new(0, d[0].len()).unwrap() } else { ring(&g[columns.len()..], 0) };
+    let earlier = if kept.is_empty() {
+        Ring::new(0, d[0].len()).unwrap()
+    } else {
+        ring(&g[columns.len()..], 0)
+    };
     let peak = {
         let columns = ring(columns, before);
         Enhanced { columns: &columns, upper: None, earlier: &earlier, kind, smoothing }.peak()
@@ -167,7 +171,8 @@ proptest! {
         let mut g = vec![0.0; d.len()];
         gradient(&d, kind, &mut g);
         let mean = g.iter().map(|&x| f64::from(x)).sum::<f64>() / g.len() as f64;
-        // Unhalved, the inside counts twice, so that the sum is less the two ends: the method's 0 stands in for it.
+        // Unhalved, the inside counts twice, so that the sum is less the two ends: the method's 0
+        // stands in for it.
         let expected = if kind == Gradient::Halved { mean } else { 0.0 };
         prop_assert!((f64::from(missing_gradient(&d, kind)) - expected).abs() < 1e-6);
     }

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-/// A closure, or, so that it is compiled for each instruction set, a type whose method is marked `#[inline(always)]`.
+/// A closure, or, so that it is compiled for each instruction set, a type whose method is marked
+/// `#[inline(always)]`.
 pub(super) trait Visit<T> {
     /// The numbers of the places `start`, `start + 1`, ...
     fn visit(&mut self, start: usize, numbers: &mut [T]);

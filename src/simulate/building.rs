@@ -20,7 +20,8 @@ const WALLS: [Rgb; 10] = [
     [232.0, 206.0, 150.0],
     [168.0, 170.0, 176.0],
 ];
-const ROOFS: [Rgb; 4] = [[158.0, 82.0, 62.0], [104.0, 78.0, 72.0], [92.0, 98.0, 110.0], [136.0, 96.0, 66.0]];
+const ROOFS: [Rgb; 4] =
+    [[158.0, 82.0, 62.0], [104.0, 78.0, 72.0], [92.0, 98.0, 110.0], [136.0, 96.0, 66.0]];
 const AWNINGS: [Rgb; 5] = [
     [188.0, 58.0, 54.0],
     [52.0, 112.0, 96.0],
@@ -56,7 +57,8 @@ pub(super) fn paint_block(scene: &mut Scene, lot: &Lot, start: f32) {
     let mut dice = Dice::new(lot.style);
     let flats = lot.plot == Plot::Flats;
     let storey = dice.between(2.9, 3.6);
-    let floors = if flats { dice.pick(&[5.0, 6.0, 7.0, 8.0]) } else { dice.pick(&[2.0, 3.0, 3.0, 4.0]) };
+    let floors =
+        if flats { dice.pick(&[5.0, 6.0, 7.0, 8.0]) } else { dice.pick(&[2.0, 3.0, 3.0, 4.0]) };
     let pitched = !flats && dice.chance(0.7);
     let mut wall = dice.pick(&WALLS);
     let shops = dice.chance(0.55);
@@ -162,7 +164,8 @@ impl Building {
         let tiles = look.shade(look.snowed(self.roof, 0.95), look.facing(self.side) + 0.06, z.0);
         scene.canvas.convex(&slope, tiles, 1.0);
         if self.z.0 > NEAR {
-            let triangle = [slope[0], slope[1], scene.camera.project(self.x(self.back), eaves, z.0)];
+            let triangle =
+                [slope[0], slope[1], scene.camera.project(self.x(self.back), eaves, z.0)];
             scene.canvas.convex(&triangle, gable, 1.0);
         }
     }
@@ -236,12 +239,18 @@ impl Building {
         let pitch = length / self.windows as f32;
         let margin = 0.5 * (1.0 - self.pane.0) * pitch;
         let (from, to) = (strip.along.0 - margin, strip.along.1 - margin);
-        let glass = stripes(f64::from(from), f64::from(to), f64::from(pitch), f64::from(self.pane.0 * pitch));
+        let glass = stripes(
+            f64::from(from),
+            f64::from(to),
+            f64::from(pitch),
+            f64::from(self.pane.0 * pitch),
+        );
         let which = ((strip.along.0 + strip.along.1) * 0.5 / pitch) as i64;
         let first = if self.shop > 0.0 { self.shop } else { 0.3 };
         let floors = ((self.height - first) / self.storey) as i64;
         for floor in 0..floors {
-            let sill = first + floor as f32 * self.storey + (1.0 - self.pane.1) * 0.55 * self.storey;
+            let sill =
+                first + floor as f32 * self.storey + (1.0 - self.pane.1) * 0.55 * self.storey;
             let home = unit(hash(self.seed ^ 0x11, which * 64 + floor));
             let head = sill + self.pane.1 * self.storey;
             let frame = look.shade(blend(self.wall, [240.0; 3], 0.55), lit, z);

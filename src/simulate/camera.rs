@@ -1,7 +1,7 @@
 //! The camera on the road: where a point of the world falls in the image.
 //!
-//! Coordinates of the world, in metres: `x` to the right of the road's middle, `y` up, `z` ahead of the camera
-//! along the road.
+//! Coordinates of the world, in metres: `x` to the right of the road's middle, `y` up, `z` ahead of
+//! the camera along the road.
 
 use super::canvas::Point;
 use super::noise::{wave, wave_and_slope};
@@ -37,7 +37,8 @@ impl Camera {
         let (swing, slope) = wave_and_slope(seed, position / BEND_LENGTH);
         Self {
             focal: width as f32 * 0.58,
-            // The road vanishes a little left of the middle: the nearer, right-hand side gets more room.
+            // The road vanishes a little left of the middle: the nearer, right-hand side gets more
+            // room.
             centre: width as f32 * 0.46,
             horizon: height as f32 * 0.53,
             eye_x: LANE + offset,

@@ -98,7 +98,8 @@ impl<'a> Canvas<'a> {
         self.width
     }
 
-    /// How many pixels from one sample of a smooth texture to the next; between them a straight line will do.
+    /// How many pixels from one sample of a smooth texture to the next; between them a straight
+    /// line will do.
     pub(super) fn grain(&self) -> usize {
         (self.width / 80).max(1)
     }
@@ -159,8 +160,11 @@ impl<'a> Canvas<'a> {
                 return;
             };
             let inner = step > 0 && step + 1 < count;
-            let cover =
-                if inner { whole } else { alpha_256(alpha * overlap((first + step) as f32, top, bottom)) };
+            let cover = if inner {
+                whole
+            } else {
+                alpha_256(alpha * overlap((first + step) as f32, top, bottom))
+            };
             if cover == 256 {
                 pixel.copy_from_slice(&paint);
             } else {
@@ -212,7 +216,8 @@ impl<'a> Canvas<'a> {
             low = (low.0.min(corner.0), low.1.min(corner.1));
             high = (high.0.max(corner.0), high.1.max(corner.1));
         }
-        if high.0 <= 0.0 || low.0 >= self.width as f32 || high.1 <= 0.0 || low.1 >= self.rows as f32 {
+        if high.0 <= 0.0 || low.0 >= self.width as f32 || high.1 <= 0.0 || low.1 >= self.rows as f32
+        {
             return;
         }
         let upright = high.1 - low.1 > high.0 - low.0;
@@ -243,8 +248,12 @@ impl<'a> Canvas<'a> {
         }
         let half = thickness.max(1.0) * 0.5 / length;
         let (nx, ny) = (-dy * half, dx * half);
-        let corners =
-            [(a.0 + nx, a.1 + ny), (b.0 + nx, b.1 + ny), (b.0 - nx, b.1 - ny), (a.0 - nx, a.1 - ny)];
+        let corners = [
+            (a.0 + nx, a.1 + ny),
+            (b.0 + nx, b.1 + ny),
+            (b.0 - nx, b.1 - ny),
+            (a.0 - nx, a.1 - ny),
+        ];
         self.convex(&corners, colour, alpha * thickness.min(1.0));
     }
 }

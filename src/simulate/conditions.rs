@@ -2,8 +2,9 @@
 
 use crate::error::Error;
 
-/// How a traverse differs from the reference drive. Each option but the seed is 0 for no difference; all of them
-/// at 0, which is the default, are the reference drive itself: noon in summer.
+/// How a traverse differs from the reference drive. Each option but the seed is 0 for no
+/// difference; all of them at 0, which is the default, are the reference drive itself: noon in
+/// summer.
 ///
 /// ```
 /// use surefix::simulate::Conditions;
@@ -38,8 +39,9 @@ impl Conditions {
 
     /// The default second traverse: a winter afternoon, in traffic, not quite in the same lane.
     ///
-    /// It is set so that SAD behaves on it as on real data: somewhat under half of the single-frame matches are
-    /// correct, mostly because places look alike, and a quarter to a third of them can be trusted.
+    /// It is set so that SAD behaves on it as on real data: somewhat under half of the single-frame
+    /// matches are correct, mostly because places look alike, and a quarter to a third of them can
+    /// be trusted.
     #[must_use]
     pub fn revisit() -> Self {
         Self {
@@ -73,5 +75,9 @@ fn within(name: &'static str, value: f32, low: f32, high: f32) -> Result<(), Err
     if (low..=high).contains(&value) {
         return Ok(());
     }
-    Err(Error::Option { name, expected: format!("a number from {low} to {high}"), got: value.to_string() })
+    Err(Error::Option {
+        name,
+        expected: format!("a number from {low} to {high}"),
+        got: value.to_string(),
+    })
 }

@@ -73,7 +73,11 @@ fn paint_row(scene: &mut Scene, y: usize, z: f32, lots: &[Lot; 2]) {
             scene.canvas.row(y, from.min(to), from.max(to), colour, 1.0);
         };
         let beyond = if lot.side < 0.0 { 0.0 } else { width };
-        let side = if lot.plot == Plot::Junction { road } else { look.shade(yard(look, lot), 1.0, veiled) };
+        let side = if lot.plot == Plot::Junction {
+            road
+        } else {
+            look.shade(yard(look, lot), 1.0, veiled)
+        };
         span(edge(ROAD), beyond, side);
         if paved(lot) {
             let slabs = look.snowed(PAVING, 0.72);
@@ -134,7 +138,9 @@ fn paint_markings(scene: &mut Scene, y: usize, z: f32, middle: f32, lots: &[Lot;
     if look.snow > 0.0 {
         // Wheels keep two tracks free; between and beside them the snow stays.
         let snow = look.shade(SNOW, 0.97, z);
-        for (x, half) in [(0.0, 0.55), (-ROAD + 0.35, 0.5), (ROAD - 0.35, 0.5), (1.8, 0.3), (-1.8, 0.3)] {
+        for (x, half) in
+            [(0.0, 0.55), (-ROAD + 0.35, 0.5), (ROAD - 0.35, 0.5), (1.8, 0.3), (-1.8, 0.3)]
+        {
             let (left, right) = (middle + (x - half) * zoom, middle + (x + half) * zoom);
             scene.canvas.row(y, left, right, snow, 0.62 * look.snow);
         }
@@ -168,7 +174,8 @@ fn paint_grain(scene: &mut Scene, y: usize, z: f32) {
     let mut lattice = Lattice::new(scene.seed ^ 0x66, (camera.position + f64::from(z)) * 0.7);
     let step = 1.1 / camera.zoom(z);
     let start = (camera.eye_x - camera.bend(z)) * 1.1 - camera.centre * step;
-    let mut factor = |x: usize| 256.0 * (1.0 + strength * (lattice.value(start + x as f32 * step) - 0.5));
+    let mut factor =
+        |x: usize| 256.0 * (1.0 + strength * (lattice.value(start + x as f32 * step) - 0.5));
     let grain = scene.canvas.grain();
     let mut from = factor(0);
     let pixels = scene.canvas.row_mut(y).chunks_mut(3 * grain);

@@ -1,11 +1,12 @@
 //! A generated drive: the same route seen twice, in different conditions.
 //!
-//! It stands in for real data in the demo, the tests and the scale runs: structured scenery along a winding road,
-//! frames that change smoothly, and places that look alike because blocks of houses come back all along the route.
-//! A second traverse differs in light, season, lane, speed, traffic and sensor noise, each adjustable.
+//! It stands in for real data in the demo, the tests and the scale runs: structured scenery along a
+//! winding road, frames that change smoothly, and places that look alike because blocks of houses
+//! come back all along the route. A second traverse differs in light, season, lane, speed, traffic
+//! and sensor noise, each adjustable.
 //!
-//! Every frame is a pure function of the options and its index, so a route of a million places takes no memory, and
-//! the same options give the same bits on every machine.
+//! Every frame is a pure function of the options and its index, so a route of a million places
+//! takes no memory, and the same options give the same bits on every machine.
 //!
 //! ```
 //! use surefix::simulate::{Conditions, Route, RouteConfig};

@@ -1,6 +1,8 @@
-//! Hashing and smooth noise: every random thing of the world is a pure function of a seed and a place.
+//! Hashing and smooth noise: every random thing of the world is a pure function of a seed and a
+//! place.
 //!
-//! Only integer arithmetic and the IEEE basic operations are used, so every machine gets the same bits.
+//! Only integer arithmetic and the IEEE basic operations are used, so every machine gets the same
+//! bits.
 
 /// Scrambles 64 bits (the finaliser of splitmix64).
 pub(super) const fn mix(value: u64) -> u64 {
@@ -20,8 +22,8 @@ pub(super) fn unit(bits: u64) -> f32 {
     (bits >> 40) as f32 / 16_777_216.0
 }
 
-/// Rounds down. `f32::floor` is a call into libm on processors without SSE 4.1, this is a few instructions; both give
-/// the same for everything that fits an image.
+/// Rounds down. `f32::floor` is a call into libm on processors without SSE 4.1, this is a few
+/// instructions; both give the same for everything that fits an image.
 pub(super) fn floor(x: f32) -> f32 {
     let whole = x as i32 as f32;
     if whole > x { whole - 1.0 } else { whole }
@@ -62,8 +64,8 @@ pub(super) fn wave(seed: u64, x: f64) -> f32 {
 
 /// Lattice noise in [0, 1] along one image row: `value` at `(column, across)`, smooth in both.
 ///
-/// Neighbouring pixels mostly share a lattice cell, so the two corners are kept and looked up afresh
-/// only where the cell changes.
+/// Neighbouring pixels mostly share a lattice cell, so the two corners are kept and looked up
+/// afresh only where the cell changes.
 pub(super) struct Lattice {
     /// What the two lattice rows around `across` hash to.
     rows: (u64, u64),

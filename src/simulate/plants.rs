@@ -143,7 +143,14 @@ fn paint_crown(scene: &mut Scene, foot: (f32, f32), size: f32, z: f32, dice: &mu
     }
 }
 
-fn paint_branches(scene: &mut Scene, fork: (f32, f32), size: f32, dice: &mut Dice, bark: Rgb, alpha: f32) {
+fn paint_branches(
+    scene: &mut Scene,
+    fork: (f32, f32),
+    size: f32,
+    dice: &mut Dice,
+    bark: Rgb,
+    alpha: f32,
+) {
     let limbs = 6_u8;
     for limb in 0..limbs {
         let lean = (f32::from(limb) / f32::from(limbs - 1) - 0.5) * 1.7 + dice.between(-0.15, 0.15);

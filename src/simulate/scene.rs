@@ -18,7 +18,8 @@ pub(super) struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Paints everything. The painter's algorithm: what is nearer is painted later, over what is behind it.
+    /// Paints everything. The painter's algorithm: what is nearer is painted later, over what is
+    /// behind it.
     pub(super) fn paint(&mut self, traffic: &Traffic) {
         sky::paint_sky(self);
         sky::paint_skyline(self);

@@ -1,8 +1,8 @@
 //! What stands where along the road.
 //!
-//! The road is lined by lots of [`LOT`] metres, eight to a block. Half of the blocks are copies of a few templates
-//! that come back all along the route, and the houses of a terrace are one house repeated: that is what makes
-//! different places look alike.
+//! The road is lined by lots of [`LOT`] metres, eight to a block. Half of the blocks are copies of
+//! a few templates that come back all along the route, and the houses of a terrace are one house
+//! repeated: that is what makes different places look alike.
 
 use super::noise::{Dice, hash};
 
@@ -11,14 +11,14 @@ pub(super) const LOT: f64 = 12.0;
 const LOTS_A_BLOCK: i64 = 8;
 /// Blocks that in a row belong to the same kind of district.
 const BLOCKS_A_DISTRICT: i64 = 2;
-/// How many templates each kind of district has, how many of its blocks are copies, and of a copy's lots how many
-/// have been rebuilt since.
+/// How many templates each kind of district has, how many of its blocks are copies, and of a copy's
+/// lots how many have been rebuilt since.
 const TEMPLATES: i64 = 3;
 const COPIES: f32 = 0.65;
 const REBUILT: f32 = 0.08;
 
-/// Once in so many lots the road runs between noise barriers, for this many lots. There one place looks like the
-/// next, and like the same stretch elsewhere: matches are close, and wrong.
+/// Once in so many lots the road runs between noise barriers, for this many lots. There one place
+/// looks like the next, and like the same stretch elsewhere: matches are close, and wrong.
 const BARRIER_EVERY: i64 = 28;
 const BARRIER_LOTS: i64 = 5;
 
@@ -32,8 +32,14 @@ pub(super) enum District {
 }
 
 /// The districts that a stretch of road comes through: in every mile there is some of each kind.
-const TOUR: [District; 6] =
-    [District::Town, District::Suburb, District::Country, District::Town, District::Suburb, District::Forest];
+const TOUR: [District; 6] = [
+    District::Town,
+    District::Suburb,
+    District::Country,
+    District::Town,
+    District::Suburb,
+    District::Forest,
+];
 
 /// What a lot is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +69,8 @@ pub(super) struct Lot {
     pub(super) plot: Plot,
     /// The seed of everything on it.
     pub(super) seed: u64,
-    /// The seed of what it has in common with its neighbours: a terrace's facade, the spacing of poles.
+    /// The seed of what it has in common with its neighbours: a terrace's facade, the spacing of
+    /// poles.
     pub(super) style: u64,
     /// Its number along the route.
     pub(super) index: i64,
@@ -100,7 +107,11 @@ impl Lot {
         // Runs of lots share a style: three or four at a time on each side.
         let run = (within / if side > 0.0 { 3 } else { 4 }) * 2 + i64::from(side > 0.0);
         let style = if rebuilt { own } else { hash(block_seed ^ 0x57, run) };
-        let plot = if barrier(seed, index) { Plot::Barrier } else { plot(district, within, lot_seed, style) };
+        let plot = if barrier(seed, index) {
+            Plot::Barrier
+        } else {
+            plot(district, within, lot_seed, style)
+        };
         Self { district, plot, seed: lot_seed, style, index, side }
     }
 }

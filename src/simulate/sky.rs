@@ -26,8 +26,10 @@ pub(super) fn paint_sky(scene: &mut Scene) {
         // Clouds lie on a plane overhead, so they grow and spread towards the top of the image.
         let depth = 1.0 / (up + 0.12);
         let across = f64::from(depth) * 1.1 + camera.position * 0.002 + f64::from(look.clouds);
-        let (mut large, mut small) =
-            (Lattice::new(scene.seed ^ 0xC1, across * 0.9), Lattice::new(scene.seed ^ 0xC2, across * 2.3));
+        let (mut large, mut small) = (
+            Lattice::new(scene.seed ^ 0xC1, across * 0.9),
+            Lattice::new(scene.seed ^ 0xC2, across * 2.3),
+        );
         let step = depth / camera.focal;
         let start = -camera.centre * step + camera.heading * 3.0;
         let mut cover = |x: usize| {

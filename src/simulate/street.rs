@@ -155,8 +155,10 @@ fn paint_sign(scene: &mut Scene, lot: &Lot, z: f32) {
         let wide = r * dice.between(0.9, 1.7);
         let (a, b) = ((centre.0 - wide, centre.1 - r), (centre.0 + wide, centre.1 + r));
         scene.canvas.rect(a, b, rim, 1.0);
-        let (a, b) =
-            ((centre.0 - wide * 0.86, centre.1 - r * 0.8), (centre.0 + wide * 0.86, centre.1 + r * 0.8));
+        let (a, b) = (
+            (centre.0 - wide * 0.86, centre.1 - r * 0.8),
+            (centre.0 + wide * 0.86, centre.1 + r * 0.8),
+        );
         scene.canvas.rect(a, b, face, 1.0);
     }
 }

@@ -4,7 +4,8 @@ use super::*;
 use crate::descriptor::Image;
 
 fn route(places: usize, seed: u64) -> Route {
-    Route::new(RouteConfig { places, width: 64, height: 32, seed, ..RouteConfig::default() }).unwrap()
+    Route::new(RouteConfig { places, width: 64, height: 32, seed, ..RouteConfig::default() })
+        .unwrap()
 }
 
 fn drive(places: usize, conditions: Conditions) -> Traverse {
@@ -95,7 +96,8 @@ fn frames_change_smoothly() {
 
 #[test]
 fn places_far_apart_can_look_alike() {
-    // Some frames have a look-alike far away: nearer than the view from a few metres on. That is aliasing.
+    // Some frames have a look-alike far away: nearer than the view from a few metres on. That is
+    // aliasing.
     let drive = drive(800, Conditions::reference());
     let frames: Vec<Image> = (0..800).step_by(2).map(|index| drive.frame(index)).collect();
     let queries = (0..390).step_by(10);
@@ -112,7 +114,8 @@ fn places_far_apart_can_look_alike() {
 fn positions_go_forward_at_a_bounded_speed_and_never_drift() {
     let spacing = RouteConfig::default().spacing;
     for (seed, jitter) in [(1, 1.0), (2, 1.0), (3, 0.4)] {
-        let drive = drive(1_000_000, Conditions { speed_jitter: jitter, seed, ..Conditions::reference() });
+        let drive =
+            drive(1_000_000, Conditions { speed_jitter: jitter, seed, ..Conditions::reference() });
         let mut speeds = (f64::MAX, f64::MIN);
         for index in (0..3000).chain(500_000..503_000).chain(997_000..999_999) {
             let speed = (drive.position(index + 1) - drive.position(index)) / spacing;

@@ -1,4 +1,5 @@
-//! Who else is on the road: vehicles that move, walkers, and parked cars that were not there before.
+//! Who else is on the road: vehicles that move, walkers, and parked cars that were not there
+//! before.
 
 use super::camera::NEAR;
 use super::canvas::{Rgb, scale};
@@ -54,7 +55,8 @@ impl Traffic {
         }
     }
 
-    /// The seed of the car that is parked at a lot: the one of the reference drive, or another one, or none.
+    /// The seed of the car that is parked at a lot: the one of the reference drive, or another one,
+    /// or none.
     pub(super) fn parked(&self, lot: &Lot) -> Option<u64> {
         let mut usual = Dice::new(lot.seed ^ 0xCA);
         let seed = usual.chance(0.4).then_some(lot.seed ^ 0xC0);
@@ -80,8 +82,12 @@ impl Traffic {
         }
         let look = scene.look;
         let x = lot.side * (ROAD + dice.between(0.8, 2.2));
-        let coat: Rgb =
-            dice.pick(&[[62.0, 70.0, 96.0], [150.0, 60.0, 56.0], [86.0, 96.0, 72.0], [196.0, 176.0, 132.0]]);
+        let coat: Rgb = dice.pick(&[
+            [62.0, 70.0, 96.0],
+            [150.0, 60.0, 56.0],
+            [86.0, 96.0, 72.0],
+            [196.0, 176.0, 132.0],
+        ]);
         let zoom = scene.camera.zoom(z);
         let legs = look.shade([52.0, 52.0, 62.0], 0.9, z);
         let tall = dice.between(0.92, 1.05);

@@ -49,9 +49,11 @@ impl Traverse {
         &self.conditions
     }
 
-    /// Where frame `index` was taken, in metres along the route; an index past the end means the last frame.
+    /// Where frame `index` was taken, in metres along the route; an index past the end means the
+    /// last frame.
     ///
-    /// Positions grow strictly with the index. The first and the last frame are at the ends of the route.
+    /// Positions grow strictly with the index. The first and the last frame are at the ends of the
+    /// route.
     #[must_use]
     pub fn position(&self, index: usize) -> f64 {
         let last = self.len().saturating_sub(1);
@@ -85,10 +87,11 @@ impl Traverse {
         image
     }
 
-    /// Renders frame `index` into `pixels`: rows of RGB bytes from the top, `3 * width * height` of them.
+    /// Renders frame `index` into `pixels`: rows of RGB bytes from the top, `3 * width * height` of
+    /// them.
     ///
-    /// Allocates nothing. An index past the end means the last frame. A buffer that is too short gets the rows that
-    /// fit, of a longer one the rest is left as it is.
+    /// Allocates nothing. An index past the end means the last frame. A buffer that is too short
+    /// gets the rows that fit, of a longer one the rest is left as it is.
     pub fn render(&self, index: usize, pixels: &mut [u8]) {
         let index = index.min(self.len().saturating_sub(1));
         let (config, conditions) = (&self.config, &self.conditions);
@@ -97,7 +100,13 @@ impl Traverse {
         let offset = conditions.lateral_offset * (1.0 + 0.35 * sway);
         let mut scene = Scene {
             canvas: Canvas::new(pixels, config.width, config.height),
-            camera: Camera::new(config.width, config.height, config.seed, self.position(index), offset),
+            camera: Camera::new(
+                config.width,
+                config.height,
+                config.seed,
+                self.position(index),
+                offset,
+            ),
             look: &self.look,
             seed: config.seed,
         };
@@ -109,8 +118,9 @@ impl Traverse {
         }
     }
 
-    /// For each frame of this drive the nearest frame of `reference`, the earlier one of two equally near ones;
-    /// `None` where `reference` never was: farther than one of its frame spacings, or in another world.
+    /// For each frame of this drive the nearest frame of `reference`, the earlier one of two
+    /// equally near ones; `None` where `reference` never was: farther than one of its frame
+    /// spacings, or in another world.
     #[must_use]
     pub fn truth(&self, reference: &Self) -> Vec<Option<usize>> {
         let last = reference.len().saturating_sub(1);
@@ -130,14 +140,17 @@ impl Traverse {
     }
 }
 
-/// Adds noise of a standard deviation of `sigma` grey levels, mostly the same in the three channels.
+/// Adds noise of a standard deviation of `sigma` grey levels, mostly the same in the three
+/// channels.
 fn add_noise(canvas: &mut Canvas, sigma: f32, seed: u64) {
     // The sum of four bytes of a hash: nearly a bell curve, with a standard deviation of 148.
     let gain = (sigma / 148.0 * 65536.0) as i32;
     for y in 0..canvas.rows() {
         let mut state = hash(seed, y as i64);
         for pixel in canvas.row_mut(y).chunks_exact_mut(3) {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             let bits = state ^ (state >> 29);
             // The four bytes of the upper half, added two by two.
             let pairs = ((bits >> 32) & 0x00FF_00FF) + ((bits >> 40) & 0x00FF_00FF);

@@ -52,7 +52,9 @@ def gradient_mean(D: Array, kind: str = "halved") -> Array:
 
 
 def drives(queries: int, gaps: Sequence[int] = ()) -> Array:
-    """1.5: which unbroken drive each query belongs to, (m,): a gap before query `j` begins a new one there."""
+    """1.5: which unbroken drive each query belongs to, (m,): a gap before query `j` begins a new
+    one there.
+    """
     first_of_a_drive = np.isin(np.arange(queries), np.asarray(gaps, np.int64))
     return np.cumsum(first_of_a_drive)
 
@@ -60,8 +62,9 @@ def drives(queries: int, gaps: Sequence[int] = ()) -> Array:
 def enhance(g: Array, mean: Array, smoothing: int = 3, drive: Array | None = None) -> Array:
     """1.2: `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms, in this order, float32.
 
-    A term before the first place or the first query is `mean[j]`, of the *current* column; and so is
-    one of another `drive` (m,) than query `j`'s. `smoothing` may exceed both sides of the matrix.
+    A term before the first place or the first query is `mean[j]`, of the *current* column; and so
+    is one of another `drive` (m,) than query `j`'s. `smoothing` may exceed both sides of the
+    matrix.
     """
     n, m = g.shape
     drive = np.zeros(m) if drive is None else drive
@@ -191,10 +194,10 @@ class Run:
 def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int] = ()) -> Run:
     """Sections 1.1 to 1.5 for a matrix `D` (n, m); `trusted` (m,) stands in for the consensus.
 
-    `gaps` are queries that do not follow on the one before, in any order; the floors know nothing of
-    them. Warming up (the first `L-1` queries of each drive): place and score are the single frame's,
-    no anchors, speed NaN. Ties between speeds: the lowest place, then the first in the list. A speed
-    that never fits is none.
+    `gaps` are queries that do not follow on the one before, in any order; the floors know nothing
+    of them. Warming up (the first `L-1` queries of each drive): place and score are the single
+    frame's, no anchors, speed NaN. Ties between speeds: the lowest place, then the first in the
+    list. A speed that never fits is none.
     """
     D = np.asarray(D, np.float32)
     drive = drives(D.shape[1], gaps)

@@ -36,7 +36,9 @@ def write_video(
     rotation: int = 0,
     sound: float = 0,
 ) -> Path:
-    """A video: without loss by default; ``stamps`` in units of ``1 / rate`` seconds; silence for ``sound`` seconds."""
+    """A video: without loss by default; ``stamps`` in units of ``1 / rate`` seconds; silence for
+    ``sound`` seconds.
+    """
     with av.open(str(path), "w") as container:
         track = container.add_stream(codec, rate=rate)
         track.height, track.width = images[0].shape[:2]
@@ -46,7 +48,10 @@ def write_video(
         silence = container.add_stream("aac", rate=48000, layout="mono") if sound else None
         for index, image in enumerate(images):
             frame = av.VideoFrame.from_ndarray(image, format="rgb24")
-            frame.pts, frame.time_base = (index if stamps is None else stamps[index]), Fraction(1, rate)
+            frame.pts, frame.time_base = (
+                (index if stamps is None else stamps[index]),
+                Fraction(1, rate),
+            )
             container.mux(track.encode(frame))
         container.mux(track.encode())
         if silence is not None:
@@ -59,14 +64,20 @@ def write_video(
 
 
 class Bag:
-    """A bag being written: ``with Bag(folder, "mcap") as bag: bag.image("/camera", array, 12.5)``."""
+    """A bag being written: ``with Bag(folder, "mcap") as bag: bag.image("/camera", array,
+    12.5)``.
+    """
 
     def __init__(self, folder: Path, kind: str, name: str | None = None) -> None:
         self.path = folder / (name or KINDS[kind])
         self.ros1 = kind == "ros1"
         self.store = get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.ROS2_HUMBLE)
         storage = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-        self.writer: Any = Writer1(self.path) if self.ros1 else Writer2(self.path, version=9, storage_plugin=storage)
+        self.writer: Any = (
+            Writer1(self.path)
+            if self.ros1
+            else Writer2(self.path, version=9, storage_plugin=storage)
+        )
         self.connections: dict[str, Any] = {}
 
     def __enter__(self) -> "Bag":
@@ -103,17 +114,25 @@ class Bag:
         step = step or data.nbytes // height
         header = self.header(time)
         flat = np.frombuffer(data.tobytes(), np.uint8)
-        message = self.make("sensor_msgs/msg/Image", header, height, width, encoding, int(big), step, flat)
+        message = self.make(
+            "sensor_msgs/msg/Image", header, height, width, encoding, int(big), step, flat
+        )
         self.write(topic, message, time if recorded is None else recorded)
 
     def compressed(self, topic: str, data: bytes, form: str, time: float) -> None:
         """A sensor_msgs CompressedImage."""
         flat = np.frombuffer(data, np.uint8)
-        self.write(topic, self.make("sensor_msgs/msg/CompressedImage", self.header(time), form, flat), time)
+        self.write(
+            topic, self.make("sensor_msgs/msg/CompressedImage", self.header(time), form, flat), time
+        )
 
     def _pose(self, position: Iterable[float]) -> Any:
         point = self.make("geometry_msgs/msg/Point", *map(float, position))
-        return self.make("geometry_msgs/msg/Pose", point, self.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0))
+        return self.make(
+            "geometry_msgs/msg/Pose",
+            point,
+            self.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+        )
 
     def pose(self, topic: str, kind: str, position: Sequence[float], time: float) -> None:
         """A message of one of the kinds of pose."""
@@ -125,11 +144,15 @@ class Bag:
         if kind == "geometry_msgs/msg/PoseStamped":
             self.write(topic, self.make(kind, header, self._pose(position)), time)
             return
-        with_covariance = self.make("geometry_msgs/msg/PoseWithCovariance", self._pose(position), none)
+        with_covariance = self.make(
+            "geometry_msgs/msg/PoseWithCovariance", self._pose(position), none
+        )
         if kind == "geometry_msgs/msg/PoseWithCovarianceStamped":
             self.write(topic, self.make(kind, header, with_covariance), time)
             return
         zero = self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
         twist = self.make("geometry_msgs/msg/Twist", zero, zero)
         moving = self.make("geometry_msgs/msg/TwistWithCovariance", twist, none)
-        self.write(topic, self.make("nav_msgs/msg/Odometry", header, "base", with_covariance, moving), time)
+        self.write(
+            topic, self.make("nav_msgs/msg/Odometry", header, "base", with_covariance, moving), time
+        )

@@ -19,7 +19,9 @@ class Recording:
 
         reader = RrdReader(path)
         (self.blueprint,) = reader.blueprints()
-        self.layout = [chunk.to_record_batch().to_pylist() for chunk in reader.stream(store=self.blueprint)]
+        self.layout = [
+            chunk.to_record_batch().to_pylist() for chunk in reader.stream(store=self.blueprint)
+        ]
         self.static: dict[str, dict[str, Any]] = {}
         self.logged: dict[str, dict[int, dict[str, Any]]] = {}
         for chunk in reader.stream():

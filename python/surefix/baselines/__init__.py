@@ -1,7 +1,9 @@
-"""The methods that the paper compares itself to, and the cheap rivals that users know, on ready distances.
+"""The methods that the paper compares itself to, and the cheap rivals that users know, on ready
+distances.
 
-Each takes distances ``D``, float32 of shape (n places, m queries), less is more alike, and gives a ``surefix.Matches``,
-which ``surefix.evaluate`` turns into a curve. ``METHODS`` has them all by name.
+Each takes distances ``D``, float32 of shape (n places, m queries), less is more alike, and gives a
+``surefix.Matches``, which ``surefix.evaluate`` turns into a curve. ``METHODS`` has them all by
+name.
 """
 
 from surefix.baselines.contrast import enhance_contrast

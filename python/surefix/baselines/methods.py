@@ -27,26 +27,16 @@ SEQSLAM_SPEEDS = (0.8, 0.9, 1.0, 1.1, 1.2)
 class Context:
     """What methods may need beside the distances. Each takes what concerns it.
 
-    Parameters
-    ----------
-    sequence_length, weight, floor, tolerance, smoothing, gradient
-        As for ``surefix.match_distances``.
-    speeds : sequence of float, optional
-        Slopes that a sequence may have, in places a query. By default 1, and 0.8 to 1.2 for ``seqslam``.
-    contrast : int
-        The window of ``seqslam``'s contrast enhancement, in places.
-    exclude : int
-        Places this near the best are not what ``ratio`` compares it to.
-    top : int
-        How many places ``spread`` looks at.
-    positions : array, shape (n,) or (n, k), optional
-        Where the places are, in planar metres, for ``spread``; by default their index.
-    truth, truth_tolerance
-        As for ``surefix.evaluate``, for the perfect predictor.
-    calibration : (distances, truth), optional
-        A pair of drives with known truth, for the supervised predictor.
-    calibration_tolerance : int
-        That truth's, in places; in metres where it is positions.
+    Parameters ---------- sequence_length, weight, floor, tolerance, smoothing, gradient As for
+    ``surefix.match_distances``. speeds : sequence of float, optional Slopes that a sequence may
+    have, in places a query. By default 1, and 0.8 to 1.2 for ``seqslam``. contrast : int The window
+    of ``seqslam``'s contrast enhancement, in places. exclude : int Places this near the best are
+    not what ``ratio`` compares it to. top : int How many places ``spread`` looks at. positions :
+    array, shape (n,) or (n, k), optional Where the places are, in planar metres, for ``spread``; by
+    default their index. truth, truth_tolerance As for ``surefix.evaluate``, for the perfect
+    predictor. calibration : (distances, truth), optional A pair of drives with known truth, for the
+    supervised predictor. calibration_tolerance : int That truth's, in places; in metres where it is
+    positions.
     """
 
     sequence_length: int = 2
@@ -68,7 +58,9 @@ class Context:
 
 @dataclass(frozen=True)
 class Method:
-    """A method in one line, how to call it, and which field of the ``Context`` it cannot do without."""
+    """A method in one line, how to call it, and which field of the ``Context`` it cannot do
+    without.
+    """
 
     description: str
     call: Callable[[Distances, Context], Matches]
@@ -120,7 +112,11 @@ def run_method(name: str, D: Distances, context: Context | None = None) -> Match
 
 def _masked(D: Distances, context: Context, trusted: Flags | None = None) -> Matches:
     return masked_single_frame(
-        D, tolerance=context.tolerance, smoothing=context.smoothing, gradient=context.gradient, trusted=trusted
+        D,
+        tolerance=context.tolerance,
+        smoothing=context.smoothing,
+        gradient=context.gradient,
+        trusted=trusted,
     )
 
 
@@ -145,7 +141,9 @@ def _sequence(D: Distances, context: Context) -> Matches:
 
 def _seqslam(D: Distances, context: Context) -> Matches:
     speeds = SEQSLAM_SPEEDS if context.speeds is None else context.speeds
-    return plain_sequence(D, sequence_length=context.sequence_length, contrast=context.contrast, speeds=speeds)
+    return plain_sequence(
+        D, sequence_length=context.sequence_length, contrast=context.contrast, speeds=speeds
+    )
 
 
 def _perfect(D: Distances, context: Context) -> Flags:
@@ -161,7 +159,9 @@ def _supervised(D: Distances, context: Context) -> Flags:
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
         "single": Method("single frames by their distance", lambda D, _: single_frame(D)),
-        "masked": Method("single frames, refused where the prediction does not trust them", _masked),
+        "masked": Method(
+            "single frames, refused where the prediction does not trust them", _masked
+        ),
         "gradient": Method(
             "single frames by the greatest gradient",
             lambda D, c: maximum_gradient(D, smoothing=c.smoothing, gradient=c.gradient),
@@ -196,6 +196,8 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "single frames by the spread of the most alike places on the map (SUE)",
             lambda D, c: spread(D, c.positions, top=c.top),
         ),
-        "seqslam": Method("unweighted sequences on enhanced contrast, over several speeds", _seqslam),
+        "seqslam": Method(
+            "unweighted sequences on enhanced contrast, over several speeds", _seqslam
+        ),
     }
 )

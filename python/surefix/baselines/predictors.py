@@ -11,15 +11,13 @@ __all__ = ["noisy_predictor", "perfect_predictor"]
 
 
 def perfect_predictor(D: Distances, truth: Truth, tolerance: float = 1) -> Flags:
-    """Is each single-frame match right? The bound on what any predictor can do, as a mask or as weights.
+    """Is each single-frame match right? The bound on what any predictor can do, as a mask or as
+    weights.
 
-    Parameters
-    ----------
-    D : array of float32, shape (n, m)
-    truth : array or pair of arrays
-        As for ``surefix.evaluate``: a place a query, -1 where there is none; a matrix (n, m); or a pair of positions.
-    tolerance : float
-        How far from the truth is still right: places, or metres where the truth is positions.
+    Parameters ---------- D : array of float32, shape (n, m) truth : array or pair of arrays As for
+    ``surefix.evaluate``: a place a query, -1 where there is none; a matrix (n, m); or a pair of
+    positions. tolerance : float How far from the truth is still right: places, or metres where the
+    truth is positions.
 
     Returns
     -------
@@ -44,13 +42,17 @@ def perfect_predictor(D: Distances, truth: Truth, tolerance: float = 1) -> Flags
 
 
 def noisy_predictor(
-    right: Flags | list[bool], *, true_positive_rate: float, false_positive_rate: float, seed: int = 0
+    right: Flags | list[bool],
+    *,
+    true_positive_rate: float,
+    false_positive_rate: float,
+    seed: int = 0,
 ) -> Flags:
     """A predictor with set rates: how good must one be, for weighting by it to pay?
 
-    The share of right matches that it trusts and the share of wrong ones are the rates themselves, to the nearest
-    whole query, and only which ones is drawn. With one seed, a higher rate trusts all that a lower one does and more,
-    so that a sweep of rates is smooth.
+    The share of right matches that it trusts and the share of wrong ones are the rates themselves,
+    to the nearest whole query, and only which ones is drawn. With one seed, a higher rate trusts
+    all that a lower one does and more, so that a sweep of rates is smooth.
 
     Parameters
     ----------
@@ -81,7 +83,9 @@ def noisy_predictor(
     """
     flags = np.asarray(right)
     if flags.ndim != 1 or (flags.dtype != np.bool_ and flags.size):
-        raise SurefixValueError(f"right: expected bool, one a query, (m,), got {flags.dtype} {flags.shape}")
+        raise SurefixValueError(
+            f"right: expected bool, one a query, (m,), got {flags.dtype} {flags.shape}"
+        )
     rates = {
         True: number("true_positive_rate", true_positive_rate, 0.0, 1.0),
         False: number("false_positive_rate", false_positive_rate, 0.0, 1.0),

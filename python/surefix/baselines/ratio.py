@@ -11,25 +11,20 @@ __all__ = ["ratio_test"]
 def ratio_test(D: Distances, *, exclude: int = 1) -> Matches:
     """The place of least distance, scored by its ratio to the least distance elsewhere.
 
-    Also known as the perceptual-aliasing score (PA-score) among the estimates of uncertainty in visual place
-    recognition, there with ``exclude=0`` (Zaffar, Nan and Kooij, CVPR 2024), and, with a window, as SeqSLAM's
-    uniqueness. Along a route the frames beside the best look like it, so by default they are not what it is compared
-    to.
+    Also known as the perceptual-aliasing score (PA-score) among the estimates of uncertainty in
+    visual place recognition, there with ``exclude=0`` (Zaffar, Nan and Kooij, CVPR 2024), and, with
+    a window, as SeqSLAM's uniqueness. Along a route the frames beside the best look like it, so by
+    default they are not what it is compared to.
 
-    A ratio needs distances of 0 and more. Where the matrix holds a negative one (a negated similarity, or a cosine
-    distance rounded below 0), its least value is subtracted from all of it first: such scores depend on the whole
-    matrix.
+    A ratio needs distances of 0 and more. Where the matrix holds a negative one (a negated
+    similarity, or a cosine distance rounded below 0), its least value is subtracted from all of it
+    first: such scores depend on the whole matrix.
 
-    Parameters
-    ----------
-    D : array of float32, shape (n, m)
-    exclude : int
-        Places within this many of the best are not elsewhere: 1 by default, the usual tolerance; 0 is the PA-score.
+    Parameters ---------- D : array of float32, shape (n, m) exclude : int Places within this many
+    of the best are not elsewhere: 1 by default, the usual tolerance; 0 is the PA-score.
 
-    Returns
-    -------
-    Matches
-        Scored from 0 (nothing else is near) to 1 (another place is as good; also where both distances are 0).
+    Returns ------- Matches Scored from 0 (nothing else is near) to 1 (another place is as good;
+    also where both distances are 0).
 
     Raises
     ------
@@ -50,4 +45,6 @@ def ratio_test(D: Distances, *, exclude: int = 1) -> Matches:
     below_zero = min(0.0, float(D.min(initial=0.0)))
     best = distance.astype(np.float64) - below_zero
     elsewhere = nearest_elsewhere(D, place, exclude) - below_zero
-    return Matches(place=place, score=np.divide(best, elsewhere, out=np.ones_like(best), where=elsewhere > 0))
+    return Matches(
+        place=place, score=np.divide(best, elsewhere, out=np.ones_like(best), where=elsewhere > 0)
+    )

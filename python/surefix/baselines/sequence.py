@@ -1,4 +1,6 @@
-"""Sequences of queries: plain, as in SeqSLAM, or weighted by the trusted matches, as in the paper."""
+"""Sequences of queries: plain, as in SeqSLAM, or weighted by the trusted matches, as in the
+paper.
+"""
 
 from collections.abc import Sequence
 
@@ -17,27 +19,22 @@ def plain_sequence(
     contrast: int | None = None,
     speeds: Sequence[float] = (1.0,),
 ) -> Matches:
-    """The diagonal of least mean distance (Eqs. 5 and 6 with weight 0): the paper's baseline, SeqSLAM-like.
+    """The diagonal of least mean distance (Eqs. 5 and 6 with weight 0): the paper's baseline,
+    SeqSLAM-like.
 
-    With ``contrast`` and ``speeds`` it is nearer to SeqSLAM itself (Milford and Wyeth, ICRA 2012): the distances are
-    enhanced first, and lines of several slopes are searched. Unlike SeqSLAM's, a line ends at the current query, and
-    the score is the line's mean distance, not its ratio to the best line elsewhere.
+    With ``contrast`` and ``speeds`` it is nearer to SeqSLAM itself (Milford and Wyeth, ICRA 2012):
+    the distances are enhanced first, and lines of several slopes are searched. Unlike SeqSLAM's, a
+    line ends at the current query, and the score is the line's mean distance, not its ratio to the
+    best line elsewhere.
 
-    Parameters
-    ----------
-    D : array of float32, shape (n, m)
-    sequence_length : int
-        In queries; 1 is the single frame.
-    contrast : int, optional
-        The window of ``enhance_contrast``, in places; 10 in OpenSeqSLAM. None by default: the distances as they are.
-    speeds : sequence of float
-        Slopes to search, in places a query.
+    Parameters ---------- D : array of float32, shape (n, m) sequence_length : int In queries; 1 is
+    the single frame. contrast : int, optional The window of ``enhance_contrast``, in places; 10 in
+    OpenSeqSLAM. None by default: the distances as they are. speeds : sequence of float Slopes to
+    search, in places a query.
 
-    Returns
-    -------
-    Matches
-        Scored by the mean distance along the line, in the unit of the distances (none with ``contrast``). Not ``ready``
-        in the first ``sequence_length - 1`` queries, where place and score are the single frame's.
+    Returns ------- Matches Scored by the mean distance along the line, in the unit of the distances
+    (none with ``contrast``). Not ``ready`` in the first ``sequence_length - 1`` queries, where
+    place and score are the single frame's.
 
     Raises
     ------
@@ -68,7 +65,8 @@ def weighted_sequence(
     gradient: str = "halved",
     speeds: Sequence[float] = (1.0,),
 ) -> Matches:
-    """The sequence in which trusted matches draw the diagonal (Carson, Ford and Milford, ICRA 2023, Eqs. 4 to 6).
+    """The sequence in which trusted matches draw the diagonal (Carson, Ford and Milford, ICRA 2023,
+    Eqs. 4 to 6).
 
     Parameters
     ----------
@@ -78,11 +76,8 @@ def weighted_sequence(
     trusted : array of bool, shape (m,), optional
         Another predictor's words in place of the consensus.
 
-    Returns
-    -------
-    Matches
-        Scored by the mean weighted distance along the diagonal, in the unit of the distances. Not ``ready`` in the
-        first ``sequence_length - 1`` queries.
+    Returns ------- Matches Scored by the mean weighted distance along the diagonal, in the unit of
+    the distances. Not ``ready`` in the first ``sequence_length - 1`` queries.
 
     Raises
     ------

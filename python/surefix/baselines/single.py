@@ -10,20 +10,16 @@ __all__ = ["masked_single_frame", "maximum_gradient", "single_frame"]
 def single_frame(D: Distances) -> Matches:
     """The place of least distance; the paper's single-frame baseline.
 
-    Parameters
-    ----------
-    D : array of float32, shape (n, m)
-        ``D[i, j]`` is the distance between place ``i`` and query ``j``; less is more alike. As in every method here.
+    Parameters ---------- D : array of float32, shape (n, m) ``D[i, j]`` is the distance between
+    place ``i`` and query ``j``; less is more alike. As in every method here.
 
     Returns
     -------
     Matches
         Scored by the least distance, in its own unit. Ties go to the lowest place.
 
-    Raises
-    ------
-    SurefixValueError
-        For another shape or type, a NaN or an infinity (the error says where), or fewer than two places.
+    Raises ------ SurefixValueError For another shape or type, a NaN or an infinity (the error says
+    where), or fewer than two places.
 
     Examples
     --------
@@ -44,7 +40,8 @@ def masked_single_frame(
     gradient: str = "halved",
     trusted: Flags | list[bool] | None = None,
 ) -> Matches:
-    """The single frame, with the matches refused that are not trusted (Carson, Ford and Milford, ICRA 2023).
+    """The single frame, with the matches refused that are not trusted (Carson, Ford and Milford,
+    ICRA 2023).
 
     Parameters
     ----------
@@ -61,10 +58,8 @@ def masked_single_frame(
     Matches
         Those of ``single_frame``; ``accepted`` are the trusted ones.
 
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for an option outside its range or flags of another length or type.
+    Raises ------ SurefixValueError As for ``single_frame``, and for an option outside its range or
+    flags of another length or type.
 
     Examples
     --------
@@ -75,13 +70,19 @@ def masked_single_frame(
     array([ True, False,  True,  True])
     """
     run = match_distances(
-        D, sequence_length=1, tolerance=tolerance, smoothing=smoothing, gradient=gradient, trusted=trusted
+        D,
+        sequence_length=1,
+        tolerance=tolerance,
+        smoothing=smoothing,
+        gradient=gradient,
+        trusted=trusted,
     )
     return Matches(place=run.single_place, score=run.single_distance, accepted=run.trusted)
 
 
 def maximum_gradient(D: Distances, *, smoothing: int = 3, gradient: str = "halved") -> Matches:
-    """The place of the greatest enhanced gradient (Eqs. 1 and 2): the other half of the consensus on its own.
+    """The place of the greatest enhanced gradient (Eqs. 1 and 2): the other half of the consensus
+    on its own.
 
     Parameters
     ----------

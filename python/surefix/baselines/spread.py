@@ -19,17 +19,19 @@ def spread(
     slope: float = 350.0,
     reach: float = 500.0,
 ) -> Matches:
-    """The place of least distance, scored by the spread of the positions of the ``top`` nearest places.
+    """The place of least distance, scored by the spread of the positions of the ``top`` nearest
+    places.
 
-    Spatial uncertainty estimation (SUE): Zaffar, Nan and Kooij, *On the Estimation of Image-matching Uncertainty in
-    Visual Place Recognition*, CVPR 2024. The ``top`` places of a query get weights that sum to 1, proportional to
-    ``exp(-slope * distance)``. The score is the root of the weighted variance of their positions about the weighted
-    mean, averaged over the axes (the authors' score is its square: the same order, and so the same curve). As in
-    their code, ``top`` is 10, ``slope`` 350, and no place counts as further than ``reach`` from the mean on an axis.
-    Their code limits only the one direction of an axis; here it is both, as its comment says.
+    Spatial uncertainty estimation (SUE): Zaffar, Nan and Kooij, *On the Estimation of
+    Image-matching Uncertainty in Visual Place Recognition*, CVPR 2024. The ``top`` places of a
+    query get weights that sum to 1, proportional to ``exp(-slope * distance)``. The score is the
+    root of the weighted variance of their positions about the weighted mean, averaged over the axes
+    (the authors' score is its square: the same order, and so the same curve). As in their code,
+    ``top`` is 10, ``slope`` 350, and no place counts as further than ``reach`` from the mean on an
+    axis. Their code limits only the one direction of an axis; here it is both, as its comment says.
 
-    The slope is per unit of distance, and what it does depends on that unit: near 0 all ``top`` places weigh the
-    same, and with a large one only the best counts, so that every score is 0.
+    The slope is per unit of distance, and what it does depends on that unit: near 0 all ``top``
+    places weigh the same, and with a large one only the best counts, so that every score is 0.
 
     Parameters
     ----------
@@ -48,11 +50,8 @@ def spread(
     Matches
         Scored by the spread in the unit of ``positions``.
 
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, for positions of another length or that are not finite, and for an option outside its
-        range.
+    Raises ------ SurefixValueError As for ``single_frame``, for positions of another length or that
+    are not finite, and for an option outside its range.
 
     Examples
     --------
@@ -66,13 +65,18 @@ def spread(
     D = np.asarray(D)
     top = min(whole("top", top, 2), len(D))
     slope, reach = number("slope", slope, 0.0), number("reach", reach, 0.0)
-    where = np.arange(len(D), dtype=np.float64)[:, None] if positions is None else checked(positions, len(D))
+    where = (
+        np.arange(len(D), dtype=np.float64)[:, None]
+        if positions is None
+        else checked(positions, len(D))
+    )
 
     variance = np.zeros(D.shape[1])
     for query in range(D.shape[1]):
         distances = D[:, query].astype(np.float64)
         candidates = np.argsort(distances, kind="stable")[:top]
-        # From the best on, which leaves the weights as they are and keeps them from vanishing all together.
+        # From the best on, which leaves the weights as they are and keeps them from vanishing all
+        # together.
         weights = np.exp(-slope * (distances[candidates] - distances[candidates[0]]))
         weights /= weights.sum()
         offsets = where[candidates] - weights @ where[candidates]
@@ -85,12 +89,16 @@ def checked(positions: npt.ArrayLike, places: int) -> Floats:
     try:
         where = np.asarray(positions, np.float64)
     except (TypeError, ValueError):
-        raise SurefixValueError(f"positions: expected numbers, got {type(positions).__name__}") from None
+        raise SurefixValueError(
+            f"positions: expected numbers, got {type(positions).__name__}"
+        ) from None
     if where.ndim not in (1, 2) or len(where) != places or where.size == 0:
         shapes = f"one position a place, ({places},) or ({places}, k)"
         raise SurefixValueError(f"positions: expected {shapes}, got the shape {where.shape}")
     where = where.reshape(places, -1)
     if not np.isfinite(where).all():
         row = int(np.argmin(np.isfinite(where).all(axis=1)))
-        raise SurefixValueError(f"positions: expected finite numbers, got {where[row].tolist()} at place {row}")
+        raise SurefixValueError(
+            f"positions: expected finite numbers, got {where[row].tolist()} at place {row}"
+        )
     return where

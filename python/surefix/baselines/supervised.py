@@ -18,22 +18,17 @@ SHORTEST_CALIBRATION = 10
 def integrity_factors(D: Distances, *, exclude: int = 0, gradient: str = "unhalved") -> Floats:
     """How sharp each query's minimum is, in two numbers.
 
-    Carson, Ford and Milford, *Predicting to Improve: Integrity Measures for Assessing Visual Localization Performance*,
-    RA-L 2022; the defaults are those of the authors' code.
+    Carson, Ford and Milford, *Predicting to Improve: Integrity Measures for Assessing Visual
+    Localization Performance*, RA-L 2022; the defaults are those of the authors' code.
 
-    Parameters
-    ----------
-    D : array of float32, shape (n, m)
-    exclude : int
-        The second best is looked for more than this many places from the best. 0 by default: anywhere but at the best.
-    gradient : {"unhalved", "halved"}
-        The gradient at the minimum, as for ``surefix.Matcher`` and without smoothing.
+    Parameters ---------- D : array of float32, shape (n, m) exclude : int The second best is looked
+    for more than this many places from the best. 0 by default: anywhere but at the best. gradient :
+    {"unhalved", "halved"} The gradient at the minimum, as for ``surefix.Matcher`` and without
+    smoothing.
 
-    Returns
-    -------
-    array of float64, shape (m, 2)
-        (second best - best) / (worst - best), without a unit and 0 where all distances are equal; and the gradient at
-        the minimum, in the unit of the distances.
+    Returns ------- array of float64, shape (m, 2) (second best - best) / (worst - best), without a
+    unit and 0 where all distances are equal; and the gradient at the minimum, in the unit of the
+    distances.
 
     Raises
     ------
@@ -66,12 +61,14 @@ def integrity_factors(D: Distances, *, exclude: int = 0, gradient: str = "unhalv
 
 
 class SupervisedPredictor:
-    """A support vector machine that learns from a drive with ground truth which single-frame matches to trust.
+    """A support vector machine that learns from a drive with ground truth which single-frame
+    matches to trust.
 
-    Carson, Ford and Milford, RA-L 2022: the two ``integrity_factors``, standardised by the calibration's mean and
-    standard deviation, and a support vector machine with a radial kernel (C = 1, gamma = 1 / (2 variance),
-    scikit-learn's "scale") and balanced classes. Calibrate with the descriptor that is used: the gradient has the
-    unit of its distances. Needs scikit-learn: ``pip install 'surefix[eval]'``.
+    Carson, Ford and Milford, RA-L 2022: the two ``integrity_factors``, standardised by the
+    calibration's mean and standard deviation, and a support vector machine with a radial kernel (C
+    = 1, gamma = 1 / (2 variance), scikit-learn's "scale") and balanced classes. Calibrate with the
+    descriptor that is used: the gradient has the unit of its distances. Needs scikit-learn: ``pip
+    install 'surefix[eval]'``.
 
     Parameters
     ----------
@@ -112,22 +109,17 @@ class SupervisedPredictor:
     def fit(self, D: Distances, truth: Truth, tolerance: float = 1) -> Self:
         """Learn from a calibration pair.
 
-        Parameters
-        ----------
-        D : array of float32, shape (n, m)
-        truth, tolerance
-            As for ``perfect_predictor``. A query that the truth ignores is left out; one that has no true place is a
-            mistake to learn from.
+        Parameters ---------- D : array of float32, shape (n, m) truth, tolerance As for
+        ``perfect_predictor``. A query that the truth ignores is left out; one that has no true
+        place is a mistake to learn from.
 
         Returns
         -------
         SupervisedPredictor
             Itself.
 
-        Raises
-        ------
-        SurefixValueError
-            As for ``perfect_predictor``, for fewer than 10 queries, and where all matches are right or all are wrong.
+        Raises ------ SurefixValueError As for ``perfect_predictor``, for fewer than 10 queries, and
+        where all matches are right or all are wrong.
         """
         run = match_distances(D, sequence_length=1, weight=0.0, smoothing=1)
         right, known = right_matches(run.single_place, len(np.asarray(D)), truth, tolerance)
@@ -145,7 +137,8 @@ class SupervisedPredictor:
         return self
 
     def predict(self, D: Distances) -> Flags:
-        """Which single-frame matches to trust, as for ``masked_single_frame`` and ``weighted_sequence``.
+        """Which single-frame matches to trust, as for ``masked_single_frame`` and
+        ``weighted_sequence``.
 
         Parameters
         ----------
@@ -186,4 +179,6 @@ def _machine() -> Any:
         raise SurefixError(
             "the supervised predictor needs scikit-learn, which is not installed: pip install 'surefix[eval]'"
         ) from None
-    return make_pipeline(StandardScaler(), SVC(kernel="rbf", C=1.0, gamma="scale", class_weight="balanced"))
+    return make_pipeline(
+        StandardScaler(), SVC(kernel="rbf", C=1.0, gamma="scale", class_weight="balanced")
+    )

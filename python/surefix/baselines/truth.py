@@ -14,13 +14,23 @@ __all__ = ["Truth", "by_metres", "right_matches"]
 Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.ArrayLike]
 
 
-def right_matches(place: Places, places: int, truth: Truth, tolerance: float) -> tuple[Flags, Flags]:
-    """Is each match right, (m,), and does the truth say, (m,)? Where it does not, the match is not right."""
+def right_matches(
+    place: Places, places: int, truth: Truth, tolerance: float
+) -> tuple[Flags, Flags]:
+    """Is each match right, (m,), and does the truth say, (m,)? Where it does not, the match is not
+    right.
+    """
     if by_metres(truth):
         return by_position(place, places, truth, number("tolerance", tolerance, 0.0))
-    frames = whole("tolerance", tolerance, 0) if not isinstance(tolerance, float) else whole_float(tolerance)
+    frames = (
+        whole("tolerance", tolerance, 0)
+        if not isinstance(tolerance, float)
+        else whole_float(tolerance)
+    )
     array = np.asarray(truth)
-    kinds = f"a place a query ({len(place)},), a matrix ({places}, {len(place)}) or a pair of positions"
+    kinds = (
+        f"a place a query ({len(place)},), a matrix ({places}, {len(place)}) or a pair of positions"
+    )
     if array.size == 0:
         array = array.astype(np.int64)
     if array.shape == place.shape and array.dtype.kind in "iu":
@@ -31,7 +41,9 @@ def right_matches(place: Places, places: int, truth: Truth, tolerance: float) ->
 
 
 def by_metres(truth: Truth) -> TypeGuard[tuple[npt.ArrayLike, npt.ArrayLike]]:
-    """Whether the truth is a pair of positions; a tuple of two numbers is the places of two queries."""
+    """Whether the truth is a pair of positions; a tuple of two numbers is the places of two
+    queries.
+    """
     return isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
 
 
@@ -59,12 +71,16 @@ def by_place(place: Places, places: int, truth: Places, tolerance: int) -> tuple
 
 
 def by_cell(place: Places, cells: npt.NDArray[Any], tolerance: int) -> tuple[Flags, Flags]:
-    """A matrix of 1 (the same place), 0 (not) and -1 (ignored): right within the tolerance of a 1."""
+    """A matrix of 1 (the same place), 0 (not) and -1 (ignored): right within the tolerance of a
+    1.
+    """
     cells = cells.astype(np.int64)
     if cells.size and not np.isin(cells, (-1, 0, 1)).all():
         row, query = np.argwhere(~np.isin(cells, (-1, 0, 1)))[0]
         cell = f"{cells[row, query]} at place {row}, query {query}"
-        raise SurefixValueError(f"truth: expected cells of 1 (the same place), 0 (not) or -1 (ignored), got {cell}")
+        raise SurefixValueError(
+            f"truth: expected cells of 1 (the same place), 0 (not) or -1 (ignored), got {cell}"
+        )
     queries = np.arange(len(place))
     right = np.zeros(len(place), bool)
     for step in range(-min(tolerance, len(cells)), min(tolerance, len(cells)) + 1):
@@ -78,7 +94,9 @@ def by_position(
     """A pair of positions, of the places and of the queries: right within so many metres."""
     there, here = (np.asarray(positions, np.float64) for positions in truth)
     if there.ndim != 2 or here.ndim != 2 or there.shape[1] != here.shape[1]:
-        raise SurefixValueError(f"truth: expected positions (n, k) and (m, k), got {there.shape} and {here.shape}")
+        raise SurefixValueError(
+            f"truth: expected positions (n, k) and (m, k), got {there.shape} and {here.shape}"
+        )
     if len(there) != places or len(here) != len(place):
         expected = f"{places} positions of places and {len(place)} of queries"
         raise SurefixValueError(f"truth: expected {expected}, got {len(there)} and {len(here)}")

@@ -4,4 +4,16 @@ from surefix.bench.line import Contender, Line, Reach, Result, Row, Settings, Sk
 from surefix.bench.rivals import Rivals
 from surefix.bench.run import Group, measure, run
 
-__all__ = ["Contender", "Group", "Line", "Reach", "Result", "Rivals", "Row", "Settings", "Skipped", "measure", "run"]
+__all__ = [
+    "Contender",
+    "Group",
+    "Line",
+    "Reach",
+    "Result",
+    "Rivals",
+    "Row",
+    "Settings",
+    "Skipped",
+    "measure",
+    "run",
+]

@@ -20,7 +20,9 @@ def same_distances(ours: Any, theirs: Any, tolerance: float) -> str:
 
 
 def same_best(ours: Any, theirs: tuple[int, float], tolerance: float) -> str:
-    """What is wrong with a rival's nearest place and its distance, given surefix's distances to all."""
+    """What is wrong with a rival's nearest place and its distance, given surefix's distances to
+    all.
+    """
     place, distance = int(np.argmin(ours)), float(np.min(ours))
     if place != theirs[0] or not abs(distance - theirs[1]) <= tolerance * max(abs(distance), 1e-3):
         return f"surefix finds place {place} at {distance:.9g}, the rival place {theirs[0]} at {theirs[1]:.9g}"

@@ -46,7 +46,9 @@ def _line(work: str, places: int, rivals: Rivals) -> Line:
             )
         )
     ours = Contender("surefix, every place", lambda: known.distances(query))
-    return Line("sad", work, ours, others, lambda a, b: same_distances(a, b, ROUNDING), places * DIM)
+    return Line(
+        "sad", work, ours, others, lambda a, b: same_distances(a, b, ROUNDING), places * DIM
+    )
 
 
 def _numpy(rows: Any, query: Any) -> Callable[[], Any]:
@@ -61,7 +63,9 @@ def _numpy(rows: Any, query: Any) -> Callable[[], Any]:
 def _opencv(cv2: Any, rows: Any, query: Any) -> Callable[[], Any]:
     # It gives no vector to Python without sorting: the best one costs it least.
     def call() -> tuple[int, float]:
-        distance, index = cv2.batchDistance(query[None], rows, cv2.CV_32S, normType=cv2.NORM_L1, K=1)
+        distance, index = cv2.batchDistance(
+            query[None], rows, cv2.CV_32S, normType=cv2.NORM_L1, K=1
+        )
         return int(index[0, 0]), float(distance[0, 0]) / DIM
 
     return call

@@ -1,4 +1,6 @@
-"""Times of several things side by side: by turns, so that what disturbs the machine disturbs all."""
+"""Times of several things side by side: by turns, so that what disturbs the machine disturbs
+all.
+"""
 
 import gc
 import statistics
@@ -13,12 +15,15 @@ BATCH = 1e-3
 
 
 def interleaved(
-    calls: Sequence[Callable[[], Any]], seconds: float, rounds: int, clocks: Sequence[Callable[[], float] | None]
+    calls: Sequence[Callable[[], Any]],
+    seconds: float,
+    rounds: int,
+    clocks: Sequence[Callable[[], float] | None],
 ) -> list[float]:
     """The median seconds of one call of each, in at least so many rounds and for at least so long.
 
-    In a round each takes its turn, several calls in a row where a call is short; who begins changes with each round.
-    Where there is a clock, it gives the seconds itself.
+    In a round each takes its turn, several calls in a row where a call is short; who begins changes
+    with each round. Where there is a clock, it gives the seconds itself.
     """
     collecting = gc.isenabled()
     gc.disable()
@@ -43,7 +48,8 @@ def _turn(call: Callable[[], Any], count: int, clock: Callable[[], float] | None
     if clock:
         return clock()
     if count > 1:
-        # Once untimed: the caches hold what the one before has used, and in a loop they would hold its own.
+        # Once untimed: the caches hold what the one before has used, and in a loop they would hold
+        # its own.
         call()
     return _mean(call, count)
 

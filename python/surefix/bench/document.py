@@ -4,7 +4,17 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from surefix.bench.line import Result, Skipped
-from surefix.bench.table import HEADER, LIMITS, TITLES, cells, limit_cells, markdown_table, missed, slower, wrong
+from surefix.bench.table import (
+    HEADER,
+    LIMITS,
+    TITLES,
+    cells,
+    limit_cells,
+    markdown_table,
+    missed,
+    slower,
+    wrong,
+)
 from surefix.errors import SurefixFileError, SurefixValueError
 
 __all__ = ["BEGIN", "END", "markdown", "replace_part"]
@@ -14,14 +24,22 @@ END = "<!-- end: made by surefix bench -->"
 
 
 def markdown(
-    results: Sequence[Result | Skipped], facts: Sequence[tuple[str, str]], missing: Sequence[str], picture: str | None
+    results: Sequence[Result | Skipped],
+    facts: Sequence[tuple[str, str]],
+    missing: Sequence[str],
+    picture: str | None,
 ) -> str:
-    """The whole part: the machine, a table for each group, the limits, and where surefix is slower."""
+    """The whole part: the machine, a table for each group, the limits, and where surefix is
+    slower.
+    """
     return "\n".join(_parts(results, facts, missing, picture))
 
 
 def _parts(
-    results: Sequence[Result | Skipped], facts: Sequence[tuple[str, str]], missing: Sequence[str], picture: str | None
+    results: Sequence[Result | Skipped],
+    facts: Sequence[tuple[str, str]],
+    missing: Sequence[str],
+    picture: str | None,
 ) -> Iterator[str]:
     yield "## The machine\n"
     yield markdown_table(("", ""), facts)
@@ -33,8 +51,14 @@ def _parts(
     if picture:
         yield f"![Each ratio as a point on a logarithmic scale, with what is to be reached]({picture})\n"
     for group, title in TITLES.items():
-        measured = [result for result in results if isinstance(result, Result) and result.line.group == group]
-        skipped = [result for result in results if isinstance(result, Skipped) and result.group == group]
+        measured = [
+            result
+            for result in results
+            if isinstance(result, Result) and result.line.group == group
+        ]
+        skipped = [
+            result for result in results if isinstance(result, Skipped) and result.group == group
+        ]
         if measured or skipped:
             yield f"### {title}\n"
         if measured:
@@ -77,9 +101,13 @@ def replace_part(page: Path, part: str) -> None:
         text = page.read_text(encoding="utf-8")
         begin, end = text.find(BEGIN), text.find(END)
         if not 0 <= begin < end or text.count(BEGIN) != 1 or text.count(END) != 1:
-            raise SurefixValueError(f"{page}: expected the lines {BEGIN} and {END} once each, in this order")
+            raise SurefixValueError(
+                f"{page}: expected the lines {BEGIN} and {END} once each, in this order"
+            )
         page.write_text(f"{text[: begin + len(BEGIN)]}\n\n{part}\n{text[end:]}", encoding="utf-8")
     except OSError as error:
         if isinstance(error, SurefixFileError):
             raise
-        raise SurefixFileError(f"{page}: cannot be read and written: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{page}: cannot be read and written: {error.strerror or error}"
+        ) from None

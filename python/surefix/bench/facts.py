@@ -21,7 +21,10 @@ def facts(settings: Settings, rivals: Rivals) -> Sequence[tuple[str, str]]:
         ("machine", machine()),
         ("caches of a core", caches()),
         ("instruction set", f"{instruction_set()} (SUREFIX_ISA names another)"),
-        ("surefix", f"{__version__}, {threads} where a line does not say otherwise; so have its rivals"),
+        (
+            "surefix",
+            f"{__version__}, {threads} where a line does not say otherwise; so have its rivals",
+        ),
         ("rivals", ", ".join(f"{name} {version}" for name, version in rivals.versions.items())),
     ]
     if settings.quick:
@@ -35,7 +38,8 @@ def caches(folder: Path = CPU0) -> str:
     for index in sorted(folder.glob("index*")):
         try:
             level, kind, size = (
-                (index / name).read_text(encoding="ascii").strip() for name in ("level", "type", "size")
+                (index / name).read_text(encoding="ascii").strip()
+                for name in ("level", "type", "size")
             )
         except (OSError, UnicodeDecodeError, ValueError):
             continue

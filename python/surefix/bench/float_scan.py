@@ -1,4 +1,6 @@
-"""The scan of learned descriptors: euclidean and cosine distances of floats, halves and signed bytes."""
+"""The scan of learned descriptors: euclidean and cosine distances of floats, halves and signed
+bytes.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -31,7 +33,8 @@ def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
         rng = np.random.default_rng(places)
         rows = rng.standard_normal((places, DIM), np.float32)
         query = rows[places // 3] + rng.standard_normal(DIM, np.float32)
-        # On what the caches hold, BLAS has half the work: a product where a difference and a square are asked for.
+        # On what the caches hold, BLAS has half the work: a product where a difference and a square
+        # are asked for.
         held = level() if places > 1800 else None
         yield _euclidean(rows, query, rivals, held)
         yield from _narrow(rows, query, held is not None)
@@ -69,7 +72,14 @@ def _line(what: str, known: Map, query: Any, others: Sequence[Contender]) -> Lin
     places, dim = len(known), known.dim
     ours = Contender("surefix", lambda: known.distances(query))
     read = places * dim * known.dtype.itemsize
-    return Line("float", f"{what}, {places:,} x {dim:,}", ours, others, lambda a, b: same_distances(a, b, FLOATS), read)
+    return Line(
+        "float",
+        f"{what}, {places:,} x {dim:,}",
+        ours,
+        others,
+        lambda a, b: same_distances(a, b, FLOATS),
+        read,
+    )
 
 
 def _narrow(rows: Any, query: Any, held: bool) -> Iterator[Line]:
@@ -79,11 +89,17 @@ def _narrow(rows: Any, query: Any, held: bool) -> Iterator[Line]:
 
     def line(what: str, convert: Callable[[Any], Any], unit: float, factor: float) -> Line:
         known, own_query = Map.from_descriptors(convert(rows), metric="euclidean"), convert(query)
-        floats = Contender("surefix, f32 rows", lambda: wide.distances(query), reach=times(factor) if held else None)
+        floats = Contender(
+            "surefix, f32 rows",
+            lambda: wide.distances(query),
+            reach=times(factor) if held else None,
+        )
         ours = Contender(f"surefix, {what} rows", lambda: known.distances(own_query))
         work = f"{what} euclidean, {places:,} x {dim:,}"
         read = places * dim * known.dtype.itemsize
-        return Line("float", work, ours, (floats,), lambda a, b: same_distances(a / unit, b, CUT), read)
+        return Line(
+            "float", work, ours, (floats,), lambda a, b: same_distances(a / unit, b, CUT), read
+        )
 
     yield line("f16", lambda numbers: numbers.astype(np.float16), 1, 1.8)
     yield line("i8", _as_bytes, STEPS, 3.3)

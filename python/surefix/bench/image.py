@@ -35,9 +35,13 @@ class ArrayLocalizer:
 
     def describe(self, frame: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
         """Grey, small, normalized patch by patch, a byte each."""
-        image = self.image.fromarray(frame).convert("L").resize(SMALL, self.image.Resampling.BILINEAR)
+        image = (
+            self.image.fromarray(frame).convert("L").resize(SMALL, self.image.Resampling.BILINEAR)
+        )
         width, height = SMALL
-        patches = np.asarray(image, np.float64).reshape(height // PATCH, PATCH, width // PATCH, PATCH)
+        patches = np.asarray(image, np.float64).reshape(
+            height // PATCH, PATCH, width // PATCH, PATCH
+        )
         mean = patches.mean(axis=(1, 3), keepdims=True)
         deviation = patches.std(axis=(1, 3), keepdims=True)
         z = np.where(deviation < 1, 0, (patches - mean) / np.maximum(deviation, 1))
@@ -62,7 +66,8 @@ def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
     if signal is None or image is None:
         yield Skipped("image", work, "it takes SciPy and Pillow, which are not both installed")
         return
-    # The map's images are small ones: they are described as the large ones are, and drawn a hundred times faster.
+    # The map's images are small ones: they are described as the large ones are, and drawn a hundred
+    # times faster.
     known = Map.from_images(Route(places=PLACES, size=SMALL).reference(), Sad(), progress=False)
     start = PLACES // 3
     winter = Route(places=PLACES, size=SIZE).revisit()

@@ -26,7 +26,9 @@ ALONG, ACROSS = 0.95, 0.7
 
 
 def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
-    """BLAS product and SciPy step beside a screen of i8 rows; and a map for which the screen does not pay."""
+    """BLAS product and SciPy step beside a screen of i8 rows; and a map for which the screen does
+    not pay.
+    """
     places = 4_000 if settings.quick else 100_000
     work = f"learned descriptors, {places:,} x {DIM:,}, whole push"
     # The rows, the map's own, and a quarter more for the screen.
@@ -58,7 +60,9 @@ def _along_a_route(work: str, places: int, settings: Settings, signal: Any) -> L
         return [push(query) for query in queries]
 
     others = (
-        Contender("BLAS product + SciPy step", _round(arrays(), queries), rival_answer, reach=times(2.5)),
+        Contender(
+            "BLAS product + SciPy step", _round(arrays(), queries), rival_answer, reach=times(2.5)
+        ),
         _contender("surefix, without the screen", plain, settings, queries, exact=True),
     )
     read = places * DIM + read_by_push(places, LENGTH)
@@ -67,12 +71,16 @@ def _along_a_route(work: str, places: int, settings: Settings, signal: Any) -> L
 
 
 def _look_alikes(work: str, places: int, settings: Settings) -> Line:
-    """Two places again and again with next to no difference: the screen has to give up, and that must cost little."""
+    """Two places again and again with next to no difference: the screen has to give up, and that
+    must cost little.
+    """
     rng = np.random.default_rng(places)
     rows = np.float32(1e-5) * rng.standard_normal((places, DIM), np.float32)
     for start, place in enumerate(rng.standard_normal((2, DIM), np.float32)):
         rows[start::2] += place
-    queries = list(rows[:QUERIES] + np.float32(1e-5) * rng.standard_normal((QUERIES, DIM), np.float32))
+    queries = list(
+        rows[:QUERIES] + np.float32(1e-5) * rng.standard_normal((QUERIES, DIM), np.float32)
+    )
     plain = Map.from_descriptors(rows, metric="cosine")
     reach = Reach(1 / 1.1, "at most 1.1 x its time")
     other = _contender("surefix, without the screen", plain, settings, queries, reach, exact=True)
@@ -82,7 +90,9 @@ def _look_alikes(work: str, places: int, settings: Settings) -> Line:
 
 
 def route(places: int, dim: int, queries: int) -> tuple[Any, list[Any]]:
-    """Descriptors of unit length along a route, neighbours alike, and those of a second drive over a part of it."""
+    """Descriptors of unit length along a route, neighbours alike, and those of a second drive over
+    a part of it.
+    """
     rng = np.random.default_rng(places)
     rows = np.empty((places, dim), np.float32)
     before = rng.standard_normal(dim, np.float32)
@@ -114,7 +124,9 @@ def _contender(
         return localizer(known, settings.threads, sequence_length=LENGTH)
 
     agrees = same_numbers if exact else None
-    return Contender(name, _round(fresh().push, queries), answers(fresh, queries), reach=reach, agrees=agrees)
+    return Contender(
+        name, _round(fresh().push, queries), answers(fresh, queries), reach=reach, agrees=agrees
+    )
 
 
 def _round(push: Any, queries: list[Any]) -> Any:

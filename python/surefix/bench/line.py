@@ -4,7 +4,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-__all__ = ["LEVEL", "Contender", "Line", "Reach", "Result", "Row", "Settings", "Skipped", "level", "times"]
+__all__ = [
+    "LEVEL",
+    "Contender",
+    "Line",
+    "Reach",
+    "Result",
+    "Row",
+    "Settings",
+    "Skipped",
+    "level",
+    "times",
+]
 
 # Two runs of one thing differ by so much here: what is held to be level may be this much behind.
 LEVEL = 0.97
@@ -12,7 +23,9 @@ LEVEL = 0.97
 
 @dataclass(frozen=True)
 class Settings:
-    """How much work to do: ``quick`` is to see that it works and that the answers agree, not to quote."""
+    """How much work to do: ``quick`` is to see that it works and that the answers agree, not to
+    quote.
+    """
 
     quick: bool = False
     threads: int = 1
@@ -50,21 +63,13 @@ def level() -> Reach:
 class Contender:
     """One way of doing a line's work.
 
-    Attributes
-    ----------
-    name : str
-    call : callable
-        Does the work once. What it returns is the answer, where there is no ``answer``.
-    answer : callable, optional
-        What is compared, where a call has a state: made anew from the start.
-    reach : Reach, optional
-        What surefix is held to against it.
-    scale : float
-        Its time is multiplied by this, where it does a known share of the work.
-    clock : callable, optional
-        Gives the seconds of one call by a clock of its own, and is used in place of timing ``call``.
-    agrees : callable, optional
-        Says what is wrong with the answers, given surefix's and its own, in place of the line's own check.
+    Attributes ---------- name : str call : callable Does the work once. What it returns is the
+    answer, where there is no ``answer``. answer : callable, optional What is compared, where a call
+    has a state: made anew from the start. reach : Reach, optional What surefix is held to against
+    it. scale : float Its time is multiplied by this, where it does a known share of the work. clock
+    : callable, optional Gives the seconds of one call by a clock of its own, and is used in place
+    of timing ``call``. agrees : callable, optional Says what is wrong with the answers, given
+    surefix's and its own, in place of the line's own check.
     """
 
     name: str
@@ -84,8 +89,8 @@ class Contender:
 class Line:
     """A piece of work with all its contenders.
 
-    ``agrees`` says what is wrong with a rival's answer, given surefix's and its own; nothing where they agree.
-    ``read`` is how many bytes the work must read (and write) at the least.
+    ``agrees`` says what is wrong with a rival's answer, given surefix's and its own; nothing where
+    they agree. ``read`` is how many bytes the work must read (and write) at the least.
     """
 
     group: str
@@ -140,7 +145,9 @@ class Row:
 
     @property
     def met(self) -> bool | None:
-        """Whether it is as fast as it is held to be; None where nothing is asked or the answers differ."""
+        """Whether it is as fast as it is held to be; None where nothing is asked or the answers
+        differ.
+        """
         reach = self.rival.reach
         return None if reach is None or self.problem else self.ratio >= reach.least
 
@@ -152,7 +159,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Result:
-    """A line, measured: the median seconds of each contender by name, and what was wrong with an answer."""
+    """A line, measured: the median seconds of each contender by name, and what was wrong with an
+    answer.
+    """
 
     line: Line
     seconds: Mapping[str, float]
@@ -173,6 +182,12 @@ class Result:
     def rows(self) -> Sequence[Row]:
         """Each rival beside surefix."""
         return [
-            Row(self.line, rival, self.ours, self.seconds[rival.name], self.problems.get(rival.name, ""))
+            Row(
+                self.line,
+                rival,
+                self.ours,
+                self.seconds[rival.name],
+                self.problems.get(rival.name, ""),
+            )
             for rival in self.line.rivals
         ]

@@ -15,7 +15,9 @@ SPARE = 1 << 30
 
 
 class Bandwidth:
-    """Bytes a second that plain code reads, by how many bytes there are: caches are faster than memory."""
+    """Bytes a second that plain code reads, by how many bytes there are: caches are faster than
+    memory.
+    """
 
     def __init__(self, quick: bool) -> None:
         self.largest = LARGEST // 8 if quick else LARGEST
@@ -23,7 +25,9 @@ class Bandwidth:
         self.known: dict[tuple[int, int], float] = {}
 
     def __call__(self, size: int, threads: int = 1) -> float:
-        """The bandwidth at ``size`` bytes, measured once for each size of one or two leading bits."""
+        """The bandwidth at ``size`` bytes, measured once for each size of one or two leading
+        bits.
+        """
         size = max(4096, min(size, self.largest))
         step = 1 << max(0, size.bit_length() - 2)
         key = (size // step * step, threads)
@@ -35,10 +39,14 @@ class Bandwidth:
 
 
 def shortage(needed: int) -> str:
-    """Why there is not enough memory for so many bytes; nothing where there is, or where the system does not tell."""
+    """Why there is not enough memory for so many bytes; nothing where there is, or where the system
+    does not tell.
+    """
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        free = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
+        free = next(
+            int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")
+        )
     except (OSError, StopIteration, ValueError):
         return ""
     if needed + SPARE <= free:

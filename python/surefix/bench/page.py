@@ -1,4 +1,6 @@
-"""The folder that ``surefix bench --out`` writes: Markdown and CSV, and with matplotlib a picture and a page."""
+"""The folder that ``surefix bench --out`` writes: Markdown and CSV, and with matplotlib a picture
+and a page.
+"""
 
 import csv
 import io
@@ -11,7 +13,18 @@ from surefix.bench.table import HEADER, LIMITS, TITLES, cells, limit_cells, miss
 
 __all__ = ["COLUMNS", "write_folder", "write_picture"]
 
-COLUMNS = ("group", "work", "rival", "surefix_s", "rival_s", "ratio", "least_ratio", "bytes", "limit_s", "problem")
+COLUMNS = (
+    "group",
+    "work",
+    "rival",
+    "surefix_s",
+    "rival_s",
+    "ratio",
+    "least_ratio",
+    "bytes",
+    "limit_s",
+    "problem",
+)
 
 
 def write_folder(
@@ -71,7 +84,10 @@ def _csv(results: Sequence[Result | Skipped]) -> str:
 
 
 def _html(
-    results: Sequence[Result | Skipped], facts: Sequence[tuple[str, str]], missing: Sequence[str], command: str
+    results: Sequence[Result | Skipped],
+    facts: Sequence[tuple[str, str]],
+    missing: Sequence[str],
+    command: str,
 ) -> str:
     from surefix.bench.picture import picture
     from surefix.report.page import Section, Table, Tile, page
@@ -82,7 +98,11 @@ def _html(
     sections = [Section("Beside the rivals", (), (picture(measured),))]
     for group, title in TITLES.items():
         of_group = [row for row in rows if row.line.group == group]
-        skipped = [f"Not measured: {r.work}: {r.why}." for r in results if isinstance(r, Skipped) and r.group == group]
+        skipped = [
+            f"Not measured: {r.work}: {r.why}."
+            for r in results
+            if isinstance(r, Skipped) and r.group == group
+        ]
         if of_group or skipped:
             table = Table(str(group), "Medians; the ratio says how many times faster surefix is.", HEADER,
                           [cells(row) for row in of_group])  # fmt: skip
@@ -102,9 +122,20 @@ def _html(
         sections.append(Section("Rivals that were not here", (), points=missing))
     sections.append(Section("Made", (), rows=[*facts, ("by", command)]))
     tiles = (
-        Tile("reached", f"{sum(row.met is True for row in asked)} of {len(asked)}", "figures are reached"),
-        Tile("slower", str(len(list(slower(results)))), "rivals are faster", f"of {len(rows)} comparisons"),
+        Tile(
+            "reached",
+            f"{sum(row.met is True for row in asked)} of {len(asked)}",
+            "figures are reached",
+        ),
+        Tile(
+            "slower",
+            str(len(list(slower(results)))),
+            "rivals are faster",
+            f"of {len(rows)} comparisons",
+        ),
         Tile("differ", str(len(problems)), "answers differ"),
     )
-    lead = ("surefix and its rivals side by side in one process, by turns, medians, every answer checked.",)
+    lead = (
+        "surefix and its rivals side by side in one process, by turns, medians, every answer checked.",
+    )
     return page("How fast it is", lead, (), tiles, sections)

@@ -28,14 +28,16 @@ def picture(results: Sequence[Result]) -> Picture:
 
 
 def _shown(results: Sequence[Result]) -> list[Row]:
-    return [row for result in results for row in result.rows if isfinite(row.ratio) and row.ratio > 0]
+    return [
+        row for result in results for row in result.rows if isfinite(row.ratio) and row.ratio > 0
+    ]
 
 
 def draw(ax: "Axes", results: Sequence[Result], theme: Theme = LIGHT) -> "Axes":
     """Draws a line from level to each ratio, on a logarithmic scale, under the name of the work.
 
-    A round blue end is as fast as it is to be, an orange cross is not, and a grey one is held to nothing. The upright
-    tick is what is to be reached.
+    A round blue end is as fast as it is to be, an orange cross is not, and a grey one is held to
+    nothing. The upright tick is what is to be reached.
     """
     rows = _shown(results)
     y, seen, labels = 0.0, "", []
@@ -58,7 +60,11 @@ def draw(ax: "Axes", results: Sequence[Result], theme: Theme = LIGHT) -> "Axes":
     ax.set_xlim(min(ratios) / 1.35, max(ratios) * 1.9)
     ax.set_ylim(y - 0.4, 0)
     ax.axvline(1, color=theme.muted, linewidth=1.0, zorder=1)
-    ticks = [tick for tick in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500) if min(ratios) / 1.35 <= tick]
+    ticks = [
+        tick
+        for tick in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
+        if min(ratios) / 1.35 <= tick
+    ]
     ax.set_xticks([tick for tick in ticks if tick <= max(ratios) * 1.9])
     ax.set_xticklabels([f"{tick:g} x" for tick in ax.get_xticks()])
     ax.minorticks_off()
@@ -76,9 +82,27 @@ def draw(ax: "Axes", results: Sequence[Result], theme: Theme = LIGHT) -> "Axes":
 
 def _draw_row(ax: "Axes", row: Row, y: float, theme: Theme) -> None:
     good = row.met is not False and not row.problem
-    colour = theme.muted if row.met is None else theme.trusted_right if good else theme.trusted_wrong
-    ax.plot([1, row.ratio], [y, y], color=colour, linewidth=2.2, solid_capstyle="butt", alpha=0.75, zorder=2)
-    ax.plot(row.ratio, y, marker="o" if good else "X", color=colour, markersize=6.5, markeredgewidth=0, zorder=4)
+    colour = (
+        theme.muted if row.met is None else theme.trusted_right if good else theme.trusted_wrong
+    )
+    ax.plot(
+        [1, row.ratio],
+        [y, y],
+        color=colour,
+        linewidth=2.2,
+        solid_capstyle="butt",
+        alpha=0.75,
+        zorder=2,
+    )
+    ax.plot(
+        row.ratio,
+        y,
+        marker="o" if good else "X",
+        color=colour,
+        markersize=6.5,
+        markeredgewidth=0,
+        zorder=4,
+    )
     furthest = row.ratio
     if row.rival.reach:
         least = row.rival.reach.least

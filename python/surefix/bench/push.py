@@ -21,7 +21,9 @@ FLOAT = 4
 
 
 def drive(places: int, queries: int = COLUMNS) -> list[Floats]:
-    """Distances of a drive: noise, and a dip at the true place, which is one further with each query."""
+    """Distances of a drive: noise, and a dip at the true place, which is one further with each
+    query.
+    """
     rng = np.random.default_rng(places)
     columns = 0.5 + rng.random((queries, places), np.float32)
     columns[np.arange(queries), (places // 3 + np.arange(queries)) % places] *= 0.2
@@ -29,7 +31,9 @@ def drive(places: int, queries: int = COLUMNS) -> list[Floats]:
 
 
 def long_drive(places: int, queries: int) -> list[Floats]:
-    """The same, as long as one likes in the memory of one query: each is the one before it, a place further."""
+    """The same, as long as one likes in the memory of one query: each is the one before it, a place
+    further.
+    """
     noise = np.float32(0.5) + np.random.default_rng(places).random(places + queries, np.float32)
     noise[queries + places // 3] *= 0.2
     return [noise[queries - query : queries - query + places] for query in range(queries)]
@@ -38,8 +42,8 @@ def long_drive(places: int, queries: int) -> list[Floats]:
 def read_by_push(places: int, length: int) -> int:
     """The bytes that a push cannot do without.
 
-    The distances are read and kept, two gradients read and a third kept, and older columns read: two at the most, as
-    sums can stand in for more.
+    The distances are read and kept, two gradients read and a third kept, and older columns read:
+    two at the most, as sums can stand in for more.
     """
     return places * FLOAT * (2 + 3 + min(length - 1, 2))
 
@@ -50,7 +54,9 @@ def _pushed(push: Callable[[Floats], Any], columns: list[Floats]) -> Callable[[]
     return lambda: push(next(following))
 
 
-def _ours(name: str, places: int, length: int, columns: list[Floats], reach: Reach | None = None) -> Contender:
+def _ours(
+    name: str, places: int, length: int, columns: list[Floats], reach: Reach | None = None
+) -> Contender:
     def answer() -> Any:
         fresh = Matcher(places, sequence_length=length)
         return [summary(fresh.push(column)) for column in columns]
@@ -78,11 +84,21 @@ def lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
             return [fresh.push(column) for column in columns]
 
         rival = ArrayMatcher(signal, places, 3)
-        other = Contender("NumPy + SciPy", _pushed(rival.push, columns), answer, reach=times(factor))
-        yield Line("push", work, _ours("surefix", places, 3, columns), (other,), same_fixes, read_by_push(places, 3))
+        other = Contender(
+            "NumPy + SciPy", _pushed(rival.push, columns), answer, reach=times(factor)
+        )
+        yield Line(
+            "push",
+            work,
+            _ours("surefix", places, 3, columns),
+            (other,),
+            same_fixes,
+            read_by_push(places, 3),
+        )
     yield _in_rust(1800, settings)
     yield _long_against_short(1800, Reach(1 / 1.5, "at most 1.5 x its time"))
-    # What the sums of a long window on a long route cost is the memory's doing: shown, and nothing promised.
+    # What the sums of a long window on a long route cost is the memory's doing: shown, and nothing
+    # promised.
     yield _long_against_short(10_000 if settings.quick else 100_000, None)
 
 
@@ -101,7 +117,9 @@ def _in_rust(places: int, settings: Settings) -> Line:
 
 
 def _long_against_short(places: int, reach: Reach | None) -> Line:
-    """L = 100 beside L = 2. Their answers are no rivals': each is checked against the whole matrix elsewhere."""
+    """L = 100 beside L = 2. Their answers are no rivals': each is checked against the whole matrix
+    elsewhere.
+    """
     columns = long_drive(places, LONG)
     short = _ours("surefix, L = 2", places, 2, columns, reach)
     work = f"Matcher.push, n = {places:,}, L = 100"

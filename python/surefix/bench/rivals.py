@@ -24,7 +24,9 @@ PACKAGES = (
 
 @dataclass(frozen=True)
 class Rivals:
-    """The packages that are here, by the name of what is imported, and the installed versions by their own names."""
+    """The packages that are here, by the name of what is imported, and the installed versions by
+    their own names.
+    """
 
     modules: dict[str, ModuleType]
     versions: dict[str, str]

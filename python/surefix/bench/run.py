@@ -61,7 +61,9 @@ def run(
 
 
 def measure(line: Line, settings: Settings, bandwidth: float) -> Result:
-    """Checks the answers, and times all contenders by turns. A rival that fails or answers otherwise is said."""
+    """Checks the answers, and times all contenders by turns. A rival that fails or answers
+    otherwise is said.
+    """
     contenders = [line.ours, *line.rivals]
     mine = _answer(line.ours)
     problems = {}
@@ -80,7 +82,10 @@ def measure(line: Line, settings: Settings, bandwidth: float) -> Result:
         settings.rounds,
         [contender.clock for contender in contenders],
     )
-    seconds = {contender.name: each * contender.scale for contender, each in zip(contenders, took, strict=True)}
+    seconds = {
+        contender.name: each * contender.scale
+        for contender, each in zip(contenders, took, strict=True)
+    }
     for rival in line.rivals:
         seconds.setdefault(rival.name, float("nan"))
     return Result(line.bare(), seconds, bandwidth, problems)

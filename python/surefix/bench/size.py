@@ -22,7 +22,9 @@ QUERIES = 6
 
 
 def thread_lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
-    """Two threads beside one where the map is larger than the cache, and what is chosen where it is not."""
+    """Two threads beside one where the map is larger than the cache, and what is chosen where it is
+    not.
+    """
     for places, threads, reach in (
         (20_000 if settings.quick else 100_000, 2, times(1.7)),
         (1800, None, level()),
@@ -50,7 +52,9 @@ def scale_lines(settings: Settings, rivals: Rivals) -> Iterator[Line | Skipped]:
     known, queries = _map(large)
     part, some = _map(small)
     reach = Reach(1 / 1.3, "at most 1.3 x its cost")
-    other = _contender(f"surefix, {small:,} places", part, settings.threads, some, reach, scale=large / small)
+    other = _contender(
+        f"surefix, {small:,} places", part, settings.threads, some, reach, scale=large / small
+    )
     ours = _contender(f"surefix, {large:,} places", known, settings.threads, queries)
     read = large * DIM + read_by_push(large, LENGTH)
     yield Line("scale", work, ours, (other,), _same_drive(large, small), read, settings.threads)
@@ -79,7 +83,12 @@ def _map(places: int) -> tuple[Map, list[Any]]:
 
 
 def _contender(
-    name: str, known: Map, threads: int | None, queries: list[Any], reach: Reach | None = None, scale: float = 1.0
+    name: str,
+    known: Map,
+    threads: int | None,
+    queries: list[Any],
+    reach: Reach | None = None,
+    scale: float = 1.0,
 ) -> Contender:
     def fresh() -> Localizer:
         return localizer(known, threads, sequence_length=LENGTH)
@@ -87,4 +96,6 @@ def _contender(
     push, following = fresh().push, cycle(queries)
     for query in queries[:LENGTH]:
         push(query)
-    return Contender(name, lambda: push(next(following)), answers(fresh, queries), reach=reach, scale=scale)
+    return Contender(
+        name, lambda: push(next(following)), answers(fresh, queries), reach=reach, scale=scale
+    )

@@ -1,4 +1,6 @@
-"""The rival of ``Matcher.push``: the same step in vectorised NumPy and SciPy, as a careful user would write it."""
+"""The rival of ``Matcher.push``: the same step in vectorised NumPy and SciPy, as a careful user
+would write it.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,7 +20,9 @@ Answer = tuple[int, float, bool]
 
 
 class ArrayMatcher:
-    """Whole arrays at a time: windows of the newest queries, a row each, and ``convolve2d`` along their diagonals."""
+    """Whole arrays at a time: windows of the newest queries, a row each, and ``convolve2d`` along
+    their diagonals.
+    """
 
     def __init__(self, signal: Any, places: int, sequence_length: int) -> None:
         self.convolve2d = signal.convolve2d
@@ -48,7 +52,11 @@ class ArrayMatcher:
         enhanced = self.convolve2d(g, self.along_gradients, mode="valid")[0]
 
         place, peak = int(d.argmin()), int(enhanced.argmax())
-        self.columns[:-1], self.single[:-1], self.trusted[:-1] = self.columns[1:], self.single[1:], self.trusted[1:]
+        self.columns[:-1], self.single[:-1], self.trusted[:-1] = (
+            self.columns[1:],
+            self.single[1:],
+            self.trusted[1:],
+        )
         self.columns[-1], self.single[-1], self.trusted[-1] = d, place, abs(peak - place) <= 1
         self.lowest = min(self.lowest, d[place])
         self.frames += 1
@@ -70,7 +78,9 @@ def summary(fix: Fix) -> Answer:
 
 
 def same_fixes(ours: Sequence[Answer], theirs: Sequence[Answer], tolerance: float = 1e-4) -> str:
-    """What is wrong: places and trust must be the same, scores within float32's rounding of a sum."""
+    """What is wrong: places and trust must be the same, scores within float32's rounding of a
+    sum.
+    """
     for query, (mine, other) in enumerate(zip(ours, theirs, strict=True)):
         close = abs(mine[1] - other[1]) <= tolerance * max(1e-3, abs(other[1]))
         if mine[0] != other[0] or mine[2] != other[2] or not close:

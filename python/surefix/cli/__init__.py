@@ -27,7 +27,9 @@ app = typer.Typer(
     add_completion=False,
     epilog="Start with: surefix demo",
 )
-maps = typer.Typer(no_args_is_help=True, help="Make a map of a route, make it longer, or look at one.")
+maps = typer.Typer(
+    no_args_is_help=True, help="Make a map of a route, make it longer, or look at one."
+)
 maps.command(
     epilog="Example: surefix map build photos/ -o route.safetensors\n\n"
     "Example: surefix map build survey.bag --metres 2 --odometry /odom -o route.safetensors"
@@ -62,7 +64,10 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Show the version and exit."
+        ),
     ] = False,
 ) -> None:
     """Where am I on this route, and may I trust that answer?"""
@@ -84,7 +89,8 @@ def main() -> None:
         print(f"surefix: {error}", file=sys.stderr)
         sys.exit(1)
     except OSError as error:
-        # The reader, such as `head`, has seen enough; any other refusal, such as a full disk, is said.
+        # The reader, such as `head`, has seen enough; any other refusal, such as a full disk, is
+        # said.
         if not isinstance(error, BrokenPipeError):
             print(f"surefix: cannot write: {error.strerror or error}", file=sys.stderr)
         # Python would complain once more when it flushes at exit.
@@ -93,7 +99,9 @@ def main() -> None:
 
 
 def _prepare_streams() -> None:
-    """A closed stream swallows what is written to it; a name that the stream's encoding lacks is escaped."""
+    """A closed stream swallows what is written to it; a name that the stream's encoding lacks is
+    escaped.
+    """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:

@@ -1,4 +1,6 @@
-"""``surefix bench``: how fast it is here, beside the rivals that are installed; and how evenly it takes its time."""
+"""``surefix bench``: how fast it is here, beside the rivals that are installed; and how evenly it
+takes its time.
+"""
 
 import shlex
 import sys
@@ -28,23 +30,38 @@ PUSHES, IMAGES = 1_000_000, 20_000
 def bench(
     context: typer.Context,
     only: Annotated[
-        list[Group] | None, typer.Option("--only", help="Only the lines of this group. May be given again.")
+        list[Group] | None,
+        typer.Option("--only", help="Only the lines of this group. May be given again."),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Small sizes and few rounds: to see that it works and that answers agree.")
+        bool,
+        typer.Option(
+            "--quick",
+            help="Small sizes and few rounds: to see that it works and that answers agree.",
+        ),
     ] = False,
     threads: Annotated[
-        int, typer.Option("--threads", min=1, help="How many threads surefix and its rivals may use.")
+        int,
+        typer.Option("--threads", min=1, help="How many threads surefix and its rivals may use."),
     ] = 1,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="A folder to write: tables as Markdown and CSV, a page and a picture."),
+        typer.Option(
+            "--out",
+            "-o",
+            help="A folder to write: tables as Markdown and CSV, a page and a picture.",
+        ),
     ] = None,
     docs: Annotated[
-        Path | None, typer.Option("--docs", help="A Markdown page to renew, between its two marks, with its picture.")
+        Path | None,
+        typer.Option(
+            "--docs", help="A Markdown page to renew, between its two marks, with its picture."
+        ),
     ] = None,
 ) -> None:
-    """Measure how fast it is here, side by side with the rivals that are installed, every answer checked."""
+    """Measure how fast it is here, side by side with the rivals that are installed, every answer
+    checked.
+    """
     if context.invoked_subcommand is not None:
         return
     from surefix.bench.facts import facts
@@ -57,7 +74,9 @@ def bench(
     for sentence in rivals.missing:
         print(sentence)
     if (out or docs) and find_spec("matplotlib") is None:
-        print("matplotlib is not installed, so tables are written and no picture: pip install 'surefix[plot]'")
+        print(
+            "matplotlib is not installed, so tables are written and no picture: pip install 'surefix[plot]'"
+        )
     # Before the minutes that it takes.
     _make_folder(out)
     results: list[Result | Skipped] = []
@@ -109,7 +128,9 @@ def _make_folder(out: Path | None) -> None:
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SurefixFileError(f"{out}: cannot make the output folder: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{out}: cannot make the output folder: {error.strerror or error}"
+        ) from None
 
 
 def _write(
@@ -122,31 +143,46 @@ def _write(
     if docs is not None:
         image = Path("images") / f"{docs.stem}.png"
         shown = write_picture(docs.parent / image, results)
-        replace_part(docs, markdown(results, about, rivals.missing, image.as_posix() if shown else None))
+        replace_part(
+            docs, markdown(results, about, rivals.missing, image.as_posix() if shown else None)
+        )
         print(f"Renewed {docs}")
     if out is not None:
         try:
-            made = write_folder(out, results, about, rivals.missing, shlex.join(["surefix", *sys.argv[1:]]))
+            made = write_folder(
+                out, results, about, rivals.missing, shlex.join(["surefix", *sys.argv[1:]])
+            )
         except OSError as error:
-            raise SurefixFileError(f"{out}: cannot write the results: {error.strerror or error}") from None
+            raise SurefixFileError(
+                f"{out}: cannot write the results: {error.strerror or error}"
+            ) from None
         print(f"Made {', '.join(str(file) for file in made)}")
 
 
 def latency(
     places: Annotated[int, typer.Option("--places", "-n", min=2, help="Places on the map.")] = 1800,
-    sequence_length: Annotated[int, typer.Option("--sequence-length", "-L", min=1, help="Queries a sequence.")] = 2,
+    sequence_length: Annotated[
+        int, typer.Option("--sequence-length", "-L", min=1, help="Queries a sequence.")
+    ] = 2,
     pushes: Annotated[
         int | None,
-        typer.Option(min=1, help=f"How many pushes: by default {PUSHES:,}, and {IMAGES:,} with --image."),
+        typer.Option(
+            min=1, help=f"How many pushes: by default {PUSHES:,}, and {IMAGES:,} with --image."
+        ),
     ] = None,
     image: Annotated[
-        bool, typer.Option("--image", help="Push 640 x 480 RGB images on a SAD map in place of distances.")
+        bool,
+        typer.Option(
+            "--image", help="Push 640 x 480 RGB images on a SAD map in place of distances."
+        ),
     ] = False,
 ) -> None:
     """Time pushes one by one in Rust, and count what they allocate, which must be nothing."""
     count = pushes or (IMAGES if image else PUSHES)
     what = "images, 640 x 480 RGB" if image else "distances"
-    print(f"{count:,} pushes of {what}, n = {places:,}, L = {sequence_length}, one by one in Rust, on {machine()}")
+    print(
+        f"{count:,} pushes of {what}, n = {places:,}, L = {sequence_length}, one by one in Rust, on {machine()}"
+    )
     measure = bench_image_latency if image else bench_latency
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Pushing"):
         took, allocations = measure(places, sequence_length, count)

@@ -31,10 +31,11 @@ COLOURS = {
 
 
 class Dashboard:
-    """What the camera sees and what it is matched to, the route so far, the newest fixes, and a tally.
+    """What the camera sees and what it is matched to, the route so far, the newest fixes, and a
+    tally.
 
-    Used as a context. Drawn between two pushes, never beside one, so that it does not slow what it shows.
-    Where standard error is no terminal, it shows nothing.
+    Used as a context. Drawn between two pushes, never beside one, so that it does not slow what it
+    shows. Where standard error is no terminal, it shows nothing.
     """
 
     WIDTH = 84
@@ -51,7 +52,9 @@ class Dashboard:
         self.counts: Counter[Outcome] = Counter()
         self.latency: list[float] = []
         self.width = min(self.WIDTH, self.console.width)
-        self.route: list[Counter[Outcome]] = [Counter() for _ in range(min(max(8, self.width - 4), total))]
+        self.route: list[Counter[Outcome]] = [
+            Counter() for _ in range(min(max(8, self.width - 4), total))
+        ]
         encoding = (self.console.encoding or "").lower()
         self.unicode = encoding.startswith("utf")
         marks = ("●", "✖", "○", "·") if self.unicode else ("o", "X", "o", "x")
@@ -64,7 +67,10 @@ class Dashboard:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
     ) -> None:
         self.paced.stop(self._panel)
 
@@ -94,13 +100,17 @@ class Dashboard:
         pair = Table.grid(padding=(0, 2, 0, 0))
         if self.image is not None:
             pair.add_row(HalfBlocks(self.image, wide), HalfBlocks(self.reference[fix.place], wide))
-        answer = Text(f"map, place {fix.place}: {self.marks[outcome]} {outcome.value}", COLOURS[outcome])
+        answer = Text(
+            f"map, place {fix.place}: {self.marks[outcome]} {outcome.value}", COLOURS[outcome]
+        )
         pair.add_row(Text(f"camera, frame {fix.frame}", "dim"), answer)
         pair.add_row("")
         return pair
 
     def _route(self) -> Text:
-        """The route from start to end: what a robot that acts on trusted fixes knew in each part of it."""
+        """The route from start to end: what a robot that acts on trusted fixes knew in each part of
+        it.
+        """
         text = Text()
         block, passed, ahead = "█░·" if self.unicode else "#.."
         for part in self.route:
@@ -125,13 +135,18 @@ class Dashboard:
                 f"{fix.score:.3f}",
                 f"{latency * 1000:.2f}",
             )
-            table.add_row(*numbers, Text(f"{self.marks[outcome]} {outcome.value}", COLOURS[outcome]))
+            table.add_row(
+                *numbers, Text(f"{self.marks[outcome]} {outcome.value}", COLOURS[outcome])
+            )
         return table
 
     def _legend(self) -> Table:
         tally = Table.grid(padding=(0, 4, 0, 0))
         cells = [
-            Text.assemble((f"{self.marks[outcome]} {outcome.value} ", COLOURS[outcome]), str(self.counts[outcome]))
+            Text.assemble(
+                (f"{self.marks[outcome]} {outcome.value} ", COLOURS[outcome]),
+                str(self.counts[outcome]),
+            )
             for outcome in Outcome
         ]
         tally.add_row(*cells[:2])
@@ -140,7 +155,13 @@ class Dashboard:
 
     def _summary(self) -> Text:
         right, wrong = self.counts[Outcome.TRUSTED_RIGHT], self.counts[Outcome.TRUSTED_WRONG]
-        share = f"{right / (right + wrong):.0%} of the trusted right" if right + wrong else "none trusted yet"
+        share = (
+            f"{right / (right + wrong):.0%} of the trusted right"
+            if right + wrong
+            else "none trusted yet"
+        )
         median = 1000 * float(np.median(self.latency)) if self.latency else 0.0
         done = sum(self.counts.values())
-        return Text(f"{done} of {self.total} frames, {share}, {median:.2f} ms a fix (median)", "dim")
+        return Text(
+            f"{done} of {self.total} frames, {share}, {median:.2f} ms a fix (median)", "dim"
+        )

@@ -1,4 +1,6 @@
-"""``surefix demo``: a generated route in two conditions, mapped, localized live, and shown in a report."""
+"""``surefix demo``: a generated route in two conditions, mapped, localized live, and shown in a
+report.
+"""
 
 import sys
 import time
@@ -23,11 +25,19 @@ TOLERANCE = 1
 def demo(
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", help="The folder to write; an earlier demo's files in it are replaced."),
+        typer.Option(
+            "--out", "-o", help="The folder to write; an earlier demo's files in it are replaced."
+        ),
     ] = Path("out/demo"),
-    places: Annotated[int, typer.Option(min=20, max=5000, help="Frames of each drive, 3 m apart.")] = 1000,
-    width: Annotated[int, typer.Option(min=32, max=1920, help="Width of a frame, in pixels.")] = 320,
-    height: Annotated[int, typer.Option(min=16, max=1080, help="Height of a frame, in pixels.")] = 160,
+    places: Annotated[
+        int, typer.Option(min=20, max=5000, help="Frames of each drive, 3 m apart.")
+    ] = 1000,
+    width: Annotated[
+        int, typer.Option(min=32, max=1920, help="Width of a frame, in pixels.")
+    ] = 320,
+    height: Annotated[
+        int, typer.Option(min=16, max=1080, help="Height of a frame, in pixels.")
+    ] = 160,
     seed: Annotated[int, typer.Option(min=0, help="Another seed is another route.")] = 1,
     sequence_length: Annotated[
         int, typer.Option("--sequence-length", "-L", min=1, max=20, help="Queries a sequence.")
@@ -43,7 +53,9 @@ def demo(
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SurefixFileError(f"{out}: cannot make the output folder: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{out}: cannot make the output folder: {error.strerror or error}"
+        ) from None
     route = Route(places=places, size=(width, height), seed=seed)
     reference, revisit = route.reference(), route.revisit()
     kilometres = float(reference.positions[-1]) / 1000
@@ -53,7 +65,9 @@ def demo(
     start = time.perf_counter()
     known = Map.from_images(reference, Sad())
     mapped = time.perf_counter()
-    print(f"Mapped on a summer noon: {len(known)} places x {known.dim} {known.dtype}, in {mapped - start:.1f} s")
+    print(
+        f"Mapped on a summer noon: {len(known)} places x {known.dim} {known.dtype}, in {mapped - start:.1f} s"
+    )
     drive = _localize(known, reference, revisit, (width, height), seed, sequence_length)
     localized = time.perf_counter()
     for line in _account(drive):
@@ -61,19 +75,31 @@ def demo(
 
     options = f"--places {places} --width {width} --height {height} --seed {seed}"
     command = f"surefix demo {options} --sequence-length {sequence_length}"
-    seconds = (("mapping", mapped - start), ("the second drive, drawn and localized", localized - mapped))
+    seconds = (
+        ("mapping", mapped - start),
+        ("the second drive, drawn and localized", localized - mapped),
+    )
     try:
         with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
             report = write_report(drive, out, command, seconds)
     except SurefixError:
         raise
     except OSError as error:
-        raise SurefixFileError(f"{out}: cannot write the report: {error.strerror or error}") from None
-    print(f"Made {report}, with its pictures and the fixes beside it, in {time.perf_counter() - begin:.1f} s")
+        raise SurefixFileError(
+            f"{out}: cannot write the report: {error.strerror or error}"
+        ) from None
+    print(
+        f"Made {report}, with its pictures and the fixes beside it, in {time.perf_counter() - begin:.1f} s"
+    )
 
 
 def _localize(
-    known: Map, reference: Traverse, revisit: Traverse, size: tuple[int, int], seed: int, sequence_length: int
+    known: Map,
+    reference: Traverse,
+    revisit: Traverse,
+    size: tuple[int, int],
+    seed: int,
+    sequence_length: int,
 ) -> "Drive":
     """Drives a second time: pushes each frame when it is there, as a robot would."""
     from surefix.cli.dashboard import Dashboard
@@ -94,8 +120,21 @@ def _localize(
             dashboard.show(image, fix, true_place, right, latency[query])
     # The same fixes again, to the bit, as arrays; and what they would be without the weighting.
     run = match_distances(distances, floor="running", sequence_length=sequence_length)
-    baseline = match_distances(distances, floor="running", sequence_length=sequence_length, weight=0.0)
-    return Drive(reference, revisit, size, seed, sequence_length, distances, run, baseline, latency, TOLERANCE)
+    baseline = match_distances(
+        distances, floor="running", sequence_length=sequence_length, weight=0.0
+    )
+    return Drive(
+        reference,
+        revisit,
+        size,
+        seed,
+        sequence_length,
+        distances,
+        run,
+        baseline,
+        latency,
+        TOLERANCE,
+    )
 
 
 def _account(drive: "Drive") -> list[str]:

@@ -1,4 +1,6 @@
-"""What ``surefix eval`` compares on: a map and queries, or ready distances, with their images where there are any."""
+"""What ``surefix eval`` compares on: a map and queries, or ready distances, with their images where
+there are any.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -74,7 +76,8 @@ class Drives:
         assert self.map is not None
         described = self._descriptors()
         D = np.empty((self.places, self.queries), np.float32, order="F")
-        # What queries go through may depend on those before: that is known by a localizer, and not by a map.
+        # What queries go through may depend on those before: that is known by a localizer, and not
+        # by a map.
         localizer = Localizer(self.map, sequence_length=1) if _runs(self.map) else None
         bar = terminal_bar("Comparing")
         for query, descriptor in enumerate(described):
@@ -117,12 +120,16 @@ def open_drives(
     """
     if Path(route).suffix == ".npy":
         if model is not None:
-            raise typer.BadParameter(f"--model: expected a map made with one, got the distances {route}")
+            raise typer.BadParameter(
+                f"--model: expected a map made with one, got the distances {route}"
+            )
         matrix = read_matrix(Path(route), similarity)
         images = None if queries is None else _images(queries, taking)
         if images is not None and len(images) != matrix.shape[1]:
             got = f"{len(images)} images for {matrix.shape[1]} queries"
-            raise SurefixValueError(f"{queries}: expected an image for each column of {route}, got {got}")
+            raise SurefixValueError(
+                f"{queries}: expected an image for each column of {route}, got {got}"
+            )
         return Drives(matrix.shape[0], matrix.shape[1], matrix=matrix, images=images)
     if Path(route).is_dir():
         raise SurefixValueError(
@@ -134,7 +141,9 @@ def open_drives(
     drive = _queries(queries, taking)
     if drive.ready is not None:
         if model is not None:
-            raise typer.BadParameter(f"--model: expected images, got the ready descriptors {queries}")
+            raise typer.BadParameter(
+                f"--model: expected images, got the ready descriptors {queries}"
+            )
         return Drives(len(known), len(drive), map=known, drive=drive)
     if network is None:
         _check_sad(known, route)
@@ -152,7 +161,9 @@ def _images(place: str, taking: Taking) -> Queries | Images:
 
 
 def _recorded(place: str, taking: Taking) -> RecordedQueries | None:
-    """The frames that are taken of a recording; None where this is something else, of which none can be chosen."""
+    """The frames that are taken of a recording; None where this is something else, of which none
+    can be chosen.
+    """
     if is_recording(place):
         return RecordedQueries(taking.open(place))
     taking.check_none(place)
@@ -167,11 +178,15 @@ def _check_sad(known: Map, route: str) -> None:
     if name is not None and name.startswith("onnx:"):
         raise no_model(name, route)
     holds = "holds ready descriptors" if name is None else f"is by {name!r}, which is no ONNX file"
-    raise SurefixValueError(f"QUERIES: expected descriptors, a .npy (m, dim), as this map {holds}; got images")
+    raise SurefixValueError(
+        f"QUERIES: expected descriptors, a .npy (m, dim), as this map {holds}; got images"
+    )
 
 
 def _runs(known: Map) -> bool:
-    return known.post is not None and any(step["step"] == "standardize_running" for step in known.post.steps)
+    return known.post is not None and any(
+        step["step"] == "standardize_running" for step in known.post.steps
+    )
 
 
 def read_matrix(file: Path, similarity: bool) -> npt.NDArray[np.float32]:
@@ -185,7 +200,9 @@ def read_matrix(file: Path, similarity: bool) -> npt.NDArray[np.float32]:
     try:
         array: npt.NDArray[Any] = np.load(file, allow_pickle=False)
     except OSError as error:
-        raise SurefixFileError(f"{file}: cannot read the matrix: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{file}: cannot read the matrix: {error.strerror or error}"
+        ) from None
     except (ValueError, EOFError) as error:
         raise SurefixValueError(f"{file}: not a .npy array, or a truncated one ({error})") from None
     if array.ndim != 2 or array.dtype.kind != "f" or array.shape[0] < 2 or array.shape[1] < 1:

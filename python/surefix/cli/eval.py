@@ -44,19 +44,26 @@ def _floor(text: str) -> str | float:
     try:
         return float(text)
     except ValueError:
-        raise typer.BadParameter(f'--floor: expected "global", "running" or a number, got {text!r}') from None
+        raise typer.BadParameter(
+            f'--floor: expected "global", "running" or a number, got {text!r}'
+        ) from None
 
 
 def _methods(names: list[str] | None) -> list[str]:
     for name in names or ():
         if name not in METHODS:
-            raise typer.BadParameter(f"--method: expected one of {', '.join(METHODS)}, got {name!r}")
+            raise typer.BadParameter(
+                f"--method: expected one of {', '.join(METHODS)}, got {name!r}"
+            )
     return list(names or DEFAULT_METHODS)
 
 
 def eval_(
     route: Annotated[
-        str, typer.Argument(help="The map, from `surefix map build`; or a .npy of distances, (places, queries).")
+        str,
+        typer.Argument(
+            help="The map, from `surefix map build`; or a .npy of distances, (places, queries)."
+        ),
     ],
     queries: Annotated[
         str | None,
@@ -66,10 +73,14 @@ def eval_(
         ),
     ] = None,
     model: Annotated[
-        Path | None, typer.Option(help="The ONNX file that the map was made with: describe the images by it.")
+        Path | None,
+        typer.Option(help="The ONNX file that the map was made with: describe the images by it."),
     ] = None,
     cache: Annotated[
-        Path | None, typer.Option(help="--model: keep what is described here, and go on there after an interruption.")
+        Path | None,
+        typer.Option(
+            help="--model: keep what is described here, and go on there after an interruption."
+        ),
     ] = None,
     truth: Annotated[
         str | None,
@@ -86,11 +97,15 @@ def eval_(
         ),
     ] = None,
     query_positions: Annotated[
-        Path | None, typer.Option(help="In place of --truth: those of each query, as for --positions.")
+        Path | None,
+        typer.Option(help="In place of --truth: those of each query, as for --positions."),
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(min=0, help="How far from the truth is right: places, 1 by default; or metres, with positions."),
+        typer.Option(
+            min=0,
+            help="How far from the truth is right: places, 1 by default; or metres, with positions.",
+        ),
     ] = None,
     method: Annotated[
         list[str] | None,
@@ -99,38 +114,64 @@ def eval_(
         ),
     ] = None,
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="The folder to write; an earlier report in it is replaced.")
+        Path,
+        typer.Option(
+            "--out", "-o", help="The folder to write; an earlier report in it is replaced."
+        ),
     ] = Path("report"),
     recall: Annotated[Recall, typer.Option(help="What recall is a share of.")] = Recall.correct,
     similarity: Annotated[
-        bool, typer.Option("--similarity", help="The .npy holds similarities s: the distances are 1 - s.")
+        bool,
+        typer.Option(
+            "--similarity", help="The .npy holds similarities s: the distances are 1 - s."
+        ),
     ] = False,
     references: Annotated[
-        str | None, typer.Option(help="The images of the places, a folder, a pattern or a .npy, for the pictures.")
+        str | None,
+        typer.Option(
+            help="The images of the places, a folder, a pattern or a .npy, for the pictures."
+        ),
     ] = None,
-    sequence_length: Annotated[int, typer.Option("--sequence-length", "-L", help="Queries a sequence.")] = 2,
+    sequence_length: Annotated[
+        int, typer.Option("--sequence-length", "-L", help="Queries a sequence.")
+    ] = 2,
     weight: Annotated[
-        float, typer.Option("--weight", "-w", help="How far a trusted match is drawn to the floor, 0 to 1.")
+        float,
+        typer.Option(
+            "--weight", "-w", help="How far a trusted match is drawn to the floor, 0 to 1."
+        ),
     ] = 0.99,
     floor: Annotated[
-        str, typer.Option(help='What trusted matches are drawn to: "global", "running" or a number.')
+        str,
+        typer.Option(help='What trusted matches are drawn to: "global", "running" or a number.'),
     ] = "global",
-    agreement: Annotated[int, typer.Option(help="Places between minimum and gradient peak of a trusted match.")] = 1,
-    smoothing: Annotated[int, typer.Option(help="Gradients summed, 1 or more; 1 for queries in any order.")] = 3,
+    agreement: Annotated[
+        int, typer.Option(help="Places between minimum and gradient peak of a trusted match.")
+    ] = 1,
+    smoothing: Annotated[
+        int, typer.Option(help="Gradients summed, 1 or more; 1 for queries in any order.")
+    ] = 3,
     calibration: Annotated[
-        Path | None, typer.Option(help="Another drive's .npy of distances, for the supervised methods to learn from.")
+        Path | None,
+        typer.Option(
+            help="Another drive's .npy of distances, for the supervised methods to learn from."
+        ),
     ] = None,
     calibration_truth: Annotated[
         str | None, typer.Option(help="That drive's truth, as for --truth, in places.")
     ] = None,
-    calibration_tolerance: Annotated[int, typer.Option(min=0, help="How far from that truth is right, in places.")] = 1,
+    calibration_tolerance: Annotated[
+        int, typer.Option(min=0, help="How far from that truth is right, in places.")
+    ] = 1,
     topic: Topic = None,
     stride: Stride = 1,
     every: Every = None,
     metres: Metres = None,
     odometry: Odometry = None,
 ) -> None:
-    """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one report."""
+    """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
+    report.
+    """
     begin = time.perf_counter()
     names = _methods(method)
     context = Context(
@@ -142,13 +183,25 @@ def eval_(
         calibration_tolerance=calibration_tolerance,
     )
     if similarity and Path(route).suffix != ".npy" and calibration is None:
-        raise typer.BadParameter("--similarity: expected a .npy of similarities to read, got a map, which has none")
+        raise typer.BadParameter(
+            "--similarity: expected a .npy of similarities to read, got a map, which has none"
+        )
     if cache is not None and model is None:
         raise typer.BadParameter("--cache: expected --model too, got none")
     taking = Taking(topic, stride, every, metres, odometry)
     if queries is None:
         taking.check_none("none")
-    _check_usage(route, queries, truth, positions, query_positions, tolerance, calibration, calibration_truth, names)
+    _check_usage(
+        route,
+        queries,
+        truth,
+        positions,
+        query_positions,
+        tolerance,
+        calibration,
+        calibration_truth,
+        names,
+    )
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
         from surefix.report.comparison import compare
@@ -165,13 +218,17 @@ def eval_(
     if calibration is not None:
         learned = read_matrix(calibration, similarity)
         assert calibration_truth is not None
-        context = replace(context, calibration=(learned, read_truth(calibration_truth, *learned.shape)))
+        context = replace(
+            context, calibration=(learned, read_truth(calibration_truth, *learned.shape))
+        )
     pictures = None if references is None else reference_images(references, drives.places)
     _check_options(drives.places, context)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SurefixFileError(f"{out}: cannot make the output folder: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{out}: cannot make the output folder: {error.strerror or error}"
+        ) from None
 
     start = time.perf_counter()
     D = drives.distances()
@@ -182,7 +239,11 @@ def eval_(
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Comparing the methods") as status:
         comparison = compare(
-            D, names, context, recall.value, lambda result: status.update(f"Comparing the methods: {result.name} done")
+            D,
+            names,
+            context,
+            recall.value,
+            lambda result: status.update(f"Comparing the methods: {result.name} done"),
         )
     for result in comparison.results:
         print(_account(result))
@@ -208,7 +269,9 @@ def eval_(
     except SurefixError:
         raise
     except OSError as error:
-        raise SurefixFileError(f"{out}: cannot write the report: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{out}: cannot write the report: {error.strerror or error}"
+        ) from None
     count = len(comparison.results)
     seconds = time.perf_counter() - begin
     print(
@@ -236,14 +299,20 @@ def _check_usage(
     if truth is None and query_positions is None:
         raise typer.BadParameter("--truth: expected it, or --query-positions; got neither")
     if query_positions is not None and tolerance is None:
-        raise typer.BadParameter("--tolerance: expected how many metres from the truth are right, got none")
+        raise typer.BadParameter(
+            "--tolerance: expected how many metres from the truth are right, got none"
+        )
     if truth is not None and tolerance is not None and not tolerance.is_integer():
-        raise typer.BadParameter(f"--tolerance: expected a whole number of places, got {tolerance:g}")
+        raise typer.BadParameter(
+            f"--tolerance: expected a whole number of places, got {tolerance:g}"
+        )
     if (calibration is None) != (calibration_truth is None):
         raise typer.BadParameter("--calibration: expected it and --calibration-truth, or neither")
     needing = [name for name in names if METHODS[name].needs == "calibration"]
     if needing and calibration is None:
-        raise typer.BadParameter(f"--method {needing[0]}: expected --calibration and --calibration-truth to learn from")
+        raise typer.BadParameter(
+            f"--method {needing[0]}: expected --calibration and --calibration-truth to learn from"
+        )
 
 
 def _check_options(places: int, context: Context) -> None:
@@ -261,7 +330,9 @@ def _check_options(places: int, context: Context) -> None:
         raise typer.BadParameter(str(error)) from None
 
 
-def _truth(drives: Drives, truth: str | None, positions: Path | None, query_positions: Path | None) -> Truth:
+def _truth(
+    drives: Drives, truth: str | None, positions: Path | None, query_positions: Path | None
+) -> Truth:
     if truth is not None:
         return read_truth(truth, drives.places, drives.queries)
     assert query_positions is not None
@@ -271,7 +342,9 @@ def _truth(drives: Drives, truth: str | None, positions: Path | None, query_posi
         there = Positions("the map", drives.positions)
     else:
         raise typer.BadParameter("--positions: expected those of the places, as the map has none")
-    return truth_by_position(*on_one_plane(there, read_either(query_positions)), drives.places, drives.queries)
+    return truth_by_position(
+        *on_one_plane(there, read_either(query_positions)), drives.places, drives.queries
+    )
 
 
 def _tolerance(given: float | None, truth: Truth) -> float:
@@ -290,7 +363,9 @@ def _account(result: "Result") -> str:
 def _trust(comparison: "Comparison") -> str:
     t = comparison.trust
     trusted = t.true_positives + t.false_positives
-    return f"Trusted single matches: {t.true_positives} of {trusted} right, {t.false_positives} wrong"
+    return (
+        f"Trusted single matches: {t.true_positives} of {trusted} right, {t.false_positives} wrong"
+    )
 
 
 def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:

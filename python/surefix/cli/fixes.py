@@ -14,7 +14,8 @@ __all__ = ["CsvFixes", "FixRow", "JsonFixes", "Moment"]
 class FixRow:
     """A fix, with the names of its query and place, and how long it took in microseconds.
 
-    ``moment`` is there where frames come from a stream that says when they were taken, and what is missing before them.
+    ``moment`` is there where frames come from a stream that says when they were taken, and what is
+    missing before them.
     """
 
     query: str
@@ -48,7 +49,9 @@ class FixRow:
 
 @dataclass(frozen=True)
 class Moment:
-    """When a frame was taken, in seconds; how many were dropped before it; and whether time is missing there."""
+    """When a frame was taken, in seconds; how many were dropped before it; and whether time is
+    missing there.
+    """
 
     time: float | None
     dropped: int
@@ -56,7 +59,9 @@ class Moment:
 
 
 class CsvFixes:
-    """A line of names, then a line a fix; booleans in lower case, an empty field where there is nothing."""
+    """A line of names, then a line a fix; booleans in lower case, an empty field where there is
+    nothing.
+    """
 
     def __init__(self, file: TextIO) -> None:
         self.file = file
@@ -68,7 +73,9 @@ class CsvFixes:
         if self.writer is None:
             self.writer = csv.DictWriter(self.file, list(fields), lineterminator="\n")
             self.writer.writeheader()
-        self.writer.writerow({k: str(v).lower() if isinstance(v, bool) else v for k, v in fields.items()})
+        self.writer.writerow(
+            {k: str(v).lower() if isinstance(v, bool) else v for k, v in fields.items()}
+        )
         self.file.flush()
 
 

@@ -1,4 +1,6 @@
-"""What the command line takes as a whole: a folder, a pattern, a ``.npy`` of images, or a file of descriptors."""
+"""What the command line takes as a whole: a folder, a pattern, a ``.npy`` of images, or a file of
+descriptors.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -13,9 +15,11 @@ __all__ = ["Frames"]
 
 
 class Frames:
-    """Frames in route order, all known at once; see ``surefix.streams`` for those that come one by one.
+    """Frames in route order, all known at once; see ``surefix.streams`` for those that come one by
+    one.
 
-    ``key`` chooses one of several arrays of a file of descriptors; see ``surefix.descriptors.load``.
+    ``key`` chooses one of several arrays of a file of descriptors; see
+    ``surefix.descriptors.load``.
 
     Raises
     ------
@@ -41,7 +45,9 @@ class Frames:
     def holds(self, file: Path) -> bool:
         """Whether ``file`` is one of those that the frames are read from."""
         sources = [self.place] if self.paths is None else self.paths
-        return file.exists() and any(Path(source).exists() and file.samefile(source) for source in sources)
+        return file.exists() and any(
+            Path(source).exists() and file.samefile(source) for source in sources
+        )
 
     @property
     def _rows(self) -> npt.NDArray[Any]:

@@ -69,7 +69,9 @@ def build(
             "descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index."
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path("route.safetensors"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path(
+        "route.safetensors"
+    ),
     size: Annotated[
         str | None,
         typer.Option(
@@ -86,14 +88,24 @@ def build(
         ),
     ] = None,
     key: Annotated[
-        str | None, typer.Option(help="Ready descriptors: which array of the file, if it has several.")
+        str | None,
+        typer.Option(help="Ready descriptors: which array of the file, if it has several."),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="An ONNX file: describe the images by this network.")] = None,
-    output: Annotated[str | None, typer.Option(help="--model: which of its outputs, if it has several.")] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="An ONNX file: describe the images by this network.")
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option(help="--model: which of its outputs, if it has several.")
+    ] = None,
     mean: Annotated[
-        str | None, typer.Option(help='--model: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet\'s by default.')
+        str | None,
+        typer.Option(
+            help='--model: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet\'s by default.'
+        ),
     ] = None,
-    std: Annotated[str | None, typer.Option(help="--model: as --mean, the standard deviation.")] = None,
+    std: Annotated[
+        str | None, typer.Option(help="--model: as --mean, the standard deviation.")
+    ] = None,
     batch: Annotated[int, typer.Option(min=1, help="--model: images at a time.")] = 8,
     post: Annotated[
         str | None,
@@ -103,10 +115,14 @@ def build(
         ),
     ] = None,
     cache: Annotated[
-        Path | None, typer.Option(help="--model: keep what is described here, and go on there after an interruption.")
+        Path | None,
+        typer.Option(
+            help="--model: keep what is described here, and go on there after an interruption."
+        ),
     ] = None,
     positions: Annotated[
-        Path | None, typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.")
+        Path | None,
+        typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres."),
     ] = None,
     topic: Topic = None,
     stride: Stride = 1,
@@ -114,10 +130,14 @@ def build(
     metres: Metres = None,
     odometry: Odometry = None,
 ) -> None:
-    """Make a map of a route from its reference images, a video or a bag, or from ready descriptors."""
+    """Make a map of a route from its reference images, a video or a bag, or from ready
+    descriptors.
+    """
     start = time.perf_counter()
     if not out.absolute().parent.is_dir():
-        raise SurefixFileError(f"{out}: cannot write the map: there is no folder {out.absolute().parent}")
+        raise SurefixFileError(
+            f"{out}: cannot write the map: there is no folder {out.absolute().parent}"
+        )
     where = None if positions is None else read_positions(positions)
     steps = None if post is None else steps_of(post)
     taking = Taking(topic, stride, every, metres, odometry)
@@ -125,16 +145,23 @@ def build(
     if model is not None:
         if (patch, dtype) != (8, Dtype.u8):
             raise typer.BadParameter("--patch, --dtype: expected images for SAD, got --model")
-        network = open_network(model, output, None if size is None else _size(size), mean, std, batch)
+        network = open_network(
+            model, output, None if size is None else _size(size), mean, std, batch
+        )
     elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
-        raise typer.BadParameter("--output, --mean, --std, --batch, --cache: expected --model too, got none")
+        raise typer.BadParameter(
+            "--output, --mean, --std, --batch, --cache: expected --model too, got none"
+        )
     if is_recording(references):
         if network is None:
             _check_sad(references, metric, post)
         if key is not None:
             raise typer.BadParameter(f"--key: expected descriptors, got the recording {references}")
         stream = taking.open(references)
-        read = [*map(Path, stream.files), *(file for file in (model, cache) if file is not None and file.exists())]
+        read = [
+            *map(Path, stream.files),
+            *(file for file in (model, cache) if file is not None and file.exists()),
+        ]
         if out.exists() and any(out.samefile(file) for file in read):
             raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
         if network is None:
@@ -146,11 +173,15 @@ def build(
         return
     taking.check_none(references)
     frames = Frames(references, key)
-    if frames.holds(out) or any(file is not None and out.exists() and out.samefile(file) for file in (model, cache)):
+    if frames.holds(out) or any(
+        file is not None and out.exists() and out.samefile(file) for file in (model, cache)
+    ):
         raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
     if frames.descriptors is not None:
         if network is not None:
-            raise typer.BadParameter(f"--model: expected images, got the ready descriptors {references}")
+            raise typer.BadParameter(
+                f"--model: expected images, got the ready descriptors {references}"
+            )
         if (size, patch, dtype) != (None, 8, Dtype.u8):
             raise typer.BadParameter(
                 f"--size, --patch, --dtype: expected images, got the ready descriptors {references}"
@@ -158,7 +189,9 @@ def build(
         by = metric.value if metric else metric_of(references) or "cosine"
         Map.from_descriptors(frames.descriptors, by, positions=where, post=steps).save(out)
     elif network is not None:
-        map_of_network(frames.images, network, metric.value if metric else "cosine", where, cache, steps).save(out)
+        map_of_network(
+            frames.images, network, metric.value if metric else "cosine", where, cache, steps
+        ).save(out)
     else:
         _check_sad(references, metric, post)
         Map.build(out, frames.images, _sad(size, patch, dtype), positions=where)
@@ -169,21 +202,32 @@ def append(
     file: Annotated[Path, typer.Argument(help="The map that becomes longer.")],
     references: Annotated[
         str,
-        typer.Argument(help='The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.'),
+        typer.Argument(
+            help='The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.'
+        ),
     ],
     positions: Annotated[
-        Path | None, typer.Option(help="A .npy or .csv of each new place's position, where the map has positions.")
+        Path | None,
+        typer.Option(
+            help="A .npy or .csv of each new place's position, where the map has positions."
+        ),
     ] = None,
     model: Annotated[
-        Path | None, typer.Option(help="The ONNX file that the map was made with: describe the images by it.")
+        Path | None,
+        typer.Option(help="The ONNX file that the map was made with: describe the images by it."),
     ] = None,
     cache: Annotated[
-        Path | None, typer.Option(help="--model: keep what is described here, and go on there after an interruption.")
+        Path | None,
+        typer.Option(
+            help="--model: keep what is described here, and go on there after an interruption."
+        ),
     ] = None,
 ) -> None:
-    """Make a map longer: images are described as its own were; ready descriptors must be of its own kind.
+    """Make a map longer: images are described as its own were; ready descriptors must be of its own
+    kind.
 
-    The map's rows are copied, never read into memory, and an old map stays until the new one is whole.
+    The map's rows are copied, never read into memory, and an old map stays until the new one is
+    whole.
     """
     start = time.perf_counter()
     old = _look(file)
@@ -195,25 +239,33 @@ def append(
     if model is not None:
         network = network_of(old, file, model)
         if frames.descriptors is not None:
-            raise typer.BadParameter(f"--model: expected images, got the ready descriptors {references}")
+            raise typer.BadParameter(
+                f"--model: expected images, got the ready descriptors {references}"
+            )
     elif cache is not None:
         raise typer.BadParameter("--cache: expected --model too, got none")
     elif frames.descriptors is None and old.recipe is not None:
         raise no_model(old.recipe["name"], file)
     if frames.descriptors is not None:
-        more = Map.from_descriptors(frames.descriptors, old.metric, where, post=old.post, recipe=old.recipe)
+        more = Map.from_descriptors(
+            frames.descriptors, old.metric, where, post=old.post, recipe=old.recipe
+        )
         Map.append(file, more)
     elif network is not None:
         Map.append(file, frames.images, network, positions=where, cache=cache)
     else:
         Map.append(file, frames.images, positions=where)
     seconds = time.perf_counter() - start
-    print(f"Added {counted(len(frames), 'place')} to {file}: now {_size_of(file)}, in {seconds:.1f} s")
+    print(
+        f"Added {counted(len(frames), 'place')} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
+    )
 
 
 def info(
     file: Annotated[Path, typer.Argument(help="The map to look at.")],
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object instead of a table.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object instead of a table.")
+    ] = False,
 ) -> None:
     """Say what a map holds."""
     route = _look(file)
@@ -242,7 +294,9 @@ def info(
             "descriptor": _descriptor_of(route),
             "post": repr(route.post),
             "names": f"{names[0]} to {names[-1]}" if names else "none",
-            "positions": "none" if where is None else f"{where.shape[1]} coordinates a place, in metres",
+            "positions": "none"
+            if where is None
+            else f"{where.shape[1]} coordinates a place, in metres",
         }.get(name, str(value))
         # The recipe is in the descriptor's name, more or less; it is whole in --json.
         if name in ("recipe", "input_dim") or (name == "post" and route.post is None):

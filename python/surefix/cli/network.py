@@ -17,7 +17,12 @@ __all__ = ["map_of_network", "network_of", "no_model", "open_network", "steps_of
 
 
 def open_network(
-    model: Path, output: str | None, size: tuple[int, int] | None, mean: str | None, std: str | None, batch: int
+    model: Path,
+    output: str | None,
+    size: tuple[int, int] | None,
+    mean: str | None,
+    std: str | None,
+    batch: int,
 ) -> Onnx:
     """The network of the options; ``mean`` and ``std`` are three numbers with commas, or "none"."""
     try:
@@ -42,12 +47,15 @@ def map_of_network(
     cache: Path | None,
     post: list[Step] | None = None,
 ) -> Map:
-    """The map of a drive's images, described by the network, with their files' names and the network's recipe."""
+    """The map of a drive's images, described by the network, with their files' names and the
+    network's recipe.
+    """
     return map_of_images(images, network, metric, positions, post, cache)
 
 
 def network_of(known: Map, route: object, model: Path) -> Onnx:
-    """The network that made a map, by the recipe in it and the model's file; ``route`` is what the map is called.
+    """The network that made a map, by the recipe in it and the model's file; ``route`` is what the
+    map is called.
 
     Raises
     ------
@@ -56,10 +64,16 @@ def network_of(known: Map, route: object, model: Path) -> Onnx:
     """
     recipe = known.recipe
     if recipe is None:
-        raise typer.BadParameter(f"--model: expected a map made with one, got {route}, which names none")
+        raise typer.BadParameter(
+            f"--model: expected a map made with one, got {route}, which names none"
+        )
     wanted = ("output", "size", "mean", "std")
-    if not str(recipe.get("name", "")).startswith("onnx:") or not all(key in recipe for key in wanted):
-        raise typer.BadParameter(f"--model: expected a map made with one, got a map by {recipe.get('name')!r}")
+    if not str(recipe.get("name", "")).startswith("onnx:") or not all(
+        key in recipe for key in wanted
+    ):
+        raise typer.BadParameter(
+            f"--model: expected a map made with one, got a map by {recipe.get('name')!r}"
+        )
     size, mean, std = (None if recipe[key] is None else tuple(recipe[key]) for key in wanted[1:])
     network = Onnx(model, recipe["output"], size, mean, std)
     if network.recipe["sha256"] != recipe.get("sha256"):
@@ -71,7 +85,9 @@ def network_of(known: Map, route: object, model: Path) -> Onnx:
 
 def no_model(name: str, route: object) -> typer.BadParameter:
     """The refusal of images for a network's map, where the network is not given."""
-    return typer.BadParameter(f"expected --model with {name}, which {route} was made with, got none")
+    return typer.BadParameter(
+        f"expected --model with {name}, which {route} was made with, got none"
+    )
 
 
 def steps_of(text: str) -> list[Step]:
@@ -91,7 +107,9 @@ def steps_of(text: str) -> list[Step]:
         elif name == "projection" and count:
             steps.append(RandomProjection(count))
         else:
-            expected = "standardize, standardize:running, pca:N, projection:N and normalize, with commas"
+            expected = (
+                "standardize, standardize:running, pca:N, projection:N and normalize, with commas"
+            )
             raise typer.BadParameter(f"--post: expected {expected}, got {part!r}")
     return steps
 
@@ -104,5 +122,7 @@ def _three(option: str, text: str) -> tuple[float, ...] | None:
     except ValueError:
         values = ()
     if len(values) != 3:
-        raise typer.BadParameter(f'{option}: expected three numbers with commas, or "none", got {text!r}')
+        raise typer.BadParameter(
+            f'{option}: expected three numbers with commas, or "none", got {text!r}'
+        )
     return values

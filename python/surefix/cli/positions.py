@@ -19,7 +19,9 @@ COLUMNS = "latitude,longitude (or lat,lon) in degrees, or x,y[,z] or easting,nor
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """A row a frame, in their order: metres; or latitude and longitude, which await a common origin."""
+    """A row a frame, in their order: metres; or latitude and longitude, which await a common
+    origin.
+    """
 
     source: str
     values: npt.NDArray[np.float64]
@@ -44,7 +46,8 @@ def read_positions(file: Path) -> npt.NDArray[np.float64]:
 
 
 def read_either(file: Path) -> Positions:
-    """A ``.npy`` or ``.csv`` of 2 or 3 metres a frame; or a ``.csv`` whose header says what its columns are.
+    """A ``.npy`` or ``.csv`` of 2 or 3 metres a frame; or a ``.csv`` whose header says what its
+    columns are.
 
     Raises
     ------
@@ -61,9 +64,13 @@ def read_either(file: Path) -> Positions:
     except SurefixError:
         raise
     except OSError as error:
-        raise SurefixFileError(f"{file}: cannot read the positions: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{file}: cannot read the positions: {error.strerror or error}"
+        ) from None
     except (ValueError, EOFError) as error:
-        raise SurefixValueError(f"{file}: expected a row of 2 or 3 numbers a place ({error})") from None
+        raise SurefixValueError(
+            f"{file}: expected a row of 2 or 3 numbers a place ({error})"
+        ) from None
     if _look_like_degrees(values):
         raise SurefixValueError(
             f"{file}: expected metres, got numbers that look like latitude and longitude, such as "
@@ -72,7 +79,9 @@ def read_either(file: Path) -> Positions:
     return Positions(str(file), values)
 
 
-def on_one_plane(references: Positions, queries: Positions) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def on_one_plane(
+    references: Positions, queries: Positions
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Both in metres; degrees become metres about one origin, the mean of all.
 
     Raises
@@ -108,7 +117,9 @@ def _by_header(file: Path) -> Positions:
     header, numbered = header_and_rows(file, COLUMNS)
     columns = next((names for names in (*METRES, *DEGREES) if set(names) <= set(header)), None)
     if columns is None:
-        raise SurefixValueError(f"{file}, row 1: expected the columns {COLUMNS}, got {','.join(header)}")
+        raise SurefixValueError(
+            f"{file}, row 1: expected the columns {COLUMNS}, got {','.join(header)}"
+        )
     at = [header.index(column) for column in columns]
     values = np.array(
         [
@@ -126,7 +137,9 @@ def _by_header(file: Path) -> Positions:
 
 
 def _look_like_degrees(values: npt.NDArray[np.float64]) -> bool:
-    """Two or more places that lie within a metre of each other, as far from 0 as degrees may be: no drive in metres."""
+    """Two or more places that lie within a metre of each other, as far from 0 as degrees may be: no
+    drive in metres.
+    """
     if values.ndim != 2 or values.shape[1] not in (2, 3) or len(values) < 2:
         return False
     plane = values[:, :2]

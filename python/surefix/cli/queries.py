@@ -1,4 +1,6 @@
-"""The queries of a drive that is known as a whole: images, ready descriptors, or the frames of a recording."""
+"""The queries of a drive that is known as a whole: images, ready descriptors, or the frames of a
+recording.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -77,7 +79,9 @@ class FrameQueries(Queries):
 
     def by_sad(self, sad: Sad) -> npt.NDArray[Any]:
         """A map of them, for the parallel reading and describing of one."""
-        return Map.from_images(self.frames.images, sad, progress=terminal_bar("Describing")).descriptors
+        return Map.from_images(
+            self.frames.images, sad, progress=terminal_bar("Describing")
+        ).descriptors
 
     def by_network(self, network: Descriptor, cache: Path | None) -> npt.NDArray[Any]:
         """In batches."""
@@ -89,7 +93,8 @@ class FrameQueries(Queries):
 
 
 class RecordedQueries(Queries):
-    """A video or a bag. It is read once for how many frames there are, and again whenever they are wanted.
+    """A video or a bag. It is read once for how many frames there are, and again whenever they are
+    wanted.
 
     All raise a SurefixError as the stream does, and where it has no frames.
     """

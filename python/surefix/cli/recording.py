@@ -31,7 +31,8 @@ def is_recording(place: str) -> bool:
 def map_of_recording(stream: Stream, sad: Sad, positions: npt.NDArray[np.float64] | None) -> Map:
     """A map of a stream's frames.
 
-    Its positions are those given; else, where frames are taken by odometry in a plane or in space, the odometry's.
+    Its positions are those given; else, where frames are taken by odometry in a plane or in space,
+    the odometry's.
 
     Raises
     ------
@@ -49,19 +50,30 @@ def map_of_recording(stream: Stream, sad: Sad, positions: npt.NDArray[np.float64
             if bar is not None:
                 bar(count, max(stream.estimate or 0, count + 1))
             if len(held) == AT_ONCE:
-                route = _longer(route, held, sad, _where(stream, [frame.time for frame in held], count, positions))
+                route = _longer(
+                    route,
+                    held,
+                    sad,
+                    _where(stream, [frame.time for frame in held], count, positions),
+                )
                 held = []
     if held:
-        route = _longer(route, held, sad, _where(stream, [frame.time for frame in held], count, positions))
+        route = _longer(
+            route, held, sad, _where(stream, [frame.time for frame in held], count, positions)
+        )
     if bar is not None:
         bar(count, count)
     if route is None or (positions is not None and len(positions) != count):
-        expected = "frames" if positions is None else f"a frame for each of {len(positions)} positions"
+        expected = (
+            "frames" if positions is None else f"a frame for each of {len(positions)} positions"
+        )
         raise SurefixValueError(f"{stream.files[0]}: expected {expected}, got {count or 'none'}")
     return route
 
 
-def _longer(route: Map | None, frames: list[Frame], sad: Sad, positions: npt.NDArray[np.float64] | None) -> Map:
+def _longer(
+    route: Map | None, frames: list[Frame], sad: Sad, positions: npt.NDArray[np.float64] | None
+) -> Map:
     part = Map.from_images(_Named(frames), sad, positions=positions, progress=False)
     return part if route is None else route.extended(part)
 
@@ -97,7 +109,9 @@ def learned_map_of_recording(
         raise SurefixValueError(f"{stream.files[0]}: expected {expected}, got {len(rows)}")
     where = _where(stream, [time for _, time in seen], len(rows), positions)
     names, recipe = [name for name, _ in seen], recipe_of(descriptor)
-    return Map.from_descriptors(rows, metric, positions=where, names=names, post=post, recipe=recipe)
+    return Map.from_descriptors(
+        rows, metric, positions=where, names=names, post=post, recipe=recipe
+    )
 
 
 def _where(

@@ -30,7 +30,10 @@ class Recall(StrEnum):
 
 def reproduce(
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="The folder to write; an earlier report's files in it are replaced.")
+        Path,
+        typer.Option(
+            "--out", "-o", help="The folder to write; an earlier report's files in it are replaced."
+        ),
     ] = Path("out/reproduce"),
     data: Annotated[
         Path | None,
@@ -60,7 +63,10 @@ def reproduce(
         ),
     ] = None,
     similarity: Annotated[
-        bool, typer.Option("--similarity", help="The matrices of --matrix hold similarities: distance is 1 - that.")
+        bool,
+        typer.Option(
+            "--similarity", help="The matrices of --matrix hold similarities: distance is 1 - that."
+        ),
     ] = False,
     paper: Annotated[
         Path | None,
@@ -70,8 +76,12 @@ def reproduce(
             "the table names it, or gardens_point, nordland, four_seasons, robotcar.",
         ),
     ] = None,
-    recall: Annotated[Recall, typer.Option("--recall", help="What recall is a share of.")] = Recall.correct,
-    quick: Annotated[bool, typer.Option("--quick", help="Few samples and steps: to see that it works.")] = False,
+    recall: Annotated[
+        Recall, typer.Option("--recall", help="What recall is a share of.")
+    ] = Recall.correct,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Few samples and steps: to see that it works.")
+    ] = False,
 ) -> None:
     """Make the paper's table and figures again: on your data, or on a generated route."""
     begin = time.perf_counter()
@@ -85,16 +95,25 @@ def reproduce(
     numbers = None if paper is None else read_paper(paper)
     pairs = read_pairs(pair or [])
     if pairs and data is None:
-        raise SurefixValueError("--pair: expected --data with it, the folder with the data sets, got none")
+        raise SurefixValueError(
+            "--pair: expected --data with it, the folder with the data sets, got none"
+        )
     with _progress() as progress:
         task = progress.add_task("Looking for data", total=STEPS)
         cases, problems = _cases(
-            data, pairs, matrix or [], similarity, settings, lambda text: progress.update(task, description=text)
+            data,
+            pairs,
+            matrix or [],
+            similarity,
+            settings,
+            lambda text: progress.update(task, description=text),
         )
         try:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise SurefixFileError(f"{out}: cannot make the output folder: {error.strerror or error}") from None
+            raise SurefixFileError(
+                f"{out}: cannot make the output folder: {error.strerror or error}"
+            ) from None
         made = []
         progress.update(task, description="Comparing")
         for step, comparison in enumerate(comparisons(cases, settings, numbers), 1):
@@ -107,7 +126,9 @@ def reproduce(
         except OSError as error:
             if isinstance(error, SurefixError):
                 raise
-            raise SurefixFileError(f"{out}: cannot write the report: {error.strerror or error}") from None
+            raise SurefixFileError(
+                f"{out}: cannot write the report: {error.strerror or error}"
+            ) from None
     for point in made[0].points:
         print(point)
     pictures = sum(len(comparison.pictures) for comparison in made)
@@ -126,7 +147,13 @@ def _cases(
     say: Callable[[str], None],
 ) -> tuple[list["Case"], list[str]]:
     """What there is to compare, and what could not be used; each is said as it comes."""
-    from surefix.reproduce import check_pairs, find_datasets, generated_cases, load_cases, matrix_case
+    from surefix.reproduce import (
+        check_pairs,
+        find_datasets,
+        generated_cases,
+        load_cases,
+        matrix_case,
+    )
 
     found = [] if data is None else find_datasets(data)
     if data is not None:
@@ -138,14 +165,18 @@ def _cases(
     problems: list[str] = []
     if data is not None:
         if not found:
-            problems.append(f"{data}: no data set of the paper in it, nor a folder with reference/ and query/")
+            problems.append(
+                f"{data}: no data set of the paper in it, nor a folder with reference/ and query/"
+            )
         for one in found:
             say(f"{one.title}: reading {one.folder}")
             wanted = pairs.get(one.dataset, [])
             chosen = [pair for pair in wanted if one.has(pair)]
             # Of another folder of the same data set.
             problems += [
-                f"--pair {one.dataset}: no {'/'.join(pair)} in {one.folder}" for pair in wanted if pair not in chosen
+                f"--pair {one.dataset}: no {'/'.join(pair)} in {one.folder}"
+                for pair in wanted
+                if pair not in chosen
             ]
             if wanted and not chosen:
                 continue
@@ -167,10 +198,17 @@ def _cases(
 def _progress() -> Progress:
     """A bar on a terminal, nothing in a pipe."""
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+    )
     # Lines printed meanwhile go above the bar, unless they go elsewhere.
     above, silent = sys.stdout.isatty(), not console.is_terminal
-    return Progress(*columns, console=console, transient=True, redirect_stdout=above, disable=silent)
+    return Progress(
+        *columns, console=console, transient=True, redirect_stdout=above, disable=silent
+    )
 
 
 def _command() -> str:

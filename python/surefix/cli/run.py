@@ -61,7 +61,9 @@ def _speeds(text: str) -> list[float]:
     try:
         return [float(speed) for speed in text.split(",")]
     except ValueError:
-        raise typer.BadParameter(f"--speeds: expected numbers with commas, such as 0.9,1,1.1, got {text!r}") from None
+        raise typer.BadParameter(
+            f"--speeds: expected numbers with commas, such as 0.9,1,1.1, got {text!r}"
+        ) from None
 
 
 def run(
@@ -73,46 +75,81 @@ def run(
             "or a .npy of images or of descriptors."
         ),
     ],
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Write the fixes to this file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Write the fixes to this file.")
+    ] = None,
     form: Annotated[
         Format | None,
-        typer.Option("--format", help="A line a fix, as CSV or JSON; by the file's ending, else CSV."),
+        typer.Option(
+            "--format", help="A line a fix, as CSV or JSON; by the file's ending, else CSV."
+        ),
     ] = None,
     sequence_length: Annotated[
         int,
-        typer.Option("--sequence-length", "-L", help="Queries a sequence, from 1 to the number of places."),
+        typer.Option(
+            "--sequence-length", "-L", help="Queries a sequence, from 1 to the number of places."
+        ),
     ] = 2,
     weight: Annotated[
-        float, typer.Option("--weight", "-w", help="How far a trusted match is drawn to the floor, 0 to 1.")
+        float,
+        typer.Option(
+            "--weight", "-w", help="How far a trusted match is drawn to the floor, 0 to 1."
+        ),
     ] = 0.99,
-    tolerance: Annotated[int, typer.Option(help="Places between minimum and gradient peak of a trusted match.")] = 1,
-    smoothing: Annotated[int, typer.Option(help="Gradients summed, 1 or more; 1 for queries in any order.")] = 3,
-    gradient: Annotated[Gradient, typer.Option(help="Eq. 1 as printed, or as in the authors' code.")] = Gradient.halved,
-    floor: Annotated[str, typer.Option(help='What trusted matches are drawn to: "running" or a number.')] = "running",
+    tolerance: Annotated[
+        int, typer.Option(help="Places between minimum and gradient peak of a trusted match.")
+    ] = 1,
+    smoothing: Annotated[
+        int, typer.Option(help="Gradients summed, 1 or more; 1 for queries in any order.")
+    ] = 3,
+    gradient: Annotated[
+        Gradient, typer.Option(help="Eq. 1 as printed, or as in the authors' code.")
+    ] = Gradient.halved,
+    floor: Annotated[
+        str, typer.Option(help='What trusted matches are drawn to: "running" or a number.')
+    ] = "running",
     speeds: Annotated[str, typer.Option(help="Slopes to try, in places a query.")] = "1.0",
     screen: Annotated[
         Screen | None,
-        typer.Option(help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers."),
+        typer.Option(
+            help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers."
+        ),
     ] = None,
     model: Annotated[
         Path | None,
-        typer.Option(help="A map of `surefix map build --model`: the ONNX file, to describe the images that come."),
+        typer.Option(
+            help="A map of `surefix map build --model`: the ONNX file, to describe the images that come."
+        ),
     ] = None,
     follow: Annotated[
         bool,
-        typer.Option("--follow", help="A folder: go on with what comes, until Ctrl-C.", rich_help_panel=F),
+        typer.Option(
+            "--follow", help="A folder: go on with what comes, until Ctrl-C.", rich_help_panel=F
+        ),
     ] = False,
     idle: Annotated[
         float | None,
-        typer.Option(min=0, help="With --follow: end when none has come for so many seconds.", rich_help_panel=F),
+        typer.Option(
+            min=0,
+            help="With --follow: end when none has come for so many seconds.",
+            rich_help_panel=F,
+        ),
     ] = None,
     topic: Annotated[
-        str | None, typer.Option(help="A bag: the topic of the images, if there are several.", rich_help_panel=F)
+        str | None,
+        typer.Option(
+            help="A bag: the topic of the images, if there are several.", rich_help_panel=F
+        ),
     ] = None,
-    stride: Annotated[int, typer.Option(min=1, help="Take every n-th frame.", rich_help_panel=F)] = 1,
-    every: Annotated[float | None, typer.Option(help="Take a frame every so many seconds.", rich_help_panel=F)] = None,
+    stride: Annotated[
+        int, typer.Option(min=1, help="Take every n-th frame.", rich_help_panel=F)
+    ] = 1,
+    every: Annotated[
+        float | None, typer.Option(help="Take a frame every so many seconds.", rich_help_panel=F)
+    ] = None,
     metres: Annotated[
-        float | None, typer.Option(help="Take a frame every so many metres, by --odometry.", rich_help_panel=F)
+        float | None,
+        typer.Option(help="Take a frame every so many metres, by --odometry.", rich_help_panel=F),
     ] = None,
     odometry: Annotated[
         str | None,
@@ -124,7 +161,10 @@ def run(
     ] = None,
     gap: Annotated[
         float | None,
-        typer.Option(help="Frames more than so many seconds apart do not follow on each other.", rich_help_panel=F),
+        typer.Option(
+            help="Frames more than so many seconds apart do not follow on each other.",
+            rich_help_panel=F,
+        ),
     ] = None,
     newest: Annotated[
         bool | None,
@@ -134,13 +174,18 @@ def run(
         ),
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Open rerun's viewer; without rerun, the terminal's.", rich_help_panel=S)
+        bool,
+        typer.Option(
+            "--live", help="Open rerun's viewer; without rerun, the terminal's.", rich_help_panel=S
+        ),
     ] = False,
     save: Annotated[
-        Path | None, typer.Option(help="Write a recording, to be opened by rerun FILE.rrd.", rich_help_panel=S)
+        Path | None,
+        typer.Option(help="Write a recording, to be opened by rerun FILE.rrd.", rich_help_panel=S),
     ] = None,
     references: Annotated[
-        Path | None, typer.Option(help="The map's images, to be shown beside the queries.", rich_help_panel=S)
+        Path | None,
+        typer.Option(help="The map's images, to be shown beside the queries.", rich_help_panel=S),
     ] = None,
 ) -> None:
     """Localize along a route: a fix for each query, as it comes."""
@@ -149,7 +194,9 @@ def run(
         if value is not None and not value > 0:
             raise typer.BadParameter(f"{option}: expected a number above 0, got {value}")
     if (metres is None) != (odometry is None):
-        given, lacking = ("--metres", "--odometry") if odometry is None else ("--odometry", "--metres")
+        given, lacking = (
+            ("--metres", "--odometry") if odometry is None else ("--odometry", "--metres")
+        )
         raise typer.BadParameter(f"{given}: expected {lacking} too")
     stream = open_stream(
         queries,
@@ -178,7 +225,11 @@ def run(
         )
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
-    if out is not None and out.exists() and any(out.samefile(file) for file in (route, *_read(stream))):
+    if (
+        out is not None
+        and out.exists()
+        and any(out.samefile(file) for file in (route, *_read(stream)))
+    ):
         raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
     if save is not None:
         _check_save(save, [*([] if out is None else [out]), route, *_read(stream)])
@@ -196,21 +247,23 @@ def run(
             if not stream.live:
                 raise
         finally:
-            # What came before a frame that cannot be read is kept, and said, on a terminal that is free again.
+            # What came before a frame that cannot be read is kept, and said, on a terminal that is
+            # free again.
             opened.close()
             print(tally.summary(out), file=sys.stderr)
 
 
 def localize(
-    localizer: Localizer, stream: Stream, writer: Writer | None, tally: Tally, views: Sequence[View] = ()
+    localizer: Localizer,
+    stream: Stream,
+    writer: Writer | None,
+    tally: Tally,
+    views: Sequence[View] = (),
 ) -> None:
     """Push each frame of the stream, write and count each fix, and show it in the views.
 
-    Raises
-    ------
-    SurefixError
-        As the stream does; and for a frame that the localizer refuses: the error names it, and both sizes where images
-        change size there.
+    Raises ------ SurefixError As the stream does; and for a frame that the localizer refuses: the
+    error names it, and both sizes where images change size there.
     """
     names = localizer.map.names
     before: tuple[int, ...] | None = None
@@ -225,7 +278,11 @@ def localize(
                 raise _at(frame, before, error) from None
             latency = (time.perf_counter_ns() - start) / 1000
             before = frame.image.shape
-            moment = Moment(frame.time, frame.dropped, frame.gap) if stream.timed or stream.live else None
+            moment = (
+                Moment(frame.time, frame.dropped, frame.gap)
+                if stream.timed or stream.live
+                else None
+            )
             row = FixRow(frame.name, fix, names[fix.place] if names else None, latency, moment)
             if writer is not None:
                 writer.write(row)
@@ -234,8 +291,12 @@ def localize(
                 view.update(frame, fix, localizer, latency)
 
 
-def _at(frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError) -> SurefixValueError:
-    """The error, with the frame it is about; where its size is another than that of those before, that is why."""
+def _at(
+    frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError
+) -> SurefixValueError:
+    """The error, with the frame it is about; where its size is another than that of those before,
+    that is why.
+    """
     shape = frame.image.shape
     sizes = ""
     if before is not None and shape != before:
@@ -251,8 +312,12 @@ def _read(stream: Stream) -> list[Path]:
 def _check_save(save: Path, others: list[Path]) -> None:
     if save.suffix != ".rrd":
         raise typer.BadParameter(f"--save: expected a name that ends in .rrd, got {save}")
-    if any(save == file or (save.exists() and file.exists() and save.samefile(file)) for file in others):
-        raise typer.BadParameter(f"--save: {save} is read or written here for something else; name another file")
+    if any(
+        save == file or (save.exists() and file.exists() and save.samefile(file)) for file in others
+    ):
+        raise typer.BadParameter(
+            f"--save: {save} is read or written here for something else; name another file"
+        )
 
 
 def _create(out: Path) -> TextIO:
@@ -265,7 +330,11 @@ def _create(out: Path) -> TextIO:
 def _format(form: Format | None, out: Path | None) -> Format:
     if form is not None:
         return form
-    return Format.json if out is not None and out.suffix in (".json", ".jsonl", ".ndjson") else Format.csv
+    return (
+        Format.json
+        if out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
+        else Format.csv
+    )
 
 
 def _writer(file: TextIO | None, form: Format) -> Writer | None:

@@ -9,15 +9,22 @@ from surefix.streams import Stream, open_stream
 
 __all__ = ["Every", "Metres", "Odometry", "Stride", "Taking", "Topic"]
 
-Topic = Annotated[str | None, typer.Option(help="A bag: the topic of the images, if there are several.")]
+Topic = Annotated[
+    str | None, typer.Option(help="A bag: the topic of the images, if there are several.")
+]
 Stride = Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")]
-Every = Annotated[float | None, typer.Option(help="A video or a bag: take a frame every so many seconds.")]
+Every = Annotated[
+    float | None, typer.Option(help="A video or a bag: take a frame every so many seconds.")
+]
 Metres = Annotated[
-    float | None, typer.Option(help="A video or a bag: take a frame every so many metres, by --odometry.")
+    float | None,
+    typer.Option(help="A video or a bag: take a frame every so many metres, by --odometry."),
 ]
 Odometry = Annotated[
     str | None,
-    typer.Option(help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."),
+    typer.Option(
+        help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."
+    ),
 ]
 
 

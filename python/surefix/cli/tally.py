@@ -29,10 +29,16 @@ class Tally:
             self.gaps += row.moment.gap
 
     def summary(self, out: Path | None) -> str:
-        """One line: how many, how many of them are trusted, what is missing, how long they took, and where they are."""
+        """One line: how many, how many of them are trusted, what is missing, how long they took,
+        and where they are.
+        """
         count = len(self.latencies)
         if not count:
-            why = "there was no query that could be used" if self.ended else "it stopped before the first"
+            why = (
+                "there was no query that could be used"
+                if self.ended
+                else "it stopped before the first"
+            )
             return f"0 fixes: {why}"
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
         missing = f"{counted(self.dropped, 'frame')} dropped, " if self.dropped else ""

@@ -15,13 +15,9 @@ __all__ = ["read_truth", "truth_by_position"]
 def read_truth(text: str, places: int, queries: int) -> npt.NDArray[Any]:
     """The truth of ``--truth``, as ``surefix.evaluate`` takes it.
 
-    Parameters
-    ----------
-    text : str
-        "identity", a ``.npy`` of places (m,) or of a matrix (n, m), or a ``.csv`` with the columns query and reference,
-        a row a query; -1 or empty where there is no place.
-    places, queries : int
-        How many there are.
+    Parameters ---------- text : str "identity", a ``.npy`` of places (m,) or of a matrix (n, m), or
+    a ``.csv`` with the columns query and reference, a row a query; -1 or empty where there is no
+    place. places, queries : int How many there are.
 
     Raises
     ------
@@ -52,15 +48,24 @@ def truth_by_position(
     SurefixValueError
         Where their number, or that of their coordinates, does not fit.
     """
-    for option, array, count in (("--positions", reference, places), ("--query-positions", query, queries)):
+    for option, array, count in (
+        ("--positions", reference, places),
+        ("--query-positions", query, queries),
+    ):
         if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) != count:
-            raise SurefixValueError(f"{option}: expected {count} rows of 2 or 3 metres, got the shape {array.shape}")
+            raise SurefixValueError(
+                f"{option}: expected {count} rows of 2 or 3 metres, got the shape {array.shape}"
+            )
         if not np.isfinite(array).all():
             row = int(np.argmin(np.isfinite(array).all(axis=1)))
-            raise SurefixValueError(f"{option}: expected finite metres, got {array[row].tolist()} in row {row}")
+            raise SurefixValueError(
+                f"{option}: expected finite metres, got {array[row].tolist()} in row {row}"
+            )
     if reference.shape[1] != query.shape[1]:
         got = f"{reference.shape[1]} of places and {query.shape[1]} of queries"
-        raise SurefixValueError(f"--query-positions: expected as many coordinates as --positions, got {got}")
+        raise SurefixValueError(
+            f"--query-positions: expected as many coordinates as --positions, got {got}"
+        )
     return reference, query
 
 
@@ -68,7 +73,9 @@ def _array(file: Path, places: int, queries: int) -> npt.NDArray[Any]:
     try:
         array: npt.NDArray[Any] = np.load(file, allow_pickle=False)
     except OSError as error:
-        raise SurefixFileError(f"{file}: cannot read the truth: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{file}: cannot read the truth: {error.strerror or error}"
+        ) from None
     except (ValueError, EOFError) as error:
         raise SurefixValueError(f"{file}: not a .npy array, or a truncated one ({error})") from None
     if array.shape not in ((queries,), (places, queries)) or array.dtype.kind not in "biu":
@@ -81,7 +88,9 @@ def _array(file: Path, places: int, queries: int) -> npt.NDArray[Any]:
     if len(wrong):
         place, query = wrong[0]
         got = f"{array[place, query]} in row {place}, column {query}"
-        raise SurefixValueError(f"{file}: expected 1 (the same place), 0 (not) or -1 (ignored), got {got}")
+        raise SurefixValueError(
+            f"{file}: expected 1 (the same place), 0 (not) or -1 (ignored), got {got}"
+        )
     return array if array.dtype == np.bool_ else array.astype(np.int64)
 
 
@@ -89,7 +98,9 @@ def _check_places(file: Path, truth: npt.NDArray[np.int64], places: int) -> None
     wrong = np.flatnonzero((truth < -1) | (truth >= places))
     if len(wrong):
         got = f"{truth[wrong[0]]} in row {wrong[0]}"
-        raise SurefixValueError(f"{file}: expected places from 0 to {places - 1}, or -1 where there is none, got {got}")
+        raise SurefixValueError(
+            f"{file}: expected places from 0 to {places - 1}, or -1 where there is none, got {got}"
+        )
 
 
 def _table(file: Path, places: int, queries: int) -> npt.NDArray[np.int64]:
@@ -103,7 +114,9 @@ def _table(file: Path, places: int, queries: int) -> npt.NDArray[np.int64]:
                 )
             continue
         if len(cells) != 2:
-            raise SurefixValueError(f"{file}, row {row}: expected 2 values, query,reference, got {len(cells)}")
+            raise SurefixValueError(
+                f"{file}, row {row}: expected 2 values, query,reference, got {len(cells)}"
+            )
         query = _cell(file, row, "query", cells[0], 0, queries)
         place = -1 if cells[1] == "" else _cell(file, row, "reference", cells[1], -1, places)
         before, at = found.setdefault(query, (place, row))

@@ -20,28 +20,36 @@ def open_views(
 ) -> Iterator[list[View]]:
     """The views that were asked for, and that of the terminal; closed in the end, whatever comes.
 
-    A terminal gets its view where standard output is one. With ``live`` it is enough that standard error is one, so
-    that fixes can go into a pipe. Where rerun's viewer cannot be opened, a line says so, and the terminal has to do.
+    A terminal gets its view where standard output is one. With ``live`` it is enough that standard
+    error is one, so that fixes can go into a pipe. Where rerun's viewer cannot be opened, a line
+    says so, and the terminal has to do.
 
-    Raises
-    ------
-    SurefixError
-        Where a recording is asked for and rerun is not installed, or it cannot be written; where ``references`` is no
-        folder of the map's images.
+    Raises ------ SurefixError Where a recording is asked for and rerun is not installed, or it
+    cannot be written; where ``references`` is no folder of the map's images.
     """
     obstacle = viewer_obstacle() if live else None
     spawn = live and obstacle is None
-    terminal = sys.stdout if sys.stdout.isatty() else sys.stderr if live and sys.stderr.isatty() else None
+    terminal = (
+        sys.stdout if sys.stdout.isatty() else sys.stderr if live and sys.stderr.isatty() else None
+    )
     with ExitStack() as open_:
         views: list[View] = []
         if spawn or save is not None:
-            views.append(open_.enter_context(closing(RerunView(route, save, spawn=spawn, references=references))))
+            views.append(
+                open_.enter_context(
+                    closing(RerunView(route, save, spawn=spawn, references=references))
+                )
+            )
         if obstacle:
             instead = (
-                "no terminal either, so only the fixes are written" if terminal is None else "on the terminal instead"
+                "no terminal either, so only the fixes are written"
+                if terminal is None
+                else "on the terminal instead"
             )
             print(f"--live: {obstacle} ({instead})", file=sys.stderr)
         if terminal is not None:
-            view = TerminalView(route, total=total, references=references, console=Console(file=terminal))
+            view = TerminalView(
+                route, total=total, references=references, console=Console(file=terminal)
+            )
             views.append(open_.enter_context(closing(view)))
         yield views

@@ -1,4 +1,5 @@
-"""Public data sets in the layout their publishers ship, and your own: two traverses of a route and the truth.
+"""Public data sets in the layout their publishers ship, and your own: two traverses of a route and
+the truth.
 
 >>> from surefix import datasets
 >>> pair = datasets.gardens_point("data/gardens_point")                                         # doctest: +SKIP
@@ -6,8 +7,9 @@
 >>> run = surefix.match(route, pair.queries.paths)                                              # doctest: +SKIP
 >>> surefix.evaluate(run, pair.truth)                                                           # doctest: +SKIP
 
-Nothing is downloaded. A loader reads the small tables at once and the images when they are asked for. Where a file is
-missing, the error names it, what it is for, and where to obtain the data set under what licence.
+Nothing is downloaded. A loader reads the small tables at once and the images when they are asked
+for. Where a file is missing, the error names it, what it is for, and where to obtain the data set
+under what licence.
 """
 
 import inspect
@@ -107,15 +109,18 @@ def load(name: str, root: str | PathLike[str], **options: Any) -> Pair:
     dataset = _named(name)
     for option in options:
         if option not in dataset.options:
-            raise SurefixValueError(f"{name}: expected the options {', '.join(dataset.options)}, got {option!r}")
+            raise SurefixValueError(
+                f"{name}: expected the options {', '.join(dataset.options)}, got {option!r}"
+            )
     return dataset.load(root, **options)
 
 
 def traverses(name: str, root: str | PathLike[str]) -> list[str]:
-    """The traverses of a data set that are there, as its loader's ``reference`` and ``query`` name them.
+    """The traverses of a data set that are there, as its loader's ``reference`` and ``query`` name
+    them.
 
-    The first is the one to make the map of: by day on the left, summer, or the oldest. Only folders are looked at, and
-    not what is in them.
+    The first is the one to make the map of: by day on the left, summer, or the oldest. Only folders
+    are looked at, and not what is in them.
 
     Parameters
     ----------

@@ -21,11 +21,12 @@ def demosaic(
 ) -> npt.NDArray[np.uint8]:
     """The colour image of a Bayer mosaic.
 
-    ``superpixel``: each 2 x 2 cell becomes one pixel: its red, the mean of its two greens (halves up), its blue. The
-    image has half the width and height, and nothing in it is invented.
+    ``superpixel``: each 2 x 2 cell becomes one pixel: its red, the mean of its two greens (halves
+    up), its blue. The image has half the width and height, and nothing in it is invented.
 
-    ``bilinear``: a colour's own sample where there is one; elsewhere the mean of its nearest two or four samples in the
-    3 x 3 around (halves up), at the border of those inside. The image keeps its size.
+    ``bilinear``: a colour's own sample where there is one; elsewhere the mean of its nearest two or
+    four samples in the 3 x 3 around (halves up), at the border of those inside. The image keeps its
+    size.
 
     Parameters
     ----------
@@ -55,23 +56,33 @@ def demosaic(
         raise SurefixValueError(f"mosaic: expected uint8 (H, W), got {mosaic.dtype} {mosaic.shape}")
     height, width = mosaic.shape
     if height % 2 or width % 2 or not mosaic.size:
-        raise SurefixValueError(f"mosaic: expected sides of an even number of pixels, got {height} x {width}")
+        raise SurefixValueError(
+            f"mosaic: expected sides of an even number of pixels, got {height} x {width}"
+        )
     if pattern not in get_args(Pattern):
-        raise SurefixValueError(f"pattern: expected one of {', '.join(get_args(Pattern))}, got {pattern!r}")
+        raise SurefixValueError(
+            f"pattern: expected one of {', '.join(get_args(Pattern))}, got {pattern!r}"
+        )
     if method == "superpixel":
         return _superpixel(mosaic, pattern)
     if method == "bilinear":
         return _bilinear(mosaic, pattern)
-    raise SurefixValueError(f"demosaic: expected one of {', '.join(get_args(Method))}, got {method!r}")
+    raise SurefixValueError(
+        f"demosaic: expected one of {', '.join(get_args(Method))}, got {method!r}"
+    )
 
 
 def _sites(pattern: Pattern) -> list[list[tuple[int, int]]]:
     """Of red, green and blue: where in the 2 x 2 cell its samples are, as (row, column)."""
-    return [[divmod(at, 2) for at, colour in enumerate(pattern) if colour == wanted] for wanted in "rgb"]
+    return [
+        [divmod(at, 2) for at, colour in enumerate(pattern) if colour == wanted] for wanted in "rgb"
+    ]
 
 
 def _superpixel(mosaic: npt.NDArray[np.uint8], pattern: Pattern) -> npt.NDArray[np.uint8]:
-    red, green, blue = ([mosaic[row::2, column::2] for row, column in sites] for sites in _sites(pattern))
+    red, green, blue = (
+        [mosaic[row::2, column::2] for row, column in sites] for sites in _sites(pattern)
+    )
     both = green[0].astype(np.uint16) + green[1]
     return np.stack([red[0], ((both + 1) >> 1).astype(np.uint8), blue[0]], axis=2)
 
@@ -91,7 +102,9 @@ def _bilinear(mosaic: npt.NDArray[np.uint8], pattern: Pattern) -> npt.NDArray[np
 
 @lru_cache(maxsize=16)
 def _weight(shape: tuple[int, int], pattern: Pattern, colour: int) -> npt.NDArray[np.uint16]:
-    """The sum of the weights of a colour's samples around each pixel: at least 1, because sides are even."""
+    """The sum of the weights of a colour's samples around each pixel: at least 1, because sides are
+    even.
+    """
     present = np.zeros(shape, np.uint16)
     for row, column in _sites(pattern)[colour]:
         present[row::2, column::2] = 1
@@ -99,7 +112,9 @@ def _weight(shape: tuple[int, int], pattern: Pattern, colour: int) -> npt.NDArra
 
 
 def _smooth(plane: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint16]:
-    """The sum over the 3 x 3 around each pixel with the weights 1 2 1 down and across; nothing beyond the border."""
+    """The sum over the 3 x 3 around each pixel with the weights 1 2 1 down and across; nothing
+    beyond the border.
+    """
     for axis in (0, 1):
         lines = plane.swapaxes(0, axis)
         total = 2 * lines

@@ -1,4 +1,6 @@
-"""4Seasons: drives around Munich in all weathers, with positions fused of stereo odometry and RTK-GNSS."""
+"""4Seasons: drives around Munich in all weathers, with positions fused of stereo odometry and
+RTK-GNSS.
+"""
 
 from os import PathLike
 from pathlib import Path
@@ -46,36 +48,32 @@ def four_seasons(
     longest_gap: float = 2.0,
     incomplete: Literal["drop", "error"] = "drop",
 ) -> Pair:
-    """Two recordings of one 4Seasons route, paired by position. ``OFFICE_LOOP`` lists those of the office loop.
+    """Two recordings of one 4Seasons route, paired by position. ``OFFICE_LOOP`` lists those of the
+    office loop.
 
     Layout::
 
         root/recording_2020-03-24_17-36-22/times.txt             frame_id timestamp exposure
-        root/recording_2020-03-24_17-36-22/GNSSPoses.txt         frame_id,t_x,t_y,t_z,q_x,q_y,q_z,w,scale,...
-        root/recording_2020-03-24_17-36-22/Transformations.txt   transform_S_AS, transform_w_gpsw, transform_e_gpsw
-        root/recording_2020-03-24_17-36-22/undistorted_images/cam0/<frame_id>.png
+        root/recording_2020-03-24_17-36-22/GNSSPoses.txt
+        frame_id,t_x,t_y,t_z,q_x,q_y,q_z,w,scale,...
+        root/recording_2020-03-24_17-36-22/Transformations.txt   transform_S_AS, transform_w_gpsw,
+        transform_e_gpsw root/recording_2020-03-24_17-36-22/undistorted_images/cam0/<frame_id>.png
 
-    ``frame_id`` is the time in nanoseconds. Poses are of key frames, in a frame of the recording's own; each is taken
-    to the Earth as the publisher says, ``e_gpsw inv(w_gpsw) S_AS scale``, and from there to the plane of the reference
-    recording's ``transform_e_gpsw``: metres east and north, for both recordings. Images between two key frames get the
-    linear interpolation; those before the first, after the last, or in a longer gap (a standstill may have no key
-    frames) have no position. Spacing and tolerance are our choice: the paper's own could not be established.
+    ``frame_id`` is the time in nanoseconds. Poses are of key frames, in a frame of the recording's
+    own; each is taken to the Earth as the publisher says, ``e_gpsw inv(w_gpsw) S_AS scale``, and
+    from there to the plane of the reference recording's ``transform_e_gpsw``: metres east and
+    north, for both recordings. Images between two key frames get the linear interpolation; those
+    before the first, after the last, or in a longer gap (a standstill may have no key frames) have
+    no position. Spacing and tolerance are our choice: the paper's own could not be established.
 
-    Parameters
-    ----------
-    root : str or path
-    reference, query : str, optional
-        The recordings' folders; by default the only two that are there, the older as the reference.
-    images, poses : str
-        Where in a recording the images and the poses are: the archives can be unpacked in more than one way.
-    spacing : float or None
-        Keep an image every so many metres; None keeps all, thirty a second.
-    tolerance : float
-        The true place of a query is the nearest reference within so many metres; -1 where there is none.
-    longest_gap : float
-        In seconds: key frames further apart give no position between them.
-    incomplete : {"drop", "error"}
-        What to do with an image without a file or a position: leave it out and say so in ``notes``, or raise.
+    Parameters ---------- root : str or path reference, query : str, optional The recordings'
+    folders; by default the only two that are there, the older as the reference. images, poses : str
+    Where in a recording the images and the poses are: the archives can be unpacked in more than one
+    way. spacing : float or None Keep an image every so many metres; None keeps all, thirty a
+    second. tolerance : float The true place of a query is the nearest reference within so many
+    metres; -1 where there is none. longest_gap : float In seconds: key frames further apart give no
+    position between them. incomplete : {"drop", "error"} What to do with an image without a file or
+    a position: leave it out and say so in ``notes``, or raise.
 
     Raises
     ------
@@ -86,7 +84,10 @@ def four_seasons(
     """
     folders = choose_traverses(FOUR_SEASONS, Path(root), _FOLDERS, "recording", reference, query)
     plane = _Transformations(folders[0]).earth
-    first, second = (_recording(folder, images, poses, plane, spacing, longest_gap, incomplete) for folder in folders)
+    first, second = (
+        _recording(folder, images, poses, plane, spacing, longest_gap, incomplete)
+        for folder in folders
+    )
     return Pair(
         f"4Seasons {folders[0].name.removeprefix('recording_')} / {folders[1].name.removeprefix('recording_')}",
         ImageFiles(first.files),
@@ -116,7 +117,10 @@ def _recording(
 ) -> Placed:
     times = FOUR_SEASONS.file(folder / "times.txt", "the time of each image")
     camera = FOUR_SEASONS.folder(folder / images, "the images of the camera")
-    numbered = [(row, whole(cells[0], times, row, "frame_id, nanoseconds")) for row, cells in rows(times, None)]
+    numbered = [
+        (row, whole(cells[0], times, row, "frame_id, nanoseconds"))
+        for row, cells in rows(times, None)
+    ]
     if not numbered:
         raise SurefixValueError(f"{times}: expected lines of frame_id timestamp exposure, got none")
     stamps = ascending([stamp for _, stamp in numbered], [row for row, _ in numbered], times)
@@ -140,8 +144,12 @@ def _track(folder: Path, poses: str, plane: npt.NDArray[np.float64]) -> Track:
     for row, cells in rows(path, ","):
         if len(cells) < 9:
             columns = "frame_id,t_x,t_y,t_z,q_x,q_y,q_z,w,scale"
-            raise SurefixValueError(f"{path}, row {row}: expected at least 9 values ({columns}), got {len(cells)}")
-        pose = [decimal(cell, path, row, "a pose and its scale", finite=False) for cell in cells[1:9]]
+            raise SurefixValueError(
+                f"{path}, row {row}: expected at least 9 values ({columns}), got {len(cells)}"
+            )
+        pose = [
+            decimal(cell, path, row, "a pose and its scale", finite=False) for cell in cells[1:9]
+        ]
         stamp = whole(cells[0], path, row, "frame_id, nanoseconds")
         if np.isfinite(pose).all():  # the publisher marks a key frame without a pose by NaN
             stamps.append(stamp)
@@ -156,16 +164,22 @@ def _track(folder: Path, poses: str, plane: npt.NDArray[np.float64]) -> Track:
 
 
 class _Transformations:
-    """The transforms of a recording, 4 x 4, found by name: some files have empty lines between them, some do not."""
+    """The transforms of a recording, 4 x 4, found by name: some files have empty lines between
+    them, some do not.
+    """
 
     def __init__(self, folder: Path) -> None:
-        self.path = FOUR_SEASONS.file(folder / "Transformations.txt", "the frames that the poses are in")
+        self.path = FOUR_SEASONS.file(
+            folder / "Transformations.txt", "the frames that the poses are in"
+        )
         try:
             self.lines = self.path.read_text(encoding="utf-8-sig").splitlines()
         except OSError as error:
             raise SurefixFileError(f"{self.path}: cannot read: {error.strerror or error}") from None
         except UnicodeDecodeError as error:
-            raise SurefixValueError(f"{self.path}: expected a text file in UTF-8, got {error.reason}") from None
+            raise SurefixValueError(
+                f"{self.path}: expected a text file in UTF-8, got {error.reason}"
+            ) from None
 
     @property
     def earth(self) -> npt.NDArray[np.float64]:
@@ -175,16 +189,27 @@ class _Transformations:
     @property
     def slam_to_earth(self) -> npt.NDArray[np.float64]:
         """From the scaled poses to the Earth-centred frame."""
-        return self.earth @ np.linalg.inv(self._matrix("transform_w_gpsw")) @ self._matrix("transform_S_AS")
+        return (
+            self.earth
+            @ np.linalg.inv(self._matrix("transform_w_gpsw"))
+            @ self._matrix("transform_S_AS")
+        )
 
     def _matrix(self, name: str) -> npt.NDArray[np.float64]:
         for row, line in enumerate(self.lines, start=1):
             if line.lstrip("# ").startswith(f"{name}:"):
-                after = [(at, text) for at, text in enumerate(self.lines[row:], start=row + 1) if text.strip()]
+                after = [
+                    (at, text)
+                    for at, text in enumerate(self.lines[row:], start=row + 1)
+                    if text.strip()
+                ]
                 number, text = after[0] if after else (row + 1, "")
                 break
         else:
-            heads = ", ".join(line.strip() for line in self.lines if line.lstrip().startswith("#")) or "no such line"
+            heads = (
+                ", ".join(line.strip() for line in self.lines if line.lstrip().startswith("#"))
+                or "no such line"
+            )
             raise SurefixValueError(f"{self.path}: expected a line '# {name}: ...', got {heads}")
         cells = text.split(",")
         if len(cells) != 7:
@@ -194,7 +219,9 @@ class _Transformations:
         values = [decimal(cell.strip(), self.path, number, name) for cell in cells]
         norm = float(np.linalg.norm(values[3:]))
         if abs(norm - 1) > 1e-3:
-            raise SurefixValueError(f"{self.path}, row {number}: expected a unit quaternion of {name}, got norm {norm}")
+            raise SurefixValueError(
+                f"{self.path}, row {number}: expected a unit quaternion of {name}, got norm {norm}"
+            )
         matrix = np.eye(4)
         matrix[:3, :3] = _rotation(np.array(values[3:]) / norm)
         matrix[:3, 3] = values[:3]

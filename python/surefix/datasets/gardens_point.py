@@ -1,4 +1,6 @@
-"""Gardens Point Walking: a walk across a campus, by day on the left and right of the path, and by night."""
+"""Gardens Point Walking: a walk across a campus, by day on the left and right of the path, and by
+night.
+"""
 
 from os import PathLike
 from pathlib import Path
@@ -18,7 +20,9 @@ GARDENS_POINT = Origin(
 TRAVERSES = ("day_left", "day_right", "night_right")
 
 
-def gardens_point(root: str | PathLike[str], *, reference: str = "day_left", query: str = "day_right") -> Pair:
+def gardens_point(
+    root: str | PathLike[str], *, reference: str = "day_left", query: str = "day_right"
+) -> Pair:
     """Two walks of Gardens Point Walking. Query ``i`` shows the place of reference ``i``.
 
     Layout::
@@ -48,7 +52,9 @@ def gardens_point(root: str | PathLike[str], *, reference: str = "day_left", que
     """
     for option, traverse in (("reference", reference), ("query", query)):
         if traverse not in TRAVERSES:
-            raise SurefixValueError(f"{option}: expected one of {', '.join(TRAVERSES)}, got {traverse!r}")
+            raise SurefixValueError(
+                f"{option}: expected one of {', '.join(TRAVERSES)}, got {traverse!r}"
+            )
     name = f"Gardens Point {reference} / {query}"
     references, queries = _walk(root, reference), _walk(root, query)
     check_same_names(name, references, queries)
@@ -69,4 +75,6 @@ def walks(root: Path) -> list[str]:
 
 def _walk(root: str | PathLike[str], traverse: str) -> Images:
     GARDENS_POINT.folder(root, "with the folders day_left, day_right, night_right")
-    return open_images(GARDENS_POINT.folder(Path(root) / traverse, f"the images of the walk {traverse}"))
+    return open_images(
+        GARDENS_POINT.folder(Path(root) / traverse, f"the images of the walk {traverse}")
+    )

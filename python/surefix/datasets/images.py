@@ -19,10 +19,12 @@ UInt8 = npt.NDArray[np.uint8]
 
 
 class Images(Sequence[UInt8], ABC):
-    """A traverse's images in route order, loaded lazily: ``images[i]`` is uint8, (H, W) grey or (H, W, 3) RGB.
+    """A traverse's images in route order, loaded lazily: ``images[i]`` is uint8, (H, W) grey or (H,
+    W, 3) RGB.
 
-    ``Map.from_images`` and ``match`` take one as it is, and then hold all its images at once. Where ``paths`` is not
-    None, give them that instead: plain image files are read and described in parallel, a few at a time.
+    ``Map.from_images`` and ``match`` take one as it is, and then hold all its images at once. Where
+    ``paths`` is not None, give them that instead: plain image files are read and described in
+    parallel, a few at a time.
 
     Examples
     --------
@@ -43,7 +45,9 @@ class Images(Sequence[UInt8], ABC):
 
     @property
     def paths(self) -> list[str] | None:
-        """The image files, where each is a plain image; None where the images need this class to be read."""
+        """The image files, where each is a plain image; None where the images need this class to be
+        read.
+        """
         return None
 
     def take(self, indices: npt.ArrayLike) -> Self:
@@ -91,7 +95,9 @@ class ImageFiles(Images):
 
 
 class BayerFiles(Images):
-    """Grey image files that hold a Bayer mosaic; ``images[i]`` is the colour image. ``paths`` is None on purpose."""
+    """Grey image files that hold a Bayer mosaic; ``images[i]`` is the colour image. ``paths`` is
+    None on purpose.
+    """
 
     def __init__(self, files: Iterable[str | Path], pattern: Pattern, method: Method) -> None:
         self.files = [str(path) for path in files]
@@ -139,10 +145,18 @@ def open_images(place: Path) -> Images:
     try:
         array: UInt8 = np.load(place, mmap_mode="r", allow_pickle=False)
     except OSError as error:
-        raise SurefixFileError(f"{place}: cannot read the images: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{place}: cannot read the images: {error.strerror or error}"
+        ) from None
     except (ValueError, EOFError) as error:
-        raise SurefixValueError(f"{place}: not a .npy array, or a truncated one ({error})") from None
-    if array.dtype != np.uint8 or not (array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)):
+        raise SurefixValueError(
+            f"{place}: not a .npy array, or a truncated one ({error})"
+        ) from None
+    if array.dtype != np.uint8 or not (
+        array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
+    ):
         got = f"{array.dtype} {array.shape}"
-        raise SurefixValueError(f"{place}: expected uint8 images (n, H, W) or (n, H, W, 3), got {got}")
+        raise SurefixValueError(
+            f"{place}: expected uint8 images (n, H, W) or (n, H, W, 3), got {got}"
+        )
     return ImageArray(array)

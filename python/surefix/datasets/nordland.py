@@ -1,4 +1,6 @@
-"""Nordland: a railway line filmed in four seasons, as partitioned by Olid, Facil and Civera (2018)."""
+"""Nordland: a railway line filmed in four seasons, as partitioned by Olid, Facil and Civera
+(2018).
+"""
 
 from os import PathLike
 from pathlib import Path
@@ -30,15 +32,17 @@ def nordland(
     split: Literal["test", "train"] = "test",
     section: int = 2,
 ) -> Pair:
-    """Two seasons of a section of the partitioned Nordland set. Query ``i`` shows the place of reference ``i``.
+    """Two seasons of a section of the partitioned Nordland set. Query ``i`` shows the place of
+    reference ``i``.
 
     Layout, with ``root`` any folder on the way down to ``test``::
 
         Partitioned_Nordland_Dataset/Dataset_images/test/summer_images_test/section2/1150.png ...
 
-    The file's name is the frame's number, the same in all seasons; frames are in the order of their numbers. A test
-    section has 1150, tunnels and stops left out. A folder with one array of images a season, ``summer_*.npy`` uint8
-    (n, H, W) or (n, H, W, 3), is taken too; its section is what it was made of.
+    The file's name is the frame's number, the same in all seasons; frames are in the order of their
+    numbers. A test section has 1150, tunnels and stops left out. A folder with one array of images
+    a season, ``summer_*.npy`` uint8 (n, H, W) or (n, H, W, 3), is taken too; its section is what it
+    was made of.
 
     Parameters
     ----------
@@ -53,16 +57,14 @@ def nordland(
     Pair
         With the identity as the truth, and no positions.
 
-    Raises
-    ------
-    SurefixFileError
-        For a season or section that is not there.
-    SurefixValueError
-        For an unknown season or section, one without images, or a frame that only one of the two has.
+    Raises ------ SurefixFileError For a season or section that is not there. SurefixValueError For
+    an unknown season or section, one without images, or a frame that only one of the two has.
     """
     for option, season in (("reference", reference), ("query", query)):
         if season not in SEASONS:
-            raise SurefixValueError(f"{option}: expected one of {', '.join(SEASONS)}, got {season!r}")
+            raise SurefixValueError(
+                f"{option}: expected one of {', '.join(SEASONS)}, got {season!r}"
+            )
     if section not in SECTIONS.get(split, ()):
         known = ", ".join(f"{part} {list(numbers)}" for part, numbers in SECTIONS.items())
         raise SurefixValueError(f"section: expected one of {known}, got {split} {section}")
@@ -87,16 +89,21 @@ def seasons(root: Path) -> list[str]:
     return [
         season
         for season in SEASONS
-        if any(root.glob(f"{season}_*.npy")) or any((test / f"{season}_images_test").is_dir() for test in folders)
+        if any(root.glob(f"{season}_*.npy"))
+        or any((test / f"{season}_images_test").is_dir() for test in folders)
     ]
 
 
 def _season(root: Path, season: str, split: str, section: int) -> Images:
     arrays = sorted(root.glob(f"{season}_*.npy"))
     if len(arrays) > 1:
-        raise SurefixValueError(f"{root}: expected one {season}_*.npy, got {', '.join(path.name for path in arrays)}")
+        raise SurefixValueError(
+            f"{root}: expected one {season}_*.npy, got {', '.join(path.name for path in arrays)}"
+        )
     if arrays:
         return open_images(arrays[0])
     within = Path(split, f"{season}_images_{split}", f"section{section}")
     found = [root / inside / within for inside in _INSIDE if (root / inside / within).is_dir()]
-    return open_images(NORDLAND.folder(found[0] if found else root / within, f"the images of {season}"))
+    return open_images(
+        NORDLAND.folder(found[0] if found else root / within, f"the images of {season}")
+    )

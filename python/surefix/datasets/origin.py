@@ -1,4 +1,6 @@
-"""Where a data set comes from, so that a missing file can be named together with where to obtain it."""
+"""Where a data set comes from, so that a missing file can be named together with where to obtain
+it.
+"""
 
 from dataclasses import dataclass
 from os import PathLike
@@ -20,7 +22,7 @@ class Origin:
     Traceback (most recent call last):
         ...
     surefix.errors.SurefixFileError: /nowhere: no such folder (the reference images). Corridor: https://example.org. \
-Licence: CC BY 4.0
+    Licence: CC BY 4.0
     """
 
     title: str
@@ -55,4 +57,6 @@ Licence: CC BY 4.0
 
     def missing(self, path: Path, problem: str, purpose: str) -> SurefixFileError:
         """The error that names a missing file or folder."""
-        return SurefixFileError(f"{path}: {problem} ({purpose}). {self.title}: {self.source}. Licence: {self.licence}")
+        return SurefixFileError(
+            f"{path}: {problem} ({purpose}). {self.title}: {self.source}. Licence: {self.licence}"
+        )

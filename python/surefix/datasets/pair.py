@@ -15,20 +15,12 @@ __all__ = ["Pair", "check_same_names", "identity"]
 class Pair:
     """Two traverses of one route: the map is made of the references, the queries are located on it.
 
-    Attributes
-    ----------
-    name : str
-        For a title or a table: the data set and its two traverses.
-    references, queries : Images
-        In route order, loaded lazily.
-    truth : array of int64, shape (m,), or None
-        For each query the reference that shows its place; -1 where none does. None where nothing is known.
-    reference_positions, query_positions : array of float64, shape (n, 2 or 3) and (m, 2 or 3), or None
-        In planar metres, both on one plane.
-    source, licence : str
-        Where to obtain the data set, and its terms.
-    notes : tuple of str
-        What the loader left out, for a report to say.
+    Attributes ---------- name : str For a title or a table: the data set and its two traverses.
+    references, queries : Images In route order, loaded lazily. truth : array of int64, shape (m,),
+    or None For each query the reference that shows its place; -1 where none does. None where
+    nothing is known. reference_positions, query_positions : array of float64, shape (n, 2 or 3) and
+    (m, 2 or 3), or None In planar metres, both on one plane. source, licence : str Where to obtain
+    the data set, and its terms. notes : tuple of str What the loader left out, for a report to say.
 
     Raises
     ------
@@ -60,7 +52,9 @@ class Pair:
             ("query", self.query_positions, self.queries),
         ):
             if positions is not None and (
-                positions.ndim != 2 or positions.shape[1] not in (2, 3) or len(positions) != len(images)
+                positions.ndim != 2
+                or positions.shape[1] not in (2, 3)
+                or len(positions) != len(images)
             ):
                 raise SurefixValueError(
                     f"{self.name}: expected {what} positions ({len(images)}, 2) or ({len(images)}, 3), one an image, "
@@ -80,7 +74,11 @@ class Pair:
             )
 
     def __repr__(self) -> str:
-        known = "no truth" if self.truth is None else f"{int((self.truth >= 0).sum())} with a true place"
+        known = (
+            "no truth"
+            if self.truth is None
+            else f"{int((self.truth >= 0).sum())} with a true place"
+        )
         return f"Pair({self.name!r}: {len(self.references)} references, {len(self.queries)} queries, {known})"
 
 

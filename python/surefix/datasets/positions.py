@@ -1,4 +1,6 @@
-"""Positions in planar metres: from latitude and longitude, along a path, at a time, and the place nearest to each."""
+"""Positions in planar metres: from latitude and longitude, along a path, at a time, and the place
+nearest to each.
+"""
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +22,10 @@ def local_metres(
 ) -> Float64:
     """Latitude and longitude as metres east and north of an origin, on a local plane.
 
-    East is ``N cos(lat0) (lon - lon0)``, north ``M (lat - lat0)``, with the WGS84 radii of curvature ``M`` (meridian)
-    and ``N`` (prime vertical) at the origin's latitude: an equirectangular projection. For a route of 10 km at 50
-    degrees its distances are right within 0.1 %. Give both traverses of a route the same origin, else they are not on
-    one plane.
+    East is ``N cos(lat0) (lon - lon0)``, north ``M (lat - lat0)``, with the WGS84 radii of
+    curvature ``M`` (meridian) and ``N`` (prime vertical) at the origin's latitude: an
+    equirectangular projection. For a route of 10 km at 50 degrees its distances are right within
+    0.1 %. Give both traverses of a route the same origin, else they are not on one plane.
 
     Parameters
     ----------
@@ -36,10 +38,8 @@ def local_metres(
     -------
     array of float64, shape (n, 2): east, north
 
-    Raises
-    ------
-    SurefixValueError
-        For two lengths, no point, or a value that is not finite or not on the globe (the error names its row).
+    Raises ------ SurefixValueError For two lengths, no point, or a value that is not finite or not
+    on the globe (the error names its row).
 
     Examples
     --------
@@ -49,12 +49,17 @@ def local_metres(
     """
     lat, lon = _degrees(latitude, "latitude", 90), _degrees(longitude, "longitude", 360)
     if len(lat) != len(lon):
-        raise SurefixValueError(f"expected as many longitudes as latitudes, got {len(lon)} and {len(lat)}")
+        raise SurefixValueError(
+            f"expected as many longitudes as latitudes, got {len(lon)} and {len(lat)}"
+        )
     if origin is None:
         if not len(lat):
             raise SurefixValueError("latitude: expected at least one point, or an origin, got none")
         origin = (float(lat.mean()), float(lon[0] + _turned(lon - lon[0]).mean()))
-    lat0, lon0 = (_degrees([origin[0]], "origin latitude", 90)[0], _degrees([origin[1]], "origin longitude", 540)[0])
+    lat0, lon0 = (
+        _degrees([origin[0]], "origin latitude", 90)[0],
+        _degrees([origin[1]], "origin longitude", 540)[0],
+    )
     eccentricity2 = _FLATTENING * (2 - _FLATTENING)
     denominator = 1 - eccentricity2 * np.sin(np.radians(lat0)) ** 2
     meridian = _SEMI_MAJOR * (1 - eccentricity2) / denominator**1.5
@@ -65,10 +70,11 @@ def local_metres(
 
 
 def subsample(positions: npt.ArrayLike, metres: float) -> Int64:
-    """The indices of a frame every so many metres: the first, then each that is at least ``metres`` from the last kept.
+    """The indices of a frame every so many metres: the first, then each that is at least ``metres``
+    from the last kept.
 
-    The distance is straight from the last kept frame, not summed over the frames between, so that a receiver's noise
-    does not add up to a path while the vehicle stands still.
+    The distance is straight from the last kept frame, not summed over the frames between, so that a
+    receiver's noise does not add up to a path while the vehicle stands still.
 
     Parameters
     ----------
@@ -99,19 +105,18 @@ def subsample(positions: npt.ArrayLike, metres: float) -> Int64:
     return np.array(kept, dtype=np.int64)
 
 
-def pair_by_position(reference_positions: npt.ArrayLike, query_positions: npt.ArrayLike, tolerance: float) -> Int64:
-    """For each query, the nearest reference within a tolerance in metres; -1 where there is none. Ties: the lowest.
+def pair_by_position(
+    reference_positions: npt.ArrayLike, query_positions: npt.ArrayLike, tolerance: float
+) -> Int64:
+    """For each query, the nearest reference within a tolerance in metres; -1 where there is none.
+    Ties: the lowest.
 
-    Only the position counts: where a route crosses itself or comes back along the same road, the nearest may be of the
-    other pass.
+    Only the position counts: where a route crosses itself or comes back along the same road, the
+    nearest may be of the other pass.
 
-    Parameters
-    ----------
-    reference_positions : array, shape (n, 2) or (n, 3)
-    query_positions : array, shape (m, 2) or (m, 3)
-        In planar metres, on the same plane. Where either has no height, heights are left out of the distance.
-    tolerance : float
-        In metres.
+    Parameters ---------- reference_positions : array, shape (n, 2) or (n, 3) query_positions :
+    array, shape (m, 2) or (m, 3) In planar metres, on the same plane. Where either has no height,
+    heights are left out of the distance. tolerance : float In metres.
 
     Returns
     -------
@@ -151,7 +156,8 @@ def pair_by_position(reference_positions: npt.ArrayLike, query_positions: npt.Ar
 def interpolate(
     at: Int64, stamps: Int64, positions: Float64, longest_gap: int
 ) -> tuple[Float64, npt.NDArray[np.bool_]]:
-    """Positions at some times, linear between the two known ones around each, and whether there are two such.
+    """Positions at some times, linear between the two known ones around each, and whether there are
+    two such.
 
     Parameters
     ----------
@@ -168,7 +174,9 @@ def interpolate(
     after = np.clip(np.searchsorted(stamps, at, side="left"), 0, len(stamps) - 1)
     exact = stamps[after] == at
     before = np.where(exact, after, np.maximum(after - 1, 0))
-    gap = stamps[after] - stamps[before]  # in integers: a float64 has no room for nanoseconds since 1970
+    gap = (
+        stamps[after] - stamps[before]
+    )  # in integers: a float64 has no room for nanoseconds since 1970
     known = exact | ((stamps[before] < at) & (at < stamps[after]) & (gap <= longest_gap))
     fraction = np.where(known, (at - stamps[before]) / np.maximum(gap, 1), 0.0)[:, None]
     return positions[before] + fraction * (positions[after] - positions[before]), known
@@ -186,7 +194,9 @@ def _degrees(values: npt.ArrayLike, what: str, limit: float) -> Float64:
     wrong = np.flatnonzero(~(np.abs(array) <= limit))
     if len(wrong):
         got = array[wrong[0]]
-        raise SurefixValueError(f"{what}: expected degrees between -{limit} and {limit}, got {got} in row {wrong[0]}")
+        raise SurefixValueError(
+            f"{what}: expected degrees between -{limit} and {limit}, got {got} in row {wrong[0]}"
+        )
     return array
 
 
@@ -196,5 +206,7 @@ def _points(values: npt.ArrayLike, what: str) -> Float64:
         raise SurefixValueError(f"{what}: expected the shape (n, 2) or (n, 3), got {array.shape}")
     wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
     if len(wrong):
-        raise SurefixValueError(f"{what}: expected finite metres, got {array[wrong[0]].tolist()} in row {wrong[0]}")
+        raise SurefixValueError(
+            f"{what}: expected finite metres, got {array[wrong[0]].tolist()} in row {wrong[0]}"
+        )
     return array

@@ -54,41 +54,31 @@ def robotcar(
 
         root/2014-12-09-13-21-02/stereo.timestamps               timestamp chunk
         root/2014-12-09-13-21-02/stereo/centre/<timestamp>.png   raw Bayer mosaic, GBRG, 1280 x 960
-        root/2014-12-09-13-21-02/gps/ins.csv                     timestamp, northing, easting, utm_zone, ... by name
+        root/2014-12-09-13-21-02/gps/ins.csv                     timestamp, northing, easting,
+        utm_zone, ... by name
 
-    Timestamps are in microseconds. Positions are the file's own UTM ``easting`` and ``northing``, in metres, linear
-    between the two rows around an image's time. ``ins_status`` is not looked at. The images are demosaiced when they
-    are read, and not rectified. The timestamps list the whole drive: images of chunks that were not downloaded are left
-    out. Spacing and tolerance are our choice: the paper's own could not be established.
+    Timestamps are in microseconds. Positions are the file's own UTM ``easting`` and ``northing``,
+    in metres, linear between the two rows around an image's time. ``ins_status`` is not looked at.
+    The images are demosaiced when they are read, and not rectified. The timestamps list the whole
+    drive: images of chunks that were not downloaded are left out. Spacing and tolerance are our
+    choice: the paper's own could not be established.
 
-    Parameters
-    ----------
-    root : str or path
-    reference, query : str, optional
-        The traverses' folders; by default the only two that are there, the older as the reference.
-    camera : {"stereo/centre", "stereo/left", "stereo/right", "mono_left", "mono_right", "mono_rear"}
-        The monocular cameras have RGGB mosaics, and timestamps of their own.
-    positions : str
-        ``"ins"``: ``gps/ins.csv``. ``"rtk"``: ``gps/rtk.csv``, the ground truth of 2020, put there by hand: where it is
-        in its archive could not be established. Or another path relative to the traverse.
-    spacing : float or None
-        Keep an image every so many metres; None keeps all, sixteen a second.
-    tolerance : float
-        The true place of a query is the nearest reference within so many metres; -1 where there is none. The INS of two
-        traverses can differ by several metres.
-    longest_gap : float
-        In seconds: rows further apart give no position between them.
-    demosaic : {"superpixel", "bilinear"}
-        As in ``surefix.datasets.demosaic``. ``superpixel`` halves the sides, ``bilinear`` keeps them.
-    incomplete : {"drop", "error"}
-        What to do with an image without a file or a position: leave it out and say so in ``notes``, or raise.
+    Parameters ---------- root : str or path reference, query : str, optional The traverses'
+    folders; by default the only two that are there, the older as the reference. camera :
+    {"stereo/centre", "stereo/left", "stereo/right", "mono_left", "mono_right", "mono_rear"} The
+    monocular cameras have RGGB mosaics, and timestamps of their own. positions : str ``"ins"``:
+    ``gps/ins.csv``. ``"rtk"``: ``gps/rtk.csv``, the ground truth of 2020, put there by hand: where
+    it is in its archive could not be established. Or another path relative to the traverse. spacing
+    : float or None Keep an image every so many metres; None keeps all, sixteen a second. tolerance
+    : float The true place of a query is the nearest reference within so many metres; -1 where there
+    is none. The INS of two traverses can differ by several metres. longest_gap : float In seconds:
+    rows further apart give no position between them. demosaic : {"superpixel", "bilinear"} As in
+    ``surefix.datasets.demosaic``. ``superpixel`` halves the sides, ``bilinear`` keeps them.
+    incomplete : {"drop", "error"} What to do with an image without a file or a position: leave it
+    out and say so in ``notes``, or raise.
 
-    Raises
-    ------
-    SurefixFileError
-        For a folder or file that is not there.
-    SurefixValueError
-        For a malformed row, timestamps that do not ascend, two UTM zones, or no image with a position.
+    Raises ------ SurefixFileError For a folder or file that is not there. SurefixValueError For a
+    malformed row, timestamps that do not ascend, two UTM zones, or no image with a position.
     """
     if camera not in CAMERAS:
         raise SurefixValueError(f"camera: expected one of {', '.join(CAMERAS)}, got {camera!r}")
@@ -99,7 +89,9 @@ def robotcar(
     zones = [zone for _, zone in tracks]
     if None not in zones and zones[0] != zones[1]:
         file = tracks[1][0].path
-        raise SurefixValueError(f"{file}: expected the UTM zone of the reference, {zones[0]}, got {zones[1]}")
+        raise SurefixValueError(
+            f"{file}: expected the UTM zone of the reference, {zones[0]}, got {zones[1]}"
+        )
     first, second = (
         _traverse(folder, camera, track, spacing, longest_gap, incomplete)
         for folder, (track, _) in zip(folders, tracks, strict=True)
@@ -135,7 +127,9 @@ def _traverse(
     stamps, numbers = [], []
     for row, cells in rows(listing, None):
         if len(cells) != 2:
-            raise SurefixValueError(f"{listing}, row {row}: expected 2 values (timestamp chunk), got {len(cells)}")
+            raise SurefixValueError(
+                f"{listing}, row {row}: expected 2 values (timestamp chunk), got {len(cells)}"
+            )
         stamps.append(whole(cells[0], listing, row, "a timestamp in microseconds"))
         numbers.append(row)
     if not stamps:
@@ -160,7 +154,9 @@ def _track(folder: Path, file: str) -> tuple[Track, str | None]:
     wanted = ("timestamp", "easting", "northing")
     header, numbered = header_and_rows(path, "timestamp,...,northing,easting,...")
     if not set(wanted) <= set(header):
-        raise SurefixValueError(f"{path}, row 1: expected the columns {', '.join(wanted)}, got {','.join(header)}")
+        raise SurefixValueError(
+            f"{path}, row 1: expected the columns {', '.join(wanted)}, got {','.join(header)}"
+        )
     time, east, north = (header.index(column) for column in wanted)
     zone = header.index("utm_zone") if "utm_zone" in header else None
     stamps, metres = [], []
@@ -171,6 +167,12 @@ def _track(folder: Path, file: str) -> tuple[Track, str | None]:
         if zone is not None:
             zones.setdefault(cells[zone], row)
     if len(zones) > 1:
-        raise SurefixValueError(f"{path}, row {max(zones.values())}: expected one UTM zone, got {' and '.join(zones)}")
-    track = Track(path, ascending(stamps, [row for row, _ in numbered], path), np.array(metres, dtype=np.float64))
+        raise SurefixValueError(
+            f"{path}, row {max(zones.values())}: expected one UTM zone, got {' and '.join(zones)}"
+        )
+    track = Track(
+        path,
+        ascending(stamps, [row for row, _ in numbered], path),
+        np.array(metres, dtype=np.float64),
+    )
     return track, next(iter(zones), None)

@@ -13,7 +13,8 @@ __all__ = ["ascending", "decimal", "header_and_rows", "rows", "whole"]
 
 
 def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
-    """Each line's number, from 1, and its cells; without empty lines and those that begin with ``#``.
+    """Each line's number, from 1, and its cells; without empty lines and those that begin with
+    ``#``.
 
     Parameters
     ----------
@@ -31,16 +32,24 @@ def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read the table: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{path}: cannot read the table: {error.strerror or error}"
+        ) from None
     except UnicodeDecodeError as error:
-        raise SurefixValueError(f"{path}: expected a text file in UTF-8, got {error.reason}") from None
+        raise SurefixValueError(
+            f"{path}: expected a text file in UTF-8, got {error.reason}"
+        ) from None
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         try:
-            cells = line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
+            cells = (
+                line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
+            )
         except csv.Error as error:
-            raise SurefixValueError(f"{path}, row {number}: expected values with commas between, got {error}") from None
+            raise SurefixValueError(
+                f"{path}, row {number}: expected values with commas between, got {error}"
+            ) from None
         yield number, [cell.strip() for cell in cells]
 
 
@@ -56,11 +65,15 @@ def header_and_rows(path: Path, expected: str) -> tuple[list[str], list[tuple[in
     """
     numbered = list(rows(path, ","))
     if len(numbered) < 2:
-        raise SurefixValueError(f"{path}: expected a header ({expected}) and rows, got {len(numbered)} lines")
+        raise SurefixValueError(
+            f"{path}: expected a header ({expected}) and rows, got {len(numbered)} lines"
+        )
     header = [cell.lower() for cell in numbered[0][1]]
     for number, cells in numbered[1:]:
         if len(cells) != len(header):
-            raise SurefixValueError(f"{path}, row {number}: expected {len(header)} values, got {len(cells)}")
+            raise SurefixValueError(
+                f"{path}, row {number}: expected {len(header)} values, got {len(cells)}"
+            )
     return header, numbered[1:]
 
 
@@ -80,9 +93,13 @@ def decimal(cell: str, path: Path, row: int, what: str, *, finite: bool = True) 
     try:
         value = float(cell)
     except ValueError:
-        raise SurefixValueError(f"{path}, row {row}: expected {what}, a number, got {cell!r}") from None
+        raise SurefixValueError(
+            f"{path}, row {row}: expected {what}, a number, got {cell!r}"
+        ) from None
     if finite and not np.isfinite(value):
-        raise SurefixValueError(f"{path}, row {row}: expected {what}, a finite number, got {cell!r}")
+        raise SurefixValueError(
+            f"{path}, row {row}: expected {what}, a finite number, got {cell!r}"
+        )
     return value
 
 
@@ -99,5 +116,7 @@ def ascending(stamps: Sequence[int], numbers: Sequence[int], path: Path) -> npt.
     if len(wrong):
         at = int(wrong[0]) + 1
         problem = "twice" if array[at] == array[at - 1] else f"after {array[at - 1]}"
-        raise SurefixValueError(f"{path}, row {numbers[at]}: expected ascending timestamps, got {array[at]} {problem}")
+        raise SurefixValueError(
+            f"{path}, row {numbers[at]}: expected ascending timestamps, got {array[at]} {problem}"
+        )
     return array

@@ -1,4 +1,6 @@
-"""From images and a track, each with its own times, to images with positions, a frame every so many metres."""
+"""From images and a track, each with its own times, to images with positions, a frame every so many
+metres.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +19,9 @@ __all__ = ["Placed", "Track", "choose_traverses", "named_folders", "place_images
 
 @dataclass(frozen=True)
 class Track:
-    """Where the vehicle was, and when: ``stamps`` (n,) ascending, ``positions`` (n, d) in metres."""
+    """Where the vehicle was, and when: ``stamps`` (n,) ascending, ``positions`` (n, d) in
+    metres.
+    """
 
     path: Path
     stamps: npt.NDArray[np.int64]
@@ -47,8 +51,9 @@ def place_images(
 ) -> Placed:
     """Gives each image the position of its time, and keeps one every ``spacing`` metres.
 
-    An image that is listed but not on the disk, or whose time is outside the track or in a gap of it longer than
-    ``longest_gap`` seconds, is left out and counted in the notes; or it is an error, where ``incomplete`` says so.
+    An image that is listed but not on the disk, or whose time is outside the track or in a gap of
+    it longer than ``longest_gap`` seconds, is left out and counted in the notes; or it is an error,
+    where ``incomplete`` says so.
 
     Raises
     ------
@@ -62,11 +67,17 @@ def place_images(
     if not longest_gap > 0:
         raise SurefixValueError(f"longest_gap: expected seconds, more than 0, got {longest_gap}")
     if spacing is not None and not (np.isfinite(spacing) and spacing > 0):
-        raise SurefixValueError(f"spacing: expected metres, more than 0, or None for every image, got {spacing}")
+        raise SurefixValueError(
+            f"spacing: expected metres, more than 0, or None for every image, got {spacing}"
+        )
     try:
-        present = {path.name for folder in {file.parent for file in files} for path in folder.iterdir()}
+        present = {
+            path.name for folder in {file.parent for file in files} for path in folder.iterdir()
+        }
     except OSError as error:
-        raise SurefixFileError(f"{error.filename}: cannot list the images: {error.strerror}") from None
+        raise SurefixFileError(
+            f"{error.filename}: cannot list the images: {error.strerror}"
+        ) from None
     on_disk = np.array([file.name in present for file in files], dtype=np.bool_)
     gap = int(min(longest_gap * ticks_a_second, 2.0**62))
     positions, known = interpolate(stamps, track.stamps, track.positions, gap)
@@ -99,7 +110,8 @@ def named_folders(root: Path, pattern: str) -> list[str]:
 def choose_traverses(
     origin: Origin, root: Path, pattern: str, what: str, reference: str | None, query: str | None
 ) -> tuple[Path, Path]:
-    """The folders of two traverses: as named, or of exactly two that are there, the older as the reference.
+    """The folders of two traverses: as named, or of exactly two that are there, the older as the
+    reference.
 
     Raises
     ------
@@ -113,7 +125,9 @@ def choose_traverses(
         found = named_folders(root, pattern)
         if len(found) != 2 or reference is not None or query is not None:
             if not found:
-                raise origin.missing(root / pattern, "no such folder", f"at least two of them, each a {what}")
+                raise origin.missing(
+                    root / pattern, "no such folder", f"at least two of them, each a {what}"
+                )
             listed = ", ".join(found)
             raise SurefixValueError(
                 f"{root}: expected reference and query, each a {what} by name, or exactly two of them; found {listed}"

@@ -5,8 +5,9 @@
 >>> rows = extract("photos/monday", network, cache="monday.cache")                              # doctest: +SKIP
 >>> route = surefix.Map.from_descriptors(rows, metric="cosine")                                 # doctest: +SKIP
 
-``Descriptor`` is all that surefix asks of one. ``Onnx`` needs ``pip install "surefix[learned]"``, ``Torch`` and
-``from_hub`` need PyTorch, ``load`` what the file's format takes. Nothing of it is imported before it is used.
+``Descriptor`` is all that surefix asks of one. ``Onnx`` needs ``pip install "surefix[learned]"``,
+``Torch`` and ``from_hub`` need PyTorch, ``load`` what the file's format takes. Nothing of it is
+imported before it is used.
 """
 
 from importlib import import_module

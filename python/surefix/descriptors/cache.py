@@ -1,8 +1,9 @@
-"""Descriptors in a file that grows as they are made, so that an interruption costs no more than a batch.
+"""Descriptors in a file that grows as they are made, so that an interruption costs no more than a
+batch.
 
-The file is a header and then one record an image: the vector, eight bytes that tell the image from others, and a
-checksum over both and the record's number. A record that was torn when the writer died, or that the disk lost, does not
-pass its checksum, and it and what follows it are made again.
+The file is a header and then one record an image: the vector, eight bytes that tell the image from
+others, and a checksum over both and the record's number. A record that was torn when the writer
+died, or that the disk lost, does not pass its checksum, and it and what follows it are made again.
 """
 
 import contextlib
@@ -39,12 +40,8 @@ class Cache:
     name, recipe
         Of the descriptor; a file made by another is refused.
 
-    Raises
-    ------
-    SurefixValueError
-        Where the file is no cache, is one of another descriptor, or is written to by another process.
-    SurefixFileError
-        Where the operating system refuses it.
+    Raises ------ SurefixValueError Where the file is no cache, is one of another descriptor, or is
+    written to by another process. SurefixFileError Where the operating system refuses it.
     """
 
     def __init__(self, path: Path, name: str, recipe: Mapping[str, object]) -> None:
@@ -63,7 +60,9 @@ class Cache:
         try:
             self._file: BinaryIO = open(path, "r+b" if path.exists() else "x+b")  # noqa: SIM115 (closed by close)
         except OSError as error:
-            raise SurefixFileError(f"{path}: cannot open the cache: {error.strerror or error}") from None
+            raise SurefixFileError(
+                f"{path}: cannot open the cache: {error.strerror or error}"
+            ) from None
         try:
             self._lock()
             if os.path.getsize(path):
@@ -95,7 +94,9 @@ class Cache:
             self.checked += 1
 
     def append(self, digests: Sequence[bytes], vectors: npt.NDArray[np.float32]) -> None:
-        """Adds the vectors of some images; after it the operating system has them, whatever happens to the process."""
+        """Adds the vectors of some images; after it the operating system has them, whatever happens
+        to the process.
+        """
         if self.dim is None:
             self.dim = vectors.shape[1]
             header = json.dumps({"dim": self.dim, **self._maker}).encode()
@@ -134,7 +135,9 @@ class Cache:
             )
         dim = header.get("dim")
         if not isinstance(dim, int) or dim < 1:
-            raise SurefixValueError(f"{self.path}: expected a cache of descriptors, got a header with the dim {dim!r}")
+            raise SurefixValueError(
+                f"{self.path}: expected a cache of descriptors, got a header with the dim {dim!r}"
+            )
         self.dim = dim
         self._offset = self._file.tell() + -self._file.tell() % 64
         self.rows = self._whole_records()
@@ -143,13 +146,17 @@ class Cache:
     def _header(self) -> dict[str, object] | None:
         start = self._file.read(len(MAGIC))
         if not start or not MAGIC.startswith(start):
-            raise SurefixValueError(f"{self.path}: expected a cache of descriptors, got another kind of file")
+            raise SurefixValueError(
+                f"{self.path}: expected a cache of descriptors, got another kind of file"
+            )
         length = self._file.read(LENGTH)
         if start != MAGIC or len(length) < LENGTH:
             return None
         size = int(length) if length.strip().isdigit() else -1
         if not 0 < size <= LONGEST_HEADER:
-            raise SurefixValueError(f"{self.path}: expected a cache of descriptors, got a damaged header")
+            raise SurefixValueError(
+                f"{self.path}: expected a cache of descriptors, got a damaged header"
+            )
         text = self._file.read(size)
         if len(text) < size:
             return None
@@ -160,7 +167,9 @@ class Cache:
                 f"{self.path}: expected a cache of descriptors, got a damaged header: {error}"
             ) from None
         if not isinstance(header, dict):
-            raise SurefixValueError(f"{self.path}: expected a cache of descriptors, got a damaged header")
+            raise SurefixValueError(
+                f"{self.path}: expected a cache of descriptors, got a damaged header"
+            )
         return header
 
     def _whole_records(self) -> int:
@@ -192,7 +201,9 @@ class Cache:
             self._file.write(data)
             self._file.flush()
         except OSError as error:
-            raise SurefixFileError(f"{self.path}: cannot write the cache: {error.strerror or error}") from None
+            raise SurefixFileError(
+                f"{self.path}: cannot write the cache: {error.strerror or error}"
+            ) from None
 
     def _lock(self) -> None:
         # Where there are no such locks, as on Windows, nothing keeps two processes apart.
@@ -202,7 +213,9 @@ class Cache:
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise SurefixValueError(f"{self.path}: another process is writing to this cache") from None
+                raise SurefixValueError(
+                    f"{self.path}: another process is writing to this cache"
+                ) from None
 
 
 def _checksum(body: bytes, row: int) -> bytes:
@@ -218,7 +231,13 @@ def _same_maker(ours: dict[str, object], theirs: dict[str, object]) -> bool:
 
 def _difference(ours: dict[str, object], theirs: dict[str, object]) -> str:
     first, second = ours["recipe"], theirs["recipe"]
-    if ours["name"] != theirs["name"] or not isinstance(first, dict) or not isinstance(second, dict):
+    if (
+        ours["name"] != theirs["name"]
+        or not isinstance(first, dict)
+        or not isinstance(second, dict)
+    ):
         return ""
     keys = [key for key in {**first, **second} if first.get(key) != second.get(key)]
-    return "".join(f", whose {key} is {second.get(key)!r}, not {first.get(key)!r}" for key in keys[:1])
+    return "".join(
+        f", whose {key} is {second.get(key)!r}, not {first.get(key)!r}" for key in keys[:1]
+    )

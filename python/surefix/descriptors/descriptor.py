@@ -1,4 +1,6 @@
-"""What surefix asks of a descriptor: images in, vectors out, a name, and the recipe that makes them again."""
+"""What surefix asks of a descriptor: images in, vectors out, a name, and the recipe that makes them
+again.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
@@ -37,18 +39,22 @@ class Descriptor(Protocol):
     def name(self) -> str:
         """What a map made with it remembers: queries must be described by one of the same name.
 
-        Or by one of the same recipe under another name, where the recipe has the ``sha256`` of a file, such as that of
-        a network which was renamed.
+        Or by one of the same recipe under another name, where the recipe has the ``sha256`` of a
+        file, such as that of a network which was renamed.
         """
         ...
 
     @property
     def recipe(self) -> Mapping[str, object]:
-        """What somebody needs to make the same vectors again, as JSON can hold it: files, sizes, statistics."""
+        """What somebody needs to make the same vectors again, as JSON can hold it: files, sizes,
+        statistics.
+        """
         ...
 
     def describe(self, images: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
-        """Images (H, W) or (H, W, 3), uint8, to (n, dim) float32; one image, as an array, to (1, dim)."""
+        """Images (H, W) or (H, W, 3), uint8, to (n, dim) float32; one image, as an array, to (1,
+        dim).
+        """
         ...
 
 
@@ -77,9 +83,13 @@ def as_images(images: Any) -> list[Image]:
     SurefixValueError
         Where one is not uint8 (H, W) or (H, W, 3).
     """
-    alone = isinstance(images, np.ndarray) and (images.ndim == 2 or (images.ndim == 3 and images.shape[2] == 3))
+    alone = isinstance(images, np.ndarray) and (
+        images.ndim == 2 or (images.ndim == 3 and images.shape[2] == 3)
+    )
     several = [images] if alone else list(images)
-    return [checked_image(image, f"image {index} of the call") for index, image in enumerate(several)]
+    return [
+        checked_image(image, f"image {index} of the call") for index, image in enumerate(several)
+    ]
 
 
 def checked_image(image: Any, what: str) -> Image:
@@ -93,17 +103,17 @@ def checked_image(image: Any, what: str) -> Image:
     array = np.asarray(image)
     shape_fits = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
     if array.dtype != np.uint8 or not shape_fits or 0 in array.shape:
-        raise SurefixValueError(f"{what}: expected uint8 (H, W) or (H, W, 3), got {array.dtype} {array.shape}")
+        raise SurefixValueError(
+            f"{what}: expected uint8 (H, W) or (H, W, 3), got {array.dtype} {array.shape}"
+        )
     return array
 
 
 def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | None = None) -> Rows:
     """What a network or a descriptor gave for some images, where it is a finite vector an image.
 
-    Raises
-    ------
-    SurefixValueError
-        Where it is something else; ``what`` says whose it is, and ``names`` what the images are called.
+    Raises ------ SurefixValueError Where it is something else; ``what`` says whose it is, and
+    ``names`` what the images are called.
     """
     try:
         array = np.asarray(vectors)

@@ -1,4 +1,6 @@
-"""Describes all images of a drive: batch by batch, with a bar, and so that it can go on where it was interrupted."""
+"""Describes all images of a drive: batch by batch, with a bar, and so that it can go on where it
+was interrupted.
+"""
 
 import os
 from collections.abc import Callable, Iterable, Iterator
@@ -36,37 +38,27 @@ def extract(
 ) -> Rows:
     """Describes images one batch after the other.
 
-    Parameters
-    ----------
-    images
-        As for ``Map.from_images``: a folder, a pattern like ``route/*.png``, paths, uint8 arrays (H, W) or (H, W, 3),
-        a data set's images or a generated traverse; and a generator of any of these, or of a stream's frames. They
-        are read a few ahead; no more than two batches are held.
-    descriptor : Descriptor
-    batch : int, optional
-        Images a call of ``describe``; the descriptor's own ``batch`` by default, else 8.
-    cache : path, optional
-        A file that the vectors are added to as they are made. Where a run was interrupted, however hard, the next one
-        goes on from the last whole vector; where all is there, nothing is described again. Files count as the same
-        by name, size and time, arrays by their pixels. More images at the end go on with the same file.
-    progress : callable, optional
-        Called as ``progress(done, total)`` after each batch; False from it stops. None is a bar on a terminal, False
-        is nothing. Where nobody knows the total, it is one more than what is done.
+    Parameters ---------- images As for ``Map.from_images``: a folder, a pattern like
+    ``route/*.png``, paths, uint8 arrays (H, W) or (H, W, 3), a data set's images or a generated
+    traverse; and a generator of any of these, or of a stream's frames. They are read a few ahead;
+    no more than two batches are held. descriptor : Descriptor batch : int, optional Images a call
+    of ``describe``; the descriptor's own ``batch`` by default, else 8. cache : path, optional A
+    file that the vectors are added to as they are made. Where a run was interrupted, however hard,
+    the next one goes on from the last whole vector; where all is there, nothing is described again.
+    Files count as the same by name, size and time, arrays by their pixels. More images at the end
+    go on with the same file. progress : callable, optional Called as ``progress(done, total)``
+    after each batch; False from it stops. None is a bar on a terminal, False is nothing. Where
+    nobody knows the total, it is one more than what is done.
 
     Returns
     -------
     array of float32, shape (n, dim)
         Memory-mapped and read-only where there is a cache.
 
-    Raises
-    ------
-    SurefixValueError
-        Where an image or what the descriptor makes of it is not what it must be, or the cache is of another
-        descriptor or of other images; it is then left as it is.
-    SurefixFileError
-        Where a file cannot be read or written.
-    SurefixError
-        Where ``progress`` stopped it. What is in the cache stays there.
+    Raises ------ SurefixValueError Where an image or what the descriptor makes of it is not what it
+    must be, or the cache is of another descriptor or of other images; it is then left as it is.
+    SurefixFileError Where a file cannot be read or written. SurefixError Where ``progress`` stopped
+    it. What is in the cache stays there.
 
     Examples
     --------
@@ -91,7 +83,9 @@ def extract(
         return _collect(_described(source.batches(size), descriptor), source.count, bar)
     path = Path(os.fspath(cache))
     if not path.absolute().parent.is_dir():
-        raise SurefixFileError(f"{path}: cannot write the cache: there is no folder {path.absolute().parent}")
+        raise SurefixFileError(
+            f"{path}: cannot write the cache: there is no folder {path.absolute().parent}"
+        )
     kept = Cache(path, descriptor.name, descriptor.recipe)
     try:
         if source.count is not None and kept.rows > source.count:
@@ -134,7 +128,9 @@ def _described(batches: Iterator[list[Loaded]], descriptor: Descriptor) -> Itera
             vectors = descriptor.describe([loaded.image for loaded in batch])
         except SurefixValueError as error:
             raise SurefixValueError(f"images {names[0]} to {names[-1]}: {error}") from None
-        rows = checked_rows(vectors, len(batch), descriptor.name, [f"image {name}" for name in names])
+        rows = checked_rows(
+            vectors, len(batch), descriptor.name, [f"image {name}" for name in names]
+        )
         # The next batch is not read before this one is gone.
         del batch
         yield _Described(names, digests, rows)

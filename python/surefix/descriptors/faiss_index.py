@@ -30,7 +30,9 @@ def read_index(path: Path) -> tuple[npt.NDArray[np.float32], Literal["cosine", "
         index: Any = library.read_index(str(path))
     except RuntimeError as error:
         reason = str(error).strip().split("\n")[-1]
-        raise SurefixValueError(f"{path}: not a faiss index, or a truncated one ({reason})") from None
+        raise SurefixValueError(
+            f"{path}: not a faiss index, or a truncated one ({reason})"
+        ) from None
     if not isinstance(index, library.IndexFlat):
         raise SurefixValueError(
             f"{path}: expected a flat index (IndexFlatL2, IndexFlatIP), which holds the vectors themselves in their "
@@ -42,7 +44,9 @@ def read_index(path: Path) -> tuple[npt.NDArray[np.float32], Literal["cosine", "
     if index.metric_type == library.METRIC_L2:
         return rows, "euclidean"
     if index.metric_type != library.METRIC_INNER_PRODUCT:
-        raise SurefixValueError(f"{path}: expected an index of L2 or of inner products, got metric {index.metric_type}")
+        raise SurefixValueError(
+            f"{path}: expected an index of L2 or of inner products, got metric {index.metric_type}"
+        )
     lengths = np.linalg.norm(rows.astype(np.float64), axis=1)
     if len(rows) and np.abs(lengths - 1).max() > UNIT:
         raise SurefixValueError(

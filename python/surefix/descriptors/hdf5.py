@@ -17,7 +17,8 @@ LISTED = 12
 
 
 def read_hdf5(path: Path, key: str | None) -> npt.NDArray[Any]:
-    """The data set ``key``; or the data sets of this name in all groups, one row each, ``frame10`` after ``frame9``.
+    """The data set ``key``; or the data sets of this name in all groups, one row each, ``frame10``
+    after ``frame9``.
 
     Raises
     ------
@@ -51,7 +52,9 @@ def _chosen(path: Path, key: str | None, found: dict[str, Any]) -> npt.NDArray[A
     of_images = [full for full in found if "/" in full and full.rpartition("/")[2] == name]
     if name is None or not of_images:
         got = "no key" if key is None else f"the key {key!r}"
-        raise SurefixValueError(f"{path}: expected one of the data sets {_listed(found)}, got {got}")
+        raise SurefixValueError(
+            f"{path}: expected one of the data sets {_listed(found)}, got {got}"
+        )
     rows = [np.asarray(found[full]) for full in sorted(of_images, key=_as_counted)]
     for full, row in zip(sorted(of_images, key=_as_counted), rows, strict=True):
         if row.ndim != 1 or row.shape != rows[0].shape:
@@ -70,5 +73,13 @@ def _as_counted(name: str) -> list[tuple[int, int, str]]:
 
 def _listed(found: dict[str, Any]) -> str:
     # Of many groups with the same data sets, the data sets' names say more.
-    short = sorted({name.rpartition("/")[2] for name in found}) if len(found) > LISTED else sorted(found)
-    return ", ".join(short[:LISTED]) + (", ..." if len(short) > LISTED else "") if short else "(there are none)"
+    short = (
+        sorted({name.rpartition("/")[2] for name in found})
+        if len(found) > LISTED
+        else sorted(found)
+    )
+    return (
+        ", ".join(short[:LISTED]) + (", ..." if len(short) > LISTED else "")
+        if short
+        else "(there are none)"
+    )

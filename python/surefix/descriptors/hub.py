@@ -18,7 +18,9 @@ __all__ = ["HUB_MODELS", "HubModel", "from_hub"]
 
 @dataclass(frozen=True)
 class HubModel:
-    """One published model: its repository and entry point for torch.hub, and the images that it was published with."""
+    """One published model: its repository and entry point for torch.hub, and the images that it was
+    published with.
+    """
 
     paper: str
     repository: str
@@ -68,8 +70,12 @@ HUB_MODELS: Mapping[str, HubModel] = MappingProxyType(
             resample="bicubic",
             note="its authors' repository, amaralibey/MixVPR, has no entry for torch.hub; this one is of a third party",
         ),
-        "salad": HubModel("Izquierdo and Civera, CVPR 2024", "serizba/salad", "dinov2_salad", (322, 322)),
-        "megaloc": HubModel("Berton and Masone, 2025", "gmberton/MegaLoc", "get_trained_model", (322, 322)),
+        "salad": HubModel(
+            "Izquierdo and Civera, CVPR 2024", "serizba/salad", "dinov2_salad", (322, 322)
+        ),
+        "megaloc": HubModel(
+            "Berton and Masone, 2025", "gmberton/MegaLoc", "get_trained_model", (322, 322)
+        ),
         "anyloc": HubModel(
             "Keetha et al., RA-L 2023",
             "AnyLoc/DINO",
@@ -95,21 +101,17 @@ def from_hub(
 ) -> Torch:
     """A published model by its name, with the images that its authors use.
 
-    The first time, torch.hub downloads the code and the weights from GitHub, and **runs that code**; from then on it
-    takes them from its own folder (``torch.hub.get_dir()``, or ``TORCH_HOME``), so that a robot needs no network: copy
-    that folder. Some take further packages, which they name.
+    The first time, torch.hub downloads the code and the weights from GitHub, and **runs that
+    code**; from then on it takes them from its own folder (``torch.hub.get_dir()``, or
+    ``TORCH_HOME``), so that a robot needs no network: copy that folder. Some take further packages,
+    which they name.
 
-    Parameters
-    ----------
-    name : {"netvlad", "cosplace", "eigenplaces", "mixvpr", "salad", "megaloc", "anyloc"}
-        ``HUB_MODELS`` says what each of them is.
-    size : (int, int), optional
-        Width and height of the images, in place of the published ones; for salad, megaloc and anyloc multiples of 14.
-    device, batch, autocast
-        As for ``Torch``.
-    **options
-        For the model's entry point, such as ``backbone="ResNet18", fc_output_dim=512`` for cosplace, or
-        ``domain="indoor"`` for anyloc.
+    Parameters ---------- name : {"netvlad", "cosplace", "eigenplaces", "mixvpr", "salad",
+    "megaloc", "anyloc"} ``HUB_MODELS`` says what each of them is. size : (int, int), optional Width
+    and height of the images, in place of the published ones; for salad, megaloc and anyloc
+    multiples of 14. device, batch, autocast As for ``Torch``. **options For the model's entry
+    point, such as ``backbone="ResNet18", fc_output_dim=512`` for cosplace, or ``domain="indoor"``
+    for anyloc.
 
     Raises
     ------
@@ -131,7 +133,9 @@ def from_hub(
     if name in _TOLD_DEVICE and device is not None:
         given["device"] = str(device)
     try:
-        module = library.hub.load(model.repository, model.entry, trust_repo=True, verbose=False, **given)
+        module = library.hub.load(
+            model.repository, model.entry, trust_repo=True, verbose=False, **given
+        )
     except Exception as error:
         # Whatever that code raises; without a network, it is one of four kinds.
         raise SurefixError(_refusal(name, model, given, error, library.hub.get_dir())) from error
@@ -152,7 +156,9 @@ def from_hub(
     )
 
 
-def _refusal(name: str, model: HubModel, options: Mapping[str, object], error: Exception, folder: str) -> str:
+def _refusal(
+    name: str, model: HubModel, options: Mapping[str, object], error: Exception, folder: str
+) -> str:
     arguments = "".join(f", {key}={value!r}" for key, value in options.items())
     reason = str(error).strip().split("\n")[0] or type(error).__name__
     note = f" ({model.note})" if model.note else ""
@@ -164,4 +170,7 @@ def _refusal(name: str, model: HubModel, options: Mapping[str, object], error: E
 
 
 def _plain(options: Mapping[str, object]) -> dict[str, object]:
-    return {key: value if isinstance(value, (bool, int, float, str)) else str(value) for key, value in options.items()}
+    return {
+        key: value if isinstance(value, (bool, int, float, str)) else str(value)
+        for key, value in options.items()
+    }

@@ -42,7 +42,9 @@ class NetworkInput:
         resample: str = "bilinear",
     ) -> None:
         if (mean is None) != (std is None):
-            raise SurefixValueError("mean, std: expected both or neither, got " + ("std" if mean is None else "mean"))
+            raise SurefixValueError(
+                "mean, std: expected both or neither, got " + ("std" if mean is None else "mean")
+            )
         if resample not in ("bilinear", "bicubic"):
             raise SurefixValueError(f'resample: expected "bilinear" or "bicubic", got {resample!r}')
         self.size = None if size is None else _checked_size(size)
@@ -63,7 +65,8 @@ class NetworkInput:
         }
 
     def batch(self, images: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
-        """The images (H, W) or (H, W, 3), uint8, as one array (n, 3, H, W). A grey one is three equal channels.
+        """The images (H, W) or (H, W, 3), uint8, as one array (n, 3, H, W). A grey one is three
+        equal channels.
 
         Raises
         ------
@@ -111,7 +114,9 @@ def _three(name: str, values: Any) -> tuple[float, float, float]:
     try:
         red, green, blue = (float(value) for value in values)
     except (TypeError, ValueError):
-        raise SurefixValueError(f"{name}: expected three numbers, of red, green and blue, got {values!r}") from None
+        raise SurefixValueError(
+            f"{name}: expected three numbers, of red, green and blue, got {values!r}"
+        ) from None
     if not np.isfinite([red, green, blue]).all():
         raise SurefixValueError(f"{name}: expected finite numbers, got {values!r}")
     return red, green, blue

@@ -16,34 +16,30 @@ from surefix.errors import SurefixFileError, SurefixValueError
 
 __all__ = ["Onnx"]
 
-NUMBERS: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+NUMBERS: dict[str, type[np.floating[Any]]] = {
+    "tensor(float)": np.float32,
+    "tensor(float16)": np.float16,
+}
 # Makes calls to a service in the cloud, and is never meant here.
 REMOTE = "AzureExecutionProvider"
 
 
 class Onnx:
-    """A network from an ONNX file as a descriptor: RGB images in, one of its outputs, flattened, as the vector.
+    """A network from an ONNX file as a descriptor: RGB images in, one of its outputs, flattened, as
+    the vector.
 
     Needs ``pip install "surefix[learned]"``.
 
-    Parameters
-    ----------
-    path : str or path
-        The model: one input (n, 3, H, W), float32 or float16.
-    output : str, optional
-        Which of its outputs; may be left out where there is one.
-    size : (int, int), optional
-        Width and height that images are resized to (Pillow's antialiased bilinear); by default what the model asks
-        for, and where it takes any size, the images as they are.
-    mean, std : three floats, optional
-        Of RGB / 255, which the network was trained with: ImageNet's by default; None for both leaves 0 to 1.
-    batch : int
-        Images a run. A model that is fixed to its own number of images gets that many, filled up at the end.
-    providers : list of str, optional
-        What onnxruntime runs it on, such as ``["CUDAExecutionProvider", "CPUExecutionProvider"]``; by default all that
-        the installed onnxruntime offers, in its order.
-    threads : int, optional
-        Threads of one operation; onnxruntime's choice by default.
+    Parameters ---------- path : str or path The model: one input (n, 3, H, W), float32 or float16.
+    output : str, optional Which of its outputs; may be left out where there is one. size : (int,
+    int), optional Width and height that images are resized to (Pillow's antialiased bilinear); by
+    default what the model asks for, and where it takes any size, the images as they are. mean, std
+    : three floats, optional Of RGB / 255, which the network was trained with: ImageNet's by
+    default; None for both leaves 0 to 1. batch : int Images a run. A model that is fixed to its own
+    number of images gets that many, filled up at the end. providers : list of str, optional What
+    onnxruntime runs it on, such as ``["CUDAExecutionProvider", "CPUExecutionProvider"]``; by
+    default all that the installed onnxruntime offers, in its order. threads : int, optional Threads
+    of one operation; onnxruntime's choice by default.
 
     Raises
     ------
@@ -54,9 +50,8 @@ class Onnx:
     SurefixError
         Where onnxruntime is missing.
 
-    Notes
-    -----
-    ``recipe`` has the file's name and SHA-256. Weights that lie in a second file beside the model are not in the sum.
+    Notes ----- ``recipe`` has the file's name and SHA-256. Weights that lie in a second file beside
+    the model are not in the sum.
 
     Examples
     --------
@@ -119,18 +114,21 @@ class Onnx:
             **self._input.recipe,
         }
 
-    def describe(self, images: Sequence[npt.NDArray[np.uint8]] | npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    def describe(
+        self, images: Sequence[npt.NDArray[np.uint8]] | npt.NDArray[np.uint8]
+    ) -> npt.NDArray[np.float32]:
         """The vectors of some images, (n, dim); of one image, given as an array, (1, dim).
 
-        Raises
-        ------
-        SurefixValueError
-            Where an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an image.
+        Raises ------ SurefixValueError Where an image is not uint8 (H, W) or (H, W, 3), or the
+        output is not a finite vector an image.
         """
         several = as_images(images)
         if not several:
             raise SurefixValueError("images: expected at least one, got none")
-        runs = [self._run(several[start : start + self.batch], start) for start in range(0, len(several), self.batch)]
+        runs = [
+            self._run(several[start : start + self.batch], start)
+            for start in range(0, len(several), self.batch)
+        ]
         return runs[0] if len(runs) == 1 else np.concatenate(runs)
 
     def __repr__(self) -> str:
@@ -151,24 +149,34 @@ class Onnx:
             ) from None
         what = f"{self.path}, output {self.output}"
         if not isinstance(output, np.ndarray) or output.ndim < 2 or output.shape[0] != len(images):
-            got = f"the shape {output.shape}" if isinstance(output, np.ndarray) else type(output).__name__
+            got = (
+                f"the shape {output.shape}"
+                if isinstance(output, np.ndarray)
+                else type(output).__name__
+            )
             raise SurefixValueError(
                 f"{what}: expected a vector an image, ({len(images)}, ...) for {len(images)} images, got {got}"
             )
         rows = output.reshape(len(images), -1)[:count]
-        return checked_rows(rows, count, what, [f"image {start + index} of the call" for index in range(count)])
+        return checked_rows(
+            rows, count, what, [f"image {start + index} of the call" for index in range(count)]
+        )
 
     def _only_input(self) -> Any:
         inputs = self._session.get_inputs()
         if len(inputs) != 1:
             named = ", ".join(f"{node.name} {_shape(node)}" for node in inputs) or "none"
-            raise SurefixValueError(f"{self.path}: expected a model with one input, images, got {named}")
+            raise SurefixValueError(
+                f"{self.path}: expected a model with one input, images, got {named}"
+            )
         return inputs[0]
 
     def _number_of(self, node: Any) -> type[np.floating[Any]]:
         number = NUMBERS.get(node.type)
         if number is None:
-            raise SurefixValueError(f"{self.path}: expected an input of float32 or float16, got {node.type}")
+            raise SurefixValueError(
+                f"{self.path}: expected an input of float32 or float16, got {node.type}"
+            )
         return number
 
     def _fixed(self, node: Any) -> tuple[int | None, tuple[int, int] | None]:
@@ -178,9 +186,13 @@ class Onnx:
             raise SurefixValueError(
                 f"{self.path}: expected an input of RGB images, (n, 3, H, W), got {node.name} {_shape(node)}"
             )
-        count, height, width = (side if isinstance(side, int) and side > 0 else None for side in (shape[0], *shape[2:]))
+        count, height, width = (
+            side if isinstance(side, int) and side > 0 else None for side in (shape[0], *shape[2:])
+        )
         if (height is None) != (width is None):
-            raise SurefixValueError(f"{self.path}: expected both sides of the input free or fixed, got {_shape(node)}")
+            raise SurefixValueError(
+                f"{self.path}: expected both sides of the input free or fixed, got {_shape(node)}"
+            )
         return count, None if height is None or width is None else (width, height)
 
     def _chosen(self, output: str | None) -> str:
@@ -189,9 +201,13 @@ class Onnx:
         if output is None and len(nodes) == 1:
             return str(nodes[0].name)
         if output is None:
-            raise SurefixValueError(f"{self.path}: expected output=NAME, as the model has several: {listed}")
+            raise SurefixValueError(
+                f"{self.path}: expected output=NAME, as the model has several: {listed}"
+            )
         if output not in [node.name for node in nodes]:
-            raise SurefixValueError(f"{self.path}: expected one of the outputs {listed}, got {output!r}")
+            raise SurefixValueError(
+                f"{self.path}: expected one of the outputs {listed}, got {output!r}"
+            )
         return output
 
 
@@ -200,7 +216,9 @@ def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> A
     offered = [provider for provider in runtime.get_available_providers() if provider != REMOTE]
     unknown = [provider for provider in providers or () if provider not in offered]
     if unknown:
-        raise SurefixValueError(f"providers: expected some of {', '.join(offered)}, got {', '.join(unknown)}")
+        raise SurefixValueError(
+            f"providers: expected some of {', '.join(offered)}, got {', '.join(unknown)}"
+        )
     options = runtime.SessionOptions()
     # Failures come as errors; the runtime's own account of them would go to stderr as well.
     options.log_severity_level = 4
@@ -219,7 +237,9 @@ def _sha256(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read the model: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{path}: cannot read the model: {error.strerror or error}"
+        ) from None
 
 
 def _shape(node: Any) -> str:

@@ -21,31 +21,25 @@ Rows = npt.NDArray[np.float32]
 
 
 class PatchNetVlad:
-    """Re-ranks the nearest places by their patches, with the package's own matcher, and keeps the scores.
+    """Re-ranks the nearest places by their patches, with the package's own matcher, and keeps the
+    scores.
 
-    ``patchnetvlad-feature-extract`` writes the features of each drive into a folder. The package's own
-    ``patchnetvlad-feature-match`` writes no more than a ranking of them (``read_pairs`` reads it); this class calls the
-    same matcher with the same configuration and has the scores behind it. Hausler, Garg, Xu, Milford and Fischer,
-    *Patch-NetVLAD*, CVPR 2021.
+    ``patchnetvlad-feature-extract`` writes the features of each drive into a folder. The package's
+    own ``patchnetvlad-feature-match`` writes no more than a ranking of them (``read_pairs`` reads
+    it); this class calls the same matcher with the same configuration and has the scores behind it.
+    Hausler, Garg, Xu, Milford and Fischer, *Patch-NetVLAD*, CVPR 2021.
 
     Needs PyTorch, OpenCV and ``pip install --no-deps patchnetvlad`` (written for version 0.1.8).
 
-    Parameters
-    ----------
-    features : str or path
-        The folder of the references: ``globalfeats.npy`` and ``patchfeats_psize2_NAME.npy`` and so on.
-    references : sequence of str or path
-        The images in route order, as in the list that the features were made from.
-    config : str or path
-        One of the package's configurations, ``"performance"``, ``"speed"`` or ``"storage"``, or an ``.ini`` file: that
-        which the features were made with.
-    candidates : int, optional
-        Places a query that are looked at; the greatest of ``n_values_all`` by default.
-    device : str
-    normalised : bool
-        True is the published score: of each patch size, less its mean over the candidates and divided by their spread,
-        and their weighted sum. False is the weighted sum itself, from -1 (all patches agree) to 0 with RANSAC: the
-        better one to put a threshold on, as it means the same for every query.
+    Parameters ---------- features : str or path The folder of the references: ``globalfeats.npy``
+    and ``patchfeats_psize2_NAME.npy`` and so on. references : sequence of str or path The images in
+    route order, as in the list that the features were made from. config : str or path One of the
+    package's configurations, ``"performance"``, ``"speed"`` or ``"storage"``, or an ``.ini`` file:
+    that which the features were made with. candidates : int, optional Places a query that are
+    looked at; the greatest of ``n_values_all`` by default. device : str normalised : bool True is
+    the published score: of each patch size, less its mean over the candidates and divided by their
+    spread, and their weighted sum. False is the weighted sum itself, from -1 (all patches agree) to
+    0 with RANSAC: the better one to put a threshold on, as it means the same for every query.
 
     Raises
     ------
@@ -79,13 +73,18 @@ class PatchNetVlad:
         local = needed("patchnetvlad.models.local_matcher", what, "patchnetvlad", install)
         patches = needed("patchnetvlad.tools.patch_matcher", what, "patchnetvlad", install)
         self.folder, self.device, self.normalised = Path(features), device, normalised
-        settings = _Settings(config, needed("patchnetvlad.tools", what, "patchnetvlad", install).PATCHNETVLAD_ROOT_DIR)
+        settings = _Settings(
+            config,
+            needed("patchnetvlad.tools", what, "patchnetvlad", install).PATCHNETVLAD_ROOT_DIR,
+        )
         self._sizes, self._weights = settings.patch_sizes, np.array(settings.weights)
         with warnings.catch_warnings():
             # The package is older than PyTorch's wish to be told the order of a grid's axes.
             warnings.simplefilter("ignore")
             spots = [
-                local.calc_keypoint_centers_from_patches(settings.matching, size, size, stride, stride)
+                local.calc_keypoint_centers_from_patches(
+                    settings.matching, size, size, stride, stride
+                )
                 for size, stride in zip(settings.patch_sizes, settings.strides, strict=True)
             ]
         self._matcher = patches.PatchMatcher(
@@ -123,15 +122,20 @@ class PatchNetVlad:
             nearest = np.argsort(coarse, kind="stable")[: self.candidates]
             yield reranked_distances(coarse, nearest, self.scores(folder, name, nearest))
 
-    def scores(self, features: Path, query: str, candidates: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    def scores(
+        self, features: Path, query: str, candidates: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.float64]:
         """The scores of some places for one query, smaller is better."""
         theirs = [tensor.T for tensor in self._patches(features, query)]
         found = np.empty((len(candidates), len(self._sizes)))
         for row, place in enumerate(candidates):
-            found[row], _, _ = self._matcher.match(theirs, self._patches(self.folder, self._names[place]))
+            found[row], _, _ = self._matcher.match(
+                theirs, self._patches(self.folder, self._names[place])
+            )
         if self.normalised:
             spread = found.std(axis=0)
-            # Where all candidates agree, the package divides 0 by 0; such a patch size says nothing.
+            # Where all candidates agree, the package divides 0 by 0; such a patch size says
+            # nothing.
             found = (found - found.mean(axis=0)) / np.where(spread > 0, spread, 1)
         total: npt.NDArray[np.float64] = found @ self._weights
         return total
@@ -156,13 +160,19 @@ class _Settings:
             self.matcher = self.matching["matcher"]
             self.patch_sizes = [int(size) for size in shape["patch_sizes"].split(",")]
             self.strides = [int(stride) for stride in shape["strides"].split(",")]
-            self.weights = [float(weight) for weight in self.matching["patchWeights2Use"].split(",")]
+            self.weights = [
+                float(weight) for weight in self.matching["patchWeights2Use"].split(",")
+            ]
             self.candidates = max(int(count) for count in self.matching["n_values_all"].split(","))
         except OSError as error:
-            raise SurefixFileError(f"{path}: cannot read the configuration: {error.strerror or error}") from None
+            raise SurefixFileError(
+                f"{path}: cannot read the configuration: {error.strerror or error}"
+            ) from None
         except (configparser.Error, KeyError, ValueError) as error:
             said = str(error).split("\n")[0]
-            raise SurefixValueError(f"{path}: expected a configuration of Patch-NetVLAD's matching: {said}") from None
+            raise SurefixValueError(
+                f"{path}: expected a configuration of Patch-NetVLAD's matching: {said}"
+            ) from None
         if not len(self.patch_sizes) == len(self.strides) == len(self.weights):
             raise SurefixValueError(
                 f"{path}: expected as many patch_sizes, strides and patchWeights2Use, got {len(self.patch_sizes)}, "
@@ -183,7 +193,9 @@ def _load(path: Path) -> npt.NDArray[Any]:
     try:
         array: npt.NDArray[Any] = np.load(path, allow_pickle=False)
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read the features: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{path}: cannot read the features: {error.strerror or error}"
+        ) from None
     except (ValueError, EOFError) as error:
         raise SurefixValueError(f"{path}: not a .npy array, or a truncated one ({error})") from None
     return array

@@ -24,15 +24,14 @@ NUMBERS = ("float32", "float16", "int8", "uint8")
 def load(path: str | PathLike[str], key: str | None = None) -> Rows:
     """The vectors of a file, as ``Map.from_descriptors`` takes them.
 
-    =============================  =====================================================  ==========================
-    ``.npy``                       one array, memory-mapped
-    ``.npz``                       ``key`` is the array's name
-    ``.safetensors``               ``key`` is the tensor's name                           ``pip install safetensors``
-    ``.h5``, ``.hdf5``             ``key`` is the data set's path; or its name in the     ``pip install h5py``
-                                   groups of the images, as hloc writes them, in the
-                                   order a person would put those in
-    ``.faiss``, ``.index``         a flat index                                           ``pip install faiss-cpu``
-    =============================  =====================================================  ==========================
+    =============================  =====================================================
+    ========================== ``.npy``                       one array, memory-mapped ``.npz``
+    ``key`` is the array's name ``.safetensors``               ``key`` is the tensor's name
+    ``pip install safetensors`` ``.h5``, ``.hdf5``             ``key`` is the data set's path; or
+    its name in the     ``pip install h5py`` groups of the images, as hloc writes them, in the order
+    a person would put those in ``.faiss``, ``.index``         a flat index
+    ``pip install faiss-cpu`` =============================
+    =====================================================  ==========================
 
     The packages come with ``pip install "surefix[files]"``.
 
@@ -47,15 +46,9 @@ def load(path: str | PathLike[str], key: str | None = None) -> Rows:
     array, shape (n, dim), float32, float16, int8 or uint8
         float64 is made float32.
 
-    Raises
-    ------
-    SurefixFileError
-        Where the file cannot be read.
-    SurefixValueError
-        Where it is not a file of its kind, has no such array (the error lists what there is), or the array is no
-        vectors.
-    SurefixError
-        Where the package for it is missing.
+    Raises ------ SurefixFileError Where the file cannot be read. SurefixValueError Where it is not
+    a file of its kind, has no such array (the error lists what there is), or the array is no
+    vectors. SurefixError Where the package for it is missing.
 
     Examples
     --------
@@ -70,14 +63,18 @@ def load(path: str | PathLike[str], key: str | None = None) -> Rows:
         with file.open("rb"):
             pass
     except OSError as error:
-        raise SurefixFileError(f"{file}: cannot read the descriptors: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{file}: cannot read the descriptors: {error.strerror or error}"
+        ) from None
     return _checked(file, key, reader(file, key))
 
 
 def metric_of(path: str | PathLike[str]) -> Literal["cosine", "euclidean"] | None:
-    """How the vectors of a file are meant to be compared, where the file says so: a faiss index does.
+    """How the vectors of a file are meant to be compared, where the file says so: a faiss index
+    does.
 
-    An index of inner products is one of cosines where its vectors are of unit length, and is refused where not.
+    An index of inner products is one of cosines where its vectors are of unit length, and is
+    refused where not.
 
     Raises
     ------
@@ -96,7 +93,9 @@ def _npy(path: Path, key: str | None) -> Rows:
         raise SurefixValueError(f"{path}: not a .npy array, or a truncated one ({error})") from None
     if not isinstance(array, np.ndarray):
         array.close()
-        raise SurefixValueError(f"{path}: expected one array (.npy), got an archive of several (.npz)")
+        raise SurefixValueError(
+            f"{path}: expected one array (.npy), got an archive of several (.npz)"
+        )
     return array
 
 
@@ -110,7 +109,9 @@ def _npz(path: Path, key: str | None) -> Rows:
     except (ValueError, EOFError, OSError, zipfile.BadZipFile, KeyError) as error:
         if isinstance(error, SurefixError):
             raise
-        raise SurefixValueError(f"{path}: not a .npz archive, or a truncated one ({error})") from None
+        raise SurefixValueError(
+            f"{path}: not a .npz archive, or a truncated one ({error})"
+        ) from None
     return array
 
 
@@ -120,10 +121,14 @@ def _safetensors(path: Path, key: str | None) -> Rows:
         with library.safe_open(path, framework="np") as tensors:
             array: Rows = tensors.get_tensor(_one_of(path, key, list(tensors.keys())))
     except library.SafetensorError as error:
-        raise SurefixValueError(f"{path}: not a .safetensors file, or a truncated one ({error})") from None
+        raise SurefixValueError(
+            f"{path}: not a .safetensors file, or a truncated one ({error})"
+        ) from None
     except (TypeError, AttributeError) as error:
         # bfloat16, for one, is no number of NumPy's.
-        raise SurefixValueError(f"{path}: expected {', '.join(NUMBERS)}, got another type ({error})") from None
+        raise SurefixValueError(
+            f"{path}: expected {', '.join(NUMBERS)}, got another type ({error})"
+        ) from None
     return array
 
 
@@ -150,7 +155,9 @@ ENDINGS = tuple(_READERS)
 
 def _no_key(path: Path, key: str | None) -> None:
     if key is not None:
-        raise SurefixValueError(f"{path}: expected no key, as such a file holds one array, got {key!r}")
+        raise SurefixValueError(
+            f"{path}: expected no key, as such a file holds one array, got {key!r}"
+        )
 
 
 def _one_of(path: Path, key: str | None, keys: Sequence[str]) -> str:
@@ -167,7 +174,11 @@ def _one_of(path: Path, key: str | None, keys: Sequence[str]) -> str:
 def _checked(path: Path, key: str | None, array: Rows) -> Rows:
     where = os.fspath(path) if key is None else f"{path}, {key}"
     if array.dtype.kind not in "fiu" or array.dtype.name not in (*NUMBERS, "float64"):
-        raise SurefixValueError(f"{where}: expected descriptors of {', '.join(NUMBERS)}, got {array.dtype}")
+        raise SurefixValueError(
+            f"{where}: expected descriptors of {', '.join(NUMBERS)}, got {array.dtype}"
+        )
     if array.ndim != 2 or 0 in array.shape:
-        raise SurefixValueError(f"{where}: expected descriptors (n, dim), got the shape {array.shape}")
+        raise SurefixValueError(
+            f"{where}: expected descriptors (n, dim), got the shape {array.shape}"
+        )
     return array.astype(np.float32) if array.dtype.name == "float64" else array

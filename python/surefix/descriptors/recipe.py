@@ -1,4 +1,6 @@
-"""What a map remembers of the descriptor that made it, and whether another one gives the same vectors."""
+"""What a map remembers of the descriptor that made it, and whether another one gives the same
+vectors.
+"""
 
 import json
 from collections.abc import Mapping

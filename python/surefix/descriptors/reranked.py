@@ -1,4 +1,6 @@
-"""From a few re-ranked candidates to the distances of all places, as ``Matcher.push`` wants them."""
+"""From a few re-ranked candidates to the distances of all places, as ``Matcher.push`` wants
+them.
+"""
 
 import os
 from collections.abc import Sequence
@@ -21,31 +23,27 @@ def reranked_distances(
     candidates: npt.ArrayLike,
     scores: npt.ArrayLike | None = None,
 ) -> npt.NDArray[np.float32]:
-    """The distance of every place, where a second, slower look gave scores to a few candidates only.
+    """The distance of every place, where a second, slower look gave scores to a few candidates
+    only.
 
-    A candidate's distance is its score. Let ``worst`` be the greatest score and ``spread`` how far it is from the
-    smallest (at least a thousandth of the largest magnitude; 1 where all scores are 0). The places that were not looked
-    at lie from ``worst + spread / 2`` to ``worst + spread``, linearly in their global distance: worse than every
-    candidate, finite, and in the order of their global distances, as far as float32 tells them apart.
+    A candidate's distance is its score. Let ``worst`` be the greatest score and ``spread`` how far
+    it is from the smallest (at least a thousandth of the largest magnitude; 1 where all scores are
+    0). The places that were not looked at lie from ``worst + spread / 2`` to ``worst + spread``,
+    linearly in their global distance: worse than every candidate, finite, and in the order of their
+    global distances, as far as float32 tells them apart.
 
-    Parameters
-    ----------
-    global_distances : array, shape (n,)
-        By the first, fast descriptor, such as NetVLAD's; smaller is nearer.
-    candidates : array of int, shape (k,)
-        The places that were looked at again, each once.
-    scores : array, shape (k,), optional
-        Of the candidates, in their order; smaller is better, as Patch-NetVLAD has it. Without them the candidates are
-        taken as ranked, the best first, and their scores are 0, 1, 2 and so on.
+    Parameters ---------- global_distances : array, shape (n,) By the first, fast descriptor, such
+    as NetVLAD's; smaller is nearer. candidates : array of int, shape (k,) The places that were
+    looked at again, each once. scores : array, shape (k,), optional Of the candidates, in their
+    order; smaller is better, as Patch-NetVLAD has it. Without them the candidates are taken as
+    ranked, the best first, and their scores are 0, 1, 2 and so on.
 
     Returns
     -------
     array of float32, shape (n,)
 
-    Raises
-    ------
-    SurefixValueError
-        Where the shapes do not agree, a number is not finite, or a candidate is no place or comes twice.
+    Raises ------ SurefixValueError Where the shapes do not agree, a number is not finite, or a
+    candidate is no place or comes twice.
 
     Examples
     --------
@@ -61,13 +59,19 @@ def reranked_distances(
         )
     if chosen.min() < 0 or chosen.max() >= len(coarse):
         wrong = chosen[(chosen < 0) | (chosen >= len(coarse))][0]
-        raise SurefixValueError(f"candidates: expected places from 0 to {len(coarse) - 1}, got {wrong}")
+        raise SurefixValueError(
+            f"candidates: expected places from 0 to {len(coarse) - 1}, got {wrong}"
+        )
     if len(np.unique(chosen)) != len(chosen):
         places, counts = np.unique(chosen, return_counts=True)
-        raise SurefixValueError(f"candidates: expected each place once, got {places[counts > 1][0]} twice")
+        raise SurefixValueError(
+            f"candidates: expected each place once, got {places[counts > 1][0]} twice"
+        )
     fine = np.arange(len(chosen), dtype=np.float64) if scores is None else _vector("scores", scores)
     if len(fine) != len(chosen):
-        raise SurefixValueError(f"scores: expected one for each of the {len(chosen)} candidates, got {len(fine)}")
+        raise SurefixValueError(
+            f"scores: expected one for each of the {len(chosen)} candidates, got {len(fine)}"
+        )
     worst = float(fine.max())
     spread = max(worst - float(fine.min()), SMALLEST_SPREAD * float(np.abs(fine).max())) or 1.0
     others = np.ones(len(coarse), dtype=bool)
@@ -83,19 +87,19 @@ def reranked_distances(
 
 
 def read_pairs(
-    path: str | PathLike[str], references: Sequence[str | PathLike[str]], queries: Sequence[str | PathLike[str]]
+    path: str | PathLike[str],
+    references: Sequence[str | PathLike[str]],
+    queries: Sequence[str | PathLike[str]],
 ) -> list[npt.NDArray[np.int64]]:
-    """The ranked candidates of each query from a pairs file, as Patch-NetVLAD's ``PatchNetVLAD_predictions.txt``.
+    """The ranked candidates of each query from a pairs file, as Patch-NetVLAD's
+    ``PatchNetVLAD_predictions.txt``.
 
-    Such a file (kapture's and hloc's pairs) has a line ``query, reference`` a candidate, the best first, or with a
-    space between, and comments that begin with ``#``. It has no scores: give the candidates to ``reranked_distances``
-    as they are.
+    Such a file (kapture's and hloc's pairs) has a line ``query, reference`` a candidate, the best
+    first, or with a space between, and comments that begin with ``#``. It has no scores: give the
+    candidates to ``reranked_distances`` as they are.
 
-    Parameters
-    ----------
-    path : str or path
-    references, queries : sequence of str or path
-        The images in route order. They are known by the name in the file, or else by the last part of it.
+    Parameters ---------- path : str or path references, queries : sequence of str or path The
+    images in route order. They are known by the name in the file, or else by the last part of it.
 
     Returns
     -------
@@ -113,9 +117,13 @@ def read_pairs(
     try:
         text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read the pairs: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{path}: cannot read the pairs: {error.strerror or error}"
+        ) from None
     except UnicodeDecodeError as error:
-        raise SurefixValueError(f"{path}: expected text, one pair a line, got other bytes ({error.reason})") from None
+        raise SurefixValueError(
+            f"{path}: expected text, one pair a line, got other bytes ({error.reason})"
+        ) from None
     ranked: list[dict[int, None]] = [{} for _ in queries]
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
@@ -127,7 +135,9 @@ def read_pairs(
             raise SurefixValueError(f"{where}: expected query, reference, got {line.strip()!r}")
         query, place = numbers.find(parts[0], where), places.find(parts[1], where)
         if place in ranked[query]:
-            raise SurefixValueError(f"{where}: expected each pair once, got {parts[1]} twice for {parts[0]}")
+            raise SurefixValueError(
+                f"{where}: expected each pair once, got {parts[1]} twice for {parts[0]}"
+            )
         ranked[query][place] = None
     return [np.array(list(candidates), dtype=np.int64) for candidates in ranked]
 
@@ -141,7 +151,9 @@ class _Names:
         self.whole = {name: index for index, name in enumerate(whole)}
         last = [Path(name).name for name in whole]
         self.last = {name: index for index, name in enumerate(last)}
-        self.shared = {name for name in last if last.count(name) > 1} if len(self.last) < len(last) else set()
+        self.shared = (
+            {name for name in last if last.count(name) > 1} if len(self.last) < len(last) else set()
+        )
 
     def find(self, name: str, where: str) -> int:
         if name in self.whole:
@@ -150,14 +162,20 @@ class _Names:
         if short in self.last and short not in self.shared:
             return self.last[short]
         why = f"several end in {short}" if short in self.shared else "there is none of that name"
-        raise SurefixValueError(f"{where}: expected one of the {len(self.whole)} {self.what}, got {name}: {why}")
+        raise SurefixValueError(
+            f"{where}: expected one of the {len(self.whole)} {self.what}, got {name}: {why}"
+        )
 
 
 def _vector(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     array = np.asarray(values)
     if array.ndim != 1 or len(array) == 0 or array.dtype.kind not in "fiu":
-        raise SurefixValueError(f"{name}: expected numbers of one dimension, got {array.dtype} {array.shape}")
+        raise SurefixValueError(
+            f"{name}: expected numbers of one dimension, got {array.dtype} {array.shape}"
+        )
     if not np.isfinite(array).all():
         wrong = int(np.flatnonzero(~np.isfinite(array))[0])
-        raise SurefixValueError(f"{name}: expected finite numbers, got {array[wrong]} at index {wrong}")
+        raise SurefixValueError(
+            f"{name}: expected finite numbers, got {array[wrong]} at index {wrong}"
+        )
     return array.astype(np.float64)

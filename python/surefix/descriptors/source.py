@@ -27,11 +27,14 @@ THREADS = min(4, os.cpu_count() or 1)
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One image that is to be described: what it is called, how to get it, and what tells it from others."""
+    """One image that is to be described: what it is called, how to get it, and what tells it from
+    others.
+    """
 
     name: str
     load: Callable[[], npt.NDArray[np.uint8]]
-    # Without the pixels where the file's name, size and time say it; else the pixels are read for it.
+    # Without the pixels where the file's name, size and time say it; else the pixels are read for
+    # it.
     digest: Callable[[], bytes]
 
 
@@ -44,10 +47,11 @@ class Loaded(NamedTuple):
 
 
 class Source:
-    """Images in route order: a folder, a pattern, paths, arrays, a data set's images, a traverse, or a generator.
+    """Images in route order: a folder, a pattern, paths, arrays, a data set's images, a traverse,
+    or a generator.
 
-    ``count`` is how many there are, None where only the end tells. A stream's frames (anything with ``.image``) are
-    taken by their images.
+    ``count`` is how many there are, None where only the end tells. A stream's frames (anything with
+    ``.image``) are taken by their images.
 
     Raises
     ------
@@ -89,10 +93,14 @@ class Source:
             else:
                 yield _item(self._images[index], index)
 
-    def batches(self, size: int, items: Iterator[Item] | None = None, digests: bool = False) -> Iterator[list[Loaded]]:
-        """Loaded images, ``size`` at a time; while one batch is used, the next is read by a few threads.
+    def batches(
+        self, size: int, items: Iterator[Item] | None = None, digests: bool = False
+    ) -> Iterator[list[Loaded]]:
+        """Loaded images, ``size`` at a time; while one batch is used, the next is read by a few
+        threads.
 
-        No more than two batches are held, if whoever takes a batch lets it go before asking for the next.
+        No more than two batches are held, if whoever takes a batch lets it go before asking for the
+        next.
         """
         waiting: deque[Future[Loaded]] = deque()
         items = self.items() if items is None else items
@@ -100,7 +108,9 @@ class Source:
             try:
                 while True:
                     free = 2 * size - len(waiting)
-                    waiting.extend(pool.submit(_load, item, digests) for item in islice(items, free))
+                    waiting.extend(
+                        pool.submit(_load, item, digests) for item in islice(items, free)
+                    )
                     batch = [waiting.popleft().result() for _ in range(min(size, len(waiting)))]
                     if not batch:
                         return
@@ -135,7 +145,9 @@ def _digest_of_file(path: Path) -> bytes:
     try:
         facts = path.stat()
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read the image: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{path}: cannot read the image: {error.strerror or error}"
+        ) from None
     text = f"{path.name}\0{facts.st_size}\0{facts.st_mtime_ns}"
     return hashlib.blake2b(text.encode("utf-8", "surrogateescape"), digest_size=DIGEST).digest()
 

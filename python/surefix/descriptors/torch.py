@@ -22,33 +22,24 @@ __all__ = ["Torch"]
 class Torch:
     """A network in PyTorch as a descriptor: RGB images in, its output, flattened, as the vector.
 
-    It runs in inference mode and as in ``module.eval()``; after each call the module is in training again where it
-    was. On the CPU, images go in and vectors come out in the memory that they lie in.
+    It runs in inference mode and as in ``module.eval()``; after each call the module is in training
+    again where it was. On the CPU, images go in and vectors come out in the memory that they lie
+    in.
 
     Needs PyTorch: see https://pytorch.org/get-started.
 
-    Parameters
-    ----------
-    module : torch.nn.Module
-        Takes (n, 3, H, W) float32, gives (n, ...).
-    transform : callable, optional
-        Makes a tensor (3, H, W) of a Pillow image in RGB, as torchvision's transforms do. Without it, images are
-        resized to ``size`` (Pillow's antialiased bilinear, or ``resample="bicubic"``) and normalised.
-    device : str or torch.device, optional
-        The module is moved there, if it is not there already; by default it stays where its parameters are.
-    batch : int
-        Images a run.
-    name : str, optional
-        What the map remembers; ``torch:`` and the module's class by default.
-    autocast : bool or torch.dtype
-        True computes in the device's usual half precision, a type in that one; False, the default, in the module's.
-    size : (int, int), optional
-        Width and height, without a ``transform``; by default images stay as they are.
-    mean, std : three floats, optional
-        Of RGB / 255, without a ``transform``: ImageNet's by default, None for both leaves 0 to 1.
-    resample : {"bilinear", "bicubic"}
-    recipe : mapping, optional
-        More that belongs into the recipe, such as where the weights came from.
+    Parameters ---------- module : torch.nn.Module Takes (n, 3, H, W) float32, gives (n, ...).
+    transform : callable, optional Makes a tensor (3, H, W) of a Pillow image in RGB, as
+    torchvision's transforms do. Without it, images are resized to ``size`` (Pillow's antialiased
+    bilinear, or ``resample="bicubic"``) and normalised. device : str or torch.device, optional The
+    module is moved there, if it is not there already; by default it stays where its parameters are.
+    batch : int Images a run. name : str, optional What the map remembers; ``torch:`` and the
+    module's class by default. autocast : bool or torch.dtype True computes in the device's usual
+    half precision, a type in that one; False, the default, in the module's. size : (int, int),
+    optional Width and height, without a ``transform``; by default images stay as they are. mean,
+    std : three floats, optional Of RGB / 255, without a ``transform``: ImageNet's by default, None
+    for both leaves 0 to 1. resample : {"bilinear", "bicubic"} recipe : mapping, optional More that
+    belongs into the recipe, such as where the weights came from.
 
     Raises
     ------
@@ -83,11 +74,15 @@ class Torch:
     ) -> None:
         library = needed("torch", "a PyTorch module", "PyTorch", "torch")
         if not isinstance(module, library.nn.Module):
-            raise SurefixValueError(f"module: expected a torch.nn.Module, got {type(module).__name__}")
+            raise SurefixValueError(
+                f"module: expected a torch.nn.Module, got {type(module).__name__}"
+            )
         if not isinstance(batch, int) or batch < 1:
             raise SurefixValueError(f"batch: expected a whole number of at least 1, got {batch!r}")
         if transform is not None and (size is not None or not callable(transform)):
-            raise SurefixValueError("transform: expected something to call with an image, and then no size")
+            raise SurefixValueError(
+                "transform: expected something to call with an image, and then no size"
+            )
         self.module, self.transform, self.batch, self.autocast = module, transform, batch, autocast
         self.name = name or f"torch:{type(module).__name__}"
         self._torch = library
@@ -111,28 +106,33 @@ class Torch:
 
     @property
     def recipe(self) -> Mapping[str, object]:
-        """The module's class, a SHA-256 over its weights as they were given, and how images are prepared."""
+        """The module's class, a SHA-256 over its weights as they were given, and how images are
+        prepared.
+        """
         return dict(self._recipe)
 
-    def describe(self, images: Sequence[npt.NDArray[np.uint8]] | npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    def describe(
+        self, images: Sequence[npt.NDArray[np.uint8]] | npt.NDArray[np.uint8]
+    ) -> npt.NDArray[np.float32]:
         """The vectors of some images, (n, dim); of one image, given as an array, (1, dim).
 
-        Raises
-        ------
-        SurefixValueError
-            Where an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an image.
+        Raises ------ SurefixValueError Where an image is not uint8 (H, W) or (H, W, 3), or the
+        output is not a finite vector an image.
         """
         several = as_images(images)
         if not several:
             raise SurefixValueError("images: expected at least one, got none")
         with _evaluating(self.module):
             runs = [
-                self._run(several[start : start + self.batch], start) for start in range(0, len(several), self.batch)
+                self._run(several[start : start + self.batch], start)
+                for start in range(0, len(several), self.batch)
             ]
         return runs[0] if len(runs) == 1 else np.concatenate(runs)
 
     def __repr__(self) -> str:
-        return f"Torch({type(self.module).__name__}, device={str(self.device)!r}, name={self.name!r})"
+        return (
+            f"Torch({type(self.module).__name__}, device={str(self.device)!r}, name={self.name!r})"
+        )
 
     def _run(self, images: list[npt.NDArray[np.uint8]], start: int) -> npt.NDArray[np.float32]:
         with self._torch.inference_mode(), self._precision():
@@ -165,7 +165,11 @@ class Torch:
         planes = [self.transform(pillow.fromarray(image).convert("RGB")) for image in images]
         for index, plane in enumerate(planes):
             if not isinstance(plane, self._torch.Tensor) or plane.shape != planes[0].shape:
-                got = tuple(plane.shape) if isinstance(plane, self._torch.Tensor) else type(plane).__name__
+                got = (
+                    tuple(plane.shape)
+                    if isinstance(plane, self._torch.Tensor)
+                    else type(plane).__name__
+                )
                 raise SurefixValueError(
                     f"transform: expected tensors of one shape, (3, H, W), got {got} for image {index} of the batch"
                 )
@@ -191,11 +195,15 @@ def _evaluating(module: "torch.nn.Module") -> Iterator[None]:
 
 
 def _sha256(library: Any, module: "torch.nn.Module") -> str:
-    """Over the names, types, shapes and bytes of all weights and buffers, in the order of their names."""
+    """Over the names, types, shapes and bytes of all weights and buffers, in the order of their
+    names.
+    """
     state = hashlib.sha256()
     for name, tensor in sorted(module.state_dict().items()):
         if not hasattr(tensor, "detach"):
-            raise SurefixError(f"{type(module).__name__}: expected a state of tensors, got {name} of another kind")
+            raise SurefixError(
+                f"{type(module).__name__}: expected a state of tensors, got {name} of another kind"
+            )
         flat = tensor.detach().cpu().contiguous().flatten()
         state.update(f"{name} {flat.dtype} {tuple(tensor.shape)}\0".encode())
         # Bytes, as NumPy does not know all of PyTorch's types.

@@ -1,4 +1,6 @@
-"""The newest columns of the distance matrix, with the matched cells: bounded, however long the drive."""
+"""The newest columns of the distance matrix, with the matched cells: bounded, however long the
+drive.
+"""
 
 from collections import deque
 
@@ -39,7 +41,9 @@ class Columns:
         self.matched.append((self.thinning.group(fix.single.place), fix.trusted))
 
     def levels(self) -> NDArray[np.uint8]:
-        """The columns as a picture, (rows, count): 255 is the smallest distance in it, 1 the largest, 0 is none."""
+        """The columns as a picture, (rows, count): 255 is the smallest distance in it, 1 the
+        largest, 0 is none.
+        """
         known = np.isfinite(self.values)
         if not known.any():
             return np.zeros(self.values.shape, np.uint8)
@@ -50,7 +54,11 @@ class Columns:
         return levels
 
     def cells(self, trusted: bool) -> NDArray[np.float32]:
-        """The middles of the matched cells that are trusted, or those that are not: (n, 2), x right and y down."""
+        """The middles of the matched cells that are trusted, or those that are not: (n, 2), x right
+        and y down.
+        """
         first = self.count - len(self.matched)
-        cells = [(first + k, row) for k, (row, trust) in enumerate(self.matched) if trust == trusted]
+        cells = [
+            (first + k, row) for k, (row, trust) in enumerate(self.matched) if trust == trusted
+        ]
         return np.array(cells, np.float32).reshape(-1, 2) + np.float32(0.5)

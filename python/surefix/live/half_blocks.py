@@ -33,14 +33,18 @@ class HalfBlocks:
         height = min(tall, max(2, round(self.width * tall / wide) // 2 * 2))
         rows = np.arange(height) * tall // height
         columns = np.arange(self.width) * wide // self.width
-        sums = np.add.reduceat(np.add.reduceat(image, rows, axis=0, dtype=np.int64), columns, axis=1)
+        sums = np.add.reduceat(
+            np.add.reduceat(image, rows, axis=0, dtype=np.int64), columns, axis=1
+        )
         heights, widths = np.diff(rows, append=tall), np.diff(columns, append=wide)
         self.pixels = (sums // np.outer(heights, widths)[:, :, None]).tolist()
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         for upper, lower in zip(self.pixels[::2], self.pixels[1::2], strict=False):
             for above, below in zip(upper, lower, strict=True):
-                yield Segment("▀", Style(color=Color.from_rgb(*above), bgcolor=Color.from_rgb(*below)))
+                yield Segment(
+                    "▀", Style(color=Color.from_rgb(*above), bgcolor=Color.from_rgb(*below))
+                )
             yield Segment.line()
 
     def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:

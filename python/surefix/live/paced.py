@@ -11,7 +11,8 @@ __all__ = ["PacedLive"]
 
 
 class PacedLive:
-    """Drawn between two pushes, so that it does not slow what it shows; where none follows, a little later.
+    """Drawn between two pushes, so that it does not slow what it shows; where none follows, a
+    little later.
 
     What ``picture`` looks at may change under ``lock`` only.
 
@@ -56,7 +57,8 @@ class PacedLive:
 
     def _catch_up(self, picture: Callable[[], RenderableType]) -> None:
         with self.lock:
-            # It may have been stopped, or the next frame been drawn, while this waited for the lock.
+            # It may have been stopped, or the next frame been drawn, while this waited for the
+            # lock.
             if self.late is None:
                 return
             self._draw(picture)
@@ -75,7 +77,9 @@ class PacedLive:
             self.late = None
 
     def stop(self, picture: Callable[[], RenderableType] | None) -> None:
-        """Draw for the last time, and give the terminal back: what is drawn stays, and the cursor stands below it."""
+        """Draw for the last time, and give the terminal back: what is drawn stays, and the cursor
+        stands below it.
+        """
         if not self.on or not self.live.is_started:
             return
         with self.lock:

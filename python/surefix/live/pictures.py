@@ -11,10 +11,15 @@ if TYPE_CHECKING:
 
 __all__ = ["heat", "shrunk_jpeg"]
 
-# A tone for each level of ``Columns.levels``: what is not there, then from far, dark as the viewer's paper, to near.
+# A tone for each level of ``Columns.levels``: what is not there, then from far, dark as the
+# viewer's paper, to near.
 _STOPS = (1, 150, 225, 255)
 _TONES = ((22, 42, 120, 255), (27, 82, 170, 250), (36, 118, 190, 225))
-PALETTE = np.array([np.interp(np.arange(256), _STOPS, tones) for tones in _TONES]).T.round().astype(np.uint8)
+PALETTE = (
+    np.array([np.interp(np.arange(256), _STOPS, tones) for tones in _TONES])
+    .T.round()
+    .astype(np.uint8)
+)
 PALETTE[0] = 13, 16, 20
 
 
@@ -29,7 +34,9 @@ def shrunk_jpeg(image: NDArray[np.uint8], widest: int) -> bytes:
 
 
 def heat(levels: NDArray[np.uint8]) -> bytes:
-    """Levels of nearness, 0 where there is none, in colours: a PNG file whose bytes are the levels."""
+    """Levels of nearness, 0 where there is none, in colours: a PNG file whose bytes are the
+    levels.
+    """
     from PIL import Image
 
     picture = Image.fromarray(levels)

@@ -14,12 +14,9 @@ __all__ = ["References"]
 class References:
     """The image of a place, by the name that the map has for it.
 
-    Parameters
-    ----------
-    map : Map
-        Its ``names`` are file names.
-    folder : path, optional
-        Where those files are. Without it, names are looked for as they are: a path, or a file in the working folder.
+    Parameters ---------- map : Map Its ``names`` are file names. folder : path, optional Where
+    those files are. Without it, names are looked for as they are: a path, or a file in the working
+    folder.
 
     Raises
     ------
@@ -36,14 +33,20 @@ class References:
         self.image = lru_cache(maxsize=self.KEPT)(self._image)
         if folder is not None:
             if not self.folder.is_dir():
-                raise SurefixValueError(f"references: expected the folder of the map's images, got {self.folder}")
+                raise SurefixValueError(
+                    f"references: expected the folder of the map's images, got {self.folder}"
+                )
             if not self:
                 first = f"its first is {self.names[0]}" if self.names else "it has no names"
-                raise SurefixValueError(f"references: expected images of the map in {self.folder}, got none: {first}")
+                raise SurefixValueError(
+                    f"references: expected images of the map in {self.folder}, got none: {first}"
+                )
 
     def __bool__(self) -> bool:
         """Whether there are any, going by the first and the last place."""
-        return self.names is not None and any((self.folder / self.names[place]).is_file() for place in (0, -1))
+        return self.names is not None and any(
+            (self.folder / self.names[place]).is_file() for place in (0, -1)
+        )
 
     def _image(self, place: int) -> NDArray[np.uint8] | None:
         """The image of a place; None where there is none, or it cannot be read."""

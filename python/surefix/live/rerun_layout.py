@@ -27,22 +27,42 @@ def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int
         images.append(rrb.Spatial2DView(origin="matched", name="Matched place"))
     ground = []
     if dimensions:
-        view, points = (rrb.Spatial3DView, rr.Points3D) if dimensions == 3 else (rrb.Spatial2DView, rr.Points2D)
-        # What the drive left behind stays, up to where the cursor is; of all else there is only the newest.
+        view, points = (
+            (rrb.Spatial3DView, rr.Points3D)
+            if dimensions == 3
+            else (rrb.Spatial2DView, rr.Points2D)
+        )
+        # What the drive left behind stays, up to where the cursor is; of all else there is only the
+        # newest.
         start, now = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
-        so_far = rrb.VisibleTimeRanges([rrb.VisibleTimeRange(name, start=start, end=now) for name in ("frame", "time")])
-        trail: Any = {f"route/{name}": [so_far, points.from_fields()] for name in ("trusted", "untrusted")}
+        so_far = rrb.VisibleTimeRanges(
+            [rrb.VisibleTimeRange(name, start=start, end=now) for name in ("frame", "time")]
+        )
+        trail: Any = {
+            f"route/{name}": [so_far, points.from_fields()] for name in ("trusted", "untrusted")
+        }
         ground.append(view(origin="route", name="Route", overrides=trail))
     legend = rrb.PlotLegend(rrb.Corner2D.LeftBottom)
-    distances = rrb.BarChartView(origin="distances", name="Distances to all places", plot_legend=legend)
+    distances = rrb.BarChartView(
+        origin="distances", name="Distances to all places", plot_legend=legend
+    )
     rows, columns = matrix
     bounds = rrb.VisualBounds2D(x_range=(0, columns), y_range=(0, rows))
-    newest = rrb.Spatial2DView(origin="matrix", name="Newest columns of the matrix", visual_bounds=bounds)
-    place = rrb.TimeSeriesView(origin="place", name="Place", plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop))
+    newest = rrb.Spatial2DView(
+        origin="matrix", name="Newest columns of the matrix", visual_bounds=bounds
+    )
+    place = rrb.TimeSeriesView(
+        origin="place", name="Place", plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop)
+    )
     bare = rrb.PlotLegend(visible=False)
     score = rrb.TimeSeriesView(origin="score", name="Score", plot_legend=bare)
-    latency = rrb.TimeSeriesView(origin="latency_us", name="Latency, microseconds", plot_legend=bare)
-    views = [rrb.Vertical(distances, newest), rrb.Vertical(*ground, place, rrb.Horizontal(score, latency))]
+    latency = rrb.TimeSeriesView(
+        origin="latency_us", name="Latency, microseconds", plot_legend=bare
+    )
+    views = [
+        rrb.Vertical(distances, newest),
+        rrb.Vertical(*ground, place, rrb.Horizontal(score, latency)),
+    ]
     shares = [2.0, 2.0]
     if images:
         views.insert(0, rrb.Vertical(*images))

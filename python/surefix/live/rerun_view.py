@@ -28,41 +28,30 @@ EPOCH = 1e9
 
 
 class RerunView:
-    """A drive in the rerun viewer, and in a recording: what the camera sees and the place it is matched to, the
-    distances with their minimum and gradient peak, the newest columns of their matrix, the trusted track, the score.
+    """A drive in the rerun viewer, and in a recording: what the camera sees and the place it is
+    matched to, the distances with their minimum and gradient peak, the newest columns of their
+    matrix, the trusted track, the score.
 
-    Each query is a row on the timeline ``frame``, and on ``time`` where frames have one. The entity ``fix`` has the fix
-    itself, number by number, for whoever reads a recording back. Distances of more places than ``places_drawn`` are
-    thinned, their minima kept, and the matrix has the newest queries only: what a query costs does not grow.
+    Each query is a row on the timeline ``frame``, and on ``time`` where frames have one. The entity
+    ``fix`` has the fix itself, number by number, for whoever reads a recording back. Distances of
+    more places than ``places_drawn`` are thinned, their minima kept, and the matrix has the newest
+    queries only: what a query costs does not grow.
 
-    Parameters
-    ----------
-    map : Map
-        The localizer's map. Its positions, where it has any, become the track's ground.
-    save : path, optional
-        Write a recording, to be opened by ``rerun FILE.rrd``. A file of that name is replaced.
-    spawn : bool, optional
-        Open the viewer, or use the one that is open. By default, where nothing is saved.
-    references : path, optional
-        The folder of the map's images, as for ``References``.
-    port : int
-        Where the viewer listens.
-    memory : str
-        How much the viewer and its server may keep each, as "2GB" or "50%", before they forget what is oldest.
-    columns : int, optional
-        How many of the newest queries the matrix has; by default as many as fill its view.
-    places_drawn : int
-        How many distances are drawn.
+    Parameters ---------- map : Map The localizer's map. Its positions, where it has any, become the
+    track's ground. save : path, optional Write a recording, to be opened by ``rerun FILE.rrd``. A
+    file of that name is replaced. spawn : bool, optional Open the viewer, or use the one that is
+    open. By default, where nothing is saved. references : path, optional The folder of the map's
+    images, as for ``References``. port : int Where the viewer listens. memory : str How much the
+    viewer and its server may keep each, as "2GB" or "50%", before they forget what is oldest.
+    columns : int, optional How many of the newest queries the matrix has; by default as many as
+    fill its view. places_drawn : int How many distances are drawn.
 
-    Raises
-    ------
-    SurefixError
-        Where rerun is not installed, the viewer cannot be opened, or the recording cannot be written.
+    Raises ------ SurefixError Where rerun is not installed, the viewer cannot be opened, or the
+    recording cannot be written.
 
-    Notes
-    -----
-    Positions are drawn from the map's first, which keeps metres of a national grid exact; of two coordinates, the
-    second is drawn upwards. On a map with a screen, the view asks for all distances, which the push was spared.
+    Notes ----- Positions are drawn from the map's first, which keeps metres of a national grid
+    exact; of two coordinates, the second is drawn upwards. On a map with a screen, the view asks
+    for all distances, which the push was spared.
 
     Examples
     --------
@@ -97,7 +86,9 @@ class RerunView:
         self.rr = load_rerun()
         self.recording = self.rr.RecordingStream("surefix")
         if not self.rr.is_enabled(self.recording):
-            raise SurefixError("rerun is turned off: expected the environment variable RERUN to be unset or on")
+            raise SurefixError(
+                "rerun is turned off: expected the environment variable RERUN to be unset or on"
+            )
         self.recording.set_log_time_enabled(False)
         self.recording.set_log_tick_enabled(False)
         self.started = False
@@ -113,7 +104,10 @@ class RerunView:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -173,10 +167,16 @@ class RerunView:
         )
         points = {"trusted": (TRUSTED, 3.0), "untrusted": (UNTRUSTED, 1.5)}
         for name, (colour, size) in points.items():
-            style = rr.SeriesPoints(colors=_rgb(colour), names=name, markers="circle", marker_sizes=size)
+            style = rr.SeriesPoints(
+                colors=_rgb(colour), names=name, markers="circle", marker_sizes=size
+            )
             log(f"place/{name}", style, static=True)
         log("score", rr.SeriesLines(colors=_rgb(MINIMUM), names="score", widths=1.5), static=True)
-        log("latency_us", rr.SeriesLines(colors=_rgb(PEAK), names="push, microseconds", widths=1.5), static=True)
+        log(
+            "latency_us",
+            rr.SeriesLines(colors=_rgb(PEAK), names="push, microseconds", widths=1.5),
+            static=True,
+        )
         if self.positions is not None:
             step = -(-len(self.positions) // self.PLACES_ON_ROUTE)
             log("route/places", self._points(self.positions[::step], FAINT, 1.5), static=True)
@@ -197,11 +197,14 @@ class RerunView:
             self.shown = fix.place
             reference = self.references.image(fix.place)
             self.recording.log(
-                "matched", self.rr.Clear(recursive=False) if reference is None else self._jpeg(reference)
+                "matched",
+                self.rr.Clear(recursive=False) if reference is None else self._jpeg(reference),
             )
 
     def _jpeg(self, image: Image) -> Any:
-        return self.rr.EncodedImage(contents=shrunk_jpeg(image, self.WIDEST), media_type="image/jpeg")
+        return self.rr.EncodedImage(
+            contents=shrunk_jpeg(image, self.WIDEST), media_type="image/jpeg"
+        )
 
     def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
         """All distances as bars, those of the minimum and of the gradient peak in colours."""
@@ -210,14 +213,21 @@ class RerunView:
         wide = float(self.thinning.width)
         values = distances[places]
         middles = (places // self.thinning.width + 0.5) * wide - 0.5
-        log("distances/all", chart(values, abscissa=middles, widths=np.full(len(values), wide), color=_rgb(UNTRUSTED)))
+        log(
+            "distances/all",
+            chart(
+                values, abscissa=middles, widths=np.full(len(values), wide), color=_rgb(UNTRUSTED)
+            ),
+        )
         # On a long route, one bar would be too thin to see.
         thick = max(wide, len(distances) / 150)
         for name, place, colour in (
             ("minimum", fix.single.place, MINIMUM),
             ("gradient_peak", fix.gradient.place, PEAK),
         ):
-            bar = chart(distances[[place]], abscissa=[float(place)], widths=[thick], color=_rgb(colour))
+            bar = chart(
+                distances[[place]], abscissa=[float(place)], widths=[thick], color=_rgb(colour)
+            )
             log(f"distances/{name}", bar)
 
     def _log_matrix(self, distances: NDArray[np.float32], fix: Fix) -> None:
@@ -225,14 +235,20 @@ class RerunView:
         self.columns.add(distances, fix)
         picture = rr.EncodedImage(contents=heat(self.columns.levels()), media_type="image/png")
         self.recording.log("matrix/distances", picture)
-        for name, trusted, colour, size in (("untrusted", False, UNTRUSTED, 1.5), ("trusted", True, TRUSTED, 3.0)):
+        for name, trusted, colour, size in (
+            ("untrusted", False, UNTRUSTED, 1.5),
+            ("trusted", True, TRUSTED, 3.0),
+        ):
             radius = rr.Radius.ui_points(size)
             self.recording.log(
-                f"matrix/{name}", rr.Points2D(self.columns.cells(trusted), colors=_rgb(colour), radii=radius)
+                f"matrix/{name}",
+                rr.Points2D(self.columns.cells(trusted), colors=_rgb(colour), radii=radius),
             )
 
     def _log_track(self, fix: Fix) -> None:
-        name, colour, size = ("trusted", TRUSTED, 5.0) if fix.trusted else ("untrusted", UNTRUSTED, 2.0)
+        name, colour, size = (
+            ("trusted", TRUSTED, 5.0) if fix.trusted else ("untrusted", UNTRUSTED, 2.0)
+        )
         self.recording.log(f"place/{name}", self.rr.Scalars(fix.place))
         if self.positions is not None:
             at = self.positions[[fix.place]]
@@ -240,7 +256,9 @@ class RerunView:
             self.recording.log("route/here", self._points(at, HERE, 8.0 if fix.trusted else 4.0))
 
     def _points(self, at: NDArray[np.float64], colour: str, size: float) -> Any:
-        """Positions as points: from the first place's, and with two coordinates, the second upwards."""
+        """Positions as points: from the first place's, and with two coordinates, the second
+        upwards.
+        """
         drawn = (at - self.origin).astype(np.float32)
         kind = self.rr.Points3D
         if drawn.shape[1] == 2:

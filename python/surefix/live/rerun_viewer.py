@@ -29,13 +29,16 @@ def viewer_obstacle() -> str | None:
     """Why rerun's viewer cannot be opened here, in a few words; None where it can."""
     if find_spec("rerun") is None:
         return 'rerun is not installed: pip install "surefix[live]"'
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
         return "rerun's viewer needs a screen, and DISPLAY names none"
     return None
 
 
 def open_viewer(recording: Any, port: int, memory: str) -> None:
-    """Open rerun's viewer in a window of its own, or find the one that listens at ``port``. It outlives the process.
+    """Open rerun's viewer in a window of its own, or find the one that listens at ``port``. It
+    outlives the process.
 
     Raises
     ------
@@ -68,4 +71,6 @@ def open_viewer(recording: Any, port: int, memory: str) -> None:
     try:
         socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
     except OSError as error:
-        raise SurefixError(f"rerun's viewer did not open: nothing answers at port {port} ({error})") from None
+        raise SurefixError(
+            f"rerun's viewer did not open: nothing answers at port {port} ({error})"
+        ) from None

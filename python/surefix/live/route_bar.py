@@ -13,7 +13,9 @@ AHEAD, PASSED, KNOWN = 0, 1, 2
 
 
 class RouteBar:
-    """The map's places in order: trusted fixes were here, others were there, and the rest is unseen."""
+    """The map's places in order: trusted fixes were here, others were there, and the rest is
+    unseen.
+    """
 
     def __init__(self, places: int) -> None:
         self.state = np.zeros(places, np.uint8)

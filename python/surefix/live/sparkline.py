@@ -14,8 +14,11 @@ BLOCKS = " ▁▂▃▄▅▆▇█"
 PLAIN = "_.:-=+*#"
 
 
-def sparkline(distances: NDArray[np.float32], fix: Fix, strip: Strip, lines: int, unicode: bool) -> Text:
-    """Bars of the distances, pointed at by the gradient peak from above and by the minimum from below.
+def sparkline(
+    distances: NDArray[np.float32], fix: Fix, strip: Strip, lines: int, unicode: bool
+) -> Text:
+    """Bars of the distances, pointed at by the gradient peak from above and by the minimum from
+    below.
 
     Where the two arrows point at each other, the match is trusted.
     """
@@ -28,9 +31,14 @@ def sparkline(distances: NDArray[np.float32], fix: Fix, strip: Strip, lines: int
         # The smallest still has a bar: an eighth of a line.
         eighths = 1 + np.rint(share * (8 * lines - 1)).astype(int)
         for line in reversed(range(lines)):
-            text.append("".join(BLOCKS[level] for level in np.clip(eighths - 8 * line, 0, 8)) + "\n", "dim")
+            text.append(
+                "".join(BLOCKS[level] for level in np.clip(eighths - 8 * line, 0, 8)) + "\n", "dim"
+            )
     else:
-        text.append("".join(PLAIN[level] for level in np.rint(share * (len(PLAIN) - 1)).astype(int)) + "\n", "dim")
+        text.append(
+            "".join(PLAIN[level] for level in np.rint(share * (len(PLAIN) - 1)).astype(int)) + "\n",
+            "dim",
+        )
     _mark(text, strip.column(fix.single.place), "▲" if unicode else "^", MINIMUM)
     text.right_crop(1)
     return text

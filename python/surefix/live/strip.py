@@ -33,9 +33,16 @@ class Strip:
 
     def largest(self, values: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The largest value of each character's places, shape (width,)."""
-        return values[self.first] if self.short else np.asarray(np.maximum.reduceat(values, self.first), np.uint8)
+        return (
+            values[self.first]
+            if self.short
+            else np.asarray(np.maximum.reduceat(values, self.first), np.uint8)
+        )
 
     def column(self, place: int) -> int:
         """The character of a place; the middle one of several."""
-        left, right = np.searchsorted(self.first, place, "left"), np.searchsorted(self.first, place, "right")
+        left, right = (
+            np.searchsorted(self.first, place, "left"),
+            np.searchsorted(self.first, place, "right"),
+        )
         return int((left + right - 1) // 2) if left < right else int(right - 1)

@@ -21,11 +21,12 @@ __all__ = ["TerminalView"]
 
 
 class TerminalView:
-    """Where on the route the drive is, the distances with their minimum and gradient peak, the newest fixes, how many
-    are trusted, latency and dropped frames; on a large terminal, also what the camera sees and what it is matched to.
+    """Where on the route the drive is, the distances with their minimum and gradient peak, the
+    newest fixes, how many are trusted, latency and dropped frames; on a large terminal, also what
+    the camera sees and what it is matched to.
 
-    It is drawn a few times a second, however fast the fixes come, and takes the room that the terminal has. Where
-    there is no terminal, it writes a plain line a fix.
+    It is drawn a few times a second, however fast the fixes come, and takes the room that the
+    terminal has. Where there is no terminal, it writes a plain line a fix.
 
     Parameters
     ----------
@@ -78,7 +79,10 @@ class TerminalView:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
     ) -> None:
         self.close()
 

@@ -59,7 +59,9 @@ class Scene:
 
 
 def panel(scene: Scene, console: Console) -> RenderableType:
-    """The scene, with what the console has room for: first of all where the drive is, last of all its images."""
+    """The scene, with what the console has room for: first of all where the drive is, last of all
+    its images.
+    """
     unicode = (console.encoding or "").lower().startswith("utf")
     width = min(console.width, WIDEST)
     inside = max(1, width - 4)
@@ -75,13 +77,23 @@ def panel(scene: Scene, console: Console) -> RenderableType:
         room -= 3
     if room >= 6:
         lines = (3 if room >= 16 else 2) if unicode else 1
-        below += ["", _distances_label(scene, unicode), sparkline(scene.distances, scene.fix, strip, lines, unicode)]
+        below += [
+            "",
+            _distances_label(scene, unicode),
+            sparkline(scene.distances, scene.fix, strip, lines, unicode),
+        ]
         room -= 4 + lines
     if room >= 4:
         shown = min(len(scene.rows), room - 2, 12)
         below += ["", _table(scene.rows[len(scene.rows) - shown :], width, unicode)]
         room -= 2 + shown
-    if room >= 8 and inside >= 40 and unicode and not console.no_color and console.color_system in ("truecolor", "256"):
+    if (
+        room >= 8
+        and inside >= 40
+        and unicode
+        and not console.no_color
+        and console.color_system in ("truecolor", "256")
+    ):
         top += _images(scene, inside, min(room - 2, 16))
     body = Group(*top, *below, *(["", *summary] if room >= 1 else summary))
     of = "" if scene.total is None else f" of {scene.total}"
@@ -153,7 +165,9 @@ def _table(rows: list[Row], width: int, unicode: bool) -> Table:
         cells += [f"{row.latency_us:.0f}"] if width >= LATENCIES else []
         cells.append(Text(f"{mark} {word}" if width >= SCORES else mark, style))
         if width >= ANCHORS:
-            cells.append(Text("warming up", "dim") if fix.sequence is None else str(fix.sequence.anchors))
+            cells.append(
+                Text("warming up", "dim") if fix.sequence is None else str(fix.sequence.anchors)
+            )
         table.add_row(*cells)
     return table
 

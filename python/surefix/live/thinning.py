@@ -11,12 +11,8 @@ class Thinning:
 
     A match is one place in a hundred thousand: a mean, or every hundredth place, would lose it.
 
-    Parameters
-    ----------
-    places : int
-        How many there are.
-    size : int
-        How many groups there may be. Where there are no more places than that, each has a group of its own.
+    Parameters ---------- places : int How many there are. size : int How many groups there may be.
+    Where there are no more places than that, each has a group of its own.
 
     Examples
     --------

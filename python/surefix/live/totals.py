@@ -41,12 +41,15 @@ class Totals:
         p50, p99 = np.percentile(self.latency, (50, 99))
         parts = [f"{self.trusted / self.fixes:.0%} trusted ({self.trusted} of {self.fixes})"]
         if self.trusted and self.since_trusted:
-            parts.append(f"the last {self.since_trusted} frame{'s' if self.since_trusted > 1 else ''} ago")
+            parts.append(
+                f"the last {self.since_trusted} frame{'s' if self.since_trusted > 1 else ''} ago"
+            )
         elapsed = self.times[-1] - self.times[0]
         if elapsed > 0:
             parts.append(f"{(len(self.times) - 1) / elapsed:.0f} frames a second")
         parts.append(f"{p50:.0f} us a push, p99 {p99:.0f}")
         parts.append(
-            f"{self.dropped} dropped" + (f", {self.gaps} gap{'s' if self.gaps > 1 else ''}" if self.gaps else "")
+            f"{self.dropped} dropped"
+            + (f", {self.gaps} gap{'s' if self.gaps > 1 else ''}" if self.gaps else "")
         )
         return " · ".join(parts)

@@ -31,7 +31,9 @@ class View(Protocol):
         """
 
     def close(self) -> None:
-        """Finish: what was shown stays, files are complete, the terminal is as it was. Once more does nothing."""
+        """Finish: what was shown stays, files are complete, the terminal is as it was. Once more
+        does nothing.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,9 @@ class Seen:
 
     @classmethod
     def of(cls, frame: Any, fix: Fix) -> "Seen":
-        """Look at a frame. A descriptor has no image; a frame without a name is called by its number."""
+        """Look at a frame. A descriptor has no image; a frame without a name is called by its
+        number.
+        """
         pixels = getattr(frame, "image", frame)
         is_image = isinstance(pixels, np.ndarray) and pixels.dtype == np.uint8 and pixels.ndim >= 2
         return cls(

@@ -1,7 +1,7 @@
 """Every figure as a function that takes a matplotlib axis, draws on it and returns it.
 
-They take plain data: curves of ``surefix.evaluate``, runs, arrays. ``png`` draws one without a display. ``LIGHT`` and
-``DARK`` are the papers; nothing in a figure hangs on colour alone.
+They take plain data: curves of ``surefix.evaluate``, runs, arrays. ``png`` draws one without a
+display. ``LIGHT`` and ``DARK`` are the papers; nothing in a figure hangs on colour alone.
 """
 
 try:
@@ -10,7 +10,11 @@ except ModuleNotFoundError as error:
     # matplotlib brings Pillow, and needs it.
     if error.name not in ("matplotlib", "PIL"):
         raise
-    missing = "which is not installed" if error.name == "matplotlib" else "and that with Pillow, which is not installed"
+    missing = (
+        "which is not installed"
+        if error.name == "matplotlib"
+        else "and that with Pillow, which is not installed"
+    )
     message = f"surefix.plot draws with matplotlib, {missing}: pip install 'surefix[plot]'"
     raise ModuleNotFoundError(message, name=error.name) from None
 

@@ -48,7 +48,9 @@ def precision_recall(
         "rejected": "share of correct and of rejected matches",
     }[recall]
     ax.axvspan(0, upto, color=theme.grid, alpha=0.55, linewidth=0)
-    for layer, ((name, curve), look) in enumerate(zip(curves.items(), looks(theme, len(curves)), strict=True)):
+    for layer, ((name, curve), look) in enumerate(
+        zip(curves.items(), looks(theme, len(curves)), strict=True)
+    ):
         label = f"{name}: area up to recall {upto:g} is {curve.auc(upto):.2f}"
         if curve.max_recall < upto:
             label += f", it ends at recall {curve.max_recall:.2f}"

@@ -11,22 +11,27 @@ from surefix.plot.theme import LIGHT, Theme
 
 __all__ = ["Example", "examples", "examples_height"]
 
-# In widths of a picture: between two pictures, between two examples, above and below the pictures of a row.
+# In widths of a picture: between two pictures, between two examples, above and below the pictures
+# of a row.
 BESIDE, BETWEEN, TITLE, CAPTION = 0.03, 0.16, 0.1, 0.15
 
 
 @dataclass(frozen=True)
 class Example:
-    """Some images of one query, each with its title or None where there is no image, and a line about them all."""
+    """Some images of one query, each with its title or None where there is no image, and a line
+    about them all.
+    """
 
     images: Sequence[tuple[str, Image | None]]
     caption: str
 
 
 def examples(ax: Axes, shown: Sequence[Example], *, across: int = 2, theme: Theme = LIGHT) -> Axes:
-    """Draws examples, each a row of images with titles above and its caption below, ``across`` of them side by side.
+    """Draws examples, each a row of images with titles above and its caption below, ``across`` of
+    them side by side.
 
-    An image keeps its proportions. One unit of the axis is the width of a picture; all have the box of the first.
+    An image keeps its proportions. One unit of the axis is the width of a picture; all have the box
+    of the first.
 
     Parameters
     ----------
@@ -45,12 +50,23 @@ def examples(ax: Axes, shown: Sequence[Example], *, across: int = 2, theme: Them
             at = left + k * (1 + BESIDE)
             ax.text(at, top + 0.02, title, fontsize=8, va="bottom", color=theme.ink)
             if image is None:
-                ax.add_patch(Rectangle((at, top - height), 1, height, fill=False, edgecolor=theme.grid))
-                ax.text(at + 0.5, top - height / 2, "no image", ha="center", va="center", color=theme.muted)
+                ax.add_patch(
+                    Rectangle((at, top - height), 1, height, fill=False, edgecolor=theme.grid)
+                )
+                ax.text(
+                    at + 0.5,
+                    top - height / 2,
+                    "no image",
+                    ha="center",
+                    va="center",
+                    color=theme.muted,
+                )
                 continue
             rows, columns = image.shape[:2]
             w, h = min(1.0, height * columns / rows), min(height, rows / columns)
-            ax.add_patch(Rectangle((at, top - height), 1, height, facecolor=theme.grid, linewidth=0))
+            ax.add_patch(
+                Rectangle((at, top - height), 1, height, facecolor=theme.grid, linewidth=0)
+            )
             x, y = at + (1 - w) / 2, top - (height + h) / 2
             photo(ax, image, (x, x + w, y, y + h))
         ax.text(left, top - height - 0.02, example.caption, fontsize=8, va="top", color=theme.muted)

@@ -23,19 +23,23 @@ def auc_intervals(
 ) -> Axes:
     """Draws a row for each method: its area under the curve as a dot, the interval as a line.
 
-    Parameters
-    ----------
-    estimates : mapping of a name to (area, low, high)
-        From the top down.
-    upto, level : float
-        The areas are up to this recall; the intervals hold this share of the bootstrap's samples.
-    baseline : str, optional
-        The name of the method that the others are compared to: a dashed line goes down from its dot.
+    Parameters ---------- estimates : mapping of a name to (area, low, high) From the top down.
+    upto, level : float The areas are up to this recall; the intervals hold this share of the
+    bootstrap's samples. baseline : str, optional The name of the method that the others are
+    compared to: a dashed line goes down from its dot.
     """
     for row, (name, (area, low, high)) in enumerate(estimates.items()):
         first = name == baseline
         colour = theme.muted if first else theme.trusted_right
-        ax.plot([low, high], [row, row], color=colour, linewidth=2.6, solid_capstyle="butt", zorder=3, clip_on=False)
+        ax.plot(
+            [low, high],
+            [row, row],
+            color=colour,
+            linewidth=2.6,
+            solid_capstyle="butt",
+            zorder=3,
+            clip_on=False,
+        )
         ax.plot(
             area,
             row,

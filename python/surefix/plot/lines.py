@@ -1,4 +1,6 @@
-"""How lines of one figure are told apart: by colour, dashes and marks, so that any one of the three may be lost."""
+"""How lines of one figure are told apart: by colour, dashes and marks, so that any one of the three
+may be lost.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +23,9 @@ class Look:
     mark: str
 
     def line(self, points: int, layer: int) -> dict[str, Any]:
-        """What ``Axes.plot`` has to be told for a line of so many points, with a few marks on it."""
+        """What ``Axes.plot`` has to be told for a line of so many points, with a few marks on
+        it.
+        """
         # Each line's marks begin elsewhere, so that lines on top of each other show both.
         every = (0.02 + 0.017 * layer, 0.14) if points > 12 else None
         return {
@@ -39,7 +43,9 @@ class Look:
 def looks(theme: Theme, count: int) -> list[Look]:
     """The looks of ``count`` lines, the first the boldest; at most eight can be told apart."""
     if count > LOOKS:
-        raise SurefixValueError(f"lines: expected at most {LOOKS} in one figure, got {count}; draw several figures")
+        raise SurefixValueError(
+            f"lines: expected at most {LOOKS} in one figure, got {count}; draw several figures"
+        )
     styles: list[tuple[str, Any, float, str]] = [
         (theme.trusted_right, "-", 2.4, ""),
         (theme.trusted_wrong, (0, (5, 2)), 1.7, ""),

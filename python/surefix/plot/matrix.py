@@ -39,24 +39,16 @@ def distance_matrix(
 ) -> Axes:
     """Draws the distances, dark where a query looks like a place, and the match of each query.
 
-    Parameters
-    ----------
-    distances : array of float32, shape (n, m)
-        ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
-    place, trusted : arrays, shape (m,)
-        The matches, as of a ``surefix.Run``.
-    right : array of bool, shape (m,)
-        Which of them are right, as of ``is_right``.
-    truth : array of int, shape (m,), optional
-        Where each query really was, -1 where it was off the map: the true path, a line in a close-up.
-    judged : array of bool, shape (m,), optional
-        False for queries of which the truth is not known: their matches are not drawn. All by default.
-    queries, places : (first, count), optional
-        A close-up of these rather than the whole matrix, with larger marks and a line for the true path.
-    outline : (queries, places), optional
-        Draws a frame around these: where a close-up was taken.
-    label : str
-        What the distances are, and their unit; for the scale of a close-up.
+    Parameters ---------- distances : array of float32, shape (n, m) ``distances[i, j]`` is the
+    distance between place ``i`` and query ``j``. place, trusted : arrays, shape (m,) The matches,
+    as of a ``surefix.Run``. right : array of bool, shape (m,) Which of them are right, as of
+    ``is_right``. truth : array of int, shape (m,), optional Where each query really was, -1 where
+    it was off the map: the true path, a line in a close-up. judged : array of bool, shape (m,),
+    optional False for queries of which the truth is not known: their matches are not drawn. All by
+    default. queries, places : (first, count), optional A close-up of these rather than the whole
+    matrix, with larger marks and a line for the true path. outline : (queries, places), optional
+    Draws a frame around these: where a close-up was taken. label : str What the distances are, and
+    their unit; for the scale of a close-up.
     """
     close = queries is not None or places is not None
     first_query, query_count = queries or (0, distances.shape[1])
@@ -80,7 +72,12 @@ def distance_matrix(
     inside = seen & (shown >= first_query) & (shown < first_query + query_count)
     inside &= (place >= first_place) & (place < first_place + place_count)
     # The rare and the trusted on top.
-    order = (Outcome.UNTRUSTED_WRONG, Outcome.UNTRUSTED_RIGHT, Outcome.TRUSTED_RIGHT, Outcome.TRUSTED_WRONG)
+    order = (
+        Outcome.UNTRUSTED_WRONG,
+        Outcome.UNTRUSTED_RIGHT,
+        Outcome.TRUSTED_RIGHT,
+        Outcome.TRUSTED_WRONG,
+    )
     masks = outcomes(right, trusted)
     growth = np.clip(220 / max(query_count, place_count), 0.6, 5.0) if close else 1.0
     for layer, outcome in enumerate(order):
@@ -102,12 +99,16 @@ def distance_matrix(
             ax.plot(shown, known, color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
         figure = ax.get_figure(root=True)
         if figure is not None:
-            bar = figure.colorbar(tones, ax=ax, location="top", shrink=0.6, aspect=32, pad=0.02, extend="both")
+            bar = figure.colorbar(
+                tones, ax=ax, location="top", shrink=0.6, aspect=32, pad=0.02, extend="both"
+            )
             bar.set_label(label)
             bar.outline.set_visible(False)
     if outline is not None:
         (x, width), (y, height) = outline
-        frame = Rectangle((x - cell, y - cell), width, height, fill=False, edgecolor=theme.ink, linewidth=1.1)
+        frame = Rectangle(
+            (x - cell, y - cell), width, height, fill=False, edgecolor=theme.ink, linewidth=1.1
+        )
         ax.add_patch(frame).set_zorder(10)
     ax.set_xlim(first_query - cell, first_query + query_count - cell)
     ax.set_ylim(first_place - cell, first_place + place_count - cell)
@@ -115,7 +116,10 @@ def distance_matrix(
     ax.set_ylabel("place (frame of the map)")
     if not close:
         ax.legend(
-            handles=[_legend_entry(outcome, int((masks[outcome] & seen).sum()), theme) for outcome in Outcome],
+            handles=[
+                _legend_entry(outcome, int((masks[outcome] & seen).sum()), theme)
+                for outcome in Outcome
+            ],
             loc="lower center",
             bbox_to_anchor=(0.5, 1.0),
             ncols=2,
@@ -133,9 +137,11 @@ def busiest_window(
     *,
     count: int = 60,
 ) -> tuple[Window, Window]:
-    """The square on the true path that shows rare outcomes best: (queries, places), each ``count`` long.
+    """The square on the true path that shows rare outcomes best: (queries, places), each ``count``
+    long.
 
-    Matches inside the square count, up to ``ENOUGH`` of each outcome: one outcome alone does not win.
+    Matches inside the square count, up to ``ENOUGH`` of each outcome: one outcome alone does not
+    win.
     """
     m, n = len(place), int(max(place.max(), truth.max())) + 1
     side = min(count, m, n)
@@ -155,7 +161,9 @@ def busiest_window(
 
 
 def _paint(outcome: Outcome, colour: str, theme: Theme) -> dict[str, Any]:
-    """Hollow rings are all edge, thin crosses have none, filled marks are set off from the tones by it."""
+    """Hollow rings are all edge, thin crosses have none, filled marks are set off from the tones by
+    it.
+    """
     mark = MARKS[outcome]
     if mark.hollow:
         return {"facecolors": "none", "edgecolors": colour}

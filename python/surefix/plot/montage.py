@@ -16,7 +16,8 @@ __all__ = ["Box", "Column", "Image", "Pair", "montage", "montage_height", "photo
 Image = NDArray[np.uint8]
 Box = tuple[float, float, float, float]
 
-# In widths of a picture: between columns, between the two pictures of a pair, below a pair, and above all.
+# In widths of a picture: between columns, between the two pictures of a pair, below a pair, and
+# above all.
 ACROSS, BETWEEN, CAPTION, HEADER = 0.07, 0.012, 0.2, 0.27
 
 
@@ -48,11 +49,14 @@ def spread(queries: NDArray[np.int64], count: int) -> list[int]:
 
 def photo(ax: Axes, image: Image, box: Box) -> None:
     """Draws an image, uint8 (H, W) or (H, W, 3), into ``box``: left, right, bottom, top."""
-    ax.imshow(image, extent=box, interpolation="antialiased", cmap="gray", vmin=0, vmax=255, zorder=2)
+    ax.imshow(
+        image, extent=box, interpolation="antialiased", cmap="gray", vmin=0, vmax=255, zorder=2
+    )
 
 
 def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme = LIGHT) -> Axes:
-    """Draws a column for each outcome: the query above, the matched place below, ``rows`` pairs in each.
+    """Draws a column for each outcome: the query above, the matched place below, ``rows`` pairs in
+    each.
 
     A column without pairs says so. One unit of the axis is the width of a picture.
     """
@@ -78,7 +82,9 @@ def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme 
             text = top - 2 * height - BETWEEN - 0.035
             ax.text(left, text, pair.caption, fontsize=8, va="top", color=theme.muted)
         if not column.pairs:
-            ax.text(left + 0.5, -height, "none in this run", ha="center", va="center", color=theme.muted)
+            ax.text(
+                left + 0.5, -height, "none in this run", ha="center", va="center", color=theme.muted
+            )
     ax.set_xlim(-0.01, _width(len(columns)) - 0.01)
     ax.set_ylim(-rows * step, HEADER)
     ax.set_aspect("equal")
@@ -87,7 +93,9 @@ def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme 
 
 
 def montage_height(size: tuple[int, int], width: float, *, columns: int, rows: int) -> float:
-    """How high ``montage`` is where it is ``width`` wide, for images of ``size`` (width, height)."""
+    """How high ``montage`` is where it is ``width`` wide, for images of ``size`` (width,
+    height).
+    """
     return width / _width(columns) * (rows * _step(size[1] / size[0]) + HEADER)
 
 

@@ -35,13 +35,19 @@ class Outcome(Enum):
         return self in (Outcome.TRUSTED_RIGHT, Outcome.TRUSTED_WRONG)
 
 
-def is_right(place: NDArray[np.int64], truth: NDArray[np.int64], tolerance: int = 1) -> NDArray[np.bool_]:
-    """Which matches are within ``tolerance`` places of the truth; none where the truth is -1, off the map."""
+def is_right(
+    place: NDArray[np.int64], truth: NDArray[np.int64], tolerance: int = 1
+) -> NDArray[np.bool_]:
+    """Which matches are within ``tolerance`` places of the truth; none where the truth is -1, off
+    the map.
+    """
     near: NDArray[np.bool_] = np.abs(place - truth) <= tolerance
     return near & (truth >= 0)
 
 
-def outcomes(right: NDArray[np.bool_], trusted: NDArray[np.bool_]) -> dict[Outcome, NDArray[np.bool_]]:
+def outcomes(
+    right: NDArray[np.bool_], trusted: NDArray[np.bool_]
+) -> dict[Outcome, NDArray[np.bool_]]:
     """Which queries had each outcome: four masks of shape (m,) that cover every query once."""
     return {outcome: (right == outcome.right) & (trusted == outcome.trusted) for outcome in Outcome}
 
@@ -58,7 +64,9 @@ class Gap:
 
 
 def longest_gap(fixed: NDArray[np.bool_]) -> Gap:
-    """The longest stretch of queries of which none is ``fixed``; the first, where two are as long."""
+    """The longest stretch of queries of which none is ``fixed``; the first, where two are as
+    long.
+    """
     edges = np.flatnonzero(np.concatenate(([True], fixed, [True])))
     starts, lengths = edges[:-1], np.diff(edges) - 1
     longest = int(np.argmax(lengths))

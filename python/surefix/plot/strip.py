@@ -13,7 +13,8 @@ __all__ = ["Band", "route_strip"]
 PITCH = 1.16
 
 Band = tuple[str, NDArray[np.bool_], NDArray[np.bool_]]
-"""A name; which queries' matches are right; and which queries are shown at all. Both of shape (m,)."""
+"""A name; which queries' matches are right; and which queries are shown at all. Both of shape
+(m,)."""
 
 
 def route_strip(
@@ -26,7 +27,8 @@ def route_strip(
     unit: str = "m",
     theme: Theme = LIGHT,
 ) -> Axes:
-    """Draws a band for each way of matching: right upwards, wrong downwards, nothing where none is shown.
+    """Draws a band for each way of matching: right upwards, wrong downwards, nothing where none is
+    shown.
 
     Parameters
     ----------
@@ -55,7 +57,15 @@ def route_strip(
             ax.broken_barh(spans, (middle, height), facecolors=colour, linewidth=0)
         ax.axhline(middle, color=theme.muted, linewidth=0.7)
         share = f"{int((right & shown).sum())} right, {int((~right & shown).sum())} wrong"
-        ax.text(first, middle + 0.42, f"{name}: {share}", va="bottom", ha="left", fontsize=9.5, color=theme.ink)
+        ax.text(
+            first,
+            middle + 0.42,
+            f"{name}: {share}",
+            va="bottom",
+            ha="left",
+            fontsize=9.5,
+            color=theme.ink,
+        )
     bottom = -(len(bands) - 1) * PITCH - 0.5
     if gap is not None:
         start, stop = gap
@@ -87,6 +97,8 @@ def route_strip(
 
 
 def _spans(edges: NDArray[np.float64], mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Start and length of each run of queries that are set: one piece, so that no seam looks like a gap."""
+    """Start and length of each run of queries that are set: one piece, so that no seam looks like a
+    gap.
+    """
     turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     return [(float(edges[a]), float(edges[b] - edges[a])) for a, b in turns.reshape(-1, 2)]

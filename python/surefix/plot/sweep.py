@@ -12,22 +12,24 @@ from surefix.plot.theme import LIGHT, Theme
 __all__ = ["Swept", "ablation", "weight_sweep"]
 
 Swept = npt.ArrayLike | tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]
-"""An area for each value of the option; or that with the low and the high end of its interval: three of them."""
+"""An area for each value of the option; or that with the low and the high end of its interval:
+three of them."""
 
 
 def weight_sweep(
-    ax: Axes, weights: npt.ArrayLike, areas: Mapping[str, Swept], *, upto: float = 0.2, theme: Theme = LIGHT
+    ax: Axes,
+    weights: npt.ArrayLike,
+    areas: Mapping[str, Swept],
+    *,
+    upto: float = 0.2,
+    theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the area under the curve against the weight ``w``, a line for each predictor.
 
-    Parameters
-    ----------
-    weights : array of float, shape (k,)
-        From 0, the unweighted sequence, to 1.
-    areas : mapping of a name to an array (k,), or to a tuple of three: the areas, their low ends, their high ends
-        Up to eight; an interval is drawn as a band.
-    upto : float
-        The areas are up to this recall.
+    Parameters ---------- weights : array of float, shape (k,) From 0, the unweighted sequence, to
+    1. areas : mapping of a name to an array (k,), or to a tuple of three: the areas, their low
+    ends, their high ends Up to eight; an interval is drawn as a band. upto : float The areas are up
+    to this recall.
     """
     _lines(ax, np.asarray(weights, np.float64), areas, theme)
     ax.set_xlim(0, 1)
@@ -36,18 +38,18 @@ def weight_sweep(
 
 
 def ablation(
-    ax: Axes, lengths: Sequence[int], areas: Mapping[str, Swept], *, upto: float = 0.2, theme: Theme = LIGHT
+    ax: Axes,
+    lengths: Sequence[int],
+    areas: Mapping[str, Swept],
+    *,
+    upto: float = 0.2,
+    theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the area under the curve against the sequence length ``L``, a line for each method.
 
-    Parameters
-    ----------
-    lengths : sequence of int, k of them
-        In queries.
-    areas : mapping of a name to an array (k,), or to a tuple of three: the areas, their low ends, their high ends
-        Up to eight; an interval is drawn as a band.
-    upto : float
-        The areas are up to this recall.
+    Parameters ---------- lengths : sequence of int, k of them In queries. areas : mapping of a name
+    to an array (k,), or to a tuple of three: the areas, their low ends, their high ends Up to
+    eight; an interval is drawn as a band. upto : float The areas are up to this recall.
     """
     _lines(ax, np.asarray(lengths, np.float64), areas, theme)
     ax.set_xticks(list(lengths))
@@ -56,12 +58,20 @@ def ablation(
 
 
 def _lines(ax: Axes, at: npt.NDArray[np.float64], areas: Mapping[str, Swept], theme: Theme) -> None:
-    for layer, ((name, swept), look) in enumerate(zip(areas.items(), looks(theme, len(areas)), strict=True)):
+    for layer, ((name, swept), look) in enumerate(
+        zip(areas.items(), looks(theme, len(areas)), strict=True)
+    ):
         middle, low, high = swept if isinstance(swept, tuple) else (swept, None, None)
-        style = look.line(len(at), layer) | {"marker": look.mark or "o", "markevery": None, "markersize": 4.5}
+        style = look.line(len(at), layer) | {
+            "marker": look.mark or "o",
+            "markevery": None,
+            "markersize": 4.5,
+        }
         ax.plot(at, np.asarray(middle, np.float64), label=name, **style)
         if low is not None and high is not None:
-            ax.fill_between(at, np.asarray(low), np.asarray(high), color=look.colour, alpha=0.13, linewidth=0)
+            ax.fill_between(
+                at, np.asarray(low), np.asarray(high), color=look.colour, alpha=0.13, linewidth=0
+            )
 
 
 def _finish(ax: Axes, upto: float) -> Axes:
@@ -71,5 +81,7 @@ def _finish(ax: Axes, upto: float) -> Axes:
     ax.set_axisbelow(True)
     names = ax.get_legend_handles_labels()[1]
     columns = 2 if len(names) > 4 and max(map(len, names)) <= 24 else 1
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left", handlelength=3.2, ncols=columns)
+    ax.legend(
+        loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left", handlelength=3.2, ncols=columns
+    )
     return ax

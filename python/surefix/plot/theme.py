@@ -1,7 +1,8 @@
 """Colours and marks of the pictures, on light and on dark paper.
 
-Hue says right (blue) or wrong (orange), strength says trusted or not, and the shape says both again, so that
-nothing hangs on colour alone: right is round, wrong is a cross; trusted is bold, untrusted is thin.
+Hue says right (blue) or wrong (orange), strength says trusted or not, and the shape says both
+again, so that nothing hangs on colour alone: right is round, wrong is a cross; trusted is bold,
+untrusted is thin.
 """
 
 import io
@@ -41,7 +42,9 @@ MARKS = {
 
 @dataclass(frozen=True)
 class Theme:
-    """The colours of a picture. Those of outcomes, and two more for lines, are from the Okabe-Ito set, or near it."""
+    """The colours of a picture. Those of outcomes, and two more for lines, are from the Okabe-Ito
+    set, or near it.
+    """
 
     paper: str
     ink: str
@@ -121,8 +124,12 @@ DARK = Theme(
 )
 
 
-def png(draw: Callable[[Axes, Theme], object], size: tuple[float, float], theme: Theme = LIGHT) -> bytes:
-    """A picture of ``size`` inches at 150 dots an inch, as the bytes of a PNG file. It needs no display."""
+def png(
+    draw: Callable[[Axes, Theme], object], size: tuple[float, float], theme: Theme = LIGHT
+) -> bytes:
+    """A picture of ``size`` inches at 150 dots an inch, as the bytes of a PNG file. It needs no
+    display.
+    """
     with matplotlib.rc_context(theme.settings):
         figure = Figure(figsize=size, dpi=DPI, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr,call-arg]

@@ -13,7 +13,11 @@ __all__ = ["execution_time"]
 
 
 def execution_time(
-    ax: Axes, places: npt.ArrayLike, microseconds: Mapping[str, npt.ArrayLike], *, theme: Theme = LIGHT
+    ax: Axes,
+    places: npt.ArrayLike,
+    microseconds: Mapping[str, npt.ArrayLike],
+    *,
+    theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the time a query takes against the number of places, both on logarithmic scales.
 
@@ -28,7 +32,11 @@ def execution_time(
     for layer, ((name, times), look) in enumerate(
         zip(microseconds.items(), looks(theme, len(microseconds)), strict=True)
     ):
-        style = look.line(len(at), layer) | {"marker": look.mark or "o", "markevery": None, "markersize": 4.5}
+        style = look.line(len(at), layer) | {
+            "marker": look.mark or "o",
+            "markevery": None,
+            "markersize": 4.5,
+        }
         ax.plot(at, np.asarray(times, np.float64), label=name, **style)
     ax.set_xscale("log")
     ax.set_yscale("log")

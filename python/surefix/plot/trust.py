@@ -11,7 +11,8 @@ __all__ = ["trust_table"]
 
 
 def trust_table(ax: Axes, trust: Trust, *, theme: Theme = LIGHT) -> Axes:
-    """Draws four cells, trusted or not by right or wrong: how many single matches, and their share of all.
+    """Draws four cells, trusted or not by right or wrong: how many single matches, and their share
+    of all.
 
     Parameters
     ----------
@@ -28,11 +29,23 @@ def trust_table(ax: Axes, trust: Trust, *, theme: Theme = LIGHT) -> Axes:
     for outcome, (column, row, count) in cells.items():
         colour = theme.trusted_right if outcome.right else theme.trusted_wrong
         box = (column, row), 1, 1
-        ax.add_patch(Rectangle(*box, facecolor=colour, alpha=0.06 + 0.34 * count / total, linewidth=0))
+        ax.add_patch(
+            Rectangle(*box, facecolor=colour, alpha=0.06 + 0.34 * count / total, linewidth=0)
+        )
         ax.add_patch(Rectangle(*box, fill=False, edgecolor=theme.grid, linewidth=1.2))
-        ax.text(column + 0.5, row + 0.44, str(count), ha="center", va="center", fontsize=17, fontweight="bold")
+        ax.text(
+            column + 0.5,
+            row + 0.44,
+            str(count),
+            ha="center",
+            va="center",
+            fontsize=17,
+            fontweight="bold",
+        )
         share = f"{100 * count / total:.1f} %"
-        ax.text(column + 0.5, row + 0.74, share, ha="center", va="center", color=theme.ink, fontsize=9.5)
+        ax.text(
+            column + 0.5, row + 0.74, share, ha="center", va="center", color=theme.ink, fontsize=9.5
+        )
     ax.set_xlim(0, 2)
     ax.set_ylim(2, 0)
     ax.set_xticks([0.5, 1.5], labels=["right", "wrong"])

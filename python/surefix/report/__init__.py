@@ -1,4 +1,6 @@
-"""Pages of results, with pictures of ``surefix.plot`` inside: the drive of the demo, and the comparison of methods."""
+"""Pages of results, with pictures of ``surefix.plot`` inside: the drive of the demo, and the
+comparison of methods.
+"""
 
 # First, for what it says where matplotlib is missing.
 import surefix.plot  # noqa: F401

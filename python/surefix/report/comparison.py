@@ -1,4 +1,6 @@
-"""Methods compared on one drive: their matches, their curves, and what separates them from the plain sequence."""
+"""Methods compared on one drive: their matches, their curves, and what separates them from the
+plain sequence.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -7,7 +9,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from surefix import Evaluation, Matches, Run, Trust, evaluate, evaluate_trust, match_distances, recall_at
+from surefix import (
+    Evaluation,
+    Matches,
+    Run,
+    Trust,
+    evaluate,
+    evaluate_trust,
+    match_distances,
+    recall_at,
+)
 from surefix.baselines import METHODS, Context, run_method
 from surefix.baselines.truth import Truth, by_metres, right_matches
 from surefix.plot.intervals import Estimate
@@ -24,14 +35,10 @@ KS = (1, 5, 10)
 class Result:
     """What one method made of the drive.
 
-    Attributes
-    ----------
-    matches : Matches
-    right, judged : arrays of bool, shape (m,)
-        Which matches are right; and which were judged at all: ready, and not ignored by the truth.
-    area, difference : (value, low, high)
-        The area under the curve up to recall 0.2, and how far it lies above the plain sequence's, with the 95 %
-        intervals of a bootstrap over blocks of queries.
+    Attributes ---------- matches : Matches right, judged : arrays of bool, shape (m,) Which matches
+    are right; and which were judged at all: ready, and not ignored by the truth. area, difference :
+    (value, low, high) The area under the curve up to recall 0.2, and how far it lies above the
+    plain sequence's, with the 95 % intervals of a bootstrap over blocks of queries.
     """
 
     name: str
@@ -95,8 +102,12 @@ class Comparison:
 
     @cached_property
     def shown(self) -> Result:
-        """The method that the pictures are of: the weighted sequence where it was asked for, else the last one."""
-        return next((result for result in self.results if result.name == WEIGHTED), self.results[-1])
+        """The method that the pictures are of: the weighted sequence where it was asked for, else
+        the last one.
+        """
+        return next(
+            (result for result in self.results if result.name == WEIGHTED), self.results[-1]
+        )
 
     @property
     def by_position(self) -> bool:
@@ -106,16 +117,22 @@ class Comparison:
     @cached_property
     def single_right(self) -> NDArray[np.bool_]:
         """Which single matches, of which the trust flags speak, are right."""
-        return right_matches(self.run.single_place, len(self.distances), self.truth, self.context.truth_tolerance)[0]
+        return right_matches(
+            self.run.single_place, len(self.distances), self.truth, self.context.truth_tolerance
+        )[0]
 
     @cached_property
     def single_judged(self) -> NDArray[np.bool_]:
         """Of which single matches the truth says anything."""
-        return right_matches(self.run.single_place, len(self.distances), self.truth, self.context.truth_tolerance)[1]
+        return right_matches(
+            self.run.single_place, len(self.distances), self.truth, self.context.truth_tolerance
+        )[1]
 
     @cached_property
     def true_place(self) -> NDArray[np.int64]:
-        """A true place of each query, shape (m,): the nearest or the first where there are several, -1 where none."""
+        """A true place of each query, shape (m,): the nearest or the first where there are several,
+        -1 where none.
+        """
         if by_metres(self.truth):
             places, queries = (np.asarray(positions, np.float64) for positions in self.truth)
             found = np.full(len(queries), -1, np.int64)
@@ -128,7 +145,9 @@ class Comparison:
         truth = np.asarray(self.truth)
         if truth.ndim == 1:
             return truth.astype(np.int64)
-        return np.where((truth == 1).any(axis=0), np.argmax(truth == 1, axis=0), -1).astype(np.int64)
+        return np.where((truth == 1).any(axis=0), np.argmax(truth == 1, axis=0), -1).astype(
+            np.int64
+        )
 
     def off(self, query: int, place: int) -> str:
         """How far a match is from the truth, in words."""
@@ -142,10 +161,15 @@ class Comparison:
         """Queries whose match by the shown method is wrong, the best scores first."""
         shown = self.shown
         wrong = np.flatnonzero(shown.judged & shown.accepted & ~shown.right)
-        return [int(query) for query in wrong[np.argsort(shown.matches.score[wrong], kind="stable")][:count]]
+        return [
+            int(query)
+            for query in wrong[np.argsort(shown.matches.score[wrong], kind="stable")][:count]
+        ]
 
     def trusted_mistakes(self, count: int) -> list[int]:
-        """Queries whose single match is trusted and wrong, the least distances first; none that ``mistakes`` gives."""
+        """Queries whose single match is trusted and wrong, the least distances first; none that
+        ``mistakes`` gives.
+        """
         wrong = self.run.trusted & self.single_judged & ~self.single_right
         for query in self.mistakes(count):
             wrong[query] &= self.run.single_place[query] != self.shown.matches.place[query]

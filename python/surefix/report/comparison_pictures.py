@@ -23,7 +23,17 @@ from surefix.plot.trust import trust_table
 from surefix.report.comparison import UPTO, Comparison
 from surefix.report.page import Picture
 
-__all__ = ["close_up", "curves", "false", "intervals", "matrix", "mistakes", "strip", "trust", "trusted_mistakes"]
+__all__ = [
+    "close_up",
+    "curves",
+    "false",
+    "intervals",
+    "matrix",
+    "mistakes",
+    "strip",
+    "trust",
+    "trusted_mistakes",
+]
 
 # By their numbers; those of the mistakes are enough.
 Images = Sequence[Image] | Mapping[int, Image] | None
@@ -32,10 +42,15 @@ MISTAKES = 6
 
 
 def curves(comparison: Comparison) -> list[Picture]:
-    """The precision-recall curves: all in one picture, or in as many as it takes to tell them apart."""
-    # The boldest is the method that the other pictures are of, the second the plain sequence: both in every picture.
+    """The precision-recall curves: all in one picture, or in as many as it takes to tell them
+    apart.
+    """
+    # The boldest is the method that the other pictures are of, the second the plain sequence: both
+    # in every picture.
     always = {result.name: result.curve for result in (comparison.shown, comparison.baseline)}
-    others = {result.name: result.curve for result in comparison.results if result.name not in always}
+    others = {
+        result.name: result.curve for result in comparison.results if result.name not in always
+    }
     count = max(1, -(-len(others) // (LOOKS - len(always))))
     rows = len(always) + -(-len(others) // count)
     pictures = []
@@ -51,9 +66,14 @@ def curves(comparison: Comparison) -> list[Picture]:
 def intervals(comparison: Comparison) -> Picture:
     """How sure the areas are."""
     estimates = {result.name: result.area for result in comparison.results}
-    text = ", ".join(f"{name} {area:.2f} ({low:.2f} to {high:.2f})" for name, (area, low, high) in estimates.items())
+    text = ", ".join(
+        f"{name} {area:.2f} ({low:.2f} to {high:.2f})"
+        for name, (area, low, high) in estimates.items()
+    )
     return _picture(
-        lambda ax, theme: auc_intervals(ax, estimates, upto=UPTO, baseline=comparison.baseline.name, theme=theme),
+        lambda ax, theme: auc_intervals(
+            ax, estimates, upto=UPTO, baseline=comparison.baseline.name, theme=theme
+        ),
         (6.4, 1.2 + 0.34 * len(estimates)),
         f"Areas under the curve up to recall {UPTO:g} with their 95 % intervals: {text}.",
     )
@@ -62,7 +82,9 @@ def intervals(comparison: Comparison) -> Picture:
 def false(comparison: Comparison) -> Picture:
     """The wrong matches accepted by recall 0.2."""
     counts = {result.name: result.curve.false_positives_at(UPTO) for result in comparison.results}
-    text = ", ".join(f"{name} {'never there' if count is None else count}" for name, count in counts.items())
+    text = ", ".join(
+        f"{name} {'never there' if count is None else count}" for name, count in counts.items()
+    )
     return _picture(
         lambda ax, theme: false_positives(ax, counts, recall=UPTO, theme=theme),
         (6.4, 1.2 + 0.34 * len(counts)),
@@ -108,9 +130,14 @@ def close_up(comparison: Comparison) -> Picture:
 
 def strip(comparison: Comparison, along: NDArray[np.float64] | None) -> Picture:
     """Where along the route each method is right and wrong."""
-    bands = [(result.name, result.right, result.judged & result.accepted) for result in comparison.results]
+    bands = [
+        (result.name, result.right, result.judged & result.accepted)
+        for result in comparison.results
+    ]
     judged = comparison.single_judged
-    bands.append(("trusted single matches", comparison.single_right, comparison.run.trusted & judged))
+    bands.append(
+        ("trusted single matches", comparison.single_right, comparison.run.trusted & judged)
+    )
     positions = np.arange(len(comparison), dtype=np.float64) if along is None else along
     gap = longest_gap(bands[-1][1] & bands[-1][2])
     if along is None:
@@ -120,7 +147,13 @@ def strip(comparison: Comparison, along: NDArray[np.float64] | None) -> Picture:
         named = ("way along the drive (m)", "m")
     return _picture(
         lambda ax, theme: route_strip(
-            ax, positions, bands, gap=ends if ends[1] > ends[0] else None, along=named[0], unit=named[1], theme=theme
+            ax,
+            positions,
+            bands,
+            gap=ends if ends[1] > ends[0] else None,
+            along=named[0],
+            unit=named[1],
+            theme=theme,
         ),
         (11, 0.8 + 1.05 * len(bands)),
         "A band for each method along the route: up where its matches are right, down where they are wrong.",
@@ -133,7 +166,11 @@ def mistakes(comparison: Comparison, queries: Images, references: Images) -> Pic
     shown = comparison.shown.matches
     chosen = [(query, int(shown.place[query])) for query in comparison.mistakes(MISTAKES)]
     return _side_by_side(
-        comparison, chosen, queries, references, f"Wrong matches of {comparison.shown.name}, the best scores first"
+        comparison,
+        chosen,
+        queries,
+        references,
+        f"Wrong matches of {comparison.shown.name}, the best scores first",
     )
 
 
@@ -142,12 +179,20 @@ def trusted_mistakes(comparison: Comparison, queries: Images, references: Images
     single = comparison.run.single_place
     chosen = [(query, int(single[query])) for query in comparison.trusted_mistakes(MISTAKES)]
     return _side_by_side(
-        comparison, chosen, queries, references, "Single matches that are trusted and wrong, the nearest first"
+        comparison,
+        chosen,
+        queries,
+        references,
+        "Single matches that are trusted and wrong, the nearest first",
     )
 
 
 def _side_by_side(
-    comparison: Comparison, chosen: Sequence[tuple[int, int]], queries: Images, references: Images, what: str
+    comparison: Comparison,
+    chosen: Sequence[tuple[int, int]],
+    queries: Images,
+    references: Images,
+    what: str,
 ) -> Picture | None:
     if not chosen or (queries is None and references is None):
         return None
@@ -166,7 +211,9 @@ def _side_by_side(
     )
 
 
-def _example(comparison: Comparison, query: int, place: int, queries: Images, references: Images) -> Example:
+def _example(
+    comparison: Comparison, query: int, place: int, queries: Images, references: Images
+) -> Example:
     true = int(comparison.true_place[query])
     images = [
         (f"query {query}", None if queries is None else queries[query]),
@@ -203,7 +250,9 @@ def _matrix(ax: Axes, comparison: Comparison, theme: Theme, *, close: bool) -> N
 def _window(comparison: Comparison) -> tuple[tuple[int, int], tuple[int, int]]:
     shown = comparison.shown
     count = max(12, min(44, len(comparison) // 6))
-    return busiest_window(shown.matches.place, comparison.run.trusted, shown.right, comparison.true_place, count=count)
+    return busiest_window(
+        shown.matches.place, comparison.run.trusted, shown.right, comparison.true_place, count=count
+    )
 
 
 def _picture(

@@ -51,15 +51,10 @@ def write_comparison(
 ) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page.
 
-    Parameters
-    ----------
-    command : str
-        What makes this comparison again.
-    queries, references : sequences of uint8 images, or those of the mistakes by their numbers, optional
-        For the pictures side by side.
-    query_names, place_names : sequences of str, optional
-    along : array of float64, shape (m,), optional
-        How far along the drive each query was taken, in metres, ascending.
+    Parameters ---------- command : str What makes this comparison again. queries, references :
+    sequences of uint8 images, or those of the mistakes by their numbers, optional For the pictures
+    side by side. query_names, place_names : sequences of str, optional along : array of float64,
+    shape (m,), optional How far along the drive each query was taken, in metres, ascending.
 
     Raises
     ------
@@ -73,7 +68,10 @@ def write_comparison(
         curves = pictures.curves(comparison)
         drawn: dict[str, Picture | None] = {
             "precision_recall.png": curves[0],
-            **{f"precision_recall_{k}.png": picture for k, picture in enumerate(curves[1:], start=2)},
+            **{
+                f"precision_recall_{k}.png": picture
+                for k, picture in enumerate(curves[1:], start=2)
+            },
             "auc.png": pictures.intervals(comparison),
             "false_positives.png": pictures.false(comparison),
             "trust.png": pictures.trust(comparison),
@@ -87,8 +85,12 @@ def write_comparison(
         for name, picture in made.items():
             (inside / name).write_bytes(picture.light)
         wrong = [made[name] for name in MISTAKES if name in made]
-        files = FILES | {name: "mistakes, as images side by side" for name in made if name not in FILES}
-        files |= {name: "more of the curves" for name in made if name.startswith("precision_recall_")}
+        files = FILES | {
+            name: "mistakes, as images side by side" for name in made if name not in FILES
+        }
+        files |= {
+            name: "more of the curves" for name in made if name.startswith("precision_recall_")
+        }
         text = page(
             "How well does it know where it is?",
             sections.lead(comparison),
@@ -110,8 +112,12 @@ def write_comparison(
 
 
 def _old(folder: Path) -> set[str]:
-    """The names of an earlier comparison's files: beside those of this they would be taken for its own."""
-    more = {path.name for path in folder.glob("precision_recall_*.png") if MORE.fullmatch(path.name)}
+    """The names of an earlier comparison's files: beside those of this they would be taken for its
+    own.
+    """
+    more = {
+        path.name for path in folder.glob("precision_recall_*.png") if MORE.fullmatch(path.name)
+    }
     return {*FILES, *MISTAKES, *more}
 
 
@@ -126,7 +132,10 @@ def _made(comparison: Comparison, command: str, files: dict[str, str]) -> Sectio
             "Trusted means",
             f"within {c.tolerance} of each other, gradients of {c.smoothing} queries summed ({c.gradient})",
         ),
-        ("Intervals", "95 %, 1000 samples of blocks as long as the root of the number of queries, seed 0"),
+        (
+            "Intervals",
+            "95 %, 1000 samples of blocks as long as the root of the number of queries, seed 0",
+        ),
         *((result.name, result.description) for result in comparison.results),
         *files.items(),
     )

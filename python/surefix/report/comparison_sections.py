@@ -44,14 +44,24 @@ def tiles(comparison: Comparison) -> Sequence[Tile]:
     first = f"{comparison.recalls_at[0]:.3f}" if len(comparison.recalls_at) else "none"
     rest = zip(KS[1:], comparison.recalls_at[1:], strict=False)
     return (
-        Tile("area", f"{area:.3f}", f"area to recall {UPTO:g}, {shown.name}", f"95 %: {low:.3f} to {high:.3f}"),
+        Tile(
+            "area",
+            f"{area:.3f}",
+            f"area to recall {UPTO:g}, {shown.name}",
+            f"95 %: {low:.3f} to {high:.3f}",
+        ),
         Tile(
             "difference",
             f"{difference:+.3f}",
             f"against the plain sequence's {plain.area[0]:.3f}",
             f"95 %: {below:+.3f} to {above:+.3f}: {outcome(shown)}",
         ),
-        Tile("false", _count(false), f"false positives at recall {UPTO:g}", f"plain sequence: {_count(plain_false)}"),
+        Tile(
+            "false",
+            _count(false),
+            f"false positives at recall {UPTO:g}",
+            f"plain sequence: {_count(plain_false)}",
+        ),
         Tile(
             "trusted-right",
             f"{100 * t.true_positives / trusted:.1f} %" if trusted else "none",
@@ -113,7 +123,11 @@ def trust(comparison: Comparison, picture: Picture) -> Section:
     """The trust flag."""
     t = comparison.trust
     wrong = t.false_positives + t.true_negatives
-    passed = f"{t.false_positives} of the {wrong} wrong ones" if wrong else "no wrong one, as there is none"
+    passed = (
+        f"{t.false_positives} of the {wrong} wrong ones"
+        if wrong
+        else "no wrong one, as there is none"
+    )
     return Section(
         "May its answers be trusted?",
         (
@@ -152,16 +166,24 @@ def route(comparison: Comparison, strip: Picture) -> Section:
     )
     shown, plain = comparison.shown, comparison.baseline
     both = shown.judged & shown.accepted & plain.judged
-    paragraphs = [f"The bracket marks the longest stretch without a single match that is trusted and right. {words}"]
+    paragraphs = [
+        f"The bracket marks the longest stretch without a single match that is trusted and right. {words}"
+    ]
     if shown is not plain:
         spoiled = _stretches(np.flatnonzero(both & plain.right & ~shown.right))
         repaired = _stretches(np.flatnonzero(both & ~plain.right & shown.right))
-        paragraphs.append(f"Queries that {shown.name} repairs: {repaired}. Queries that it spoils: {spoiled}.")
+        paragraphs.append(
+            f"Queries that {shown.name} repairs: {repaired}. Queries that it spoils: {spoiled}."
+        )
     return Section("Where along the route it fails", paragraphs, (strip,))
 
 
 def mistakes(
-    comparison: Comparison, pictures: Sequence[Picture], names: tables.Names, places: tables.Names, count: int
+    comparison: Comparison,
+    pictures: Sequence[Picture],
+    names: tables.Names,
+    places: tables.Names,
+    count: int,
 ) -> Section:
     """The worst mistakes."""
     found = tables.worst(comparison, names, places, count)
@@ -172,7 +194,9 @@ def mistakes(
         else f"None: every match of {comparison.shown.name} that was judged is right, and no trusted one is wrong."
     ]
     if found and not pictures:
-        says.append("Give the images of both drives (QUERIES and --references) to see them side by side.")
+        says.append(
+            "Give the images of both drives (QUERIES and --references) to see them side by side."
+        )
     return Section("The worst confident mistakes", says, pictures, tables=found)
 
 
@@ -192,6 +216,12 @@ def _stretches(queries: np.ndarray[tuple[int, ...], np.dtype[np.int64]], most: i
     if len(queries) == 0:
         return "none"
     parts = np.split(queries, np.flatnonzero(np.diff(queries) > 1) + 1)
-    words = [str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts[:most]]
-    left = f" and {counted(len(parts) - most, 'stretch', 'stretches')} more (in fixes.csv)" if len(parts) > most else ""
+    words = [
+        str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts[:most]
+    ]
+    left = (
+        f" and {counted(len(parts) - most, 'stretch', 'stretches')} more (in fixes.csv)"
+        if len(parts) > most
+        else ""
+    )
     return f"{', '.join(words)}{left} ({len(queries)} in all)"

@@ -13,12 +13,40 @@ __all__ = ["Names", "methods", "worst", "write_curves", "write_fixes", "write_me
 Names = Sequence[str] | None
 
 METHOD_COLUMNS = (
-    *("method", "recall_convention", "auc", "auc_low", "auc_high", "difference", "difference_low", "difference_high"),
-    *("verdict", "max_recall", "recall_at_full_precision", "false_positives", "best_f1", "best_f1_threshold"),
+    *(
+        "method",
+        "recall_convention",
+        "auc",
+        "auc_low",
+        "auc_high",
+        "difference",
+        "difference_low",
+        "difference_high",
+    ),
+    *(
+        "verdict",
+        "max_recall",
+        "recall_at_full_precision",
+        "false_positives",
+        "best_f1",
+        "best_f1_threshold",
+    ),
     *("correct", "judged"),
 )
 FIX_COLUMNS = (
-    *("method", "query", "name", "place", "score", "ready", "accepted", "judged", "right", "true_place", "trusted"),
+    *(
+        "method",
+        "query",
+        "name",
+        "place",
+        "score",
+        "ready",
+        "accepted",
+        "judged",
+        "right",
+        "true_place",
+        "trusted",
+    ),
 )
 
 PERCENT = f"{100 * UPTO:g} %"
@@ -38,7 +66,9 @@ def methods(comparison: Comparison) -> Table:
         "matches right",
     )
     caption = f'Recall is "{comparison.recall}". The plain sequence is the method "{BASELINE}".'
-    return Table("methods", caption, header, [_row(comparison, result) for result in comparison.results])
+    return Table(
+        "methods", caption, header, [_row(comparison, result) for result in comparison.results]
+    )
 
 
 def _row(comparison: Comparison, result: Result) -> Sequence[str]:
@@ -65,7 +95,9 @@ def _span(low: str, high: str) -> str:
 
 
 def _so(word: str) -> str:
-    return {"the drive does not tell": "cannot be told apart", "the same": "is the same"}.get(word, word)
+    return {"the drive does not tell": "cannot be told apart", "the same": "is the same"}.get(
+        word, word
+    )
 
 
 def worst(comparison: Comparison, names: Names, places: Names, count: int) -> Sequence[Table]:
@@ -73,15 +105,31 @@ def worst(comparison: Comparison, names: Names, places: Names, count: int) -> Se
     shown, run = comparison.shown, comparison.run
     header = ("query", "matched to place", "true place", "off by", "score", "trusted")
     rows = [
-        _mistake(comparison, names, places, query, int(shown.matches.place[query]), float(shown.matches.score[query]))
+        _mistake(
+            comparison,
+            names,
+            places,
+            query,
+            int(shown.matches.place[query]),
+            float(shown.matches.score[query]),
+        )
         for query in comparison.mistakes(count)
     ]
     trusted = [
-        _mistake(comparison, names, places, query, int(run.single_place[query]), float(run.single_distance[query]))
+        _mistake(
+            comparison,
+            names,
+            places,
+            query,
+            int(run.single_place[query]),
+            float(run.single_distance[query]),
+        )
         for query in comparison.trusted_mistakes(count)
     ]
     caption = "Single matches that are trusted and wrong, the nearest first; those above are not repeated."
-    first = Table("mistakes", f"Wrong matches of {shown.name}, the best scores first.", header, rows)
+    first = Table(
+        "mistakes", f"Wrong matches of {shown.name}, the best scores first.", header, rows
+    )
     second = Table("trusted-mistakes", caption, header, trusted)
     return tuple(table for table in (first, second) if table.rows)
 
@@ -101,7 +149,9 @@ def _mistake(
 
 
 def _named(index: int, names: Names) -> str:
-    return str(index) if names is None or names[index] == str(index) else f"{index} ({names[index]})"
+    return (
+        str(index) if names is None or names[index] == str(index) else f"{index} ({names[index]})"
+    )
 
 
 def write_methods(comparison: Comparison, path: Path) -> None:

@@ -1,4 +1,6 @@
-"""A finished drive: what came in, what came out, and the counts that pictures and sentences are made from."""
+"""A finished drive: what came in, what came out, and the counts that pictures and sentences are
+made from.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -84,7 +86,9 @@ class Drive:
 
     @property
     def trusted_point(self) -> tuple[float, float] | None:
-        """Recall and precision of accepting just the trusted fixes, as the curves count; None without any."""
+        """Recall and precision of accepting just the trusted fixes, as the curves count; None
+        without any.
+        """
         ready, trusted = self.run.ready, self.run.trusted
         accepted = int((ready & trusted).sum())
         if accepted == 0:
@@ -109,6 +113,10 @@ class Drive:
 
     @cached_property
     def gap_metres(self) -> tuple[float, float]:
-        """Where that stretch is: from the last such fix before it to the first after it, or to an end."""
+        """Where that stretch is: from the last such fix before it to the first after it, or to an
+        end.
+        """
         positions, gap = self.revisit.positions, self.gap
-        return float(positions[max(gap.start - 1, 0)]), float(positions[min(gap.stop, len(positions) - 1)])
+        return float(positions[max(gap.start - 1, 0)]), float(
+            positions[min(gap.stop, len(positions) - 1)]
+        )

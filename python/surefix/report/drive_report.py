@@ -31,7 +31,9 @@ FILES = {
 }
 
 
-def write_report(drive: Drive, folder: Path, command: str, seconds: Sequence[tuple[str, float]]) -> Path:
+def write_report(
+    drive: Drive, folder: Path, command: str, seconds: Sequence[tuple[str, float]]
+) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page.
 
     Parameters
@@ -51,8 +53,12 @@ def write_report(drive: Drive, folder: Path, command: str, seconds: Sequence[tup
         drive.baseline.to_csv(inside / "baseline.csv")
         np.save(inside / "distances.npy", drive.distances)
         truth = zip(drive.truth, drive.revisit.positions, strict=True)
-        lines = (f"{frame},{place},{position:.3f}\n" for frame, (place, position) in enumerate(truth))
-        (inside / "truth.csv").write_text("frame,place,position\n" + "".join(lines), encoding="utf-8")
+        lines = (
+            f"{frame},{place},{position:.3f}\n" for frame, (place, position) in enumerate(truth)
+        )
+        (inside / "truth.csv").write_text(
+            "frame,place,position\n" + "".join(lines), encoding="utf-8"
+        )
         drawn = {
             "distance_matrix.png": pictures.matrix(drive),
             "close_up.png": pictures.close_up(drive),
@@ -109,9 +115,17 @@ def _tiles(drive: Drive) -> Sequence[Tile]:
     trusted = good + bad
     median, p99 = np.quantile(drive.latency, (0.5, 0.99)) * 1000
     weighted, baseline = drive.weighted_curve.auc(0.2), drive.baseline_curve.auc(0.2)
-    area, unweighted = "area under the curve up to recall 0.2", f"unweighted sequence: {baseline:.2f}"
+    area, unweighted = (
+        "area under the curve up to recall 0.2",
+        f"unweighted sequence: {baseline:.2f}",
+    )
     return (
-        Tile("trusted-right", _share(good, trusted), "of the trusted fixes are right", f"{good} of {trusted}"),
+        Tile(
+            "trusted-right",
+            _share(good, trusted),
+            "of the trusted fixes are right",
+            f"{good} of {trusted}",
+        ),
         Tile("right", _share(right, m), "of all fixes are right", f"{right} of {m}"),
         Tile("trusted", _share(trusted, m), "of the frames got a trusted fix", f"{trusted} of {m}"),
         Tile("trusted-wrong", str(bad), "trusted, and wrong all the same", _how_far(drive)),
@@ -126,7 +140,9 @@ def _made(drive: Drive, command: str, seconds: Sequence[tuple[str, float]]) -> S
     width, height = drive.size
     spacing = float(np.median(np.diff(drive.reference.positions)))
     quantiles = f"{median:.2f} ms median, {p99:.2f} ms 99th percentile, {slowest:.2f} ms slowest"
-    matching = f"sequence length {drive.sequence_length}, weight 0.99, floor: the smallest distance so far"
+    matching = (
+        f"sequence length {drive.sequence_length}, weight 0.99, floor: the smallest distance so far"
+    )
     rows = (
         ("Made with", f"surefix {__version__}: {command}"),
         ("Route", f"generated, seed {drive.seed}, a place every {spacing:.3g} m"),

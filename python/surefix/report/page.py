@@ -1,4 +1,6 @@
-"""One page of HTML that needs no other file: pictures inside, light and dark, on a desk and on a phone."""
+"""One page of HTML that needs no other file: pictures inside, light and dark, on a desk and on a
+phone.
+"""
 
 import base64
 import io
@@ -25,7 +27,8 @@ class Tile:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as PNG bytes, on light and on dark paper, and what it shows for those who cannot see it.
+    """A picture as PNG bytes, on light and on dark paper, and what it shows for those who cannot
+    see it.
 
     A ``textured`` one is embedded as JPEG, at a fraction of its size.
     """
@@ -45,7 +48,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers with a heading for each column; the first cell of a row names it. ``name`` becomes the element's id."""
+    """Numbers with a heading for each column; the first cell of a row names it. ``name`` becomes
+    the element's id.
+    """
 
     name: str
     caption: str
@@ -58,7 +63,9 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, some paragraphs, pictures below them, side by side where there is room, and tables."""
+    """A heading, some paragraphs, pictures below them, side by side where there is room, and
+    tables.
+    """
 
     title: str
     paragraphs: Sequence[str]
@@ -142,7 +149,10 @@ def _picture(picture: Picture) -> str:
 def _table(rows: Sequence[tuple[str, str]]) -> str:
     if not rows:
         return ""
-    body = "".join(f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>\n' for name, value in rows)
+    body = "".join(
+        f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>\n'
+        for name, value in rows
+    )
     return f"<table>\n<tbody>\n{body}</tbody>\n</table>\n"
 
 

@@ -1,4 +1,6 @@
-"""A sentence for each method, made from its numbers: where it wins, where it loses, and what the drive cannot tell."""
+"""A sentence for each method, made from its numbers: where it wins, where it loses, and what the
+drive cannot tell.
+"""
 
 from surefix._words import are
 from surefix.report.comparison import UPTO, Comparison, Result
@@ -7,7 +9,9 @@ __all__ = ["outcome", "verdict"]
 
 
 def outcome(result: Result) -> str:
-    """Against the plain sequence, in a word or two: "wins", "loses", "the same" or "the drive does not tell"."""
+    """Against the plain sequence, in a word or two: "wins", "loses", "the same" or "the drive does
+    not tell".
+    """
     _, low, high = result.difference
     if low == high == 0:
         return "the same"
@@ -21,7 +25,10 @@ def verdict(comparison: Comparison, result: Result) -> str:
     if not result.judged.any():
         return f"{result.name}: no query was judged, so there is nothing to say."
     return " ".join(
-        filter(None, (_compared(comparison, result), _matches(comparison, result), _yet(comparison, result)))
+        filter(
+            None,
+            (_compared(comparison, result), _matches(comparison, result), _yet(comparison, result)),
+        )
     )
 
 
@@ -76,14 +83,20 @@ def _yet(comparison: Comparison, result: Result) -> str:
     worse: list[str] = []
     better: list[str] = []
     for name, own, other in (
-        ("recall at 100 % precision", curve.recall_at_precision(1.0), plain.recall_at_precision(1.0)),
+        (
+            "recall at 100 % precision",
+            curve.recall_at_precision(1.0),
+            plain.recall_at_precision(1.0),
+        ),
         ("the area of the whole curve", curve.auc(1.0), plain.auc(1.0)),
         ("the largest recall", curve.max_recall, plain.max_recall),
     ):
         if round(own - other, 3):
             (better if own > other else worse).append(f"{name} ({own:.3f} against {other:.3f})")
     return " ".join(
-        f"It is {word} in {_and(items)}." for word, items in (("worse", worse), ("better", better)) if items
+        f"It is {word} in {_and(items)}."
+        for word, items in (("worse", worse), ("better", better))
+        if items
     )
 
 

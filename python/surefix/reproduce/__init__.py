@@ -1,7 +1,8 @@
-"""The paper made again: its table and figures, on whatever of its data is there, and on a generated route.
+"""The paper made again: its table and figures, on whatever of its data is there, and on a generated
+route.
 
-Carson, Ford and Milford, *Unsupervised Quality Prediction for Improved Single-Frame and Weighted Sequential Visual
-Place Recognition*, ICRA 2023 (arXiv 2307.01464). A file for each comparison.
+Carson, Ford and Milford, *Unsupervised Quality Prediction for Improved Single-Frame and Weighted
+Sequential Visual Place Recognition*, ICRA 2023 (arXiv 2307.01464). A file for each comparison.
 """
 
 # First of all: it says which extra to install where matplotlib or Pillow is missing.

@@ -24,7 +24,9 @@ def compare(cases: Sequence[Case], settings: Settings) -> Comparison:
             before, after = unweighted.auc(UPTO), weighted.auc(UPTO)
             areas["weighted"].append(after)
             areas["unweighted"].append(before)
-            rows.append((case.dataset, case.technique, length, before, after, after - before, low, high))
+            rows.append(
+                (case.dataset, case.technique, length, before, after, after - before, low, high)
+            )
             if after < before:
                 change = f"{before:.3f} to {after:.3f}, interval {low:+.3f} to {high:+.3f}"
                 losses.append(f"{case.name}, L = {length} ({change})")

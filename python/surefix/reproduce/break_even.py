@@ -59,7 +59,9 @@ class BreakEven:
 
 
 def crossing(rates: Floats, areas: Floats, baseline: float) -> float | None:
-    """The lowest rate at which the area falls below the baseline, on straight lines between the measured ones."""
+    """The lowest rate at which the area falls below the baseline, on straight lines between the
+    measured ones.
+    """
     below = np.flatnonzero(areas < baseline)
     if not len(below):
         return None
@@ -74,7 +76,11 @@ def measure(case: Case, settings: Settings) -> BreakEven:
     """The break-even of a case."""
     trust, right = case.trust(), case.right()
     # Closer where most predictors are.
-    rates = np.array([0, 0.1, 0.5, 1.0] if settings.quick else [*np.arange(0, 0.2, 0.02), *np.arange(0.2, 1.01, 0.1)])
+    rates = np.array(
+        [0, 0.1, 0.5, 1.0]
+        if settings.quick
+        else [*np.arange(0, 0.2, 0.02), *np.arange(0.2, 1.01, 0.1)]
+    )
     areas = np.array(
         [
             [
@@ -113,7 +119,13 @@ def compare(cases: Sequence[Case], settings: Settings) -> Comparison:
     rows: list[Sequence[Cell]] = []
     for one in measured:
         names = one.case.dataset, one.case.technique
-        points = zip(one.rates.tolist(), one.areas.tolist(), one.lowest.tolist(), one.highest.tolist(), strict=True)
+        points = zip(
+            one.rates.tolist(),
+            one.areas.tolist(),
+            one.lowest.tolist(),
+            one.highest.tolist(),
+            strict=True,
+        )
         rows += [(*names, "drawn", one.trust.recall, *point) for point in points]
         fpr, consensus = one.trust.false_positive_rate, one.consensus
         rows.append((*names, "consensus", one.trust.recall, fpr, consensus, consensus, consensus))
@@ -130,9 +142,21 @@ def compare(cases: Sequence[Case], settings: Settings) -> Comparison:
             "The consensus is the mark. It need not lie on the line: it errs where places look alike, and a drawn "
             "predictor errs anywhere.",
         ),
-        ("dataset", "technique", "what", "true_positive_rate", "false_positive_rate", "auc", "lowest", "highest"),
+        (
+            "dataset",
+            "technique",
+            "what",
+            "true_positive_rate",
+            "false_positive_rate",
+            "auc",
+            "lowest",
+            "highest",
+        ),
         rows,
-        {stem("break_even", one.case.dataset, one.case.technique): _picture(one) for one in measured},
+        {
+            stem("break_even", one.case.dataset, one.case.technique): _picture(one)
+            for one in measured
+        },
         (_table(measured),),
         [_said(one) for one in measured],
     )
@@ -163,7 +187,10 @@ def _table(measured: Sequence[BreakEven]) -> Table:
 
 def _said(one: BreakEven) -> str:
     fpr = one.trust.false_positive_rate
-    name, change = one.case.name, f"the area goes from {one.baseline:.3f} to {one.consensus:.3f} with it"
+    name, change = (
+        one.case.name,
+        f"the area goes from {one.baseline:.3f} to {one.consensus:.3f} with it",
+    )
     if one.rate is None:
         return f"{name}: no break-even, trusting every wrong match beside as many right ones still gains; {change}."
     if one.rate == 0:
@@ -188,7 +215,9 @@ def _picture(one: BreakEven) -> Picture:
 
 
 def _draw(ax: Axes, one: BreakEven, theme: Theme) -> Axes:
-    ax.fill_between(one.rates, one.lowest, one.highest, color=theme.trusted_right, alpha=0.13, linewidth=0)
+    ax.fill_between(
+        one.rates, one.lowest, one.highest, color=theme.trusted_right, alpha=0.13, linewidth=0
+    )
     ax.plot(
         one.rates,
         one.areas,
@@ -199,9 +228,21 @@ def _draw(ax: Axes, one: BreakEven, theme: Theme) -> Axes:
         clip_on=False,
         label=f"drawn predictors that trust {one.trust.recall:.2f} of the right matches (mean, worst to best)",
     )
-    ax.axhline(one.baseline, color=theme.muted, linestyle=(0, (4, 3)), linewidth=1.4, label="unweighted sequence")
+    ax.axhline(
+        one.baseline,
+        color=theme.muted,
+        linestyle=(0, (4, 3)),
+        linewidth=1.4,
+        label="unweighted sequence",
+    )
     if one.rate is not None:
-        ax.axvline(one.rate, color=theme.muted, linestyle=":", linewidth=1.2, label=f"break-even, {one.rate:.3f}")
+        ax.axvline(
+            one.rate,
+            color=theme.muted,
+            linestyle=":",
+            linewidth=1.2,
+            label=f"break-even, {one.rate:.3f}",
+        )
     ax.plot(
         one.trust.false_positive_rate,
         one.consensus,

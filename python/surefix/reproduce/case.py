@@ -1,4 +1,6 @@
-"""A case: the distances of one technique on one data set, with the truth, and how all cases are treated."""
+"""A case: the distances of one technique on one data set, with the truth, and how all cases are
+treated.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -114,8 +116,12 @@ class Case:
         """The sequence without weights: the paper's baseline."""
         return plain_sequence(self.D, sequence_length=length)
 
-    def weighted(self, length: int, *, weight: float = WEIGHT, trusted: Flags | None = None) -> Matches:
-        """The sequence weighted by the consensus, or by another predictor's words; the floor is the paper's, global."""
+    def weighted(
+        self, length: int, *, weight: float = WEIGHT, trusted: Flags | None = None
+    ) -> Matches:
+        """The sequence weighted by the consensus, or by another predictor's words; the floor is the
+        paper's, global.
+        """
         return weighted_sequence(self.D, sequence_length=length, weight=weight, trusted=trusted)
 
     def right(self) -> Flags:
@@ -139,7 +145,9 @@ def _check_places(name: str, truth: Truth, places: int) -> None:
     """A pair of positions or a matrix has a row a place; a place a query must be one of them."""
     array: npt.NDArray[np.int64] = np.asarray(truth[0] if isinstance(truth, tuple) else truth)
     if (isinstance(truth, tuple) or array.ndim == 2) and len(array) != places:
-        raise SurefixValueError(f"{name}, truth: expected a row for each of the {places} places, got {len(array)}")
+        raise SurefixValueError(
+            f"{name}, truth: expected a row for each of the {places} places, got {len(array)}"
+        )
     if not isinstance(truth, tuple) and array.ndim == 1 and (array >= places).any():
         query = int(np.argmax(array >= places))
         raise SurefixValueError(

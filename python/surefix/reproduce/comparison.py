@@ -50,14 +50,23 @@ class Comparison:
 
 
 def drawn(
-    draw: Callable[[Axes, Theme], object], alt: str, caption: str = "", size: tuple[float, float] = (6.4, 4.9)
+    draw: Callable[[Axes, Theme], object],
+    alt: str,
+    caption: str = "",
+    size: tuple[float, float] = (6.4, 4.9),
 ) -> Picture:
-    """A picture on light and on dark paper; one of more than 8 inches takes the page's whole width."""
-    return Picture(_small(png(draw, size)), _small(png(draw, size, DARK)), alt, caption, wide=size[0] > 8)
+    """A picture on light and on dark paper; one of more than 8 inches takes the page's whole
+    width.
+    """
+    return Picture(
+        _small(png(draw, size)), _small(png(draw, size, DARK)), alt, caption, wide=size[0] > 8
+    )
 
 
 def _small(picture: bytes) -> bytes:
-    """The picture in few colours, at a third of the bytes: a report of many cases has a hundred of them."""
+    """The picture in few colours, at a third of the bytes: a report of many cases has a hundred of
+    them.
+    """
     file = io.BytesIO()
     image = Image.open(io.BytesIO(picture)).convert("RGB").quantize(128, dither=Image.Dither.NONE)
     image.save(file, "PNG", optimize=True)
@@ -80,7 +89,13 @@ def shown(value: float | None, digits: int = 3) -> str:
 
 def listed(parts: Sequence[str]) -> str:
     """Parts of a sentence: a, b and c."""
-    return parts[0] if len(parts) == 1 else f"{'; '.join(parts[:-1])}; and {parts[-1]}" if parts else "none"
+    return (
+        parts[0]
+        if len(parts) == 1
+        else f"{'; '.join(parts[:-1])}; and {parts[-1]}"
+        if parts
+        else "none"
+    )
 
 
 def stem(*parts: str) -> str:

@@ -1,4 +1,6 @@
-"""Precision-recall curves: of the sequences, of the single frames, and against the perfect prediction."""
+"""Precision-recall curves: of the sequences, of the single frames, and against the perfect
+prediction.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -52,7 +54,10 @@ def single_frames(cases: Sequence[Case], settings: Settings) -> Comparison:
             methods["distance, masked by the supervised predictor"] = _supervised(case, begin)
         except SurefixError as error:
             points.append(f"{case.name}: no supervised curve, {error}.")
-        evaluated = {name: _evaluate_from(case, begin, matches, settings) for name, matches in methods.items()}
+        evaluated = {
+            name: _evaluate_from(case, begin, matches, settings)
+            for name, matches in methods.items()
+        }
         curves.append((case, evaluated))
         points.append(f"{case.name}: {_ranked(evaluated)}.")
     return _comparison(
@@ -141,14 +146,17 @@ def _comparison(
             numbers = zip(*(column.tolist() for column in columns), strict=True)
             rows += [(case.dataset, case.technique, method, *point) for point in numbers]
     pictures = {
-        stem(name, case.dataset, case.technique): _picture(case, evaluated, settings) for case, evaluated in curves
+        stem(name, case.dataset, case.technique): _picture(case, evaluated, settings)
+        for case, evaluated in curves
     }
     return Comparison(name, title, paragraphs, HEADER, rows, pictures, points=points)
 
 
 def _picture(case: Case, curves: Mapping[str, Evaluation], settings: Settings) -> Picture:
     return drawn(
-        lambda ax, theme: plot.precision_recall(ax, curves, upto=UPTO, recall=settings.recall, theme=theme),
+        lambda ax, theme: plot.precision_recall(
+            ax, curves, upto=UPTO, recall=settings.recall, theme=theme
+        ),
         f"Precision-recall curves of {case.name}. Area up to recall {UPTO:g}: {_ranked(curves)}.",
         case.name,
     )

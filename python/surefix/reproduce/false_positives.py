@@ -17,9 +17,20 @@ ROWS_A_PICTURE = 8
 
 def compare(rows: Sequence[Row], settings: Settings) -> Comparison:
     """The counts behind each row of Table I."""
-    counts = [(row, row.unweighted.false_positives_at(UPTO), row.weighted.false_positives_at(UPTO)) for row in rows]
-    fewer = [row for row, before, after in counts if before is not None and after is not None and after < before]
-    more = [row for row, before, after in counts if before is not None and after is not None and after > before]
+    counts = [
+        (row, row.unweighted.false_positives_at(UPTO), row.weighted.false_positives_at(UPTO))
+        for row in rows
+    ]
+    fewer = [
+        row
+        for row, before, after in counts
+        if before is not None and after is not None and after < before
+    ]
+    more = [
+        row
+        for row, before, after in counts
+        if before is not None and after is not None and after > before
+    ]
     same = [row for row, before, after in counts if before is not None and before == after]
     rest = len(counts) - len(fewer) - len(more) - len(same)
     named = [(row.case.name, before, after) for row, before, after in counts]
@@ -32,16 +43,35 @@ def compare(rows: Sequence[Row], settings: Settings) -> Comparison:
             f"\u201c{settings.recall}\u201d). Weighting makes them fewer in {len(fewer)}, more in {len(more)} and "
             f"leaves them as many in {len(same)} of {len(counts)} rows; in {rest} a curve ends before that recall.",
         ),
-        ("dataset", "technique", "unweighted", "weighted", "correct_unweighted", "correct_weighted"),
+        (
+            "dataset",
+            "technique",
+            "unweighted",
+            "weighted",
+            "correct_unweighted",
+            "correct_weighted",
+        ),
         [
-            (row.case.dataset, row.case.technique, before, after, row.unweighted.correct, row.weighted.correct)
+            (
+                row.case.dataset,
+                row.case.technique,
+                before,
+                after,
+                row.unweighted.correct,
+                row.weighted.correct,
+            )
             for row, before, after in counts
         ],
         {
-            f"false_positives_{number}" if number > 1 else "false_positives": _picture(counts[start:][:ROWS_A_PICTURE])
+            f"false_positives_{number}" if number > 1 else "false_positives": _picture(
+                counts[start:][:ROWS_A_PICTURE]
+            )
             for number, start in enumerate(starts, 1)
         },
-        points=[f"{row}: {_count(before)} unweighted, {_count(after)} weighted." for row, before, after in named],
+        points=[
+            f"{row}: {_count(before)} unweighted, {_count(after)} weighted."
+            for row, before, after in named
+        ],
     )
 
 

@@ -68,7 +68,9 @@ class Found:
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
-        """The first of its traverses against each other; none where it has no choice, or not two traverses."""
+        """The first of its traverses against each other; none where it has no choice, or not two
+        traverses.
+        """
         if self._own:
             return []
         first, *others = datasets.traverses(self.dataset, self.folder) or [""]
@@ -77,7 +79,10 @@ class Found:
     def has(self, pair: tuple[str, str]) -> bool:
         """Whether both traverses are there, or ready matrices of the two."""
         there = datasets.traverses(self.dataset, self.folder)
-        if all(name in there or (self.dataset in BY_POSITION and (self.folder / name).is_dir()) for name in pair):
+        if all(
+            name in there or (self.dataset in BY_POSITION and (self.folder / name).is_dir())
+            for name in pair
+        ):
             return True
         return any((self.folder / MATRICES / "_to_".join(pair)).glob("*.npy"))
 
@@ -94,23 +99,34 @@ def read_pairs(texts: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
     SurefixValueError
         For another form, or a data set whose traverses cannot be chosen.
     """
-    known = [name for name, dataset in datasets.DATASETS.items() if {"reference", "query"} <= set(dataset.options)]
+    known = [
+        name
+        for name, dataset in datasets.DATASETS.items()
+        if {"reference", "query"} <= set(dataset.options)
+    ]
     chosen: dict[str, list[tuple[str, str]]] = {}
     for text in texts:
         name, _, pair = text.partition("=")
         dataset = name.strip().lower().replace("-", "_")
         reference, _, query = pair.partition("/")
         if not reference or not query or "/" in query or reference == query:
-            raise SurefixValueError(f"--pair: expected DATASET=REFERENCE/QUERY, two traverses, got {text!r}")
+            raise SurefixValueError(
+                f"--pair: expected DATASET=REFERENCE/QUERY, two traverses, got {text!r}"
+            )
         if dataset not in known:
-            raise SurefixValueError(f"--pair: expected one of {', '.join(known)} before the =, got {name!r}")
+            raise SurefixValueError(
+                f"--pair: expected one of {', '.join(known)} before the =, got {name!r}"
+            )
         if (reference, query) not in chosen.setdefault(dataset, []):
             chosen[dataset].append((reference, query))
     return chosen
 
 
-def check_pairs(folder: Path, there: Sequence[Found], chosen: dict[str, list[tuple[str, str]]]) -> None:
-    """Looks for the pairs of ``read_pairs`` among the data sets that are there, before any is loaded.
+def check_pairs(
+    folder: Path, there: Sequence[Found], chosen: dict[str, list[tuple[str, str]]]
+) -> None:
+    """Looks for the pairs of ``read_pairs`` among the data sets that are there, before any is
+    loaded.
 
     Raises
     ------
@@ -120,13 +136,20 @@ def check_pairs(folder: Path, there: Sequence[Found], chosen: dict[str, list[tup
     for dataset, pairs in chosen.items():
         places = [found for found in there if found.dataset == dataset]
         if not places:
-            listed = ", ".join(dict.fromkeys(found.dataset for found in there if found.dataset in datasets.DATASETS))
+            listed = ", ".join(
+                dict.fromkeys(
+                    found.dataset for found in there if found.dataset in datasets.DATASETS
+                )
+            )
             raise SurefixValueError(
                 f"--pair: expected a data set that is there ({listed or 'none'} in {folder}), got {dataset}"
             )
         for pair in pairs:
             if not any(found.has(pair) for found in places):
-                named = [(", ".join(datasets.traverses(dataset, found.folder)), found.folder) for found in places]
+                named = [
+                    (", ".join(datasets.traverses(dataset, found.folder)), found.folder)
+                    for found in places
+                ]
                 listed = "; ".join(f"{names or 'none'} in {where}" for names, where in named)
                 raise SurefixValueError(
                     f"--pair {dataset}: expected traverses that are there ({listed}), got {'/'.join(pair)}"
@@ -149,14 +172,21 @@ def find_datasets(folder: Path) -> list[Found]:
         # A data set found at the top is not found once more in its own parts; matrices have none.
         if top is not None and top.dataset != MATRICES:
             return [top]
-        candidates = [*([top] if top else []), *(found for place in below if (found := _looks_like(place)) is not None)]
+        candidates = [
+            *([top] if top else []),
+            *(found for place in below if (found := _looks_like(place)) is not None),
+        ]
     except OSError as error:
-        raise SurefixFileError(f"{error.filename}: cannot list the folder: {error.strerror}") from None
+        raise SurefixFileError(
+            f"{error.filename}: cannot list the folder: {error.strerror}"
+        ) from None
     return _told_apart(candidates)
 
 
 def _told_apart(candidates: Sequence[Found]) -> list[Found]:
-    """With a title of its own for each, from its folder's name, and a number where that does not tell."""
+    """With a title of its own for each, from its folder's name, and a number where that does not
+    tell.
+    """
     titles = [stem(found.title) for found in candidates]
     told: list[Found] = []
     for found, title in zip(candidates, titles, strict=True):
@@ -170,10 +200,14 @@ def _told_apart(candidates: Sequence[Found]) -> list[Found]:
     return told
 
 
-def load_cases(found: Found, chosen: Sequence[tuple[str, str]] = ()) -> tuple[Sequence[Case], Sequence[str]]:
-    """The cases of each pair of its traverses, SAD first and then its ready matrices; and what could not be used, why.
+def load_cases(
+    found: Found, chosen: Sequence[tuple[str, str]] = ()
+) -> tuple[Sequence[Case], Sequence[str]]:
+    """The cases of each pair of its traverses, SAD first and then its ready matrices; and what
+    could not be used, why.
 
-    Matrices are in ``matrices/``, or those of one of several pairs in ``matrices/REFERENCE_to_QUERY/``.
+    Matrices are in ``matrices/``, or those of one of several pairs in
+    ``matrices/REFERENCE_to_QUERY/``.
 
     Parameters
     ----------
@@ -199,7 +233,11 @@ def load_cases(found: Found, chosen: Sequence[tuple[str, str]] = ()) -> tuple[Se
         notes: tuple[str, ...] = ()
         if number == 0:
             ready.insert(0, found.folder / "matrices")
-            notes = () if len(pairs) == 1 else (f"The matrix lies in matrices/ itself: taken to be of {which}.",)
+            notes = (
+                ()
+                if len(pairs) == 1
+                else (f"The matrix lies in matrices/ itself: taken to be of {which}.",)
+            )
         loaded, wrong = _load(found, names, {"reference": reference, "query": query}, ready, notes)
         cases += loaded
         problems += wrong
@@ -218,21 +256,31 @@ def _load(
     problems: list[str] = []
     known: tuple[Truth, float] | None = None
     if found.dataset == "folders":
-        options = {"truth": "ground_truth.csv" if (found.folder / "ground_truth.csv").is_file() else "identity"}
+        options = {
+            "truth": "ground_truth.csv"
+            if (found.folder / "ground_truth.csv").is_file()
+            else "identity"
+        }
     if found.dataset != MATRICES:
         try:
             pair = datasets.load(found.dataset, found.folder, **options)
             truth, tolerance = known = _truth(pair)
             D = sad_distances(pair.references, pair.queries)
             source = f"images in {found.folder}"
-            cases.append(Case(names[0], SAD, D, truth, tolerance, source, tuple(pair.notes), aliases=names[1:]))
+            cases.append(
+                Case(
+                    names[0], SAD, D, truth, tolerance, source, tuple(pair.notes), aliases=names[1:]
+                )
+            )
         except SurefixError as error:
             problems.append(str(error))
     for number, place in enumerate(ready):
         for path in sorted(place.glob("*.npy")):
             notes = () if number else first_notes
             try:
-                cases.append(_matrix(found, path, names, known, notes, [case.technique for case in cases]))
+                cases.append(
+                    _matrix(found, path, names, known, notes, [case.technique for case in cases])
+                )
             except SurefixError as error:
                 problems.append(str(error))
     return cases, list(dict.fromkeys(problems))
@@ -252,7 +300,9 @@ def _matrix(
             if stem(technique) in map(stem, taken):
                 technique = path.stem
             if stem(technique) in map(stem, taken):
-                raise SurefixValueError(f"{path}: expected names that differ in letters or digits, got another such")
+                raise SurefixValueError(
+                    f"{path}: expected names that differ in letters or digits, got another such"
+                )
             similarity = word == "similarity"
             D = as_distances(read_matrix(path), similarity, path)
             if known is None:
@@ -261,27 +311,37 @@ def _matrix(
             truth, tolerance = known
             source = f"ready {kind(similarity)}, {path}"
             return Case(names[0], technique, D, truth, tolerance, source, notes, aliases=names[1:])
-    raise SurefixFileError(f"{path}: expected NAME_similarity*.npy or NAME_distance*.npy, to tell which it holds")
+    raise SurefixFileError(
+        f"{path}: expected NAME_similarity*.npy or NAME_distance*.npy, to tell which it holds"
+    )
 
 
 def _truth_beside(found: Found, path: Path, D: Distances) -> tuple[Truth, tuple[str, ...]]:
-    """The truth of a matrix without images: of ``ground_truth.csv``, or the identity where it is square."""
+    """The truth of a matrix without images: of ``ground_truth.csv``, or the identity where it is
+    square.
+    """
     places, queries = D.shape
     file = found.folder / "ground_truth.csv"
     if file.is_file():
         return read_truth(file, places, queries), ()
     if found.dataset in BY_POSITION:
-        raise SurefixFileError(f"{path}: expected {file}, as without the images' positions there is no truth")
+        raise SurefixFileError(
+            f"{path}: expected {file}, as without the images' positions there is no truth"
+        )
     if places != queries:
         raise SurefixFileError(
             f"{path}: expected {file}, as {places} places and {queries} queries cannot be paired one to one"
         )
-    return np.arange(queries, dtype=np.int64), ("No truth was given: query i is taken to show place i.",)
+    return np.arange(queries, dtype=np.int64), (
+        "No truth was given: query i is taken to show place i.",
+    )
 
 
 def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
     if pair.truth is not None and not (pair.truth >= 0).any():
-        raise SurefixValueError(f"{pair.name}: expected a query with a true place, got {len(pair.truth)} without")
+        raise SurefixValueError(
+            f"{pair.name}: expected a query with a true place, got {len(pair.truth)} without"
+        )
     if pair.reference_positions is not None and pair.query_positions is not None:
         return (pair.reference_positions, pair.query_positions), METRES
     if pair.truth is None:

@@ -17,14 +17,10 @@ __all__ = ["as_distances", "matrix_case", "read_matrix"]
 def matrix_case(text: str, *, similarity: bool = False) -> Case:
     """A case from ``NAME=FILE.npy`` or ``NAME=FILE.npy,TRUTH.npy``.
 
-    Parameters
-    ----------
-    text : str
-        ``NAME`` is ``DATASET/TECHNIQUE``, or a technique alone. The matrix has a row a place and a column a query. The
-        truth is as for ``surefix.evaluate``, (m,) or (n, m); without one, and as many queries as places, query ``i``
-        shows place ``i``.
-    similarity : bool
-        More is more alike: the distance is 1 minus that.
+    Parameters ---------- text : str ``NAME`` is ``DATASET/TECHNIQUE``, or a technique alone. The
+    matrix has a row a place and a column a query. The truth is as for ``surefix.evaluate``, (m,) or
+    (n, m); without one, and as many queries as places, query ``i`` shows place ``i``. similarity :
+    bool More is more alike: the distance is 1 minus that.
 
     Raises
     ------
@@ -33,7 +29,9 @@ def matrix_case(text: str, *, similarity: bool = False) -> Case:
     """
     name, equals, files = text.partition("=")
     if not (name and equals and files):
-        raise SurefixValueError(f"--matrix: expected NAME=FILE.npy or NAME=FILE.npy,TRUTH.npy, got {text!r}")
+        raise SurefixValueError(
+            f"--matrix: expected NAME=FILE.npy or NAME=FILE.npy,TRUTH.npy, got {text!r}"
+        )
     file, _, truth_file = files.partition(",")
     dataset, slash, technique = name.partition("/")
     if not slash:
@@ -51,14 +49,18 @@ def matrix_case(text: str, *, similarity: bool = False) -> Case:
             f"--matrix {name}: expected FILE.npy,TRUTH.npy, as {D.shape[0]} places and {D.shape[1]} queries "
             "cannot be paired one to one"
         )
-    return Case(dataset, technique, D, truth, source=f"ready {kind(similarity)}, {file}", notes=notes)
+    return Case(
+        dataset, technique, D, truth, source=f"ready {kind(similarity)}, {file}", notes=notes
+    )
 
 
 def read_matrix(path: Path) -> npt.NDArray[Any]:
     """A matrix of numbers, a row a place and a column a query."""
     matrix = _load(path, "the matrix")
     if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or 0 in matrix.shape:
-        raise SurefixValueError(f"{path}: expected numbers (places, queries), got {matrix.dtype} {matrix.shape}")
+        raise SurefixValueError(
+            f"{path}: expected numbers (places, queries), got {matrix.dtype} {matrix.shape}"
+        )
     return matrix
 
 
@@ -67,7 +69,9 @@ def as_distances(matrix: npt.NDArray[Any], similarity: bool, where: object) -> D
     values = matrix.astype(np.float64)
     if not np.isfinite(values).all():
         place, query = np.argwhere(~np.isfinite(values))[0].tolist()
-        raise SurefixValueError(f"{where}: expected finite numbers, got {values[place, query]} at [{place}, {query}]")
+        raise SurefixValueError(
+            f"{where}: expected finite numbers, got {values[place, query]} at [{place}, {query}]"
+        )
     return (1 - values if similarity else values).astype(np.float32)
 
 
@@ -82,5 +86,7 @@ def _load(path: Path, what: str) -> npt.NDArray[Any]:
     except OSError as error:
         raise SurefixFileError(f"{path}: cannot read {what}: {error.strerror or error}") from None
     except (ValueError, EOFError) as error:
-        raise SurefixValueError(f"{path}: not a .npy array of numbers, or a truncated one ({error})") from None
+        raise SurefixValueError(
+            f"{path}: not a .npy array of numbers, or a truncated one ({error})"
+        ) from None
     return array

@@ -21,7 +21,9 @@ class PaperRow:
     weighted: float | None
 
     def is_for(self, technique: str, *datasets: str) -> bool:
-        """Whether it is about this technique on a data set of these names, whatever the case of the letters."""
+        """Whether it is about this technique on a data set of these names, whatever the case of the
+        letters.
+        """
         named = self.dataset.casefold() in map(str.casefold, datasets)
         return named and self.technique.casefold() == technique.casefold()
 
@@ -40,24 +42,34 @@ def read_paper(path: Path) -> list[PaperRow]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = [[cell.strip() for cell in line] for line in csv.reader(file)]
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read the paper's numbers: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{path}: cannot read the paper's numbers: {error.strerror or error}"
+        ) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SurefixValueError(f"{path}: expected a CSV file in UTF-8, got {error}") from None
     header = [name.lower() for name in lines[0]] if lines else []
     if set(COLUMNS) - set(header):
-        raise SurefixValueError(f"{path}, row 1: expected the columns {','.join(COLUMNS)}, got {','.join(header)}")
+        raise SurefixValueError(
+            f"{path}, row 1: expected the columns {','.join(COLUMNS)}, got {','.join(header)}"
+        )
     rows: list[PaperRow] = []
     for number, line in enumerate(lines[1:], 2):
         if not any(line):
             continue
         if len(line) != len(header):
-            raise SurefixValueError(f"{path}, row {number}: expected {len(header)} cells, got {len(line)}")
+            raise SurefixValueError(
+                f"{path}, row {number}: expected {len(header)} cells, got {len(line)}"
+            )
         cells = dict(zip(header, line, strict=True))
-        areas = [_area(cells[name], f"{path}, row {number}, {name}") for name in ("baseline", "weighted")]
+        areas = [
+            _area(cells[name], f"{path}, row {number}, {name}") for name in ("baseline", "weighted")
+        ]
         row = PaperRow(cells["dataset"], cells["technique"], *areas)
         if any(row.is_for(other.technique, other.dataset) for other in rows):
             name = f"{row.dataset}, {row.technique}"
-            raise SurefixValueError(f"{path}, row {number}: expected each case once, got {name} twice")
+            raise SurefixValueError(
+                f"{path}, row {number}: expected each case once, got {name} twice"
+            )
         rows.append(row)
     return rows
 

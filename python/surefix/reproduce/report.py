@@ -22,7 +22,10 @@ RECALLS = (
         "recall \u201ccorrect\u201d",
         "accepted correct matches / all correct matches of the same method. The paper's wording, the default here.",
     ),
-    ("recall \u201cplace_exists\u201d", "accepted correct matches / all queries that have a true place."),
+    (
+        "recall \u201cplace_exists\u201d",
+        "accepted correct matches / all queries that have a true place.",
+    ),
     (
         "recall \u201crejected\u201d",
         "accepted correct matches / (those and all rejected queries). The authors' earlier code.",
@@ -62,7 +65,8 @@ def write_report(
     problems: Sequence[str] = (),
     command: str = "surefix reproduce",
 ) -> Path:
-    """Writes the page, a PNG of each picture and a CSV of each comparison; returns the path of the page.
+    """Writes the page, a PNG of each picture and a CSV of each comparison; returns the path of the
+    page.
 
     Raises
     ------
@@ -91,7 +95,9 @@ def _check_distinct(cases: Sequence[Case]) -> None:
     names = [stem(case.dataset, case.technique) for case in cases]
     for case, name in zip(cases, names, strict=True):
         if names.count(name) > 1:
-            raise SurefixValueError(f"cases: expected names that differ in letters or digits, got {case.name} twice")
+            raise SurefixValueError(
+                f"cases: expected names that differ in letters or digits, got {case.name} twice"
+            )
 
 
 def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) -> Sequence[str]:
@@ -113,9 +119,13 @@ def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
         what,
     ]
     if problems:
-        lead.append(f"{len(problems)} of the data sets or files found could not be used: see the end.")
+        lead.append(
+            f"{len(problems)} of the data sets or files found could not be used: see the end."
+        )
     if settings.quick:
-        lead.append("Made with --quick: few bootstrap samples, few steps. To see that it works, not to quote.")
+        lead.append(
+            "Made with --quick: few bootstrap samples, few steps. To see that it works, not to quote."
+        )
     return lead
 
 
@@ -146,10 +156,18 @@ def _data(cases: Sequence[Case], problems: Sequence[str]) -> Section:
     rows = []
     for case in cases:
         places, queries = case.D.shape
-        words = (f"{places} places, {queries} queries; correct is {case.correct_means}; {case.source}", *case.notes)
+        words = (
+            f"{places} places, {queries} queries; correct is {case.correct_means}; {case.source}",
+            *case.notes,
+        )
         rows.append((case.name, ". ".join(word.rstrip(".") for word in words) + "."))
     missing = [f"Not used: {problem}" for problem in problems]
-    return Section("The data", ("Everything that was found, and what became of it.",), rows=rows, points=missing)
+    return Section(
+        "The data",
+        ("Everything that was found, and what became of it.",),
+        rows=rows,
+        points=missing,
+    )
 
 
 def _made(settings: Settings, command: str) -> Section:
@@ -163,4 +181,8 @@ def _made(settings: Settings, command: str) -> Section:
         ("made with", f"surefix {__version__}: {command}"),
         ("on", machine()),
     )  # fmt: skip
-    return Section("How this was made", ("Beside this page: a PNG of each picture, a CSV of each section.",), rows=rows)
+    return Section(
+        "How this was made",
+        ("Beside this page: a PNG of each picture, a CSV of each section.",),
+        rows=rows,
+    )

@@ -41,7 +41,9 @@ def compare(cases: Sequence[Case], settings: Settings) -> Comparison:
             rows += [(case.dataset, case.technique, name, *point) for point in numbers]
         pictures[stem("weight_sweep", case.dataset, case.technique)] = _picture(case, grid, bands)
         said = "; ".join(_said(name, grid, band) for name, band in bands.items())
-        points.append(f"{case.name}: {bands['perfect'][0][0]:.3f} unweighted. At weight {WEIGHT:g}: {said}.")
+        points.append(
+            f"{case.name}: {bands['perfect'][0][0]:.3f} unweighted. At weight {WEIGHT:g}: {said}."
+        )
     return Comparison(
         "weight_sweep",
         "How far to draw trusted matches: the weight from 0 to 1",
@@ -66,12 +68,18 @@ def _bands(case: Case, grid: Floats, settings: Settings) -> Mapping[str, Band]:
     right = case.right()
     drawn_flags = {
         name: [
-            noisy_predictor(right, true_positive_rate=rates[0], false_positive_rate=rates[1], seed=seed)
+            noisy_predictor(
+                right, true_positive_rate=rates[0], false_positive_rate=rates[1], seed=seed
+            )
             for seed in range(settings.draws)
         ]
         for name, rates in (("good", GOOD), ("poor", POOR))
     }
-    predictors: dict[str, Sequence[Flags | None]] = {"consensus": [None], "perfect": [right], **drawn_flags}
+    predictors: dict[str, Sequence[Flags | None]] = {
+        "consensus": [None],
+        "perfect": [right],
+        **drawn_flags,
+    }
     return {name: _band(case, grid, flags, settings) for name, flags in predictors.items()}
 
 
@@ -80,7 +88,8 @@ def _band(case: Case, grid: Floats, flags: Sequence[Flags | None], settings: Set
     means = []
     for weight in grid.tolist():
         drawn_curves = [
-            case.evaluate(case.weighted(LENGTH, weight=weight, trusted=trusted), settings) for trusted in flags
+            case.evaluate(case.weighted(LENGTH, weight=weight, trusted=trusted), settings)
+            for trusted in flags
         ]
         means.append(np.mean([_estimate(curve, settings) for curve in drawn_curves], axis=0))
     auc, low, high = np.array(means).T
@@ -115,11 +124,15 @@ def _spans(grid: Floats, mask: Flags) -> str:
 
 
 def _rates(rates: tuple[float, float]) -> str:
-    return f"{rates[0]:.0%} of the right matches and {rates[1]:.0%} of the wrong ones".replace("%", " %")
+    return f"{rates[0]:.0%} of the right matches and {rates[1]:.0%} of the wrong ones".replace(
+        "%", " %"
+    )
 
 
 def _picture(case: Case, grid: Floats, bands: Mapping[str, Band]) -> Picture:
-    ends = ", ".join(f"{name} {band[0][0]:.2f} to {band[0][-1]:.2f}" for name, band in bands.items())
+    ends = ", ".join(
+        f"{name} {band[0][0]:.2f} to {band[0][-1]:.2f}" for name, band in bands.items()
+    )
     return drawn(
         lambda ax, theme: plot.weight_sweep(ax, grid, bands, theme=theme),
         f"Area up to recall {UPTO:g} by weight, for {case.name}; from weight 0 to weight 1: {ends}.",

@@ -1,4 +1,6 @@
-"""Table I: the area up to 20 % recall, baseline and weighted, with the interval of the difference."""
+"""Table I: the area up to 20 % recall, baseline and weighted, with the interval of the
+difference.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -80,7 +82,9 @@ def measure(case: Case, settings: Settings) -> Row:
     )
 
 
-def compare(rows: Sequence[Row], paper: Sequence[PaperRow] | None, settings: Settings) -> Comparison:
+def compare(
+    rows: Sequence[Row], paper: Sequence[PaperRow] | None, settings: Settings
+) -> Comparison:
     """The table of all cases, beside the paper's own numbers where the user gave them."""
     cells: list[tuple[str | int | float | None, ...]] = []
     seen = []
@@ -106,25 +110,37 @@ def compare(rows: Sequence[Row], paper: Sequence[PaperRow] | None, settings: Set
             )
         )
     absent = [own for own in paper or () if own not in seen]
-    cells += [(own.dataset, own.technique, *[None] * 11, "not run here", own.baseline, own.weighted) for own in absent]
+    cells += [
+        (own.dataset, own.technique, *[None] * 11, "not run here", own.baseline, own.weighted)
+        for own in absent
+    ]
     return Comparison(
         "table_1",
         "Table I: the area up to 20 % recall",
         _paragraphs(rows, paper, absent, settings),
         HEADER,
         cells,
-        {f"table_1_{number}" if number > 1 else "table_1": _picture(part) for number, part in _parts(rows)},
+        {
+            f"table_1_{number}" if number > 1 else "table_1": _picture(part)
+            for number, part in _parts(rows)
+        },
         (_table(rows, seen, absent),),
         _points(rows),
     )
 
 
 def _paper_row(case: Case, paper: Sequence[PaperRow] | None) -> PaperRow | None:
-    return next((row for row in paper or () if row.is_for(case.technique, case.dataset, *case.aliases)), None)
+    return next(
+        (row for row in paper or () if row.is_for(case.technique, case.dataset, *case.aliases)),
+        None,
+    )
 
 
 def _paragraphs(
-    rows: Sequence[Row], paper: Sequence[PaperRow] | None, absent: Sequence[PaperRow], settings: Settings
+    rows: Sequence[Row],
+    paper: Sequence[PaperRow] | None,
+    absent: Sequence[PaperRow],
+    settings: Settings,
 ) -> Sequence[str]:
     if paper is None:
         own = (
@@ -138,7 +154,9 @@ def _paragraphs(
             f"{len(absent)} were not run here."
         )
         if absent:
-            names = dict.fromkeys(name for row in rows for name in (row.case.dataset, *row.case.aliases))
+            names = dict.fromkeys(
+                name for row in rows for name in (row.case.dataset, *row.case.aliases)
+            )
             techniques = dict.fromkeys(row.case.technique for row in rows)
             own += (
                 f" A row is matched by its names. The data sets here: {'; '.join(names)}. The techniques: "
@@ -180,11 +198,15 @@ def _points(rows: Sequence[Row]) -> Sequence[str]:
         if curve.max_recall < UPTO
     ]
     if short:
-        points.append(f"Curves that end before recall {UPTO:g}, and so have no area beyond: {listed(short)}.")
+        points.append(
+            f"Curves that end before recall {UPTO:g}, and so have no area beyond: {listed(short)}."
+        )
     return points
 
 
-def _table(rows: Sequence[Row], seen: Sequence[PaperRow | None], absent: Sequence[PaperRow]) -> Table:
+def _table(
+    rows: Sequence[Row], seen: Sequence[PaperRow | None], absent: Sequence[PaperRow]
+) -> Table:
     lines: list[tuple[str, ...]] = [
         (
             row.case.dataset,
@@ -199,12 +221,16 @@ def _table(rows: Sequence[Row], seen: Sequence[PaperRow | None], absent: Sequenc
         )
         for row, own in zip(rows, seen, strict=True)
     ]
-    lines += [(own.dataset, own.technique, *["\u2013"] * 5, "not run here", _pair(own)) for own in absent]
+    lines += [
+        (own.dataset, own.technique, *["\u2013"] * 5, "not run here", _pair(own)) for own in absent
+    ]
     header = (
         "data set", "technique", "queries", "baseline", "weighted", "difference", "95 % interval", "weighting",
         "paper: baseline, weighted",
     )  # fmt: skip
-    return Table("table-1", f"Area up to recall {UPTO:g}, L = {LENGTH}, w = {WEIGHT:g}", header, lines)
+    return Table(
+        "table-1", f"Area up to recall {UPTO:g}, L = {LENGTH}, w = {WEIGHT:g}", header, lines
+    )
 
 
 def _pair(own: PaperRow | None) -> str:
@@ -213,14 +239,19 @@ def _pair(own: PaperRow | None) -> str:
 
 def _parts(rows: Sequence[Row]) -> Sequence[tuple[int, Sequence[Row]]]:
     starts = range(0, len(rows), ROWS_A_PICTURE)
-    return [(number, rows[start : start + ROWS_A_PICTURE]) for number, start in enumerate(starts, 1)]
+    return [
+        (number, rows[start : start + ROWS_A_PICTURE]) for number, start in enumerate(starts, 1)
+    ]
 
 
 def _picture(rows: Sequence[Row]) -> Picture:
     estimates: dict[str, Estimate] = {}
     for row in rows:
         for name, area, interval in zip(
-            ("unweighted", "weighted"), (row.baseline_area, row.weighted_area), row.intervals, strict=True
+            ("unweighted", "weighted"),
+            (row.baseline_area, row.weighted_area),
+            row.intervals,
+            strict=True,
         ):
             estimates[fill(f"{row.case.name}: {name}", LABEL)] = (area, *interval)
     return drawn(

@@ -25,7 +25,9 @@ MOST, LEAST = 2000, 200
 
 
 def measure(places: int, pushes: int) -> tuple[Floats, Floats]:
-    """Microseconds of each push: of the prediction alone (L = 1, w = 0), and of the whole method. By turns."""
+    """Microseconds of each push: of the prediction alone (L = 1, w = 0), and of the whole method.
+    By turns.
+    """
     rng = np.random.default_rng(places)
     columns = [rng.random(places, np.float32) for _ in range(COLUMNS)]
     matchers = (
@@ -52,7 +54,9 @@ def measure(places: int, pushes: int) -> tuple[Floats, Floats]:
 
 def compare(machine: str, settings: Settings) -> Comparison:
     """The times on this machine."""
-    sizes = (100, 1000, 10_000) if settings.quick else (100, 300, 1000, 3000, 10_000, 30_000, 100_000)
+    sizes = (
+        (100, 1000, 10_000) if settings.quick else (100, 300, 1000, 3000, 10_000, 30_000, 100_000)
+    )
     rows: list[tuple[float, ...]] = []
     # The processor has to wake up first, or the smallest map looks slow.
     measure(sizes[-1], LEAST)
@@ -61,7 +65,9 @@ def compare(machine: str, settings: Settings) -> Comparison:
         prediction, whole = measure(places, pushes)
         medians = float(np.median(prediction)), float(np.median(whole))
         means = float(prediction.mean()), float(whole.mean())
-        rows.append((places, pushes, *medians, medians[1] - medians[0], *means, means[1] - means[0]))
+        rows.append(
+            (places, pushes, *medians, medians[1] - medians[0], *means, means[1] - means[0])
+        )
     return Comparison(
         "execution_time",
         "Execution time",

@@ -4,9 +4,9 @@
 >>> for frame in open_stream("drive.mp4", every=0.5):                                           # doctest: +SKIP
 ...     fix = localizer.push(frame.image)
 
-``open_stream`` finds the kind by what is named. ``Localizer.stream`` takes what it gives, or any iterable of ``Frame``,
-and tells the matcher where the drive is broken. Videos, bags and cameras need ``surefix[video]``, ``surefix[bags]`` and
-``surefix[camera]``.
+``open_stream`` finds the kind by what is named. ``Localizer.stream`` takes what it gives, or any
+iterable of ``Frame``, and tells the matcher where the drive is broken. Videos, bags and cameras
+need ``surefix[video]``, ``surefix[bags]`` and ``surefix[camera]``.
 """
 
 from surefix.streams.arrays import ArrayStream

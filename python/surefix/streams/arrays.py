@@ -17,7 +17,8 @@ __all__ = ["ArrayStream", "load_frames"]
 
 
 class ArrayStream(Stream):
-    """The rows of a ``.npy``: uint8 images, (n, H, W) or (n, H, W, 3), or ready descriptors (n, dim). No times.
+    """The rows of a ``.npy``: uint8 images, (n, H, W) or (n, H, W, 3), or ready descriptors (n,
+    dim). No times.
 
     Ready descriptors also from the other files that ``surefix.descriptors.load`` reads.
 
@@ -68,16 +69,26 @@ def load_frames(place: str, key: str | None = None) -> npt.NDArray[Any]:
     if Path(place).suffix.lower() != ".npy":
         return load(place, key)
     if key is not None:
-        raise SurefixValueError(f"{place}: expected no key, as such a file holds one array, got {key!r}")
+        raise SurefixValueError(
+            f"{place}: expected no key, as such a file holds one array, got {key!r}"
+        )
     try:
         array: npt.NDArray[Any] = np.load(place, allow_pickle=False)
     except OSError as error:
-        raise SurefixFileError(f"{place}: cannot read the array: {error.strerror or error}") from None
+        raise SurefixFileError(
+            f"{place}: cannot read the array: {error.strerror or error}"
+        ) from None
     except (ValueError, EOFError) as error:
-        raise SurefixValueError(f"{place}: not a .npy array, or a truncated one ({error})") from None
+        raise SurefixValueError(
+            f"{place}: not a .npy array, or a truncated one ({error})"
+        ) from None
     if not isinstance(array, np.ndarray):
-        raise SurefixValueError(f"{place}: expected one array (.npy), got an archive of several (.npz)")
-    image = array.dtype == np.uint8 and (array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3))
+        raise SurefixValueError(
+            f"{place}: expected one array (.npy), got an archive of several (.npz)"
+        )
+    image = array.dtype == np.uint8 and (
+        array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
+    )
     if array.ndim != 2 and not image:
         raise SurefixValueError(
             f"{place}: expected descriptors (n, dim), or uint8 images (n, H, W) or (n, H, W, 3), "

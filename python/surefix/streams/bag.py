@@ -1,4 +1,6 @@
-"""Frames from a ROS 1 bag, a ROS 2 bag or an MCAP file, by rosbags: no ROS installation is needed."""
+"""Frames from a ROS 1 bag, a ROS 2 bag or an MCAP file, by rosbags: no ROS installation is
+needed.
+"""
 
 from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager
@@ -30,15 +32,10 @@ class BagStream(Stream):
     topic : str, optional
         The image topic; not needed where there is only one.
 
-    Raises
-    ------
-    SurefixError
-        Where rosbags is missing: ``pip install "surefix[bags]"``.
-    SurefixFileError
-        Where there is no such file.
-    SurefixValueError
-        Where it is no bag, or a damaged one, or has no such topic (the error lists those there are); while it is read,
-        for an image that cannot be decoded: the error names the topic and the message.
+    Raises ------ SurefixError Where rosbags is missing: ``pip install "surefix[bags]"``.
+    SurefixFileError Where there is no such file. SurefixValueError Where it is no bag, or a damaged
+    one, or has no such topic (the error lists those there are); while it is read, for an image that
+    cannot be decoded: the error names the topic and the message.
     """
 
     timed = True
@@ -86,7 +83,8 @@ def open_bag(path: str) -> Iterator[Any]:
     typesys = needed("rosbags.typesys", "a bag", "rosbags", "surefix[bags]")
     if not Path(path).exists():
         raise SurefixFileError(f"{path}: cannot read the bag: there is no such file or folder")
-    # Bags of ROS 2 before Iron do not say what their messages look like; those taken here have never changed.
+    # Bags of ROS 2 before Iron do not say what their messages look like; those taken here have
+    # never changed.
     usual = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     try:
         bag = highlevel.AnyReader([Path(path)], default_typestore=usual)
@@ -141,15 +139,22 @@ def stamp_of(message: Any) -> float | None:
 
 def _chosen(path: str, topics: dict[str, tuple[str | None, int]], topic: str | None) -> str:
     images = {name: kind for name, (kind, _) in topics.items() if kind in IMAGE}
-    listed = ", ".join(f"{name} ({topics[name][0]}, {topics[name][1]} messages)" for name in sorted(images or topics))
+    listed = ", ".join(
+        f"{name} ({topics[name][0]}, {topics[name][1]} messages)"
+        for name in sorted(images or topics)
+    )
     if topic is None and len(images) == 1:
         return next(iter(images))
     if topic is not None and topic in images:
         return topic
     if not images:
-        raise SurefixValueError(f"{path}: expected a topic of images, got {listed or 'a bag without topics'}")
+        raise SurefixValueError(
+            f"{path}: expected a topic of images, got {listed or 'a bag without topics'}"
+        )
     if topic is None:
-        raise SurefixValueError(f"{path}: expected the topic of the images, as there are several: {listed}")
+        raise SurefixValueError(
+            f"{path}: expected the topic of the images, as there are several: {listed}"
+        )
     raise SurefixValueError(f"{path}: expected an image topic, one of {listed}, got {topic!r}")
 
 

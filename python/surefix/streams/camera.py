@@ -49,12 +49,16 @@ class CameraStream(Stream):
         capture = self._cv2.VideoCapture(self.device)
         try:
             if not capture.isOpened():
-                raise SurefixFileError(f"camera {self.device}: cannot open it: is it there, and is it free?")
+                raise SurefixFileError(
+                    f"camera {self.device}: cannot open it: is it there, and is it free?"
+                )
             index = 0
             while not self._closed:
                 there, image = capture.read()
                 if not there:
-                    raise SurefixFileError(f"camera {self.device}: it gives no frame any more, after {index} frames")
+                    raise SurefixFileError(
+                        f"camera {self.device}: it gives no frame any more, after {index} frames"
+                    )
                 yield Shot(time.time(), str(index), partial(np.ascontiguousarray, image[..., ::-1]))
                 index += 1
         finally:

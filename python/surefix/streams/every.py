@@ -40,7 +40,9 @@ class Stride(Selection):
     @property
     def estimate(self) -> int | None:
         """About how many are left."""
-        return None if self.source_estimate is None else math.ceil(self.source_estimate / self.stride)
+        return (
+            None if self.source_estimate is None else math.ceil(self.source_estimate / self.stride)
+        )
 
     def chooser(self) -> Callable[[Shot], bool]:
         """Counts the shots."""
@@ -57,7 +59,8 @@ class Stride(Selection):
 class Every(Selection):
     """The first frame, and then the first of every so many seconds from it.
 
-    A frame that is late does not make the ones after it late. Where the time goes back, it begins anew.
+    A frame that is late does not make the ones after it late. Where the time goes back, it begins
+    anew.
 
     Raises
     ------

@@ -25,19 +25,21 @@ LOG = logging.getLogger("surefix")
 
 
 class FollowStream(Stream):
-    """The images of a folder or a pattern, those that are there and those that come, in the order of their names.
+    """The images of a folder or a pattern, those that are there and those that come, in the order
+    of their names.
 
-    A file is taken once it is whole: its size and its time of writing stay as they are for ``settle`` seconds, and it
-    can be decoded. Those after it wait for it. The time of a frame is when its file was last written.
+    A file is taken once it is whole: its size and its time of writing stay as they are for
+    ``settle`` seconds, and it can be decoded. Those after it wait for it. The time of a frame is
+    when its file was last written.
 
-    A file that cannot be decoded and has not changed for 5 seconds is passed over: the logger ``surefix`` says so, on
-    stderr by default, and it counts as dropped before the next.
+    A file that cannot be decoded and has not changed for 5 seconds is passed over: the logger
+    ``surefix`` says so, on stderr by default, and it counts as dropped before the next.
 
-    A file that comes after one with a later name was taken is taken when it comes; it says ``gap``, as does the one
-    after it. One that is gone before it was read counts as dropped.
+    A file that comes after one with a later name was taken is taken when it comes; it says ``gap``,
+    as does the one after it. One that is gone before it was read counts as dropped.
 
-    The folder is listed again and again rather than watched: that works on network drives too, and in containers, where
-    notices of changes do not reach.
+    The folder is listed again and again rather than watched: that works on network drives too, and
+    in containers, where notices of changes do not reach.
 
     Parameters
     ----------
@@ -60,14 +62,24 @@ class FollowStream(Stream):
 
     timed = True
     live = True
-    # How long a file that cannot be decoded may still become whole, in seconds: a writer that is interrupted.
+    # How long a file that cannot be decoded may still become whole, in seconds: a writer that is
+    # interrupted.
     PATIENCE = 5.0
 
     def __init__(
-        self, place: str | PathLike[str], *, idle: float | None = None, settle: float = 0.2, poll: float = 0.1
+        self,
+        place: str | PathLike[str],
+        *,
+        idle: float | None = None,
+        settle: float = 0.2,
+        poll: float = 0.1,
     ) -> None:
         self.place = fspath(place)
-        for name, value in (("idle", 0.0 if idle is None else idle), ("settle", settle), ("poll", poll)):
+        for name, value in (
+            ("idle", 0.0 if idle is None else idle),
+            ("settle", settle),
+            ("poll", poll),
+        ):
             if not (math.isfinite(value) and value >= 0):
                 raise SurefixValueError(f"{name}: expected seconds, 0 or more, got {value}")
         folder = Path(self.place)
@@ -107,7 +119,13 @@ class FollowStream(Stream):
                     lost += 1
                 else:
                     written, image = whole
-                    yield Shot(written, Path(path).name, partial(np.asarray, image), lost, order.breaks(path))
+                    yield Shot(
+                        written,
+                        Path(path).name,
+                        partial(np.asarray, image),
+                        lost,
+                        order.breaks(path),
+                    )
                     lost = 0
                 news = time.monotonic()
             if self.idle is not None and time.monotonic() - news >= self.idle:
@@ -118,14 +136,17 @@ class FollowStream(Stream):
     def _pause(self, seconds: float) -> None:
         """Sleeps for so long, or until the end.
 
-        Not by waiting for the event: where Ctrl-C comes in the middle of that, its lock can be left as it must not be.
+        Not by waiting for the event: where Ctrl-C comes in the middle of that, its lock can be left
+        as it must not be.
         """
         until = time.monotonic() + seconds
         while not self._ended.is_set() and (left := until - time.monotonic()) > 0:
             time.sleep(min(left, 0.05))
 
     def _when_whole(self, path: str) -> tuple[float, npt.NDArray[np.uint8]] | None:
-        """When a file was last written, and its image, once it is whole; None where it is gone or never becomes one."""
+        """When a file was last written, and its image, once it is whole; None where it is gone or
+        never becomes one.
+        """
         before, since = None, time.monotonic()
         while not self._ended.is_set():
             try:
@@ -168,7 +189,9 @@ class _Order:
         self.furthest: str | None = None
 
     def breaks(self, path: str) -> bool:
-        """Whether a file does not follow on the one before, as a late one does not, nor what comes after it."""
+        """Whether a file does not follow on the one before, as a late one does not, nor what comes
+        after it.
+        """
         here = self.rank[path]
         # One that is gone from the folder has no rank: nothing can be said.
         last = self.rank.get(self.last or "", -1)

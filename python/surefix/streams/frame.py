@@ -12,21 +12,13 @@ __all__ = ["Frame"]
 class Frame:
     """An image of a stream, when it was taken, and what is missing before it.
 
-    Attributes
-    ----------
-    image : array of uint8, shape (H, W) grey or (H, W, 3) RGB
-        From a file of ready descriptors, one of them: shape (dim,).
-    time : float or None
-        In seconds: since 1970 from a camera, a bag or a folder that grows, since the start from a video. None where
-        nothing says.
-    name : str
-        A file's name, or the frame's number in its video, its topic or its array.
-    dropped : int
-        How many frames were lost between the one before and this one.
-    gap : bool
-        Whether time is missing before this frame: the drive does not go on from the frame before.
-    breaks : bool
-        Either of the two: the matcher is to be told, by ``Localizer.gap``.
+    Attributes ---------- image : array of uint8, shape (H, W) grey or (H, W, 3) RGB From a file of
+    ready descriptors, one of them: shape (dim,). time : float or None In seconds: since 1970 from a
+    camera, a bag or a folder that grows, since the start from a video. None where nothing says.
+    name : str A file's name, or the frame's number in its video, its topic or its array. dropped :
+    int How many frames were lost between the one before and this one. gap : bool Whether time is
+    missing before this frame: the drive does not go on from the frame before. breaks : bool Either
+    of the two: the matcher is to be told, by ``Localizer.gap``.
 
     Examples
     --------

@@ -14,10 +14,12 @@ __all__ = ["Gaps"]
 
 
 class Gaps(Derived):
-    """All frames of a source; those more than so many seconds after the one before, or earlier than it, say ``gap``.
+    """All frames of a source; those more than so many seconds after the one before, or earlier than
+    it, say ``gap``.
 
-    Put it next to the source, under what passes frames over: then the long wait that ``EveryMetres`` makes of a
-    standstill is no gap, and a gap among frames that are passed over is one before the next that is not.
+    Put it next to the source, under what passes frames over: then the long wait that
+    ``EveryMetres`` makes of a standstill is no gap, and a gap among frames that are passed over is
+    one before the next that is not.
 
     Raises
     ------

@@ -12,7 +12,8 @@ __all__ = ["ImageStream"]
 
 
 class ImageStream(Stream):
-    """The images of a folder or a pattern, ``frame9`` before ``frame10``; or of a list, in its order. No times.
+    """The images of a folder or a pattern, ``frame9`` before ``frame10``; or of a list, in its
+    order. No times.
 
     Parameters
     ----------

@@ -13,12 +13,14 @@ __all__ = ["EveryMetres"]
 
 
 class EveryMetres(Selection):
-    """A frame every so many metres, as the method wants: then a query's neighbours are as far apart as the map's.
+    """A frame every so many metres, as the method wants: then a query's neighbours are as far apart
+    as the map's.
 
-    The first frame whose position is known is taken; then each whose straight distance from the one taken before, with
-    what that one overshot, comes to ``metres``. So frames are ``metres`` apart on average, however far apart the camera
-    takes them; standing still yields none; and the noise of a receiver does not add up to a path. Frames before the
-    first position and after the last are passed over.
+    The first frame whose position is known is taken; then each whose straight distance from the one
+    taken before, with what that one overshot, comes to ``metres``. So frames are ``metres`` apart
+    on average, however far apart the camera takes them; standing still yields none; and the noise
+    of a receiver does not add up to a path. Frames before the first position and after the last are
+    passed over.
 
     Parameters
     ----------
@@ -28,11 +30,8 @@ class EveryMetres(Selection):
     metres : float
         Above 0.
 
-    Raises
-    ------
-    SurefixValueError
-        For another distance; while it is read, for a frame without a time, and where no frame lies within the
-        odometry's times: the two clocks differ.
+    Raises ------ SurefixValueError For another distance; while it is read, for a frame without a
+    time, and where no frame lies within the odometry's times: the two clocks differ.
 
     Examples
     --------
@@ -74,7 +73,11 @@ class _Walk:
 
     def takes(self, shot: Shot) -> bool:
         time = time_of(shot, "metres")
-        self.seen = (time, time) if self.seen is None else (min(self.seen[0], time), max(self.seen[1], time))
+        self.seen = (
+            (time, time)
+            if self.seen is None
+            else (min(self.seen[0], time), max(self.seen[1], time))
+        )
         here = self.odometry.at(time)
         if here is None:
             return False

@@ -1,4 +1,6 @@
-"""Between a source that does not wait and a reader that is now and then slow: a short queue that keeps the newest."""
+"""Between a source that does not wait and a reader that is now and then slow: a short queue that
+keeps the newest.
+"""
 
 import threading
 import time
@@ -19,18 +21,16 @@ __all__ = ["KeepNewest"]
 class KeepNewest(Derived):
     """The frames of a source, read in a thread of its own, of which a slow reader gets the newest.
 
-    The source never waits. Where the queue is full the oldest frame in it is dropped, and the next one says how many
-    were (``Frame.dropped``): the drive is broken there. At the end of the source the frames in the queue still come,
-    and then its error, if it had one. The thread ends with the iteration, however that ends; where the loop is left by
-    an error of its own, ``close`` ends it at once, and the end of the iterator's life at the latest. Only a source that
-    gives no frame for 5 seconds and has no ``close`` keeps its thread until it does.
+    The source never waits. Where the queue is full the oldest frame in it is dropped, and the next
+    one says how many were (``Frame.dropped``): the drive is broken there. At the end of the source
+    the frames in the queue still come, and then its error, if it had one. The thread ends with the
+    iteration, however that ends; where the loop is left by an error of its own, ``close`` ends it
+    at once, and the end of the iterator's life at the latest. Only a source that gives no frame for
+    5 seconds and has no ``close`` keeps its thread until it does.
 
-    Parameters
-    ----------
-    source : iterable of Frame
-        Read in the thread. A ``Stream`` that waits for frames, such as ``FollowStream``, is woken by its ``close``.
-    size : int
-        How many frames wait at most.
+    Parameters ---------- source : iterable of Frame Read in the thread. A ``Stream`` that waits for
+    frames, such as ``FollowStream``, is woken by its ``close``. size : int How many frames wait at
+    most.
 
     Attributes
     ----------
@@ -75,7 +75,13 @@ class KeepNewest(Derived):
         """The newest frames."""
         with closing(self.frames()) as frames:
             for frame in frames:
-                yield Shot(frame.time, frame.name, partial(getattr, frame, "image"), frame.dropped, frame.gap)
+                yield Shot(
+                    frame.time,
+                    frame.name,
+                    partial(getattr, frame, "image"),
+                    frame.dropped,
+                    frame.gap,
+                )
 
     def frames(self) -> Generator[Frame, None, None]:
         """Each frame that the queue kept."""
@@ -107,8 +113,8 @@ class _Queue:
         self.error: BaseException | None = None
         self.ended = self.stopped = False
         self.lock = threading.Lock()
-        # Holds something where there may be news. (No condition: where Ctrl-C comes in the middle of a wait for one,
-        # its lock can be left as it must not be.)
+        # Holds something where there may be news. (No condition: where Ctrl-C comes in the middle
+        # of a wait for one, its lock can be left as it must not be.)
         self.news: SimpleQueue[None] = SimpleQueue()
         self.thread = threading.Thread(target=self._read, name="surefix-newest", daemon=True)
 
@@ -162,7 +168,9 @@ class _Queue:
             if len(self.frames) == self.size:
                 lost = self.frames.popleft()
                 after = self.frames.popleft() if self.frames else frame
-                heir = replace(after, dropped=after.dropped + lost.dropped + 1, gap=after.gap or lost.gap)
+                heir = replace(
+                    after, dropped=after.dropped + lost.dropped + 1, gap=after.gap or lost.gap
+                )
                 if after is frame:
                     frame = heir
                 else:

@@ -37,10 +37,8 @@ class Odometry:
     source : str
         What an error calls it.
 
-    Raises
-    ------
-    SurefixValueError
-        For no rows, another shape, numbers that are not finite, or times that do not ascend; the error names the row.
+    Raises ------ SurefixValueError For no rows, another shape, numbers that are not finite, or
+    times that do not ascend; the error names the row.
 
     Examples
     --------
@@ -52,16 +50,26 @@ class Odometry:
     True
     """
 
-    def __init__(self, times: npt.ArrayLike, positions: npt.ArrayLike, source: str = "odometry") -> None:
+    def __init__(
+        self, times: npt.ArrayLike, positions: npt.ArrayLike, source: str = "odometry"
+    ) -> None:
         self.source = source
         self.times: Float64 = np.asarray(times, np.float64)
         self.positions: Float64 = np.asarray(positions, np.float64)
-        if self.times.ndim != 1 or self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
+        if (
+            self.times.ndim != 1
+            or self.positions.ndim != 2
+            or self.positions.shape[1] not in (1, 2, 3)
+        ):
             got = f"{self.times.shape} and {self.positions.shape}"
-            raise SurefixValueError(f"{source}: expected times (n,) and positions (n, 1), (n, 2) or (n, 3), got {got}")
+            raise SurefixValueError(
+                f"{source}: expected times (n,) and positions (n, 1), (n, 2) or (n, 3), got {got}"
+            )
         if len(self.times) != len(self.positions) or not len(self.times):
             got = f"{len(self.times)} times and {len(self.positions)} positions"
-            raise SurefixValueError(f"{source}: expected as many positions as times, one or more, got {got}")
+            raise SurefixValueError(
+                f"{source}: expected as many positions as times, one or more, got {got}"
+            )
         whole = np.isfinite(self.times) & np.isfinite(self.positions).all(axis=1)
         if not whole.all():
             row = int(np.argmin(whole))
@@ -88,7 +96,8 @@ class Odometry:
 
     @classmethod
     def from_csv(cls, path: str | PathLike[str]) -> Self:
-        """From a table with a header: ``time`` in seconds, and ``x,y``, ``x,y,z`` or ``distance`` in metres.
+        """From a table with a header: ``time`` in seconds, and ``x,y``, ``x,y,z`` or ``distance``
+        in metres.
 
         Other columns are passed over.
 
@@ -104,11 +113,16 @@ class Odometry:
         choices = (("x", "y", "z"), ("x", "y"), ("distance",))
         columns = next((names for names in choices if set(names) <= set(header)), None)
         if "time" not in header or columns is None:
-            raise SurefixValueError(f"{file}, row 1: expected the columns {COLUMNS}, got {','.join(header)}")
+            raise SurefixValueError(
+                f"{file}, row 1: expected the columns {COLUMNS}, got {','.join(header)}"
+            )
         at = [header.index(column) for column in ("time", *columns)]
         values = np.array(
             [
-                [decimal(cells[i], file, row, column) for i, column in zip(at, ("time", *columns), strict=True)]
+                [
+                    decimal(cells[i], file, row, column)
+                    for i, column in zip(at, ("time", *columns), strict=True)
+                ]
                 for row, cells in numbered
             ]
         )
@@ -116,20 +130,22 @@ class Odometry:
         if len(late):
             row = int(late[0]) + 1
             got = f"{values[row, 0]} after {values[row - 1, 0]}"
-            raise SurefixValueError(f"{file}, row {numbered[row][0]}: expected ascending times, got {got}")
+            raise SurefixValueError(
+                f"{file}, row {numbered[row][0]}: expected ascending times, got {got}"
+            )
         return cls(values[:, 0], values[:, 1:], str(file))
 
     @classmethod
     def from_bag(cls, path: str | PathLike[str], topic: str) -> Self:
-        """From a topic of nav_msgs Odometry, geometry_msgs PoseStamped or PoseWithCovarianceStamped, or NavSatFix.
+        """From a topic of nav_msgs Odometry, geometry_msgs PoseStamped or
+        PoseWithCovarianceStamped, or NavSatFix.
 
-        Times are those of the messages' stamps, as with ``BagStream``. Of a NavSatFix, latitude and longitude become
-        metres about their mean; those without a fix are left out, as are messages no later than the one before.
+        Times are those of the messages' stamps, as with ``BagStream``. Of a NavSatFix, latitude and
+        longitude become metres about their mean; those without a fix are left out, as are messages
+        no later than the one before.
 
-        Raises
-        ------
-        SurefixError
-            As ``BagStream`` does; a SurefixValueError where there is no such topic: it lists those there are.
+        Raises ------ SurefixError As ``BagStream`` does; a SurefixValueError where there is no such
+        topic: it lists those there are.
         """
         from surefix.streams.bag import messages, open_bag
 
@@ -139,9 +155,14 @@ class Odometry:
             kind = kinds.get(topic)
             if kind not in TOPICS:
                 fitting = [name for name in kinds if kinds[name] in TOPICS]
-                listed = ", ".join(f"{name} ({kinds[name]})" for name in sorted(fitting or kinds)) or "no topics"
+                listed = (
+                    ", ".join(f"{name} ({kinds[name]})" for name in sorted(fitting or kinds))
+                    or "no topics"
+                )
                 got = f"{topic!r} ({kind or 'not there'}); there are {listed}"
-                raise SurefixValueError(f"{place}: expected a topic of poses ({', '.join(TOPICS)}), got {got}")
+                raise SurefixValueError(
+                    f"{place}: expected a topic of poses ({', '.join(TOPICS)}), got {got}"
+                )
             times: list[float] = []
             positions: list[tuple[float, ...]] = []
             for time, message, where in messages(bag, place, topic):

@@ -35,33 +35,22 @@ def open_stream(
     odometry: Odometry | str | PathLike[str] | None = None,
     newest: bool | int | None = None,
 ) -> Stream:
-    """The frames of whatever is named: images, a folder that grows, a video, a bag, a camera or an array.
+    """The frames of whatever is named: images, a folder that grows, a video, a bag, a camera or an
+    array.
 
-    Parameters
-    ----------
-    place : str, path, int, or list of files
-        A folder of images or a pattern; a ``.npy``, or another file of descriptors; a video file; a bag (``.bag``,
-        ``.mcap``, ``.db3``, or the folder of a ROS 2 bag); a camera's number, device file or URL; or a list of image
-        files.
-    topic : str, optional
-        Of a bag: the images' topic, where there are several.
-    follow : bool
-        Of a folder or a pattern: go on with the files that come.
-    idle : float, optional
-        With ``follow``: end when none has come for so many seconds; by default never.
-    gap : float, optional
-        Frames more than so many seconds apart, or going back in time, have a gap between them.
-    stride : int
-        Take every n-th frame.
-    every : float, optional
-        Take a frame every so many seconds.
-    metres : float, optional
-        Take a frame every so many metres, by ``odometry``.
-    odometry : Odometry, str or path, optional
-        For ``metres``: a ``.csv`` (``Odometry.from_csv``), or a bag's topic of poses (``Odometry.from_bag``).
-    newest : bool or int, optional
-        Read in a thread, and keep the newest frame, or so many, for a slow reader (``KeepNewest``). By default for a
-        camera only: the frames of a folder wait.
+    Parameters ---------- place : str, path, int, or list of files A folder of images or a pattern;
+    a ``.npy``, or another file of descriptors; a video file; a bag (``.bag``, ``.mcap``, ``.db3``,
+    or the folder of a ROS 2 bag); a camera's number, device file or URL; or a list of image files.
+    topic : str, optional Of a bag: the images' topic, where there are several. follow : bool Of a
+    folder or a pattern: go on with the files that come. idle : float, optional With ``follow``: end
+    when none has come for so many seconds; by default never. gap : float, optional Frames more than
+    so many seconds apart, or going back in time, have a gap between them. stride : int Take every
+    n-th frame. every : float, optional Take a frame every so many seconds. metres : float, optional
+    Take a frame every so many metres, by ``odometry``. odometry : Odometry, str or path, optional
+    For ``metres``: a ``.csv`` (``Odometry.from_csv``), or a bag's topic of poses
+    (``Odometry.from_bag``). newest : bool or int, optional Read in a thread, and keep the newest
+    frame, or so many, for a slow reader (``KeepNewest``). By default for a camera only: the frames
+    of a folder wait.
 
     Returns
     -------
@@ -93,7 +82,9 @@ def open_stream(
         stream = Every(stream, every)
     for option, value in (("gap", gap), ("every", every), ("metres", metres)):
         if value is not None and not source.timed:
-            raise SurefixValueError(f"{option}: expected frames with times, as of a video or a bag, got {place}")
+            raise SurefixValueError(
+                f"{option}: expected frames with times, as of a video or a bag, got {place}"
+            )
     if (metres is None) != (odometry is None):
         given, lacking = ("metres", "odometry") if odometry is None else ("odometry", "metres")
         raise SurefixValueError(f"{given}: expected {lacking} too, got none")
@@ -137,11 +128,15 @@ def _source(
         return VideoStream(name)
     if file.is_file():
         endings = ", ".join(sorted({*VIDEO_ENDINGS, *BAG_ENDINGS, *ENDINGS}))
-        raise SurefixValueError(f"{name}: expected a folder of images, a pattern, or a file that ends in {endings}")
+        raise SurefixValueError(
+            f"{name}: expected a folder of images, a pattern, or a file that ends in {endings}"
+        )
     try:
         return ImageStream(name)
     except SurefixValueError:
-        parts = sorted(path.name for path in file.glob("*") if is_bag(path)) if file.is_dir() else []
+        parts = (
+            sorted(path.name for path in file.glob("*") if is_bag(path)) if file.is_dir() else []
+        )
         if not parts:
             raise
         # A recorder that was interrupted leaves a bag's folder so.
@@ -158,5 +153,7 @@ def _odometry(given: Odometry | str | PathLike[str], source: Stream) -> Odometry
     if not name.startswith("/") or Path(name).is_file():
         return Odometry.from_csv(name)
     if not isinstance(source, BagStream):
-        raise SurefixValueError(f"odometry: expected a .csv, or a topic of the bag that the images are in, got {name}")
+        raise SurefixValueError(
+            f"odometry: expected a .csv, or a topic of the bag that the images are in, got {name}"
+        )
     return Odometry.from_bag(source.path, name)

@@ -18,7 +18,9 @@ IMAGE = ("sensor_msgs/msg/Image", COMPRESSED)
 
 
 class Layout(NamedTuple):
-    """How an encoding's pixels lie: bytes a sample, samples a pixel, and which of them are taken, in the order RGB."""
+    """How an encoding's pixels lie: bytes a sample, samples a pixel, and which of them are taken,
+    in the order RGB.
+    """
 
     size: int
     samples: int
@@ -45,15 +47,19 @@ LAYOUTS = {
     "yuyv": Layout(1, 2, (0,)),
 }
 BAYER: dict[str, tuple[int, Pattern]] = {
-    f"bayer_{pattern}{8 * size}": (size, pattern) for size in (1, 2) for pattern in get_args(Pattern)
+    f"bayer_{pattern}{8 * size}": (size, pattern)
+    for size in (1, 2)
+    for pattern in get_args(Pattern)
 }
 
 
 def image_of(message: Any, where: str = "image") -> UInt8:
-    """The picture of a ``sensor_msgs`` Image or CompressedImage, as rclpy, rospy or rosbags hand it over.
+    """The picture of a ``sensor_msgs`` Image or CompressedImage, as rclpy, rospy or rosbags hand it
+    over.
 
-    Of 16 bits the upper 8 are taken, rounded; a Bayer mosaic becomes a colour image of half its sides
-    (``surefix.datasets.demosaic``); of YUV 4:2:2 the brightness is taken; an alpha channel is left out.
+    Of 16 bits the upper 8 are taken, rounded; a Bayer mosaic becomes a colour image of half its
+    sides (``surefix.datasets.demosaic``); of YUV 4:2:2 the brightness is taken; an alpha channel is
+    left out.
 
     Parameters
     ----------
@@ -66,13 +72,15 @@ def image_of(message: Any, where: str = "image") -> UInt8:
     -------
     array of uint8, shape (H, W) or (H, W, 3) RGB
 
-    Raises
-    ------
-    SurefixValueError
-        For an encoding that is none of these, or data that do not fit the size; for a compressed image that is not png,
-        jpeg or another format of ``surefix.read_image``.
+    Raises ------ SurefixValueError For an encoding that is none of these, or data that do not fit
+    the size; for a compressed image that is not png, jpeg or another format of
+    ``surefix.read_image``.
     """
-    return raw_image(message, where) if hasattr(message, "encoding") else compressed_image(message, where)
+    return (
+        raw_image(message, where)
+        if hasattr(message, "encoding")
+        else compressed_image(message, where)
+    )
 
 
 def raw_image(message: Any, where: str = "image") -> UInt8:
@@ -100,7 +108,9 @@ def compressed_image(message: Any, where: str = "image") -> UInt8:
     encoding = str(message.format)
     # Its png has a header of its own before it, and 16-bit depths in it.
     if "compressedDepth" in encoding:
-        raise SurefixValueError(f"{where}: expected a camera's image, got a depth image (format {encoding!r})")
+        raise SurefixValueError(
+            f"{where}: expected a camera's image, got a depth image (format {encoding!r})"
+        )
     return decode_image(bytes(_bytes(message.data)), where)
 
 
@@ -116,7 +126,11 @@ def _samples(message: Any, layout: Layout, where: str) -> UInt8:
         )
     pixels = data.reshape(height, step)[:, :row]
     if layout.size == 2:
-        wide = np.ascontiguousarray(pixels).view(">u2" if message.is_bigendian else "<u2").astype(np.uint32)
+        wide = (
+            np.ascontiguousarray(pixels)
+            .view(">u2" if message.is_bigendian else "<u2")
+            .astype(np.uint32)
+        )
         pixels = ((wide + 128) // 257).astype(np.uint8)
     return pixels.reshape(height, width, layout.samples)
 

@@ -1,4 +1,6 @@
-"""What every source of frames is: something to iterate over, that reads a frame when it is wanted, and not before."""
+"""What every source of frames is: something to iterate over, that reads a frame when it is wanted,
+and not before.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
@@ -35,14 +37,9 @@ class Shot:
 class Stream(ABC):
     """A source of ``Frame``, in the order that they were taken. Each iteration begins anew.
 
-    Attributes
-    ----------
-    timed : bool
-        Whether frames say when they were taken.
-    live : bool
-        Whether frames come at their own pace, so that a slow reader loses some, and the end is not known.
-    count : int or None
-        How many frames there are, where that is known; then ``len`` gives it too.
+    Attributes ---------- timed : bool Whether frames say when they were taken. live : bool Whether
+    frames come at their own pace, so that a slow reader loses some, and the end is not known. count
+    : int or None How many frames there are, where that is known; then ``len`` gives it too.
     """
 
     timed: bool = False
@@ -68,10 +65,14 @@ class Stream(ABC):
         return []
 
     def close(self) -> None:  # noqa: B027 (most do not wait)
-        """Ends the iteration that is under way, from any thread, where it would wait for what may never come."""
+        """Ends the iteration that is under way, from any thread, where it would wait for what may
+        never come.
+        """
 
     def frames(self) -> Generator[Frame, None, None]:
-        """Each frame, decoded. To ``close`` the generator is to let go of files, cameras and threads at once."""
+        """Each frame, decoded. To ``close`` the generator is to let go of files, cameras and
+        threads at once.
+        """
         with closing(self.shots()) as shots:
             for shot in shots:
                 yield shot.frame()
@@ -83,7 +84,9 @@ class Stream(ABC):
     def __len__(self) -> int:
         """How many frames; a TypeError where that is not known."""
         if self.count is None:
-            raise TypeError(f"{type(self).__name__}: how many frames there are is not known beforehand")
+            raise TypeError(
+                f"{type(self).__name__}: how many frames there are is not known beforehand"
+            )
         return self.count
 
     def __bool__(self) -> bool:
@@ -127,7 +130,9 @@ class Derived(Stream):
 
 
 class Selection(Derived):
-    """Some of another stream's frames. What is missing before one that is passed over is missing before the next."""
+    """Some of another stream's frames. What is missing before one that is passed over is missing
+    before the next.
+    """
 
     @abstractmethod
     def chooser(self) -> Callable[[Shot], bool]:
@@ -154,4 +159,6 @@ def shots_of(source: Iterable[Frame]) -> Generator[Shot, None, None]:
         yield from source.shots()
         return
     for frame in source:
-        yield Shot(frame.time, frame.name, partial(getattr, frame, "image"), frame.dropped, frame.gap)
+        yield Shot(
+            frame.time, frame.name, partial(getattr, frame, "image"), frame.dropped, frame.gap
+        )

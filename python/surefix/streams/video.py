@@ -18,28 +18,39 @@ __all__ = ["VIDEO_ENDINGS", "VideoStream", "is_video"]
 
 # What counts as a video by its name; VideoStream itself takes any file.
 VIDEO_ENDINGS = frozenset(
-    {".3gp", ".asf", ".avi", ".flv", ".m2ts", ".m4v", ".mjpeg", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ogv"}
+    {
+        ".3gp",
+        ".asf",
+        ".avi",
+        ".flv",
+        ".m2ts",
+        ".m4v",
+        ".mjpeg",
+        ".mkv",
+        ".mov",
+        ".mp4",
+        ".mpeg",
+        ".mpg",
+        ".mts",
+        ".ogv",
+    }
     | {".ts", ".webm", ".wmv"}
 )
 
 
 class VideoStream(Stream):
-    """The frames of a video's first picture track, upright, as RGB; the time is the frame's own, in seconds.
+    """The frames of a video's first picture track, upright, as RGB; the time is the frame's own, in
+    seconds.
 
     Parameters
     ----------
     path : str or path
         Anything that FFmpeg reads.
 
-    Raises
-    ------
-    SurefixError
-        Where PyAV is missing: ``pip install "surefix[video]"``.
-    SurefixFileError
-        Where there is no such file.
-    SurefixValueError
-        Where it is no video. While it is read: where it is damaged, or ends before it should; the error names the
-        frame, and those before it have been given. (A MPEG transport stream does not say where it should end.)
+    Raises ------ SurefixError Where PyAV is missing: ``pip install "surefix[video]"``.
+    SurefixFileError Where there is no such file. SurefixValueError Where it is no video. While it
+    is read: where it is damaged, or ends before it should; the error names the frame, and those
+    before it have been given. (A MPEG transport stream does not say where it should end.)
     """
 
     timed = True
@@ -75,7 +86,9 @@ class VideoStream(Stream):
                     try:
                         frame = next(frames, None)
                     except (self._av.FFmpegError, EOFError) as error:
-                        raise self._damaged(index, getattr(error, "strerror", None) or str(error)) from None
+                        raise self._damaged(
+                            index, getattr(error, "strerror", None) or str(error)
+                        ) from None
                     if frame is None:
                         break
                     if frame.is_corrupt:
@@ -93,7 +106,9 @@ class VideoStream(Stream):
             container = self._av.open(self.path)
         except OSError as error:
             if isinstance(error, (FileNotFoundError, PermissionError)):
-                raise SurefixFileError(f"{self.path}: cannot read the video: {error.strerror}") from None
+                raise SurefixFileError(
+                    f"{self.path}: cannot read the video: {error.strerror}"
+                ) from None
             raise self._no_video(str(error.strerror or error)) from None
         except (self._av.FFmpegError, ValueError) as error:
             raise self._no_video(getattr(error, "strerror", None) or str(error)) from None
@@ -103,17 +118,23 @@ class VideoStream(Stream):
         return container
 
     def _check_whole(self, container: Any, count: int, end: float) -> None:
-        """A reader meets the end of a Matroska or AVI file that was cut short as if it were the end of the video."""
+        """A reader meets the end of a Matroska or AVI file that was cut short as if it were the end
+        of the video.
+        """
         expected = _end(container)
         track = container.streams.video[0]
         period = 1 / float(track.average_rate) if track.average_rate else 0.1
         if expected is not None and end < expected - max(1.5 * period, 0.1):
-            raise self._damaged(count, f"the file ends at {end:.2f} s of {expected:.2f} s; it was cut short")
+            raise self._damaged(
+                count, f"the file ends at {end:.2f} s of {expected:.2f} s; it was cut short"
+            )
         if count == 0:
             raise self._damaged(0, "the file ends before the first frame")
 
     def _no_video(self, reason: str) -> SurefixValueError:
-        return SurefixValueError(f"{self.path}: expected a video, got a file that is none, or a damaged one ({reason})")
+        return SurefixValueError(
+            f"{self.path}: expected a video, got a file that is none, or a damaged one ({reason})"
+        )
 
     def _damaged(self, index: int, reason: str) -> SurefixValueError:
         return SurefixValueError(f"{self.path}, frame {index}: a damaged video: {reason}")
@@ -122,16 +143,25 @@ class VideoStream(Stream):
 def is_video(place: Path) -> bool:
     """Whether this is a video by its name, and not a folder or a pattern."""
     return (
-        place.suffix.lower() in VIDEO_ENDINGS and not place.is_dir() and not any(mark in str(place) for mark in "*?[")
+        place.suffix.lower() in VIDEO_ENDINGS
+        and not place.is_dir()
+        and not any(mark in str(place) for mark in "*?[")
     )
 
 
 def _end(container: Any) -> float | None:
-    """When the picture track ends, in seconds, as the file's head says; None where it does not say it of this track."""
+    """When the picture track ends, in seconds, as the file's head says; None where it does not say
+    it of this track.
+    """
     track = container.streams.video[0]
     if container.format.name == "avi":
-        # Its duration is made up from the size of the file; the number of frames is what was written.
-        return float(track.frames / track.average_rate) if track.frames and track.average_rate else None
+        # Its duration is made up from the size of the file; the number of frames is what was
+        # written.
+        return (
+            float(track.frames / track.average_rate)
+            if track.frames and track.average_rate
+            else None
+        )
     if container.format.name == "asf":
         return None  # That of the longest track stands with each.
     if track.duration is not None:

@@ -1,4 +1,5 @@
-//! Every kernel of every instruction set against naive sums: 100,000 cases each, or what `PROPTEST_CASES` says.
+//! Every kernel of every instruction set against naive sums: 100,000 cases each, or what
+//! `PROPTEST_CASES` says.
 
 use std::any::type_name;
 
@@ -132,7 +133,8 @@ fn compensated(terms: impl Iterator<Item = f64>) -> (f64, f64) {
     (sum + lost, size)
 }
 
-/// A term of floats: as method 1.6 rounds it, the true one, and by how much the two can differ, of its size.
+/// A term of floats: as method 1.6 rounds it, the true one, and by how much the two can differ, of
+/// its size.
 trait Rounded {
     fn rounded(a: f32, b: f32) -> f64;
     fn exact(a: f64, b: f64) -> f64;
@@ -169,8 +171,8 @@ impl Rounded for Products {
     const OFF: f64 = 0.0;
 }
 
-/// One query, `rows` rows: every instruction set gives the bits of the naive lanes, and those are within the stated bound of
-/// the true sum.
+/// One query, `rows` rows: every instruction set gives the bits of the naive lanes, and those are
+/// within the stated bound of the true sum.
 fn check_floats<T: Term + Rounded, Q: Number + Drawn, R: Number + Drawn>(
     query: &[Q],
     values: &[R],
@@ -201,7 +203,8 @@ fn check_floats<T: Term + Rounded, Q: Number + Drawn, R: Number + Drawn>(
 fn check_bytes<T: Term, B: Byte>(query: &[B], values: &[B], rows: usize) {
     let dim = query.len();
     let term = |(&a, &b): (&B, &B)| i64::from(T::byte(a.into(), b.into()));
-    let sum = |row: usize| query.iter().zip(&values[row * dim..(row + 1) * dim]).map(term).sum::<i64>();
+    let sum =
+        |row: usize| query.iter().zip(&values[row * dim..(row + 1) * dim]).map(term).sum::<i64>();
     let expected: Vec<i64> = (0..rows).map(sum).collect();
     let mut out = vec![-1; rows];
     for isa in Isa::available() {
@@ -301,7 +304,11 @@ fn long_rows_overflow_nothing() {
             check_bytes::<Products, i8>(query, rows, 2);
         }
         for sign in [1, -1] {
-            check_shorts(&vec![8191; dim], &vec![-128 * sign.max(0) + 127 * (-sign).max(0); 2 * dim], 2);
+            check_shorts(
+                &vec![8191; dim],
+                &vec![-128 * sign.max(0) + 127 * (-sign).max(0); 2 * dim],
+                2,
+            );
             let query: Vec<i16> = (0..dim).map(|_| i16::draw(&mut random, 3)).collect();
             let row: Vec<i8> = query.iter().map(|q| q.signum() as i8 * 127 * sign).collect();
             check_shorts(&query, &row, 1);

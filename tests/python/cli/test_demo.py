@@ -1,0 +1,228 @@
+"""``surefix demo``: what it writes is whole, true, and says the same as the fixes that it wrote."""
+
+import contextlib
+import csv
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import surefix
+from surefix.simulate import Route
+
+pytest.importorskip("matplotlib")
+
+from PIL import Image
+
+from html_reader import read
+from surefix.plot import Outcome
+from surefix.report.drive_report import FILES
+
+PLACES, SIZE, SEED = 120, (96, 48), 3
+PICTURES = [name for name in FILES if name.endswith(".png")]
+
+
+def surefix_demo(*options: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Runs the command in a pipe."""
+    command = [sys.executable, "-W", "error", "-m", "surefix", "demo", *options]
+    # What a continuous integration sets to get colours would hide what a pipe gets.
+    inherited = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "TTY_COMPATIBLE")}
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        env=inherited | environment,
+        check=False,
+    )
+
+
+@dataclass
+class Demo:
+    folder: Path
+    said: subprocess.CompletedProcess[str]
+
+    def table(self, name: str) -> list[dict[str, str]]:
+        with (self.folder / name).open(newline="") as file:
+            return list(csv.DictReader(file))
+
+    def column(self, name: str, column: str) -> np.ndarray:
+        return np.array([float(row[column]) for row in self.table(name)])
+
+    @property
+    def right(self) -> np.ndarray:
+        return np.abs(self.column("fixes.csv", "place") - self.column("truth.csv", "place")) <= 1
+
+    @property
+    def trusted(self) -> np.ndarray:
+        return np.array([row["trusted"] == "true" for row in self.table("fixes.csv")])
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
+    folder = tmp_path_factory.mktemp("demo") / "not" / "yet there"
+    width, height = map(str, SIZE)
+    size = ("--places", str(PLACES), "--width", width, "--height", height, "--seed", str(SEED))
+    return Demo(folder, surefix_demo("--out", str(folder), *size))
+
+
+def test_a_pipe_gets_plain_lines_and_the_last_says_where_the_report_is(demo: Demo) -> None:
+    assert demo.said.returncode == 0, demo.said.stderr
+    assert demo.said.stderr == ""
+    assert all(character.isprintable() or character == "\n" for character in demo.said.stdout)
+    last = demo.said.stdout.splitlines()[-1]
+    assert last.startswith(f"Made {demo.folder / 'report.html'}")
+
+
+def test_it_writes_the_files_that_it_names_and_no_others(demo: Demo) -> None:
+    assert {file.name for file in demo.folder.iterdir()} == set(FILES)
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_a_picture_has_something_on_it_and_nothing_is_cut_off(demo: Demo, name: str) -> None:
+    picture = np.asarray(Image.open(demo.folder / name).convert("RGB"))
+    height, width, _ = picture.shape
+    assert 500 < height < 3000
+    assert 700 < width < 3000
+    paper = picture[0, 0]
+    edge = np.concatenate([picture[:2].reshape(-1, 3), picture[-2:].reshape(-1, 3)])
+    sides = np.concatenate([picture[:, :2].reshape(-1, 3), picture[:, -2:].reshape(-1, 3)])
+    assert (edge == paper).all()
+    assert (sides == paper).all()
+    assert (picture != paper).any(axis=2).mean() > 0.04
+
+
+def test_the_fixes_in_the_file_are_those_of_the_live_drive(demo: Demo) -> None:
+    route = Route(places=PLACES, size=SIZE, seed=SEED)
+    reference, revisit = route.reference(), route.revisit()
+    localizer = surefix.Localizer(surefix.Map.from_images(reference, surefix.Sad()))
+    fixes = list(localizer.stream(revisit))
+    rows = demo.table("fixes.csv")
+    assert [int(row["place"]) for row in rows] == [fix.place for fix in fixes]
+    assert [float(row["score"]) for row in rows] == pytest.approx(
+        [fix.score for fix in fixes], rel=1e-6
+    )
+    assert demo.trusted.tolist() == [fix.trusted for fix in fixes]
+    assert demo.column("truth.csv", "place").tolist() == revisit.truth(reference).tolist()
+
+
+def test_the_baseline_is_the_sequence_without_weights(demo: Demo) -> None:
+    # In the other words of NumPy, at the default length 2.
+    D = np.load(demo.folder / "distances.npy").astype(np.float64)
+    assert D.shape == (PLACES, PLACES)
+    best = np.argmin(D[1:, 1:] + D[:-1, :-1], axis=0) + 1
+    assert demo.column("baseline.csv", "place")[1:].tolist() == best.tolist()
+
+
+def test_the_numbers_on_the_page_are_those_of_the_fixes(demo: Demo) -> None:
+    right, trusted = demo.right, demo.trusted
+    shown = read((demo.folder / "report.html").read_text(encoding="utf-8")).ids
+    assert shown["right"] == f"{100 * right.mean():.1f} %"
+    assert shown["trusted"] == f"{100 * trusted.mean():.1f} %"
+    assert shown["trusted-right"] == f"{100 * right[trusted].mean():.1f} %"
+    assert shown["trusted-wrong"] == str((trusted & ~right).sum())
+    assert float(shown["area"]) == pytest.approx(area_upto(demo, "fixes.csv"), abs=0.0051)
+    assert f"All fixes: {right.sum()} of {PLACES} right\n" in demo.said.stdout
+    counts = f"{(trusted & right).sum()} of {trusted.sum()} right, {(trusted & ~right).sum()} wrong"
+    assert f"Trusted fixes: {counts}\n" in demo.said.stdout
+
+
+def area_upto(demo: Demo, name: str, upto: float = 0.2) -> float:
+    """The area under the precision-recall curve up to a recall, by a sum over a fine grid of
+    recalls.
+    """
+    ready = np.array([row["ready"] == "true" for row in demo.table(name)])
+    right = (np.abs(demo.column(name, "place") - demo.column("truth.csv", "place")) <= 1)[ready]
+    scores = demo.column(name, "score")[ready]
+    points = [
+        (right[scores <= s].sum() / right.sum(), right[scores <= s].mean())
+        for s in np.unique(scores)
+    ]
+    # Where recall stays, the last precision is the one that the curve goes on from.
+    recall, precision = np.array(
+        [(r, p) for k, (r, p) in enumerate(points) if [*points, (2, 0)][k + 1][0] > r]
+    ).T
+    grid = np.linspace(0, upto, 20_001)
+    return float(np.interp(grid, np.r_[0, recall], np.r_[points[0][1], precision]).mean())
+
+
+def test_the_page_is_whole_and_needs_nothing_else(demo: Demo) -> None:
+    reader = read((demo.folder / "report.html").read_text(encoding="utf-8"))
+    assert reader.language == "en"
+    assert all(link.startswith("data:image/") for link in reader.links)
+    assert not reader.tags & {"script", "link", "iframe"}
+    assert len(reader.images) == len(PICTURES) + 2
+    assert all(
+        image["alt"] and int(image["width"]) and int(image["height"]) for image in reader.images
+    )
+    assert "not" in reader.text
+    assert f"--places {PLACES} " in reader.text
+    assert f"--seed {SEED} " in reader.text
+    for name in FILES:
+        assert name in reader.text
+
+
+def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    out = tmp_path / "file" / "demo"
+    said = surefix_demo("--out", str(out))
+    assert said.returncode == 1
+    assert said.stdout == ""
+    assert said.stderr.startswith(f"surefix: {out}: cannot make the output folder: ")
+    assert said.stderr.count("\n") == 1
+
+
+def test_a_report_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "route.png").mkdir()
+    said = surefix_demo("--out", str(tmp_path), "--places", "20", "--width", "32", "--height", "16")
+    assert said.returncode == 1
+    assert said.stderr.startswith(f"surefix: {tmp_path}: cannot write the report: ")
+    assert said.stderr.count("\n") == 1
+
+
+def test_without_matplotlib_one_line_says_how_to_install_it(tmp_path: Path) -> None:
+    missing = 'raise ModuleNotFoundError("No module named \'matplotlib\'", name="matplotlib")\n'
+    (tmp_path / "matplotlib.py").write_text(missing)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    said = surefix_demo("--out", str(tmp_path / "out"), PYTHONPATH=path)
+    assert said.returncode == 1
+    assert "pip install 'surefix[plot]'" in said.stderr
+    assert said.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+    assert surefix_demo("--help", PYTHONPATH=path).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "options", [("--places", "1"), ("--width", "wide"), ("--sequence-length", "0")]
+)
+def test_bad_usage_is_exit_code_2(options: Sequence[str]) -> None:
+    assert surefix_demo(*options).returncode == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pseudo-terminal is needed")
+def test_on_a_terminal_the_drive_is_shown_live(tmp_path: Path) -> None:
+    import pty
+
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "surefix", "demo", "--out", str(tmp_path)]
+    size = ["--places", "20", "--width", "32", "--height", "16"]
+    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "100", "LINES": "40"}
+    process = subprocess.Popen([*command, *size], stdout=theirs, stderr=theirs, env=environment)
+    os.close(theirs)
+    shown = bytearray()
+    # An OSError is how Linux says that the other side has closed.
+    with contextlib.suppress(OSError):
+        while chunk := os.read(ours, 65536):
+            shown += chunk
+    os.close(ours)
+    assert process.wait() == 0
+    text = shown.decode("utf-8")
+    assert "\x1b[" in text
+    for word in ("camera, frame 19", "20 of 20 frames", *(outcome.value for outcome in Outcome)):
+        assert word in text
+    assert f"Made {tmp_path / 'report.html'}" in text.splitlines()[-1]

@@ -1,0 +1,234 @@
+"""``surefix eval``: its queries are whatever ``surefix run`` localizes, and it judges the same
+fixes.
+"""
+
+import csv
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from PIL import Image
+
+import surefix
+import tiny_network
+from recordings import Bag, write_video
+from surefix import cli
+from surefix.descriptors import Onnx, extract
+from surefix.post import Normalize, Standardize
+from surefix.simulate import Route
+
+Run = Callable[..., tuple[int, str]]
+PLACES = 40
+OPTIONS = ("--truth", "identity", "--method", "weighted", "--floor", "running")
+
+
+def network(folder: Path) -> Onnx:
+    return Onnx(folder / "tiny.onnx", "map", (32, 16))
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("drives")
+    tiny_network.save(folder / "tiny.onnx")
+    route = Route(places=PLACES, size=(64, 32))
+    summer, winter = list(route.reference()), list(route.revisit())
+    for name, drive in (("summer", summer), ("winter", winter)):
+        (folder / name).mkdir()
+        for index, image in enumerate(drive):
+            Image.fromarray(image).save(folder / name / f"{index:03}.png")
+    write_video(folder / "winter.mkv", winter)
+    with Bag(folder, "mcap") as bag:
+        for index, image in enumerate(winter):
+            bag.image("/front", image, index / 10)
+            bag.image("/back", summer[index], index / 10)
+    surefix.Map.from_images(summer, progress=False).save(folder / "sad.safetensors")
+    surefix.Map.from_images(summer[::3], progress=False).save(folder / "third.safetensors")
+    for name, statistics in (("own", "references"), ("running", "running")):
+        post = [Standardize(statistics), Normalize()]  # type: ignore[arg-type]
+        learned = surefix.Map.from_images(
+            folder / "summer", network(folder), post=post, progress=False
+        )
+        learned.save(folder / f"{name}.safetensors")
+    rows = extract(folder / "winter", network(folder), progress=False)
+    np.save(folder / "winter.npy", rows)
+    surefix.Map.from_descriptors(rows).save(folder / "ready.safetensors")
+    surefix.Map.from_descriptors(rows, recipe={"name": "strips"}).save(
+        folder / "strips.safetensors"
+    )
+    np.save(folder / "D.npy", np.random.default_rng(3).random((PLACES, PLACES)).astype(np.float32))
+    return folder
+
+
+@pytest.fixture
+def run(drives: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """The command line in this process; its exit code, and what it says of errors."""
+
+    def run(*arguments: object) -> tuple[int, str]:
+        monkeypatch.chdir(drives)
+        monkeypatch.setattr(sys, "argv", ["surefix", "eval", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err
+        return int(end.value.code or 0), re.sub(r"[\s│╭╮╰╯─]+", " ", said.err)
+
+    return run
+
+
+def fixes(folder: Path, method: str = "weighted") -> list[dict[str, str]]:
+    with (folder / "fixes.csv").open(newline="", encoding="utf-8") as file:
+        return [row for row in csv.DictReader(file) if row["method"] == method]
+
+
+@pytest.mark.parametrize("name", ["own", "running"])
+def test_a_map_by_a_network_is_judged_by_the_fixes_of_a_run(
+    drives: Path, tmp_path: Path, run: Run, name: str
+) -> None:
+    route = surefix.Map.open(drives / f"{name}.safetensors")
+    expected = surefix.match(route, drives / "winter", descriptor=network(drives), progress=False)
+    cache = tmp_path / "winter.cache"
+    model = ("--model", "tiny.onnx", "--cache", cache)
+    # The network and what it made before; a recording; what it made, as ready descriptors.
+    for out, queries, options in (
+        ("first", "winter", model),
+        ("again", "winter", model),
+        ("video", "winter.mkv", model[:2]),
+        ("ready", "winter.npy", ()),
+    ):
+        assert run(f"{name}.safetensors", queries, *options, *OPTIONS, "-o", tmp_path / out) == (
+            0,
+            "",
+        )
+        rows = fixes(tmp_path / out)
+        assert [int(row["place"]) for row in rows] == expected.place.tolist()
+        ready = [index for index, row in enumerate(rows) if row["ready"] == "true"]
+        assert ready == np.flatnonzero(expected.ready).tolist()
+        np.testing.assert_array_equal(
+            [np.float32(rows[index]["score"]) for index in ready],
+            expected.score[ready],
+            err_msg=out,
+        )
+        assert [row["trusted"] == "true" for row in rows] == expected.trusted.tolist()
+    assert cache.exists()
+
+
+def test_a_recording_is_evaluated_as_its_frames_in_a_folder_are(
+    drives: Path, tmp_path: Path, run: Run
+) -> None:
+    np.save(tmp_path / "truth.npy", np.arange(PLACES)[::-1])
+    options = ("--truth", tmp_path / "truth.npy", "--references", "summer", "--method", "single")
+    for out, queries in (
+        ("folder", ["winter"]),
+        ("video", ["winter.mkv"]),
+        ("bag", ["drive_mcap", "--topic", "/front"]),
+    ):
+        assert run("sad.safetensors", *queries, *options, "-o", tmp_path / out) == (0, "")
+    folder = tmp_path / "folder"
+    for out in (tmp_path / "video", tmp_path / "bag"):
+        for row, expected in zip(fixes(out, "single"), fixes(folder, "single"), strict=True):
+            assert row == expected | {"name": row["query"]}
+        assert (out / "mistakes.png").read_bytes() == (folder / "mistakes.png").read_bytes()
+
+
+def test_some_frames_of_a_recording_are_the_queries(tmp_path: Path, run: Run) -> None:
+    assert run("third.safetensors", "winter.mkv", "--stride", 3, *OPTIONS, "-o", tmp_path) == (
+        0,
+        "",
+    )
+    assert [row["name"] for row in fixes(tmp_path)] == [str(index) for index in range(0, PLACES, 3)]
+
+
+def test_a_recording_has_the_pictures_of_ready_distances(tmp_path: Path, run: Run) -> None:
+    for out, queries in (("folder", "winter"), ("video", "winter.mkv")):
+        assert run("D.npy", queries, *OPTIONS, "-o", tmp_path / out)[0] == 0
+    pictures = [(tmp_path / out / "mistakes.png").read_bytes() for out in ("folder", "video")]
+    assert pictures[0] == pictures[1]
+
+
+MODEL = ("--model", "tiny.onnx")
+MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
+    "no model": (
+        ("own.safetensors", "winter"),
+        2,
+        "onnx:tiny/map, which own.safetensors was made with",
+    ),
+    "no model, a video": (
+        ("own.safetensors", "winter.mkv"),
+        2,
+        "expected --model with onnx:tiny/map",
+    ),
+    "a model of no use": (
+        ("sad.safetensors", "winter", *MODEL),
+        2,
+        "got sad.safetensors, which names none",
+    ),
+    "a model and ready descriptors": (
+        ("own.safetensors", "winter.npy", *MODEL),
+        2,
+        "--model: expected images, got the",
+    ),
+    "a model and distances": (
+        ("D.npy", *MODEL),
+        2,
+        "--model: expected a map made with one, got the distances D.npy",
+    ),
+    "another network": (("strips.safetensors", "winter", *MODEL), 2, "got a map by 'strips'"),
+    "no file": (
+        ("own.safetensors", "winter", "--model", "no.onnx"),
+        1,
+        "no.onnx: cannot read the model",
+    ),
+    "a cache alone": (
+        ("own.safetensors", "winter", "--cache", "c"),
+        2,
+        "--cache: expected --model too, got none",
+    ),
+    "images for descriptors": (
+        ("ready.safetensors", "winter"),
+        1,
+        "as this map holds ready descriptors; got images",
+    ),
+    "images for strips": (
+        ("strips.safetensors", "winter"),
+        1,
+        "by 'strips', which is no ONNX file; got images",
+    ),
+    "a stride of images": (
+        ("sad.safetensors", "winter", "--stride", 2),
+        2,
+        "expected a video or a bag, got winter",
+    ),
+    "a stride of nothing": (("D.npy", "--stride", 2), 2, "expected a video or a bag, got none"),
+    "two topics": (("sad.safetensors", "drive_mcap"), 1, "/back"),
+    "no video": (
+        ("sad.safetensors", "gone.mkv"),
+        1,
+        "gone.mkv: cannot read the video: there is no such file",
+    ),
+    "a video of references": (
+        ("sad.safetensors", "winter", "--references", "winter.mkv"),
+        1,
+        "--references: expected a folder of images, a pattern or a .npy, got the recording winter.mkv",
+    ),
+    "descriptors beside distances": (
+        ("D.npy", "winter.npy"),
+        1,
+        "winter.npy: expected uint8 images",
+    ),
+    "few frames": (("D.npy", "winter.mkv", "--stride", 2), 1, "got 20 images for 40 queries"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_gets_one_clear_message(name: str, tmp_path: Path, run: Run) -> None:
+    arguments, code, words = MISTAKES[name]
+    out = tmp_path / "out"
+    ended, said = run(*arguments, "--truth", "identity", "-o", out)
+    assert (ended, words in said) == (code, True), said
+    assert not out.exists()

@@ -1,0 +1,407 @@
+"""`surefix run` on videos, bags and folders that grow."""
+
+import csv
+import io
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Generator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import surefix
+from commands import surefix_, surefix_process
+from recordings import Bag, write_video
+from surefix.cli import recording
+from surefix.cli.fixes import JsonFixes
+from surefix.cli.run import localize
+from surefix.cli.tally import Tally
+from surefix.simulate import Route
+from surefix.streams import Frame, KeepNewest, Shot, Stream, open_stream
+
+PLACES = 40
+PLAIN = "frame query place place_name score trusted ready anchors speed single_place single_distance gradient_place"
+COLUMNS = [*PLAIN.split(), "gradient_value", "latency_us"]
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(text.splitlines()))
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map, and a second drive as a folder, a video and a bag: 10 frames a second, with a halt and
+    a break.
+    """
+    folder = tmp_path_factory.mktemp("drive")
+    route = Route(places=PLACES, size=(96, 48))
+    surefix.Map.from_images(route.reference(), progress=False).save(folder / "route.safetensors")
+    revisit = route.revisit()
+    images = [revisit[index] for index in range(PLACES)]
+    (folder / "images").mkdir()
+    for index, image in enumerate(images):
+        Image.fromarray(image).save(folder / "images" / f"{index}.png")
+    write_video(folder / "drive.mkv", images)
+    with Bag(folder, "ros1") as bag:
+        for index, image in enumerate(images):
+            # A break of 5 seconds before frame 20.
+            at = 1_700_000_000 + index / 8 + 5 * (index >= 20)
+            bag.image("/camera", image, at)
+            bag.pose("/odom", "nav_msgs/msg/Odometry", (2.0 * index, 0, 0), at)
+    (folder / "wheels.csv").write_text(
+        "time,distance\n" + "".join(f"{i / 10},{3 * i}\n" for i in range(PLACES))
+    )
+    return folder
+
+
+def same(a: list[dict[str, str]], b: list[dict[str, str]]) -> bool:
+    """But for the names, the time they took, and what only a stream has."""
+    compared = [column for column in COLUMNS if column not in ("query", "latency_us")]
+    return [[row[column] for column in compared] for row in a] == [
+        [row[column] for column in compared] for row in b
+    ]
+
+
+def test_a_video_and_a_bag_give_the_fixes_of_their_images(drive: Path) -> None:
+    route = drive / "route.safetensors"
+    plain = surefix_("run", route, drive / "images")
+    expected = rows(plain.stdout)
+    assert list(expected[0]) == COLUMNS, "the columns of a plain run stay as they are"
+    for place, start in (("drive.mkv", 0), ("drive.bag", 1_700_000_000)):
+        done = surefix_("run", route, drive / place)
+        found = rows(done.stdout)
+        assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap"]
+        assert same(found, expected)
+        assert [row["query"] for row in found] == [str(index) for index in range(PLACES)]
+        assert float(found[0]["time"]) == start
+        assert {(row["dropped"], row["gap"]) for row in found} == {("0", "false")}
+        assert re.match(r"40 fixes, \d+ trusted \(\d+%\), latency p50", done.stderr)
+
+
+def test_frames_are_passed_over_by_number_time_and_distance(drive: Path) -> None:
+    route = drive / "route.safetensors"
+    options: dict[str, tuple[list[Any], list[int]]] = {
+        "stride": (["--stride", 3], list(range(0, PLACES, 3))),
+        "every": (["--every", 0.5], list(range(0, PLACES, 5))),
+        "metres": (["--metres", 6, "--odometry", drive / "wheels.csv"], list(range(0, PLACES, 2))),
+    }
+    for given, expected in options.values():
+        found = rows(surefix_("run", route, drive / "drive.mkv", *given).stdout)
+        assert [int(row["query"]) for row in found] == expected
+    lines = surefix_(
+        "run", route, drive / "drive.bag", "--metres", 4, "--odometry", "/odom", "--format", "json"
+    ).stdout
+    found_json = [json.loads(line) for line in lines.splitlines()]
+    assert [int(row["query"]) for row in found_json] == list(range(0, PLACES, 2))
+    assert found_json[1]["time"] == 1_700_000_000.25
+
+
+def test_a_gap_breaks_the_diagonal_and_is_said(drive: Path) -> None:
+    arguments = ["run", drive / "route.safetensors", drive / "drive.bag", "-L", 4]
+    done = surefix_(*arguments, "--gap", 1)
+    found = rows(done.stdout)
+    assert [row["query"] for row in found if row["gap"] == "true"] == ["20"]
+    warming = [int(row["query"]) for row in found if row["ready"] == "false"]
+    assert warming == [0, 1, 2, 20, 21, 22]
+    assert ", 1 gaps, latency" in done.stderr or ", 1 gap, latency" in done.stderr
+    whole = rows(surefix_(*arguments).stdout)
+    assert [int(row["query"]) for row in whole if row["ready"] == "false"] == [0, 1, 2]
+    assert same(found[:20], whole[:20])
+
+
+def test_dropped_frames_are_counted_in_the_rows_and_in_the_summary(drive: Path) -> None:
+    done = surefix_("run", drive / "route.safetensors", drive / "images", "--newest")
+    found = rows(done.stdout)
+    assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap"]
+    dropped = sum(int(row["dropped"]) for row in found)
+    assert len(found) + dropped == PLACES
+    assert found[-1]["query"] == "39.png"
+    said = re.search(r", (\d+) frames? dropped,", done.stderr)
+    assert (int(said[1]) if said else 0) == dropped
+
+
+def test_a_damaged_video_keeps_the_fixes_so_far(drive: Path, tmp_path: Path) -> None:
+    data = (drive / "drive.mkv").read_bytes()
+    (tmp_path / "cut.mkv").write_bytes(data[: len(data) // 2])
+    out = tmp_path / "fixes.csv"
+    done = surefix_("run", drive / "route.safetensors", tmp_path / "cut.mkv", "-o", out, code=1)
+    found = rows(out.read_text())
+    assert 0 < len(found) < PLACES
+    summary, error = done.stderr.splitlines()
+    assert summary.startswith(f"{len(found)} fixes, ")
+    assert error.startswith(f"surefix: {tmp_path / 'cut.mkv'}, frame {len(found)}: a damaged video")
+    assert same(
+        found,
+        rows(surefix_("run", drive / "route.safetensors", drive / "images").stdout)[: len(found)],
+    )
+
+
+def test_images_that_change_size_are_nothing_to_a_sad_map(drive: Path, tmp_path: Path) -> None:
+    for index in range(4):
+        image = Image.open(drive / "images" / f"{index}.png")
+        image.resize((96, 48) if index < 2 else (192, 96)).save(tmp_path / f"{index}.png")
+    found = rows(surefix_("run", drive / "route.safetensors", tmp_path).stdout)
+    assert [row["query"] for row in found] == [f"{index}.png" for index in range(4)]
+
+
+class Changing(Stream):
+    """Ready descriptors of 5 numbers, and then one of 7."""
+
+    def shots(self) -> Generator[Shot, None, None]:
+        for index in range(4):
+            row = np.ones(7 if index == 3 else 5, np.float32)
+            yield Shot(None, f"row {index}", partial(np.asarray, row))
+
+
+def test_a_change_of_size_that_cannot_be_used_is_named_with_both_sizes() -> None:
+    localizer = surefix.Localizer(surefix.Map.from_descriptors(np.eye(4, 5, dtype=np.float32)))
+    tally = Tally()
+    with pytest.raises(
+        surefix.SurefixValueError, match=r"^row 3: the images change size here, from 5 to 7: .*5.*7"
+    ):
+        localize(localizer, Changing(), JsonFixes(io.StringIO()), tally)
+    assert tally.summary(None).startswith("3 fixes, ")
+
+
+def test_a_file_that_is_no_image_does_not_end_a_run_that_follows(
+    drive: Path, tmp_path: Path
+) -> None:
+    for index in range(4):
+        (tmp_path / f"{index}.png").write_bytes((drive / "images" / f"{index}.png").read_bytes())
+    (tmp_path / "2.png").write_bytes(b"not an image")
+    done = surefix_process(
+        "run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "0.5"
+    )
+    assert [(row["query"], row["dropped"], row["ready"]) for row in rows(done.stdout)] == [
+        ("0.png", "0", "false"),
+        ("1.png", "0", "true"),
+        ("3.png", "1", "false"),
+    ]
+    said, summary = done.stderr.splitlines()
+    assert said.startswith(f"Passed over: image {tmp_path / '2.png'}: ")
+    assert re.match(r"3 fixes, .*1 frame dropped, ", summary)
+    for index in (0, 1, 3):
+        (tmp_path / f"{index}.png").unlink()
+    done = surefix_process(
+        "run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "0.5"
+    )
+    assert done.stderr.splitlines()[1:] == ["0 fixes: there was no query that could be used"]
+
+
+def test_one_fix_is_in_the_singular() -> None:
+    localizer = surefix.Localizer(surefix.Map.from_descriptors(np.eye(4, 5, dtype=np.float32)))
+    tally = Tally()
+    stream = KeepNewest([Frame(np.ones(5, np.float32), 1.0, "0", 1, True)], 1)  # type: ignore[arg-type]
+    localize(localizer, stream, None, tally)
+    assert re.match(
+        r"1 fix, \d trusted \(\d+%\), 1 frame dropped, 1 gap, latency", tally.summary(None)
+    )
+
+
+def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: Path) -> None:
+    arguments = ["run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "4"]
+    command = [sys.executable, "-m", "surefix", *map(str, arguments)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        for index in range(12):
+            (tmp_path / f"{index}.png").write_bytes(
+                (drive / "images" / f"{index}.png").read_bytes()
+            )
+            time.sleep(0.05)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    found = rows(out)
+    assert [row["query"] for row in found] == [f"{index}.png" for index in range(12)]
+    assert same(
+        found, rows(surefix_("run", drive / "route.safetensors", drive / "images").stdout)[:12]
+    )
+    assert [float(row["time"]) for row in found] == [
+        (tmp_path / row["query"]).stat().st_mtime for row in found
+    ]
+
+
+def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
+    out = tmp_path / "fixes.csv"
+    arguments = ["run", drive / "route.safetensors", drive / "images", "--follow", "-o", out]
+    command = [sys.executable, "-m", "surefix", *map(str, arguments)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        until = time.monotonic() + 60
+        while (
+            not (out.exists() and len(out.read_text().splitlines()) == 1 + PLACES)
+            and time.monotonic() < until
+        ):
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert err.startswith("40 fixes, ")
+    assert err.count("\n") == 1
+
+
+def test_a_terminal_counts_frames_whose_number_nobody_knows(drive: Path) -> None:
+    leader, follower = pty.openpty()
+    options = ["--every", "0.5", "--gap", "1"]
+    command = [
+        sys.executable,
+        "-m",
+        "surefix",
+        "run",
+        drive / "route.safetensors",
+        drive / "drive.bag",
+        *options,
+    ]
+    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "120", "LINES": "50"}
+    with subprocess.Popen(
+        command, stdout=follower, stderr=follower, stdin=follower, env=environment
+    ) as process:
+        os.close(follower)
+        seen = b""
+        while True:
+            try:
+                chunk = os.read(leader, 65536)
+            except OSError:
+                break
+            if not chunk:
+                break
+            seen += chunk
+        os.close(leader)
+    text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", seen.decode())
+    assert process.returncode == 0, text
+    assert "╭─ frame 10 ─" in text
+    assert re.search(r"0 dropped, 1 gap\b", text)
+
+
+MISTAKES = {
+    "metres without odometry": (
+        ["@drive.bag", "--metres", 3],
+        2,
+        "--metres: expected --odometry too",
+    ),
+    "odometry without metres": (
+        ["@drive.bag", "--odometry", "/odom"],
+        2,
+        "--odometry: expected --metres too",
+    ),
+    "no seconds": (["@drive.bag", "--every", 0], 2, "--every: expected a number above 0, got 0"),
+    "no number as seconds": (
+        ["@drive.bag", "--gap", "nan"],
+        2,
+        "--gap: expected a number above 0, got nan",
+    ),
+    "a stride of 0": (["@drive.bag", "--stride", 0], 2, "stride"),
+    "a topic of a folder": (["@images", "--topic", "/camera"], 1, "topic: expected a bag"),
+    "a topic that is not there": (
+        ["@drive.bag", "--topic", "/front"],
+        1,
+        "/camera (sensor_msgs/msg/Image, 40 messages)",
+    ),
+    "time in a folder": (["@images", "--every", 1], 1, "every: expected frames with times"),
+    "a video to follow": (["@drive.mkv", "--follow"], 1, "follow: expected a folder or a pattern"),
+    "idle without follow": (["@images", "--idle", 1], 1, "idle: expected follow too"),
+    "a file of another kind": (
+        ["@wheels.csv"],
+        1,
+        "wheels.csv: expected a folder of images, a pattern, or",
+    ),
+    "no such video": (["nowhere.mp4"], 1, "nowhere.mp4: cannot read the video"),
+    "no such bag": (["nowhere.mcap"], 1, "nowhere.mcap: cannot read the bag"),
+    "odometry of another clock": (
+        ["@drive.bag", "--metres", 3, "--odometry", "@wheels.csv"],
+        1,
+        "clocks the same?",
+    ),
+    "a topic of odometry for a video": (
+        ["@drive.mkv", "--metres", 3, "--odometry", "/odom"],
+        1,
+        "a topic of the bag",
+    ),
+    "the bag as the output": (["@drive.bag", "-o", "@drive.bag"], 2, "is what is read here"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_gets_one_clear_message(name: str, drive: Path) -> None:
+    arguments, code, words = MISTAKES[name]
+    given = [str(argument).replace("@", f"{drive}/") for argument in arguments]
+    before = (drive / "drive.bag").read_bytes()
+    done = surefix_("run", drive / "route.safetensors", *given, code=code)
+    assert words in re.sub(r"[\s│]+", " ", done.stderr), done.stderr
+    assert (drive / "drive.bag").read_bytes() == before
+
+
+def test_the_help_has_an_example_of_each_kind() -> None:
+    text = surefix_("run", "--help").stdout
+    assert text.count("Example: surefix run") >= 3
+    options = ("follow", "idle", "stride", "every", "metres", "odometry", "topic", "gap", "newest")
+    assert all(f"--{option}" in text for option in options)
+
+
+def test_a_map_of_a_video_or_a_bag_is_that_of_its_images(drive: Path, tmp_path: Path) -> None:
+    whole = surefix.Map.from_images(drive / "images", progress=False)
+    made = surefix_(
+        "map", "build", drive / "drive.mkv", "-o", tmp_path / "video.safetensors"
+    ).stdout
+    assert made.startswith(f"Made {tmp_path / 'video.safetensors'}: 40 places x 2048 uint8")
+    route = surefix.Map.open(tmp_path / "video.safetensors")
+    assert np.array_equal(route.descriptors, whole.descriptors)
+    assert (route.descriptor, route.positions) == (whole.descriptor, None)
+    assert route.names == [str(index) for index in range(PLACES)]
+
+    by_odometry = ["--metres", 4, "--odometry", "/odom", "--topic", "/camera"]
+    surefix_("map", "build", drive / "drive.bag", "-o", tmp_path / "bag.safetensors", *by_odometry)
+    route = surefix.Map.open(tmp_path / "bag.safetensors")
+    assert np.array_equal(route.descriptors, whole.descriptors[::2])
+    assert route.positions is not None
+    assert route.positions.tolist() == [[2.0 * index, 0, 0] for index in range(0, PLACES, 2)]
+    assert route.names == [str(index) for index in range(0, PLACES, 2)]
+
+
+def test_a_long_recording_is_described_piece_by_piece(
+    drive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording, "AT_ONCE", 7)
+    where = np.arange(80.0).reshape(40, 2)
+    route = recording.map_of_recording(open_stream(drive / "drive.mkv"), surefix.Sad(), where)
+    whole = surefix.Map.from_images(drive / "images", progress=False)
+    assert np.array_equal(route.descriptors, whole.descriptors)
+    assert route.positions is not None
+    assert np.array_equal(route.positions, where)
+    assert route.names == [str(index) for index in range(PLACES)]
+    for count in (39, 41, 3):
+        with pytest.raises(
+            surefix.SurefixValueError, match=f"a frame for each of {count} positions, got 40"
+        ):
+            recording.map_of_recording(
+                open_stream(drive / "drive.mkv"), surefix.Sad(), np.zeros((count, 2))
+            )
+
+
+def test_options_of_recordings_are_for_recordings(drive: Path, tmp_path: Path) -> None:
+    out = tmp_path / "route.safetensors"
+    refused = surefix_("map", "build", drive / "images", "--stride", 2, "-o", out, code=2).stderr
+    assert "expected a video or a bag" in re.sub(r"[\s│]+", " ", refused)
+    assert not out.exists()
+
+
+def test_an_error_in_a_frame_names_it(drive: Path, tmp_path: Path) -> None:
+    rows_ = np.ones((3, 5), np.float32)
+    np.save(tmp_path / "known.npy", np.eye(4, 5, dtype=np.float32))
+    rows_[2, 0] = np.nan
+    np.save(tmp_path / "queries.npy", rows_)
+    surefix_("map", "build", tmp_path / "known.npy", "-o", tmp_path / "known.safetensors")
+    done = surefix_("run", tmp_path / "known.safetensors", tmp_path / "queries.npy", code=1)
+    assert done.stderr.splitlines()[0].startswith("2 fixes, ")
+    assert re.match(r"surefix: 2: .*NaN|surefix: 2: .*finite", done.stderr.splitlines()[1])

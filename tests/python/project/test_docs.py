@@ -1,0 +1,76 @@
+"""The documentation's examples run as they stand, and print what the pages say that they print."""
+
+import io
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+sys.path.insert(0, str(DOCS))
+import pages  # noqa: E402 (a module of the documentation)
+
+NOTEBOOKS = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.ipynb"))
+# What is run; what is not code, or run by cargo; and what MyST has in braces.
+RUN, NOT_RUN = {"python", "console"}, {"text", "sh", "json", "csv", "rust", "toml"}
+
+
+def _pixels(file: io.BytesIO | Path) -> np.ndarray:
+    return np.asarray(Image.open(file).convert("RGB"), np.int16)
+
+
+@pytest.mark.parametrize("page", pages.PAGES)
+def test_the_examples_run_and_draw_the_pictures_that_are_shown(page: str, tmp_path: Path) -> None:
+    for name, drawn in pages.run(page, tmp_path).items():
+        new, shown = _pixels(io.BytesIO(drawn)), _pixels(pages.IMAGES / name)
+        assert new.shape == shown.shape, f"{name} is of another size: make figures draws it anew"
+        # Another matplotlib draws letters a little differently.
+        assert np.abs(new - shown).mean() < 1, (
+            f"{name} shows something else: make figures draws it anew"
+        )
+
+
+@pytest.mark.parametrize("page", pages.PAGES)
+def test_every_block_is_of_a_kind_that_somebody_looks_after(page: str) -> None:
+    for block in pages.blocks(page):
+        assert block.language in RUN | NOT_RUN or block.language.startswith("{"), (
+            f"{page}:{block.line}"
+        )
+
+
+@pytest.mark.parametrize("page", pages.PAGES)
+def test_no_example_is_wider_than_the_page(page: str) -> None:
+    for block in pages.blocks(page):
+        shown = block.language in {"python", "rust", "text"} and not block.hidden
+        assert not shown or max(map(len, block.text.splitlines())) <= 104, f"{page}:{block.line}"
+
+
+@pytest.mark.parametrize("page", pages.PAGES)
+def test_every_file_that_a_page_points_to_is_there(page: str) -> None:
+    prose = pages.FENCE.sub("", (DOCS / page).read_text(encoding="utf-8"))
+    for link in re.findall(r"\]\((?!https?:|#)([^)#]+)[^)]*\)", prose):
+        assert ((DOCS / page).parent / link).exists(), link
+
+
+def test_an_example_that_prints_something_else_is_found_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pages, "DOCS", tmp_path)
+    for text, said in (
+        ("```python\nprint(1 + 1)\n```\n\n```text\n3\n```\n", "page.md:2"),
+        ("Words.\n\n```console\n$ echo one\none\n$ echo two\ntoo\n```\n", "page.md:4: echo two"),
+    ):
+        (tmp_path / "page.md").write_text(text)
+        with pytest.raises(AssertionError, match=said):
+            pages.run("page.md", tmp_path)
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS)
+def test_a_notebook_is_kept_without_outputs(notebook: str) -> None:
+    for cell in json.loads((DOCS / notebook).read_text(encoding="utf-8"))["cells"]:
+        assert not cell.get("outputs"), cell["source"]
+        assert cell.get("execution_count") is None, cell["source"]

@@ -1,0 +1,162 @@
+"""``surefix.report``: pages, outcomes, and drives at the edge."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import surefix
+from surefix.simulate import Route
+
+pytest.importorskip("matplotlib")
+
+from matplotlib.axes import Axes
+
+from html_reader import read
+from surefix.plot import Outcome, outcomes
+from surefix.plot.curves import precision_recall
+from surefix.plot.montage import spread
+from surefix.plot.outcome import longest_gap
+from surefix.plot.strip import _spans
+from surefix.report import drive_pictures
+from surefix.report.drive import Drive
+from surefix.report.drive_report import write_report
+from surefix.report.page import Picture, Section, Tile, page
+
+
+@pytest.fixture(scope="module")
+def drive() -> Drive:
+    route = Route(places=20, size=(32, 16))
+    reference, revisit = route.reference(), route.revisit()
+    places = surefix.Map.from_images(reference, surefix.Sad())
+    D = np.stack([places.distances(surefix.Sad().describe(frame)) for frame in revisit], axis=1)
+    run = surefix.match_distances(D, trusted=[False] * 20)
+    return Drive(reference, revisit, (32, 16), 1, 2, D, run, run, np.full(20, 1e-3))
+
+
+@pytest.mark.parametrize("trusted", [False, True])
+def test_a_drive_that_trusts_no_fix_or_every_fix_has_its_report_too(
+    drive: Drive, tmp_path: Path, trusted: bool
+) -> None:
+    run = surefix.match_distances(drive.distances, trusted=[trusted] * 20)
+    given = Drive(
+        drive.reference, drive.revisit, drive.size, 1, 2, drive.distances, run, run, drive.latency
+    )
+    shown = read(write_report(given, tmp_path, "command", []).read_text(encoding="utf-8")).ids
+    assert shown["trusted"] == ("100.0 %" if trusted else "0.0 %")
+    assert (shown["trusted-right"] == "none") == (not trusted)
+
+
+def test_one_of_a_kind_is_in_the_singular(drive: Drive, tmp_path: Path) -> None:
+    right = drive.truth.copy()
+    place = right.copy()
+    place[[5, 6]] = (right[[5, 6]] + 10) % 20
+    D = np.ones((20, 20), np.float32)
+    D[place, np.arange(20)] = 0
+    # Of two wrong fixes one is trusted, and all but one of the right ones are.
+    trusted = np.ones(20, np.bool_)
+    trusted[[6, 12]] = False
+    run = surefix.match_distances(D, trusted=trusted, sequence_length=1)
+    given = Drive(drive.reference, drive.revisit, drive.size, 1, 1, D, run, run, drive.latency)
+    text = read(write_report(given, tmp_path, "command", []).read_text(encoding="utf-8")).text
+    assert (
+        "sent to a wrong place 2 times in 20. One that acts on the trusted fixes only, 1 time."
+        in text
+    )
+    assert "The price: 1 right fix is held back together with the 1 wrong one, and" in text
+    assert "1 of the 18 trusted fixes of this drive is wrong." in text
+    assert "1 of the 2 untrusted ones is right." in text
+
+
+@pytest.mark.parametrize("length", [1, 2])
+def test_star_and_page_say_which_fixes_they_count(
+    drive: Drive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, length: int
+) -> None:
+    """A trusted fix that is wrong before the first window is full counts on the page, and not for
+    the star.
+    """
+    D = np.ones((20, 20), np.float32)
+    place = drive.truth.copy()
+    place[0] += 10
+    D[place, np.arange(20)] = 0
+    run = surefix.match_distances(D, trusted=np.ones(20, np.bool_), sequence_length=length)
+    given = Drive(drive.reference, drive.revisit, drive.size, 1, length, D, run, run, drive.latency)
+    assert (given.counts[Outcome.TRUSTED_WRONG], run.ready.sum()) == (1, 21 - length)
+    labels: list[str] = []
+
+    def drawn(*arguments: Any, **options: Any) -> Axes:
+        ax = precision_recall(*arguments, **options)
+        labels[:] = ax.get_legend_handles_labels()[1]
+        return ax
+
+    monkeypatch.setattr(drive_pictures, "precision_recall", drawn)
+    text = read(write_report(given, tmp_path, "command", []).read_text(encoding="utf-8")).text
+    star = (
+        "the trusted fixes of full windows alone: precision 1.000"
+        if length == 2
+        else "the trusted fixes alone: "
+    )
+    assert labels[-1].startswith(star)
+    says = "Curves and star leave out 1 fix at the start, whose window is not full yet: 1 trusted, 1 trusted and wrong."
+    assert (says in text) == (length == 2)
+
+
+def test_what_a_page_is_given_is_text_and_never_markup() -> None:
+    evil = '"><script>alert(1)</script>&amp;'
+    png = b"\x89PNG\r\n\x1a\n" + b"\0" * 16
+    picture = Picture(png, png, evil, evil)
+    text = page(
+        evil,
+        [evil],
+        [picture],
+        [Tile(evil, evil, evil, evil)],
+        [Section(evil, [evil], (), [(evil, evil)])],
+    )
+    reader = read(text)
+    assert "script" not in reader.tags
+    assert reader.images[0]["alt"] == evil
+    assert reader.ids == {evil: evil}
+
+
+def test_every_fix_has_one_outcome() -> None:
+    right, trusted = np.array([1, 1, 0, 0], bool), np.array([1, 0, 1, 0], bool)
+    masks = outcomes(right, trusted)
+    assert {outcome.value: np.flatnonzero(mask).tolist() for outcome, mask in masks.items()} == {
+        "trusted, right": [0],
+        "untrusted, right": [1],
+        "trusted, wrong": [2],
+        "untrusted, wrong": [3],
+    }
+    assert all(outcome is Outcome.of(outcome.right, outcome.trusted) for outcome in Outcome)
+
+
+def test_the_longest_gap_is_the_longest_of_all() -> None:
+    random = np.random.default_rng(4)
+    for _ in range(300):
+        fixed = random.random(random.integers(1, 30)) < random.random()
+        gap = longest_gap(fixed)
+        assert not fixed[gap.start : gap.stop].any()
+        words = "".join("x" if one else "." for one in fixed).split("x")
+        assert len(gap) == max(map(len, words))
+
+
+def test_spread_takes_different_queries_of_those_given() -> None:
+    for total in range(12):
+        for count in range(1, 5):
+            queries = np.arange(total) * 7
+            taken = spread(queries, count)
+            assert len(set(taken)) == min(total, count)
+            assert set(taken) <= set(queries.tolist())
+            assert taken == sorted(taken)
+
+
+def test_the_strip_colours_each_query_from_half_way_to_half_way() -> None:
+    random = np.random.default_rng(5)
+    for _ in range(100):
+        edges = np.cumsum(random.random(random.integers(2, 20)))
+        mask = random.random(len(edges) - 1) < 0.5
+        inside = np.zeros(len(mask), bool)
+        for start, length in _spans(edges, mask):
+            inside |= (edges[:-1] >= start - 1e-9) & (edges[1:] <= start + length + 1e-9)
+        assert (inside == mask).all()
