@@ -59,9 +59,10 @@ mod error;
 mod isa;
 mod localizer;
 mod map;
-mod matcher;
+mod method;
 mod parallel;
 mod room;
+mod segments;
 
 pub mod descriptor;
 pub mod distance;
@@ -78,7 +79,7 @@ pub use error::Error;
 pub use isa::Isa;
 pub use localizer::Localizer;
 pub use map::{Map, Positions, Recipe};
-pub use matcher::{Fix, Matcher, Peak, Sequence, Single};
+pub use method::{Fix, Matcher, Peak, Sequence, Single};
 
 /// The README's Rust is compiled as an example.
 #[cfg(doctest)]

@@ -6,7 +6,7 @@ use crate::descriptor::{Passage, Progress};
 use crate::distance::View;
 use crate::error::Error;
 use crate::map::Map;
-use crate::matcher::{Matcher, minimum};
+use crate::method::{Column, Matcher, minimum};
 use crate::parallel::each;
 
 /// How many queries are matched between two reports of progress.
@@ -93,7 +93,8 @@ pub fn match_descriptors<'a>(
         if cut[query] {
             matcher.gap();
         }
-        let fix = matcher.step(distances, trusted.map(|trusted| trusted[query]));
+        let column = Column { lower: distances, upper: None };
+        let fix = matcher.push_column(column, trusted.map(|trusted| trusted[query]), &mut ());
         fixes.push(fix.map_err(|error| of_query(error, query))?);
         Ok(())
     })?;

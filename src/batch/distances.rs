@@ -6,7 +6,7 @@ use super::{Run, cut_before};
 use crate::config::{Config, Floor};
 use crate::distance::first_not_finite;
 use crate::error::Error;
-use crate::matcher::{Matcher, minimum};
+use crate::method::{Column, Matcher, Memory, minimum};
 use crate::parallel::each;
 
 /// Matches a whole distance matrix: `D[[i, j]]` is the distance between place `i` and query `j`, in
@@ -44,9 +44,10 @@ pub fn match_distances(
         return Err(Error::Length { what: "trusted", expected: queries, got: trusted.len() });
     }
     let cut = cut_before(gaps, queries)?;
-    let piece = piece_length(config, queries);
-    let pieces = 0..queries.div_ceil(piece);
-    let span = |index: usize| (index * piece, queries.min((index + 1) * piece));
+    let stream = Matcher::new(places, Config { floor: Floor::Running, ..config.clone() })?;
+    let Pieces { lead, length } = Pieces::new(stream.memory(), queries);
+    let pieces = 0..queries.div_ceil(length);
+    let span = |index: usize| (index * length, queries.min((index + 1) * length));
     let minima = flatten(each(
         pieces.clone(),
         || (),
@@ -55,30 +56,32 @@ pub fn match_distances(
             column_minima(&distances, start, end)
         },
     ))?;
-    let mut config = config.clone();
-    if config.floor == Floor::Global {
-        config.floor =
-            Floor::Fixed(f64::from(minima.iter().copied().fold(f32::INFINITY, f32::min)));
-    }
+    let lowest = |minima: &[f32]| minima.iter().copied().fold(f32::INFINITY, f32::min);
+    let stream = stream.with_floor(match config.floor {
+        Floor::Global if queries > 0 => Floor::Fixed(f64::from(lowest(&minima))),
+        Floor::Global => Floor::Running,
+        floor => floor,
+    });
 
     // The batch is the stream, cut into pieces. Each begins early enough for its first window and
     // gradients to be those of the whole stream, and with the minimum that the stream would have
     // had.
-    let lead = (config.sequence_length - 1).saturating_add(config.smoothing - 1);
     let fixes = flatten(each(
         pieces,
         || (),
         |(), index| {
             let (start, end) = span(index);
             let first = start.saturating_sub(lead);
-            let mut matcher = Matcher::new(places, config.clone())?;
-            matcher.begin_at(first, minima[..first].iter().copied().fold(f32::INFINITY, f32::min));
-            let mut fixes = Vec::with_capacity(piece);
+            let mut matcher = stream.clone();
+            matcher.begin_at(first, lowest(&minima[..first]));
+            let mut fixes = Vec::with_capacity(end - start);
             for_each_column(&distances, first, end, |query, column| {
                 if cut[query] {
                     matcher.gap();
                 }
-                let fix = matcher.step(column, trusted.map(|trusted| trusted[query]))?;
+                let column = Column { lower: column, upper: None };
+                let trusted = trusted.map(|trusted| trusted[query]);
+                let fix = matcher.push_column(column, trusted, &mut ())?;
                 if query >= start {
                     fixes.push(fix);
                 }
@@ -90,11 +93,27 @@ pub fn match_distances(
     Ok(Run { fixes, places })
 }
 
-/// How many queries a piece of a batch has: enough that its lead-in costs little.
-fn piece_length(config: &Config, queries: usize) -> usize {
-    let lead = config.sequence_length.saturating_add(config.smoothing);
-    let cores = if cfg!(feature = "rayon") { 8 } else { 1 };
-    (queries / cores).max(lead.saturating_mul(8)).max(64).max(1)
+/// How a batch is cut into pieces that are matched side by side.
+#[derive(Debug, PartialEq)]
+struct Pieces {
+    /// Queries before a piece that it begins with, so that it remembers what the stream does.
+    lead: usize,
+    /// Queries of a piece: enough that the lead costs little.
+    length: usize,
+}
+
+impl Pieces {
+    fn new(memory: Memory, queries: usize) -> Self {
+        let cores = if cfg!(feature = "rayon") { 8 } else { 1 };
+        match memory {
+            Memory::Queries(memory) => {
+                let length = (queries / cores).max(memory.saturating_mul(8)).max(64);
+                Self { lead: memory - 1, length }
+            }
+            // What remembers everything cannot begin in the middle.
+            Memory::Whole => Self { lead: 0, length: queries.max(1) },
+        }
+    }
 }
 
 /// The smallest distance of each query, and a refusal of what is not finite.
@@ -154,4 +173,19 @@ fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
         all.extend(piece?);
     }
     Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_memory_of_everything_is_one_piece_and_any_other_leads_into_its_pieces() {
+        for queries in [0, 1, 1000, 100_000] {
+            let Pieces { lead, length } = Pieces::new(Memory::Whole, queries);
+            assert!(lead == 0 && length >= queries);
+            let Pieces { lead, length } = Pieces::new(Memory::Queries(12), queries);
+            assert!(lead == 11 && length >= 96);
+        }
+    }
 }

@@ -9,7 +9,7 @@ pub use descriptors::match_descriptors;
 pub use distances::match_distances;
 
 use crate::error::Error;
-use crate::matcher::Fix;
+use crate::method::Fix;
 
 /// The fixes of a whole run, one a query, in order.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,7 +1,6 @@
 //! A map and a matcher: the loop that a robot runs.
 
-mod plain;
-mod screened;
+mod screening;
 
 use std::sync::Arc;
 
@@ -11,9 +10,8 @@ use crate::descriptor::{Describer, ImageView, Passage, Running};
 use crate::distance::{Query, Values, View};
 use crate::error::Error;
 use crate::map::{Map, Recipe};
-use crate::matcher::{Fix, Matcher, load};
-use plain::Plain;
-use screened::Screened;
+use crate::method::{Column, Fix, Matcher, load};
+use screening::Screening;
 
 /// The most threads that are accepted.
 const MAX_THREADS: usize = 1024;
@@ -49,7 +47,11 @@ const MAX_THREADS: usize = 1024;
 #[derive(Clone, Debug)]
 pub struct Localizer {
     map: Arc<Map>,
-    way: Way,
+    matcher: Matcher,
+    /// The newest frame's distances, or lower bounds of them.
+    column: Vec<f32>,
+    /// What a map with a screen needs.
+    screening: Option<Box<Screening>>,
     /// Scans the map, where more than one thread does.
     crew: Option<Crew>,
     /// Describes images the map's own way, where the map has one.
@@ -57,15 +59,6 @@ pub struct Localizer {
     /// Where a descriptor passes through the map's post-processing, and what is known of the drive
     /// there.
     through: Option<Passage>,
-}
-
-/// How a descriptor becomes a fix.
-#[derive(Clone, Debug)]
-enum Way {
-    /// By the distances to all places.
-    Plain(Box<Plain>),
-    /// By the map's screen, and the distances that it leaves in doubt.
-    Screened(Box<Screened>),
 }
 
 impl Localizer {
@@ -114,20 +107,21 @@ impl Localizer {
         self.crew.as_ref().map_or(1, Crew::threads)
     }
 
-    fn with_matcher(map: Arc<Map>, matcher: Matcher) -> Result<Self, Error> {
+    fn with_matcher(map: Arc<Map>, mut matcher: Matcher) -> Result<Self, Error> {
         let describer = match map.recipe() {
             Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
             Recipe::Ready => None,
         };
-        let way = match map.screened() {
-            Some(screen) if map.dim() >= screened::SHORTEST => {
-                Way::Screened(Box::new(Screened::new(&map, Arc::clone(screen), matcher)?))
+        let screening = match map.screened() {
+            Some(screen) if map.dim() >= screening::SHORTEST => {
+                Some(Box::new(Screening::new(&map, Arc::clone(screen), &mut matcher)?))
             }
-            _ => Way::Plain(Box::new(Plain::new(matcher))),
+            _ => None,
         };
+        let column = vec![0.0; map.places()];
         let crew = automatic(&map);
         let through = map.post().map(Passage::of_drive);
-        Ok(Self { map, way, crew, describer, through })
+        Ok(Self { map, matcher, column, screening, crew, describer, through })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -162,7 +156,9 @@ impl Localizer {
             return Err(Error::NoDescriptor);
         };
         describer.describe(image, values)?;
-        self.way.push(&self.map, &mut self.crew, self.map.query(values.view())?, trusted)
+        let query = self.map.query(values.view())?;
+        let scan = Scan { map: &self.map, crew: &mut self.crew, column: &mut self.column };
+        scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)
     }
 
     /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of
@@ -176,7 +172,9 @@ impl Localizer {
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
         let descriptor = self.map.passed(descriptor, self.through.as_mut())?;
-        let fix = self.way.push(&self.map, &mut self.crew, self.map.query(descriptor)?, trusted)?;
+        let query = self.map.query(descriptor)?;
+        let scan = Scan { map: &self.map, crew: &mut self.crew, column: &mut self.column };
+        let fix = scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)?;
         if let Some(through) = &mut self.through {
             through.keep();
         }
@@ -195,19 +193,25 @@ impl Localizer {
     /// The distances from the newest frame to every place; zeros before the first, and right after
     /// a gap. On a map with a screen, those that were not needed for the fix are computed now.
     pub fn distances(&mut self) -> &[f32] {
-        match &mut self.way {
-            Way::Plain(plain) => plain.distances(),
-            Way::Screened(screened) => screened.distances(&self.map, &mut self.crew),
-        }
+        let Self { map, matcher, column, screening, crew, .. } = self;
+        let newest = match screening {
+            Some(screening) => screening.newest(matcher, map, crew),
+            None => matcher.window().newest(&mut ()),
+        };
+        newest.unwrap_or_else(|| {
+            column.fill(0.0);
+            column
+        })
     }
 
     /// How many of the map's rows the newest frame made the localizer look at: all of them, or, on
     /// a map with a screen, those that were left in doubt, for this query and for the ones before
     /// it in the window. 0 before the first frame; right after a restart, all.
     pub fn looked_at(&self) -> usize {
-        match &self.way {
-            Way::Plain(plain) => plain.looked_at(),
-            Way::Screened(screened) => screened.looked_at(),
+        match &self.screening {
+            Some(screening) => screening.looked_at(),
+            None if self.frames() == 0 => 0,
+            None => self.map.places(),
         }
     }
 
@@ -227,17 +231,17 @@ impl Localizer {
     /// # Ok::<(), surefix::Error>(())
     /// ```
     pub fn gap(&mut self) {
-        match &mut self.way {
-            Way::Plain(plain) => plain.gap(),
-            Way::Screened(screened) => screened.gap(),
+        self.matcher.gap();
+        if let Some(screening) = &mut self.screening {
+            screening.gap();
         }
     }
 
     /// Forgets all frames, and what is known of the drive: the next one is frame 0.
     pub fn reset(&mut self) {
-        match &mut self.way {
-            Way::Plain(plain) => plain.reset(),
-            Way::Screened(screened) => screened.reset(),
+        self.matcher.reset();
+        if let Some(screening) = &mut self.screening {
+            screening.reset();
         }
         if let (Some(through), Some(post)) = (&mut self.through, self.map.post()) {
             through.reset(post);
@@ -254,9 +258,13 @@ impl Localizer {
         let map = Some(self.map.fingerprint());
         let running = self.through.iter().flat_map(Passage::running);
         let running = running.map(Running::snapshot).collect::<Result<Vec<_>, _>>()?;
-        match &self.way {
-            Way::Plain(plain) => plain.matcher().save(map, &running),
-            Way::Screened(screened) => screened.settled(&self.map).save(map, &running),
+        match &self.screening {
+            None => self.matcher.save(map, &running),
+            Some(screening) => {
+                let mut matcher = self.matcher.clone();
+                screening.resolve(&mut matcher, &self.map, &mut None);
+                matcher.save(map, &running)
+            }
         }
     }
 
@@ -298,34 +306,37 @@ impl Localizer {
 
     /// Its options.
     pub fn config(&self) -> &Config {
-        self.state().config()
+        self.matcher.config()
     }
 
     /// How many frames it has taken since the start or the last reset.
     pub fn frames(&self) -> u64 {
-        self.state().frames()
-    }
-
-    fn state(&self) -> &Matcher {
-        match &self.way {
-            Way::Plain(plain) => plain.matcher(),
-            Way::Screened(screened) => screened.matcher(),
-        }
+        self.matcher.frames()
     }
 }
 
-impl Way {
+/// One query's scan: the map, the threads, and memory for the column.
+struct Scan<'a> {
+    map: &'a Map,
+    crew: &'a mut Option<Crew>,
+    column: &'a mut [f32],
+}
+
+impl Scan<'_> {
+    /// A query becomes a column, by the screen if there is one, and the column a fix.
     fn push(
-        &mut self,
-        map: &Map,
-        crew: &mut Option<Crew>,
+        self,
+        matcher: &mut Matcher,
+        screening: Option<&mut Screening>,
         query: Query<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
-        match self {
-            Self::Plain(plain) => plain.push(map, crew, query, trusted),
-            Self::Screened(screened) => screened.push(map, crew, query, trusted),
+        let Self { map, crew, column } = self;
+        if let Some(screening) = screening {
+            return screening.push(matcher, map, crew, query, column, trusted);
         }
+        scan(map, crew, Sought::Distances(query), column);
+        matcher.push_column(Column { lower: column, upper: None }, trusted, &mut ())
     }
 }
 

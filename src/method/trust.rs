@@ -1,14 +1,14 @@
-//! The best single match, and whether to trust it (method 1.3, Eqs. 2 and 3).
+//! The best single match, and whether to trust it (method 1.3, Eq. 3).
 
-use super::extreme::{BLOCK, any, first_better};
+use super::argmin::{BLOCK, any, first_better};
 use super::gradient::Peak;
 use crate::distance::first_not_finite;
 use crate::error::Error;
 use crate::isa::fetch;
 
-/// Numbers in a line of the cache.
+/// Distances in a line of the cache.
 const LINE: usize = 16;
-/// How many numbers ahead memory is asked for: distances come from anywhere.
+/// How many distances ahead memory is prefetched.
 const AHEAD: usize = 1024;
 
 /// The best match of one query alone: the smallest distance.
@@ -20,8 +20,25 @@ pub struct Single {
     pub distance: f32,
 }
 
-/// Eq. 2: the place of the smallest distance, the first of equals, of a vector that may be taken:
-/// one look finds both.
+/// Eq. 3: the smallest distance and the largest gradient fall on the same place, within
+/// `tolerance` places.
+pub(super) fn consensus(single: Single, peak: Peak, tolerance: usize) -> bool {
+    single.place.abs_diff(peak.place) <= tolerance
+}
+
+/// `i_d = argmin d`: the first of the smallest distances, which are finite.
+#[inline(always)]
+pub(crate) fn minimum(distances: &[f32]) -> Single {
+    let mut single = Single { place: 0, distance: f32::INFINITY };
+    for (index, block) in distances.chunks(BLOCK).enumerate() {
+        if let Some((at, distance)) = first_better(block, single.distance, |a, b| a < b) {
+            single = Single { place: index * BLOCK + at, distance };
+        }
+    }
+    single
+}
+
+/// [`minimum`], and a check of every distance in the same pass.
 ///
 /// # Errors
 /// [`Error::Length`] unless there is one distance a place, [`Error::NotFinite`] for a NaN or an
@@ -37,7 +54,7 @@ pub(super) fn checked_minimum(distances: &[f32], places: usize) -> Result<Single
         for line in block.chunks(LINE) {
             fetch(line.as_ptr().wrapping_add(AHEAD));
         }
-        // Smaller than all before, or none that may be taken: a NaN is in no range.
+        // One question for both: smaller than all before, or not finite? A NaN is in no range.
         let expected = single.distance..=f32::MAX;
         if any(block, |x| !expected.contains(&x)) {
             if let Some((at, value)) = first_not_finite(block) {
@@ -49,20 +66,4 @@ pub(super) fn checked_minimum(distances: &[f32], places: usize) -> Result<Single
         }
     }
     Ok(single)
-}
-
-/// Eq. 2: the place of the smallest distance, the first of equals, of numbers that are finite.
-pub(crate) fn minimum(distances: &[f32]) -> Single {
-    let mut single = Single { place: 0, distance: f32::INFINITY };
-    for (index, block) in distances.chunks(BLOCK).enumerate() {
-        if let Some((at, distance)) = first_better(block, single.distance, |a, b| a < b) {
-            single = Single { place: index * BLOCK + at, distance };
-        }
-    }
-    single
-}
-
-/// Eq. 3: the minimum and the peak of the gradient fall on the same place, within `tolerance`.
-pub(super) fn consensus(single: Single, peak: Peak, tolerance: usize) -> bool {
-    single.place.abs_diff(peak.place) <= tolerance
 }

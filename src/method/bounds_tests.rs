@@ -5,8 +5,7 @@ use std::ops::Range;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::bounded::{Bounded, Exact};
-use super::{Fix, Matcher};
+use super::{Column, Exact, Fix, Matcher};
 use crate::config::{Config, Floor, Gradient};
 
 /// All distances, and where the newest query's are; and how many were asked for.
@@ -17,6 +16,8 @@ struct Known<'a> {
 }
 
 impl Exact for Known<'_> {
+    const BOUNDS: bool = true;
+
     fn distances(&mut self, age: usize, places: Range<usize>, out: &mut [f32]) {
         self.asked += places.len();
         out.copy_from_slice(&self.columns[self.newest - age][places]);
@@ -61,6 +62,12 @@ impl Dice {
     }
 }
 
+/// A matcher that accepts bounds, and goes on from `matcher`.
+fn bounded(mut matcher: Matcher) -> Matcher {
+    matcher.accept_bounds().unwrap();
+    matcher
+}
+
 fn bits(fix: &Fix) -> String {
     // Shortest digits that read back the same: with the sign of a zero, all bits.
     format!("{fix:?}")
@@ -99,31 +106,34 @@ proptest! {
         let columns: Vec<Vec<f32>> =
             (0..2 * config.sequence_length + 12).map(|j| dice.column(places, start + j, ties)).collect();
         let mut plain = Matcher::new(places, config.clone()).unwrap();
-        let mut bounded = Bounded::new(plain.clone()).unwrap();
+        let mut told = bounded(plain.clone());
         for (newest, column) in columns.iter().enumerate() {
             let external = [None, None, None, Some(true), Some(false)][dice.below(5) as usize];
-            let expected = plain.step(column, external).unwrap();
+            let exact = Column { lower: column, upper: None };
+            let expected = plain.push_column(exact, external, &mut ()).unwrap();
             let mut known = Known { columns: &columns, newest, asked: 0 };
-            let (got, looked_at) = if dice.below(6) == 0 {
-                bounded.push(column, None, external, &mut known)
+            let got = if dice.below(6) == 0 {
+                told.push_column(exact, external, &mut known)
             } else {
                 let (low, high) = dice.bounds(column, width);
-                bounded.push(&low, Some(&high), external, &mut known)
-            };
+                let bounds = Column { lower: &low, upper: Some(&high) };
+                told.push_column(bounds, external, &mut known)
+            }.unwrap();
             prop_assert_eq!(bits(&got), bits(&expected), "query {}", newest);
-            prop_assert!(known.asked >= looked_at, "counts what was asked for");
+            prop_assert!(known.asked >= told.window().asked(), "counts the distances asked for");
             if restored && newest == columns.len() / 2 {
                 // A snapshot is that of the plain one, and either goes on from it.
-                let (own, other) = (bounded.settled(&mut known).snapshot().unwrap(), plain.snapshot().unwrap());
+                told.window().resolve(&mut known);
+                let (own, other) = (told.snapshot().unwrap(), plain.snapshot().unwrap());
                 prop_assert_eq!(&own, &other);
-                bounded = Bounded::new(Matcher::restore(&own, None).unwrap()).unwrap();
+                told = bounded(Matcher::restore(&own, None).unwrap());
             }
             if dice.below(10 + 2 * config.sequence_length as u64) == 0 {
                 plain.gap();
-                bounded.gap();
-                prop_assert!(bounded.newest(&mut known).is_none());
+                told.gap();
+                prop_assert!(told.window().newest(&mut known).is_none());
             } else if dice.below(20) == 0 {
-                let newest = bounded.newest(&mut known).unwrap();
+                let newest = told.window().newest(&mut known).unwrap();
                 prop_assert_eq!(newest, column.as_slice());
             }
         }
@@ -143,11 +153,13 @@ fn few_places_are_looked_at_where_few_are_in_doubt() {
         })
         .collect();
     let config = Config { sequence_length: 3, ..Config::default() };
-    let mut bounded = Bounded::new(Matcher::new(PLACES, config).unwrap()).unwrap();
+    let mut told = bounded(Matcher::new(PLACES, config).unwrap());
     for (newest, column) in columns.iter().enumerate() {
         let (low, high) = dice.bounds(column, 0.02);
         let mut known = Known { columns: &columns, newest, asked: 0 };
-        let (fix, looked_at) = bounded.push(&low, Some(&high), None, &mut known);
+        let bounds = Column { lower: &low, upper: Some(&high) };
+        let fix = told.push_column(bounds, None, &mut known).unwrap();
+        let looked_at = told.window().asked();
         assert_eq!(fix.single.place, 200 + newest);
         assert_eq!(looked_at, known.asked);
         assert!(looked_at < 20, "query {newest}: {looked_at} places");

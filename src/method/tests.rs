@@ -5,14 +5,16 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::consensus::{Single, checked_minimum};
-use super::extreme::first_better;
-use super::gradient::{Enhanced, gradient, missing_gradient};
-use super::minimum;
-use super::ring::Ring;
-use super::sequence::{Anchor, Anchors, Search, Window};
-use crate::config::Gradient;
+use super::argmin::first_better;
+use super::estimator::{Estimator, Memory, Seen};
+use super::gradient::{Enhancement, gradient, missing_gradient};
+use super::sequence::{Anchor, Anchors, SequenceSearch};
+use super::trust::{Single, checked_minimum, minimum};
+use super::window::{Ring, Window};
+use crate::config::{Config, Gradient};
 use crate::error::Error;
+use crate::isa::{Isa, Work};
+use crate::segments::Segments;
 
 fn cases() -> ProptestConfig {
     ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() }
@@ -39,16 +41,23 @@ fn kinds() -> impl Strategy<Value = Gradient> {
     select(vec![Gradient::Halved, Gradient::Unhalved])
 }
 
-/// A ring that has been pushed these columns, after `before` others that were overwritten or not.
-fn ring(newest_first: &[Vec<f32>], before: usize) -> Ring {
-    let mut ring = Ring::new(newest_first.len(), newest_first[0].len()).unwrap();
+/// A window that has been pushed these columns, after `before` others that were overwritten or not.
+fn window(newest_first: &[Vec<f32>], before: usize) -> Window {
+    let mut window = Window::new(newest_first.len(), newest_first[0].len()).unwrap();
     for _ in 0..before {
-        ring.advance().fill(f32::NAN);
+        window.cells.lower.advance().fill(f32::NAN);
     }
     for column in newest_first.iter().rev() {
-        ring.advance().copy_from_slice(column);
+        window.cells.lower.advance().copy_from_slice(column);
     }
-    ring
+    window
+}
+
+/// Eq. 1 of a whole column.
+fn whole_gradient(d: &[f32], kind: Gradient) -> Vec<f32> {
+    let mut g = vec![f32::NAN; d.len()];
+    gradient(d, d, kind, 0, &mut g, |out, value| *out = value);
+    g
 }
 
 fn same(a: &[f32], b: &[f32]) -> bool {
@@ -77,7 +86,6 @@ fn naive_gradient(d: &[f32], kind: Gradient) -> Vec<f32> {
 fn check_peak(
     d: &[Vec<f32>],
     before: usize,
-    kept: usize,
     smoothing: usize,
     kind: Gradient,
 ) -> Result<(), TestCaseError> {
@@ -90,18 +98,23 @@ fn check_peak(
     let sums: Vec<f32> = (0..g[0].len()).map(enhanced).collect();
     let highest = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let place = sums.iter().position(|&x| x == highest).unwrap();
-    let (columns, kept) = d.split_at(d.len() - kept.min(d.len() - 1));
-    let earlier = if kept.is_empty() {
-        Ring::new(0, d[0].len()).unwrap()
-    } else {
-        ring(&g[columns.len()..], 0)
-    };
-    let peak = {
-        let columns = ring(columns, before);
-        Enhanced { columns: &columns, upper: None, earlier: &earlier, kind, smoothing }.peak()
-    };
+    let segments = Segments::one(d[0].len());
+    let enhancement = Enhancement { gradient: kind, smoothing };
+    let peak = enhancement.peak(&mut window(d, before), &segments, &mut ());
     prop_assert_eq!((peak.place, peak.value.to_bits()), (place, sums[place].to_bits()));
     Ok(())
+}
+
+/// One estimate, compiled for an instruction set.
+struct Estimate<'a>(&'a mut SequenceSearch, &'a mut Window, &'a Seen<'a>);
+
+impl Work for Estimate<'_> {
+    type Out = Option<super::Sequence>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Out {
+        self.0.estimate(self.1, self.2, &mut ())
+    }
 }
 
 proptest! {
@@ -161,15 +174,13 @@ proptest! {
 
     #[test]
     fn gradient_is_the_second_difference(d in numbers(2..150), kind in kinds()) {
-        let mut g = vec![f32::NAN; d.len()];
-        gradient(&d, kind, &mut g);
+        let g = whole_gradient(&d, kind);
         prop_assert!(same(&g, &naive_gradient(&d, kind)), "{:?}", g);
     }
 
     #[test]
     fn a_missing_gradient_is_the_mean_of_the_current_one(d in numbers(2..150), kind in kinds()) {
-        let mut g = vec![0.0; d.len()];
-        gradient(&d, kind, &mut g);
+        let g = whole_gradient(&d, kind);
         let mean = g.iter().map(|&x| f64::from(x)).sum::<f64>() / g.len() as f64;
         // Unhalved, the inside counts twice, so that the sum is less the two ends: the method's 0
         // stands in for it.
@@ -177,12 +188,11 @@ proptest! {
         prop_assert!((f64::from(missing_gradient(&d, kind)) - expected).abs() < 1e-6);
     }
 
-    /// Whether the older gradients are made of columns or were kept.
     #[test]
     fn the_enhanced_peak_adds_along_the_diagonal_in_order(
-        d in columns(2..600, 1..6), before in 0..4_usize, kept in 0..5_usize, smoothing in 1..9_usize, kind in kinds(),
+        d in columns(2..600, 1..6), before in 0..4_usize, smoothing in 1..9_usize, kind in kinds(),
     ) {
-        check_peak(&d, before, kept, smoothing, kind)?;
+        check_peak(&d, before, smoothing, kind)?;
     }
 
     /// Of sums that are equal but for rounding, the order of the additions decides.
@@ -190,19 +200,29 @@ proptest! {
     fn the_enhanced_peak_is_the_largest_after_rounding(
         d in vec(vec(select(vec![0.1_f32, 0.2, 0.3, 0.7, 1.1]), 1680), 3), kind in kinds(),
     ) {
-        check_peak(&d, 0, 0, 3, kind)?;
+        check_peak(&d, 0, 3, kind)?;
     }
 
+    /// Of every length, on every instruction set; numbers of every size, so that each order of
+    /// additions has other bits: from the oldest query to the newest.
     #[test]
     fn best_sequence_is_the_smallest_mean_of_all_diagonals(
-        raw in prop_oneof![columns(8..150, 1..8), columns(200..900, 1..4)], before in 0..3_usize, trust in any::<u8>(),
+        raw in prop_oneof![
+            4 => columns(8..150, 1..8), 2 => columns(200..900, 1..4), 1 => columns(60..400, 8..60),
+        ],
+        before in 0..3_usize, trust in any::<u64>(),
         weight in select(vec![0.0, 0.5, 0.99, 1.0]), floor in -3.0..0.0_f64,
         speeds in vec(select(vec![0.0, 0.5, 0.75, 1.0]), 1..4),
+        wild: bool, isa: prop::sample::Index,
     ) {
-        let length = raw.len();
+        let (length, places) = (raw.len(), raw[0].len());
+        let scale = |age: usize| if wild { 10_f32.powi((age * 7 % 31) as i32 - 15) } else { 1.0 };
+        let raw: Vec<Vec<f32>> = raw.into_iter().enumerate()
+            .map(|(age, column)| column.into_iter().map(|x| x * scale(age)).collect())
+            .collect();
         let anchor = |age: usize| {
             // Any cell may be the anchor here; in the matcher it is the column's minimum.
-            let place = (usize::from(trust) * 7 + age * 3) % raw[age].len();
+            let place = (trust as usize % 256 * 7 + age * 3) % places;
             let single = Single { place, distance: raw[age][place] };
             Anchor { single, trusted: (trust >> age) & 1 == 1 }
         };
@@ -214,9 +234,13 @@ proptest! {
         let back = |speed: f64, age: usize| (speed * age as f64 + 0.5).floor() as usize;
         // The smallest sum; of equals the lowest place, then the speed named first.
         let mut best: Option<(f64, usize, f64)> = None;
-        for place in 0..raw[0].len() {
+        for place in 0..places {
             for &speed in speeds.iter().filter(|&&speed| back(speed, length - 1) <= place) {
-                let sum = (0..length).map(|age| f64::from(weighted[age][place - back(speed, age)])).sum::<f64>();
+                let cell = |age: usize| f64::from(weighted[age][place - back(speed, age)]);
+                let mut sum = 0.0;
+                for age in (0..length).rev() {
+                    sum += cell(age);
+                }
                 if best.is_none_or(|(least, ..)| sum < least) {
                     best = Some((sum, place, speed));
                 }
@@ -226,14 +250,17 @@ proptest! {
         let cells = (0..length).map(|age| (anchor(age), back(speed, age)));
         let anchors = cells.filter(|(a, back)| a.trusted && a.single.place + back == place).count();
 
-        let (columns, frame) = (ring(&raw, before), length as u64 + 6);
+        let (mut window, segments) = (window(&raw, before), Segments::one(places));
         let mut ring = Anchors::new(length).unwrap();
         (0..length).rev().for_each(|age| ring.push(anchor(age)));
-        let mut search = Search::new(&speeds, length, raw[0].len()).unwrap();
-        let window = Window { frame, columns: &columns, anchors: &ring, weight, floor };
-        let got = search.best(window).unwrap();
+        let config = Config { sequence_length: length, weight, speeds, ..Config::default() };
+        let mut search = SequenceSearch::new(&config).unwrap();
+        prop_assert_eq!(search.memory(), Memory::Queries(length));
+        let seen = Seen { segments: &segments, anchors: &ring, floor };
+        let isa = isa.get(&Isa::available().collect::<Vec<_>>()).to_owned();
+        let got = isa.run(Estimate(&mut search, &mut window, &seen)).unwrap();
         prop_assert_eq!((got.place, got.speed, got.anchors), (place, speed, anchors));
-        prop_assert_eq!(got.score, (sum / length as f64) as f32);
+        prop_assert_eq!(got.score.to_bits(), ((sum / length as f64) as f32).to_bits());
     }
 
     #[test]
