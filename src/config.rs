@@ -43,7 +43,7 @@ pub enum Floor {
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Config {
-    /// `L`, how many queries a sequence has (Eq. 6). From 1 to the number of places; 2 by default.
+    /// `L`, how many queries a sequence has (Eq. 5). From 1 to the number of places; 2 by default.
     pub sequence_length: usize,
     /// `w`, how far a trusted cell is drawn to the floor (Eq. 4). From 0 (the plain sequence) to 1;
     /// 0.99 by default.

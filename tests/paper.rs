@@ -27,27 +27,6 @@ fn gradient(d: &[f32], i: usize, kind: Gradient) -> f32 {
     }
 }
 
-/// The sum of a window in the order of the method: by blocks of half a window that are counted from
-/// query 0, the newest first, the two newest from their first query to their last, the third the
-/// other way.
-fn in_blocks(now: usize, length: usize, cell: impl Fn(usize) -> f64) -> f64 {
-    let block = (length / 2).max(1);
-    let mut sum = None;
-    for ago in 0..=(now / block).min(2) {
-        let mut queries: Vec<usize> =
-            (now + 1 - length..=now).filter(|j| now / block - j / block == ago).collect();
-        if ago == 2 {
-            queries.reverse();
-        }
-        let part = queries.into_iter().map(&cell).reduce(|a, b| a + b);
-        sum = match (sum, part) {
-            (Some(sum), Some(part)) => Some(sum + part),
-            (sum, part) => sum.or(part),
-        };
-    }
-    sum.unwrap()
-}
-
 /// Everything from the whole matrix, `d[query][place]`.
 fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix> {
     let (n, m) = (d[0].len(), d.len());
@@ -93,7 +72,8 @@ fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix>
         let mut candidates = Vec::new();
         for &speed in &config.speeds {
             for i in back(speed, length - 1)..n {
-                let sum = in_blocks(now, length, |j| weighted(i - back(speed, now - j), j));
+                let queries = now + 1 - length..=now;
+                let sum = queries.fold(0.0, |sum, j| sum + weighted(i - back(speed, now - j), j));
                 candidates.push((sum, i, speed));
             }
         }

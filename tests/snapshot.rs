@@ -6,7 +6,7 @@ mod cases;
 use std::hash::Hasher as _;
 use std::sync::Arc;
 
-use cases::{Kind, bits, cases, columns, kind, numbers, route};
+use cases::{bits, cases, columns, kind, numbers, route};
 use proptest::prelude::*;
 use surefix::{Config, Dtype, Error, Floor, Gradient, Localizer, Map, Matcher, Metric};
 
@@ -189,10 +189,7 @@ fn every_truncation_is_refused() {
 fn every_flipped_bit_of_the_numbers_is_refused() {
     let (map, config, blob) = taken(5);
     let payload = 8 + u64::from_le_bytes(blob[..8].try_into().unwrap()) as usize;
-    assert!(
-        blob.len() - payload >= 4 * 12 * (4 + 3),
-        "four columns and three gradients of twelve places"
-    );
+    assert!(blob.len() - payload >= 4 * 12 * 4, "four columns of twelve places");
     for at in payload..blob.len() {
         for bit in 0..8 {
             let mut blob = blob.clone();
@@ -221,11 +218,11 @@ fn a_newer_version_says_to_upgrade() {
     // A newer one may lack what this version needs, so the version is looked at first.
     for lacks in ["", "anchors", "config"] {
         let newer = with_header(&blob, |header| {
-            header["version"] = 4.into();
+            header["version"] = 2.into();
             header.as_object_mut().unwrap().remove(lacks);
         });
         let message = reason(Localizer::restore(Arc::clone(&map), &newer, Some(&config)));
-        assert!(message.contains("format 4") && message.contains("upgrade"), "{message}");
+        assert!(message.contains("format 2") && message.contains("upgrade"), "{message}");
     }
     let foreign = with_header(&blob, |header| header["format"] = "surefix-map".into());
     reason(Matcher::restore(&foreign, None));
@@ -267,48 +264,6 @@ fn impossible_headers_are_refused() {
         }
     }
     assert!(taken_or_panicked.is_empty(), "{taken_or_panicked:#?}");
-}
-
-/// A gap that is not within reach, or that an older version of the library would not have noticed.
-#[test]
-fn impossible_gaps_are_refused() {
-    let config = Config { sequence_length: 4, smoothing: 6, ..Config::default() };
-    for (before, since) in [(5, 0), (5, 1), (5, 3), (5, 5), (1, 1), (0, 0), (0, 3)] {
-        let mut matcher = Matcher::new(12, config.clone()).unwrap();
-        for (query, column) in columns(Kind::Smooth, 12, before + since, 1).iter().enumerate() {
-            if query == before {
-                matcher.gap();
-            }
-            matcher.push(column).unwrap();
-        }
-        if since == 0 {
-            matcher.gap();
-        }
-        let blob = matcher.snapshot().unwrap();
-        let real = (before > 0).then_some(since as u64);
-        assert!(Matcher::restore(&with_header(&blob, |_| {}), None).is_ok());
-        for claimed in (0..10).chain([1 << 40, u64::MAX]).map(Some).chain([None]) {
-            for version in [0, 1, 2] {
-                let forged = with_header(&blob, |header| {
-                    header["version"] = version.into();
-                    header.as_object_mut().unwrap().remove("since_gap");
-                    if let Some(claimed) = claimed {
-                        header["since_gap"] = claimed.into();
-                    }
-                });
-                let taken = Matcher::restore(&forged, None);
-                let honest = claimed == real && version == if real.is_some() { 2 } else { 1 };
-                assert_eq!(
-                    taken.is_ok(),
-                    honest,
-                    "{before} {since}: {claimed:?} in format {version}"
-                );
-                if !honest {
-                    assert!(reason(taken).contains("damaged"));
-                }
-            }
-        }
-    }
 }
 
 /// Memory is asked for only once the payload is known to fill it: an allocation that fails ends the

@@ -1,4 +1,4 @@
-//! From images to descriptors (method 1.7), and what is done to those of others (method 1.10).
+//! From images to descriptors (method 1.7), and what is done to those of others (method 2.2).
 #![allow(
     clippy::inline_always,
     reason = "what is not inlined is not compiled for the instruction set"

@@ -1,4 +1,4 @@
-//! Maps of learned descriptors: where those come from, and what they go through (method 1.10).
+//! Maps of learned descriptors: where those come from, and what they go through (method 2.2).
 
 use std::hash::Hasher;
 

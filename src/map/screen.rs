@@ -1,5 +1,5 @@
 //! Rows at a quarter of the bytes, beside a map's own, and how far the distances of those can be
-//! from theirs (method 1.9).
+//! from theirs (method 2.1).
 
 #![allow(clippy::inline_always, reason = "what is inlined is compiled for the instruction set")]
 
