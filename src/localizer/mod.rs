@@ -7,11 +7,14 @@ use std::sync::Arc;
 
 use crate::config::Config;
 use crate::crew::{Crew, Sought, threads_for};
-use crate::descriptor::{Describer, ImageView, Passage, Running};
-use crate::distance::{Query, Values, View};
+use crate::descriptor::Describer;
+use crate::distance::Query;
 use crate::error::Error;
+use crate::image::ImageView;
 use crate::map::{Map, Recipe};
 use crate::matcher::{Fix, Matcher, load};
+use crate::numbers::{Values, View};
+use crate::post::{ChainState, Running};
 use plain::Plain;
 use screened::Screened;
 
@@ -56,7 +59,7 @@ pub struct Localizer {
     describer: Option<(Describer, Values)>,
     /// Where a descriptor passes through the map's post-processing, and what is known of the drive
     /// there.
-    through: Option<Passage>,
+    through: Option<ChainState>,
 }
 
 /// How a descriptor becomes a fix.
@@ -126,7 +129,7 @@ impl Localizer {
             _ => Way::Plain(Box::new(Plain::new(matcher))),
         };
         let crew = automatic(&map);
-        let through = map.post().map(Passage::of_drive);
+        let through = map.post().map(ChainState::of_drive);
         Ok(Self { map, way, crew, describer, through })
     }
 
@@ -178,7 +181,7 @@ impl Localizer {
         let descriptor = self.map.passed(descriptor, self.through.as_mut())?;
         let fix = self.way.push(&self.map, &mut self.crew, self.map.query(descriptor)?, trusted)?;
         if let Some(through) = &mut self.through {
-            through.keep();
+            through.commit();
         }
         Ok(fix)
     }
@@ -252,7 +255,7 @@ impl Localizer {
     /// As for [`Matcher::snapshot`].
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
         let map = Some(self.map.fingerprint());
-        let running = self.through.iter().flat_map(Passage::running);
+        let running = self.through.iter().flat_map(ChainState::running);
         let running = running.map(Running::snapshot).collect::<Result<Vec<_>, _>>()?;
         match &self.way {
             Way::Plain(plain) => plain.matcher().save(map, &running),
@@ -281,7 +284,7 @@ impl Localizer {
         }
         let mut localizer = Self::with_matcher(map, saved.matcher)?;
         let fits = match &mut localizer.through {
-            Some(through) => through.go_on(saved.running),
+            Some(through) => through.resume(saved.running),
             None => saved.running.is_empty(),
         };
         if !fits {

@@ -7,11 +7,12 @@ use std::sync::Arc;
 
 use super::scan;
 use crate::crew::{Crew, Sought};
-use crate::distance::{Query, View, first_not_finite};
+use crate::distance::Query;
 use crate::error::Error;
 use crate::map::{Aim, FAR, Map, Screen};
 use crate::matcher::{Bounded, Exact, Fix, Matcher, Ring};
-use crate::room::Roomy;
+use crate::numbers::{View, first_not_finite};
+use crate::preallocated::Preallocated;
 
 /// Rows of fewer numbers cost no more than what is done with their bounds.
 pub(super) const SHORTEST: usize = 256;
@@ -23,7 +24,7 @@ pub(super) struct Screened {
     /// The newest queries, as long as their distances can be asked for.
     queries: Ring,
     /// Their lengths, for the cosine, the newest first.
-    lengths: Roomy<VecDeque<f64>>,
+    lengths: Preallocated<VecDeque<f64>>,
     aim: Aim,
     products: Vec<f32>,
     lower: Vec<f32>,
@@ -59,7 +60,7 @@ impl Screened {
             bounded,
             screen,
             queries,
-            lengths: Roomy(lengths),
+            lengths: Preallocated(lengths),
             aim: Aim::new(map.dim()),
             products: vec![0.0; places],
             lower: vec![0.0; places],

@@ -18,8 +18,8 @@ use super::ring::Ring;
 use super::sequence::{Anchor, Sequence, Window, weigh_anchored};
 use super::{Fix, Matcher};
 use crate::error::Error;
-use crate::isa::Work;
-use crate::room::Roomy;
+use crate::preallocated::Preallocated;
+use crate::simd::Compiled;
 
 /// Where more than one place in so many is in doubt, all of the column is looked at: in order, that
 /// is no slower.
@@ -40,12 +40,12 @@ pub(crate) struct Bounded {
     /// Upper bounds. A distance that has been looked at is both.
     upper: Ring,
     /// How many rows of each column have been looked at, the newest column's first.
-    looked: Roomy<VecDeque<usize>>,
+    looked: Preallocated<VecDeque<usize>>,
     /// Room for the negated upper bounds of the gradients.
     gradients: Vec<f32>,
     /// Room for the lower bounds of the sums.
-    sums: Roomy<Vec<f64>>,
-    candidates: Roomy<Vec<Candidate>>,
+    sums: Preallocated<Vec<f64>>,
+    candidates: Preallocated<Vec<Candidate>>,
 }
 
 impl Bounded {
@@ -68,7 +68,8 @@ impl Bounded {
         sums.try_reserve_exact(places).map_err(refused)?;
         candidates.try_reserve_exact(places).map_err(refused)?;
         gradients.resize(places, 0.0);
-        let (looked, sums, candidates) = (Roomy(looked), Roomy(sums), Roomy(candidates));
+        let (looked, sums, candidates) =
+            (Preallocated(looked), Preallocated(sums), Preallocated(candidates));
         Ok(Self { matcher, upper, looked, gradients, sums, candidates })
     }
 
@@ -306,7 +307,7 @@ struct Step<'a, E> {
     exact: &'a mut E,
 }
 
-impl<E: Exact> Work for Step<'_, E> {
+impl<E: Exact> Compiled for Step<'_, E> {
     type Out = (Fix, usize);
 
     #[inline(always)]

@@ -39,7 +39,7 @@ pub(crate) use snapshot::load;
 
 use crate::config::{Config, Floor};
 use crate::error::Error;
-use crate::isa::{Isa, Work};
+use crate::simd::{Compiled, Isa};
 
 /// Where the robot is, as far as one query tells, and whether to believe it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -279,7 +279,7 @@ struct Step<'a> {
     external: Option<bool>,
 }
 
-impl Work for Step<'_> {
+impl Compiled for Step<'_> {
     type Out = Result<Fix, Error>;
 
     #[inline(always)]

@@ -9,7 +9,7 @@ use super::order::diagonal_sum;
 use super::ring::Ring;
 use super::visit::Visit;
 use crate::error::Error;
-use crate::room::Roomy;
+use crate::preallocated::Preallocated;
 
 /// The best match of the last `L` queries together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,7 +127,7 @@ impl Window<'_> {
 pub(super) struct Search {
     pub(super) diagonals: Vec<Diagonal>,
     /// Room for the diagonals with trusted cells.
-    pub(super) anchored: Roomy<Vec<(usize, f64)>>,
+    pub(super) anchored: Preallocated<Vec<(usize, f64)>>,
 }
 
 impl Search {
@@ -143,7 +143,7 @@ impl Search {
         anchored
             .try_reserve_exact(length)
             .map_err(|_| Error::Memory { places: 1, columns: length })?;
-        Ok(Self { diagonals, anchored: Roomy(anchored) })
+        Ok(Self { diagonals, anchored: Preallocated(anchored) })
     }
 
     /// Eqs. 4 to 6: the smallest mean of all diagonals of full windows; nothing before the first

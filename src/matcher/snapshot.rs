@@ -17,8 +17,8 @@ use super::gradient::gradient;
 use super::ring::Ring;
 use super::{Anchor, Matcher};
 use crate::config::Config;
-use crate::descriptor::Running;
 use crate::error::Error;
+use crate::post::Running;
 
 const FORMAT: &str = "surefix-snapshot";
 const VERSION: u64 = 3;

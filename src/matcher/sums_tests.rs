@@ -10,7 +10,7 @@ use super::diagonal::Diagonal;
 use super::order::diagonal_sum;
 use super::ring::Ring;
 use super::visit::Visit;
-use crate::isa::{Isa, Work};
+use crate::simd::{Compiled, Isa};
 
 /// Numbers of every size and both signs: each order of additions gives other bits.
 struct Wild(u64);
@@ -87,7 +87,7 @@ struct Seek<'a> {
     found: &'a mut Found,
 }
 
-impl Work for Seek<'_> {
+impl Compiled for Seek<'_> {
     type Out = ();
 
     #[inline(always)]

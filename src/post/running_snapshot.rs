@@ -13,7 +13,7 @@ use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
-use super::Running;
+use super::running::Running;
 use crate::error::Error;
 
 const FORMAT: &str = "surefix-running";
@@ -34,7 +34,7 @@ impl Running {
     /// localizer's own snapshot does not hold it.
     ///
     /// ```
-    /// use surefix::descriptor::Running;
+    /// use surefix::Running;
     /// let mut running = Running::new(2);
     /// running.push(&[1.0, 5.0], &mut [0.0; 2])?;
     /// assert_eq!(Running::restore(&running.snapshot()?)?, running);
