@@ -11,7 +11,7 @@ use std::sync::Arc;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use dice::Dice;
 use ndarray::Array2;
-use surefix::descriptor::Describer;
+use surefix::Describer;
 use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{
     Config, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,

@@ -18,7 +18,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use dice::Dice;
-use surefix::descriptor::Describer;
+use surefix::Describer;
 use surefix::{
     Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Sad, Values, View,
 };

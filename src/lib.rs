@@ -35,9 +35,9 @@
 //! # Ok::<(), surefix::Error>(())
 //! ```
 //!
-//! Data runs one way: [`descriptor`] (an image becomes a vector), [`distance`] (a vector and the
-//! map's rows become distances), the matcher (distances become places), [`evaluate`] (places and
-//! the truth become curves).
+//! Data runs one way: a [`Sad`] makes an image a vector, a [`Metric`] compares it with the map's
+//! rows, the [`Matcher`] turns distances into places, and [`evaluate`] places and the truth into
+//! curves.
 //!
 //! Comments that say "method 1.3" mean a section of `docs/method.md` in the repository: the
 //! mathematics, exactly.
@@ -56,31 +56,40 @@ mod archive;
 mod batch;
 mod config;
 mod crew;
+mod descriptor;
+mod distance;
+mod dtype;
 mod error;
-mod isa;
+mod image;
 mod localizer;
 mod map;
 mod method;
+mod numbers;
 mod parallel;
-mod room;
+mod post;
+mod preallocated;
+mod random;
 mod segments;
+mod simd;
 
-pub mod descriptor;
-pub mod distance;
 pub mod evaluate;
 pub mod simulate;
 
+pub use crate::image::{Channels, Image, ImageSource, ImageView, Progress};
+#[cfg(feature = "image")]
+pub use crate::image::{ImageFiles, decode_image, read_image};
 pub use batch::{Run, match_descriptors, match_distances};
 pub use config::{Config, Floor, Gradient};
-pub use descriptor::{Channels, Image, ImageSource, ImageView, Post, Sad, Step};
-#[cfg(feature = "image")]
-pub use descriptor::{ImageFiles, decode_image, read_image};
-pub use distance::{Dtype, Metric, Values, View};
+pub use descriptor::{Describer, Sad, describe_all};
+pub use distance::Metric;
+pub use dtype::Dtype;
 pub use error::Error;
-pub use isa::Isa;
 pub use localizer::Localizer;
 pub use map::{Map, Positions, Recipe};
 pub use method::{Fix, Matcher, Peak, Sequence, Single};
+pub use numbers::{Values, View};
+pub use post::{Post, Running, Step, standardized};
+pub use simd::Isa;
 
 /// The README's Rust is compiled as an example.
 #[cfg(doctest)]

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use cases::{cases, signed};
 use proptest::prelude::*;
-use surefix::descriptor::Running;
+use surefix::Running;
 use surefix::{Config, Dtype, Error, Floor, Localizer, Map, Metric, Post, Step, match_descriptors};
 
 const TO: usize = 7;

@@ -6,7 +6,7 @@
 
 use std::ops::ControlFlow;
 
-use surefix::descriptor::describe_all;
+use surefix::describe_all;
 use surefix::evaluate::{Recall, Truth, evaluate};
 use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{Config, Floor, Map, Run, Sad, match_descriptors};

@@ -8,8 +8,8 @@ use numpy::{Element, PyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::{PyIndexError, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use surefix::descriptor::{Progress, describe_all};
 use surefix::{Floor, Recipe, View, match_descriptors};
+use surefix::{Progress, describe_all};
 
 use crate::arrays::{
     as_array, dtype_of, flags, matrix, query, sequence_or_array, shape_of, whole_numbers,

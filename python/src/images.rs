@@ -280,7 +280,7 @@ pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound
 pub(crate) fn with_progress<T>(
     py: Python<'_>,
     callback: Option<&Py<PyAny>>,
-    run: impl FnOnce(surefix::descriptor::Progress<'_>) -> PyResult<Result<T, Error>>,
+    run: impl FnOnce(surefix::Progress<'_>) -> PyResult<Result<T, Error>>,
 ) -> PyResult<T> {
     let mut raised = None;
     let mut report = |done: usize, total: usize| {

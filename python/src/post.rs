@@ -3,7 +3,7 @@
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use surefix::descriptor::Running as Statistics;
+use surefix::Running as Statistics;
 use surefix::{Step, View};
 
 use crate::arrays::{as_array, check_axes, float32s, rows_to_py};

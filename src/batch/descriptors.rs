@@ -2,12 +2,13 @@
 
 use super::{Run, cut_before};
 use crate::config::{Config, Floor};
-use crate::descriptor::{Passage, Progress};
-use crate::distance::View;
 use crate::error::Error;
+use crate::image::Progress;
 use crate::map::Map;
 use crate::method::{Column, Matcher, minimum};
+use crate::numbers::View;
 use crate::parallel::each;
+use crate::post::ChainState;
 
 /// How many queries are matched between two reports of progress.
 const REPORTED: usize = 64;
@@ -111,7 +112,7 @@ fn for_each_query(
 ) -> Result<(), Error> {
     let at_once = (HELD / map.places()).clamp(1, 256);
     // What a query becomes may depend on those before it.
-    let mut drive = map.post().filter(|post| post.runs()).map(Passage::of_drive);
+    let mut drive = map.post().filter(|post| post.runs()).map(ChainState::of_drive);
     let mut passed = Vec::new();
     for start in (0..count).step_by(at_once) {
         let indices = start..count.min(start + at_once);
@@ -123,7 +124,7 @@ fn for_each_query(
                 if let View::F32(row) = row {
                     passed.extend_from_slice(row);
                 }
-                through.keep();
+                through.commit();
             }
         }
         let columns = each(

@@ -4,9 +4,9 @@ use ndarray::ArrayView2;
 
 use super::{Run, cut_before};
 use crate::config::{Config, Floor};
-use crate::distance::first_not_finite;
 use crate::error::Error;
 use crate::method::{Column, Matcher, Memory, minimum};
+use crate::numbers::first_not_finite;
 use crate::parallel::each;
 
 /// Matches a whole distance matrix: `D[[i, j]]` is the distance between place `i` and query `j`, in

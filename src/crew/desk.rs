@@ -5,8 +5,10 @@ use std::ops::Range;
 use std::sync::{Condvar, Mutex, MutexGuard};
 
 use super::{Sought, Work};
-use crate::distance::{Dtype, Query, Values, View};
+use crate::distance::Query;
+use crate::dtype::Dtype;
 use crate::map::Map;
+use crate::numbers::{Values, View};
 
 /// Where a helper finds its orders and hands in its chunks. Nobody holds the lock for longer than a
 /// copy takes.

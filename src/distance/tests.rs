@@ -7,9 +7,11 @@ use half::f16;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::{Dtype, Metric, Query, Rows, Values, View, distances, norm};
+use super::{Metric, Query, Rows, distances, norm};
+use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::isa::Isa;
+use crate::numbers::{Values, View};
+use crate::simd::Isa;
 
 const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosine];
 const DTYPES: [Dtype; 4] = [Dtype::F32, Dtype::F16, Dtype::I8, Dtype::U8];

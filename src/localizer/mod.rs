@@ -6,11 +6,14 @@ use std::sync::Arc;
 
 use crate::config::Config;
 use crate::crew::{Crew, Sought, threads_for};
-use crate::descriptor::{Describer, ImageView, Passage, Running};
-use crate::distance::{Query, Values, View};
+use crate::descriptor::Describer;
+use crate::distance::Query;
 use crate::error::Error;
+use crate::image::ImageView;
 use crate::map::{Map, Recipe};
 use crate::method::{Column, Fix, Matcher, load};
+use crate::numbers::{Values, View};
+use crate::post::{ChainState, Running};
 use screening::Screening;
 
 /// The most threads that are accepted.
@@ -58,7 +61,7 @@ pub struct Localizer {
     describer: Option<(Describer, Values)>,
     /// Where a descriptor passes through the map's post-processing, and what is known of the drive
     /// there.
-    through: Option<Passage>,
+    through: Option<ChainState>,
 }
 
 impl Localizer {
@@ -120,7 +123,7 @@ impl Localizer {
         };
         let column = vec![0.0; map.places()];
         let crew = automatic(&map);
-        let through = map.post().map(Passage::of_drive);
+        let through = map.post().map(ChainState::of_drive);
         Ok(Self { map, matcher, column, screening, crew, describer, through })
     }
 
@@ -176,7 +179,7 @@ impl Localizer {
         let scan = Scan { map: &self.map, crew: &mut self.crew, column: &mut self.column };
         let fix = scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)?;
         if let Some(through) = &mut self.through {
-            through.keep();
+            through.commit();
         }
         Ok(fix)
     }
@@ -256,7 +259,7 @@ impl Localizer {
     /// As for [`Matcher::snapshot`].
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
         let map = Some(self.map.fingerprint());
-        let running = self.through.iter().flat_map(Passage::running);
+        let running = self.through.iter().flat_map(ChainState::running);
         let running = running.map(Running::snapshot).collect::<Result<Vec<_>, _>>()?;
         match &self.screening {
             None => self.matcher.save(map, &running),
@@ -287,10 +290,12 @@ impl Localizer {
             };
             return Err(Error::Snapshot { reason });
         }
+        let running = saved.running.iter().map(|running| Running::restore(running));
+        let running = running.collect::<Result<Vec<_>, _>>()?;
         let mut localizer = Self::with_matcher(map, saved.matcher)?;
         let fits = match &mut localizer.through {
-            Some(through) => through.go_on(saved.running),
-            None => saved.running.is_empty(),
+            Some(through) => through.resume(running),
+            None => running.is_empty(),
         };
         if !fits {
             let reason = "damaged: statistics of another chain than the map's".to_owned();

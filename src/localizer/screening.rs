@@ -7,11 +7,12 @@ use std::sync::Arc;
 
 use super::scan;
 use crate::crew::{Crew, Sought};
-use crate::distance::{Query, View, first_not_finite};
+use crate::distance::Query;
 use crate::error::Error;
 use crate::map::{Aim, FAR, Map, Screen};
 use crate::method::{Column, Exact, Fix, Matcher, Ring};
-use crate::room::Roomy;
+use crate::numbers::{View, first_not_finite};
+use crate::preallocated::Preallocated;
 
 /// Below this many numbers, a row costs no more than the work on its bounds.
 pub(super) const SHORTEST: usize = 256;
@@ -23,7 +24,7 @@ pub(super) struct Screening {
     /// The newest queries, for as long as their distances can be asked for.
     queries: Ring,
     /// Their lengths, for the cosine, the newest first.
-    lengths: Roomy<VecDeque<f64>>,
+    lengths: Preallocated<VecDeque<f64>>,
     encoded: Aim,
     products: Vec<f32>,
     upper: Vec<f32>,
@@ -60,7 +61,7 @@ impl Screening {
         Ok(Self {
             screen,
             queries,
-            lengths: Roomy(lengths),
+            lengths: Preallocated(lengths),
             encoded: Aim::new(map.dim()),
             products: vec![0.0; map.places()],
             upper: vec![0.0; map.places()],

@@ -14,9 +14,12 @@ use super::names::Names;
 use super::parts::{Part, Small, checked_norms};
 use super::storage::Storage;
 use super::{Map, Positions, Recipe};
-use crate::descriptor::{ImageSource, Post, Progress, describe_each, go_on};
-use crate::distance::{Values, norm};
+use crate::descriptor::describe_each;
+use crate::distance::norm;
 use crate::error::Error;
+use crate::image::{ImageSource, Progress, go_on};
+use crate::numbers::Values;
+use crate::post::Post;
 
 impl Map {
     /// This map and then `more`, as one: the map that all their descriptors at once would have

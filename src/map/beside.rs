@@ -7,8 +7,8 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 
 use super::layout::Layout;
-use crate::descriptor::Post;
 use crate::error::Error;
+use crate::post::Post;
 
 /// How much is copied from one file to another between two looks at whether to go on.
 const PIECE: u64 = 64 << 20;
@@ -79,7 +79,7 @@ impl Beside<'_> {
 
     /// What post-processing adds and multiplies with, step by step: before the rows.
     pub(super) fn vectors_of_post(&mut self, post: Option<&Post>) -> Result<(), Error> {
-        let stages = post.map_or(&[][..], Post::stages).iter();
+        let stages = post.map_or(&[][..], Post::fitted_steps).iter();
         stages
             .flat_map(|stage| [&stage.offset, &stage.scale])
             .try_for_each(|numbers| self.floats(numbers))
@@ -87,7 +87,7 @@ impl Beside<'_> {
 
     /// Its matrices: behind the rows.
     pub(super) fn matrices_of_post(&mut self, post: Option<&Post>) -> Result<(), Error> {
-        let mut stages = post.map_or(&[][..], Post::stages).iter();
+        let mut stages = post.map_or(&[][..], Post::fitted_steps).iter();
         stages.try_for_each(|stage| {
             self.numbers(bytemuck::must_cast_slice(&stage.matrix), size_of::<f32>())
         })

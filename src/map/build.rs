@@ -7,9 +7,10 @@ use super::layout::Layout;
 use super::names::Names;
 use super::storage::Storage;
 use super::{Map, Positions, Recipe};
-use crate::descriptor::{ImageSource, Progress, Sad, describe_each, describe_into};
+use crate::descriptor::{Sad, describe_each, describe_into};
 use crate::distance::Metric;
 use crate::error::Error;
+use crate::image::{ImageSource, Progress};
 
 impl Map {
     /// A map of the SAD descriptors of a traverse's images, described on all cores (feature

@@ -20,9 +20,10 @@ use serde::{Deserialize, Serialize};
 
 use super::learned::is_recipe;
 use super::{Map, Recipe, count_places};
-use crate::descriptor::{Post, Step};
-use crate::distance::{Dtype, Metric};
+use crate::distance::Metric;
+use crate::dtype::Dtype;
 use crate::error::Error;
+use crate::post::{Post, Step};
 
 const FORMAT: &str = "surefix-map";
 const VERSION: u64 = 2;
@@ -343,7 +344,7 @@ impl PostPart {
 fn post_parts(post: &Post) -> Vec<PostPart> {
     let mut parts = Vec::new();
     let mut width = post.input();
-    for (step, stage) in post.stages().iter().enumerate() {
+    for (step, stage) in post.fitted_steps().iter().enumerate() {
         let output = stage.output(width);
         let shapes = [
             (PostKind::Offset, vec![stage.offset.len()], 8 * stage.offset.len()),

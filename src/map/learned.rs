@@ -5,9 +5,10 @@ use std::hash::Hasher;
 use serde_json::Value;
 
 use super::{Map, Recipe};
-use crate::descriptor::{Passage, Post};
-use crate::distance::{Dtype, View};
+use crate::dtype::Dtype;
 use crate::error::Error;
+use crate::numbers::View;
+use crate::post::{ChainState, Post};
 
 /// The longest recipe, in bytes: however it is written, the header of a file has room for it.
 const LONGEST_RECIPE: usize = 1 << 20;
@@ -45,7 +46,7 @@ impl Map {
             return Err(Error::Length { what, expected, got });
         }
         // A chain without steps is none.
-        self.post = (!post.stages().is_empty()).then(|| post.into());
+        self.post = (!post.fitted_steps().is_empty()).then(|| post.into());
         Ok(self)
     }
 
@@ -100,7 +101,7 @@ impl Map {
     pub(crate) fn passed<'a>(
         &self,
         descriptor: View<'a>,
-        through: Option<&'a mut Passage>,
+        through: Option<&'a mut ChainState>,
     ) -> Result<View<'a>, Error> {
         let (Some(post), Some(through)) = (&self.post, through) else { return Ok(descriptor) };
         match descriptor {
@@ -121,7 +122,7 @@ pub(super) fn is_recipe(recipe: &Value) -> bool {
 /// Takes in all that decides what comes out.
 pub(super) fn hash(post: &Post, hash: &mut impl Hasher) {
     hash.write(format!("{:?}", post.steps()).as_bytes());
-    for stage in post.stages() {
+    for stage in post.fitted_steps() {
         stage.offset.iter().chain(&stage.scale).for_each(|x| hash.write_u64(x.to_bits()));
         stage.matrix.iter().for_each(|x| hash.write_u32(x.to_bits()));
     }

@@ -21,10 +21,13 @@ use std::sync::{Arc, OnceLock};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
-use crate::descriptor::{Passage, Post, Sad};
-use crate::distance::{self, Dtype, Metric, Query, Rows, Values, View, each_type, norm};
+use crate::descriptor::Sad;
+use crate::distance::{self, Metric, Query, Rows, norm};
+use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::isa::Isa;
+use crate::numbers::{Values, View, each_type};
+use crate::post::{ChainState, Post};
+use crate::simd::Isa;
 use names::Names;
 pub use positions::Positions;
 pub(crate) use screen::{Aim, FAR, Screen};
@@ -240,7 +243,7 @@ impl Map {
     /// [`Error::NoDirection`] for zeros under the cosine, or where post-processing normalises them.
     /// `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
-        let mut through = self.post.as_deref().map(Passage::new);
+        let mut through = self.post.as_deref().map(ChainState::new);
         self.distances_of_passed(self.passed(descriptor, through.as_mut())?, out)
     }
 

@@ -6,8 +6,8 @@ use std::ops::Range;
 use super::layout::{Layout, PostKind, PostPart, Refusal};
 use super::names::Names;
 use super::{Map, Positions};
-use crate::descriptor::{Post, Stage, Step};
 use crate::error::Error;
+use crate::post::{FittedStep, Post, Step};
 
 /// A part of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +46,7 @@ pub(super) struct Small {
     pub(super) norms: Option<Vec<f64>>,
     pub(super) names: Option<Names>,
     /// What the steps of the post-processing have been told so far.
-    stages: Vec<Stage>,
+    stages: Vec<FittedStep>,
 }
 
 impl Small {
@@ -107,7 +107,7 @@ impl Small {
             // None of the steps has a tensor.
             stages = untold(&layout.post);
         }
-        Post::of_stages(stages, layout.dim).map(Some).map_err(Refusal::Foreign)
+        Post::from_fitted(stages, layout.dim).map(Some).map_err(Refusal::Foreign)
     }
 
     /// The map with its names and positions, and what its queries go through.
@@ -134,8 +134,8 @@ pub(super) fn checked_norms(norms: Vec<f64>) -> Result<Vec<f64>, Refusal> {
 }
 
 /// Steps that have been told nothing yet.
-fn untold(steps: &[Step]) -> Vec<Stage> {
-    steps.iter().map(|&step| Stage::new(step)).collect()
+fn untold(steps: &[Step]) -> Vec<FittedStep> {
+    steps.iter().map(|&step| FittedStep::new(step)).collect()
 }
 
 fn floats(bytes: &[u8]) -> Vec<f64> {

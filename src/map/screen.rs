@@ -7,10 +7,12 @@ use std::ops::{Add as _, Range};
 
 use super::Map;
 use super::storage::Storage;
-use crate::distance::{Dtype, Metric, Query, View, short_products};
+use crate::distance::{Metric, Query, short_products};
+use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::isa::Isa;
+use crate::numbers::View;
 use crate::parallel::{each, each_row};
+use crate::simd::Isa;
 
 /// The largest code of a row's number, on both sides of 0.
 const CODE: f64 = 127.0;

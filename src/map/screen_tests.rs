@@ -4,8 +4,10 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 use super::{Aim, FAR, Map};
-use crate::distance::{Dtype, Metric, View};
-use crate::isa::Isa;
+use crate::distance::Metric;
+use crate::dtype::Dtype;
+use crate::numbers::View;
+use crate::simd::Isa;
 
 struct Dice(u64);
 

@@ -4,7 +4,8 @@ use std::fmt;
 #[cfg(feature = "mmap")]
 use std::{ops::Range, sync::Arc};
 
-use crate::distance::{Dtype, Values, View, each_type};
+use crate::dtype::Dtype;
+use crate::numbers::{Values, View, each_type};
 
 /// Where rows begin in memory: at a multiple of a cache line, which is the widest vector register
 /// too. Loads that straddle lines cost twice as much where the map is in the cache.

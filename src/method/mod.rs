@@ -44,8 +44,8 @@ pub(crate) use window::{Column, Exact, Ring};
 
 use crate::config::{Config, Floor};
 use crate::error::Error;
-use crate::isa::{Isa, Work};
 use crate::segments::Segments;
+use crate::simd::{Compiled, Isa};
 
 /// Where the robot is, as far as one query tells, and whether to trust it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -309,7 +309,7 @@ struct Push<'a, E> {
     ask: &'a mut E,
 }
 
-impl<E: Exact> Work for Push<'_, E> {
+impl<E: Exact> Compiled for Push<'_, E> {
     type Out = Result<Fix, Error>;
 
     #[inline(always)]

@@ -8,7 +8,7 @@ use super::trust::Single;
 use super::window::{Exact, Ring, Window};
 use crate::config::{Config, reach};
 use crate::error::Error;
-use crate::room::Roomy;
+use crate::preallocated::Preallocated;
 
 /// Sums that are made at a time: they stay in the first-level cache.
 const BLOCK: usize = 256;
@@ -91,7 +91,7 @@ pub(super) struct SequenceSearch {
     weight: f64,
     diagonals: Vec<Diagonal>,
     /// Memory for the diagonals with trusted cells, by the place where they end.
-    anchored: Roomy<Vec<(usize, f64)>>,
+    anchored: Preallocated<Vec<(usize, f64)>>,
 }
 
 /// A slope, and how many places back its diagonals lie `k` queries ago: `round(v k)`.
@@ -115,7 +115,7 @@ impl SequenceSearch {
                 diagonals.push(Diagonal { speed, back });
             }
         }
-        let anchored = Roomy(reserved(length)?);
+        let anchored = Preallocated(reserved(length)?);
         Ok(Self { length, weight: config.weight, diagonals, anchored })
     }
 }
@@ -287,19 +287,27 @@ impl Sums<'_> {
     fn raw(&self, columns: &Ring, start: usize, sums: &mut [f64]) {
         let count = sums.len();
         let term = |age: usize| &columns.column(age)[start - self.diagonal.back[age]..][..count];
-        // The shortest windows in one pass, without a sum that is read again.
-        match self.diagonal.back.len() {
-            1 => each(sums, term(0), term(0), term(0), |a, _, _| a),
-            2 => each(sums, term(1), term(0), term(0), |a, b, _| a + b),
-            3 => each(sums, term(2), term(1), term(0), |a, b, c| a + b + c),
-            length => {
-                each(sums, term(length - 1), term(length - 2), term(length - 3), |a, b, c| {
-                    a + b + c
-                });
-                for age in (0..length - 3).rev() {
-                    sums.iter_mut().zip(term(age)).for_each(|(sum, &d)| *sum += f64::from(d));
-                }
+        // Three columns a pass: a sum is read and written a third of the times.
+        let length = self.diagonal.back.len();
+        let oldest = length - 1;
+        match length {
+            1 => each(sums, term(0), term(0), term(0), |_, a, _, _| a),
+            2 => each(sums, term(1), term(0), term(0), |_, a, b, _| a + b),
+            _ => {
+                each(sums, term(oldest), term(oldest - 1), term(oldest - 2), |_, a, b, c| a + b + c)
             }
+        }
+        let mut left = length.saturating_sub(3);
+        while left >= 3 {
+            each(sums, term(left - 1), term(left - 2), term(left - 3), |sum, a, b, c| {
+                sum + a + b + c
+            });
+            left -= 3;
+        }
+        match left {
+            0 => {}
+            1 => each(sums, term(0), term(0), term(0), |sum, a, _, _| sum + a),
+            _ => each(sums, term(1), term(0), term(0), |sum, a, b, _| sum + a + b),
         }
     }
 
@@ -335,11 +343,17 @@ fn overwrite(anchored: &mut &[(usize, f64)], start: usize, sums: &mut [f64]) {
     }
 }
 
-/// The sums of three columns.
+/// Each sum with the distances of three columns.
 #[inline(always)]
-fn each(sums: &mut [f64], a: &[f32], b: &[f32], c: &[f32], sum_of: impl Fn(f64, f64, f64) -> f64) {
+fn each(
+    sums: &mut [f64],
+    a: &[f32],
+    b: &[f32],
+    c: &[f32],
+    sum_of: impl Fn(f64, f64, f64, f64) -> f64,
+) {
     for (sum, ((&a, &b), &c)) in sums.iter_mut().zip(a.iter().zip(b).zip(c)) {
-        *sum = sum_of(f64::from(a), f64::from(b), f64::from(c));
+        *sum = sum_of(*sum, f64::from(a), f64::from(b), f64::from(c));
     }
 }
 

@@ -13,8 +13,8 @@ use super::trust::{Single, checked_minimum, minimum};
 use super::window::{Ring, Window};
 use crate::config::{Config, Gradient};
 use crate::error::Error;
-use crate::isa::{Isa, Work};
 use crate::segments::Segments;
+use crate::simd::{Compiled, Isa};
 
 fn cases() -> ProptestConfig {
     ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() }
@@ -108,7 +108,7 @@ fn check_peak(
 /// One estimate, compiled for an instruction set.
 struct Estimate<'a>(&'a mut SequenceSearch, &'a mut Window, &'a Seen<'a>);
 
-impl Work for Estimate<'_> {
+impl Compiled for Estimate<'_> {
     type Out = Option<super::Sequence>;
 
     #[inline(always)]

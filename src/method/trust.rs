@@ -2,9 +2,9 @@
 
 use super::argmin::{BLOCK, any, first_better};
 use super::gradient::Peak;
-use crate::distance::first_not_finite;
 use crate::error::Error;
-use crate::isa::fetch;
+use crate::numbers::first_not_finite;
+use crate::simd::fetch;
 
 /// Distances in a line of the cache.
 const LINE: usize = 16;

@@ -12,7 +12,7 @@ use std::ops::Range;
 use super::argmin::{Candidate, Search, first_least};
 use super::trust::{Single, checked_minimum, minimum};
 use crate::error::Error;
-use crate::room::Roomy;
+use crate::preallocated::Preallocated;
 
 /// If more than one place in four is unresolved, all of the column is computed: in order, that is
 /// no slower.
@@ -58,7 +58,7 @@ pub(super) struct Cells {
     /// Upper bounds. A distance that is resolved is both. `None` if all columns are distances.
     upper: Option<Ring>,
     /// How many distances of each column are resolved, the newest column's first.
-    resolved: Roomy<VecDeque<usize>>,
+    resolved: Preallocated<VecDeque<usize>>,
     /// How many were resolved since the newest column came.
     asked: usize,
 }
@@ -70,7 +70,7 @@ pub(super) struct Scratch {
     pub(super) gradients: Vec<f32>,
     /// The lower bounds of the diagonals' sums.
     pub(super) sums: Vec<f64>,
-    pub(super) candidates: Roomy<Vec<Candidate>>,
+    pub(super) candidates: Preallocated<Vec<Candidate>>,
 }
 
 impl Window {
@@ -80,9 +80,12 @@ impl Window {
     /// [`Error::Memory`] if there is not enough.
     pub(super) fn new(columns: usize, places: usize) -> Result<Self, Error> {
         let lower = Ring::new(columns, places)?;
-        let resolved = Roomy(VecDeque::new());
-        let scratch =
-            Scratch { gradients: Vec::new(), sums: Vec::new(), candidates: Roomy(Vec::new()) };
+        let resolved = Preallocated(VecDeque::new());
+        let scratch = Scratch {
+            gradients: Vec::new(),
+            sums: Vec::new(),
+            candidates: Preallocated(Vec::new()),
+        };
         Ok(Self { cells: Cells { lower, upper: None, resolved, asked: 0 }, scratch })
     }
 

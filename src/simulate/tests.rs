@@ -1,7 +1,7 @@
 //! What the demo, the tests and the scale runs rely on.
 
 use super::*;
-use crate::descriptor::Image;
+use crate::image::Image;
 
 fn route(places: usize, seed: u64) -> Route {
     Route::new(RouteConfig { places, width: 64, height: 32, seed, ..RouteConfig::default() })

@@ -8,8 +8,8 @@ use super::look::Look;
 use super::noise::{hash, mix, smoothstep, wave};
 use super::scene::Scene;
 use super::traffic::Traffic;
-use crate::descriptor::{Channels, Image, ImageSource};
 use crate::error::Error;
+use crate::image::{Channels, Image, ImageSource};
 
 /// Frames from one knot of the speed's two waves to the next.
 const SPEED_KNOTS: [f64; 2] = [40.0, 17.0];

@@ -1,19 +1,51 @@
-//! One step of post-processing that has been fitted: what it keeps, and what it does to a vector.
+//! One step of post-processing: as it is asked for, and fitted.
 
-use super::post::Step;
-use super::projection;
-use super::whiten::principal;
-use crate::distance::products;
-use crate::error::Error;
-use crate::isa::Isa;
+use serde::{Deserialize, Serialize};
 
-/// The most numbers that a projection gives.
-const MOST: usize = 1 << 20;
+use crate::distance::{norm, products};
+use crate::simd::Isa;
+
+/// One step of post-processing, as it is asked for. In a chain, each works on what the one before
+/// gives.
+///
+/// As JSON: `{"step": "standardize"}`, `{"step": "standardize_running"}`, `{"step": "pca", "dim":
+/// 512, "whiten": true}`, `{"step": "normalize"}`, `{"step": "projection", "dim": 512, "seed": 0}`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "step", rename_all = "snake_case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum Step {
+    /// Each dimension less its mean over the references, in units of its population standard
+    /// deviation; 0 where all references have the same number.
+    Standardize,
+    /// The references as by [`Standardize`](Self::Standardize); each query of a drive by the mean
+    /// and the deviation of the drive's queries so far, which begin with the references' own as if
+    /// those were one query ([`Running::after`](super::Running::after)). A
+    /// [`Localizer`](crate::Localizer) keeps these, in its snapshots too.
+    StandardizeRunning,
+    /// The coordinates along the `dim` directions in which the references differ most (principal
+    /// component analysis).
+    Pca {
+        /// How many, up to what the references span.
+        dim: usize,
+        /// Whether each is divided by its standard deviation over the references (with `n - 1`).
+        whiten: bool,
+    },
+    /// To the length 1.
+    Normalize,
+    /// The products with `dim` vectors of random signs, divided by `sqrt(dim)`: distances stay
+    /// about what they are (Achlioptas, 2003).
+    Projection {
+        /// How many.
+        dim: usize,
+        /// Which signs.
+        seed: u64,
+    },
+}
 
 /// A step that knows what it does: all are `matrix (x - offset) scale`, or the division by the
 /// length.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Stage {
+pub(crate) struct FittedStep {
     pub(crate) step: Step,
     /// What is subtracted, a number a dimension; or nothing.
     pub(crate) offset: Vec<f64>,
@@ -23,42 +55,10 @@ pub(crate) struct Stage {
     pub(crate) matrix: Vec<f32>,
 }
 
-impl Stage {
+impl FittedStep {
     /// Without any numbers yet.
     pub(crate) fn new(step: Step) -> Self {
         Self { step, offset: Vec::new(), scale: Vec::new(), matrix: Vec::new() }
-    }
-
-    pub(super) fn fit(step: Step, rows: &[f32], dim: usize) -> Result<Self, Error> {
-        let mut stage = Self::new(step);
-        match step {
-            Step::Standardize | Step::StandardizeRunning => {
-                let (mean, deviation) = moments(rows, dim);
-                stage.scale =
-                    deviation.iter().map(|&s| if s > 0.0 { s.recip() } else { 0.0 }).collect();
-                stage.offset = mean;
-            }
-            Step::Pca { dim: wanted, whiten } => {
-                (stage.offset, stage.matrix) = principal(rows, dim, wanted, whiten)?;
-            }
-            Step::Projection { dim: wanted, seed } => {
-                let refused = |expected: String| {
-                    let (name, got) = ("projection dim", wanted.to_string());
-                    Error::Option { name, expected, got }
-                };
-                if !(1..=MOST).contains(&wanted) {
-                    return Err(refused(format!("from 1 to {MOST}")));
-                }
-                let signs = projection::signs(wanted, dim, seed);
-                stage.matrix = signs.ok_or_else(|| {
-                    refused(format!(
-                        "so few that {dim} signs for each, of 4 bytes, fit into memory"
-                    ))
-                })?;
-            }
-            Step::Normalize => {}
-        }
-        Ok(stage)
     }
 
     /// What a vector is after this, for errors.
@@ -85,7 +85,7 @@ impl Stage {
     }
 
     /// Does the step, as to references; nothing for zeros that have no direction.
-    pub(super) fn pass(&self, vector: &[f32], out: &mut Vec<f32>) -> Option<()> {
+    pub(super) fn apply(&self, vector: &[f32], out: &mut Vec<f32>) -> Option<()> {
         out.clear();
         let dim = vector.len();
         match self.step {
@@ -114,7 +114,7 @@ impl Stage {
                 }
             }
             Step::Normalize => {
-                let length = crate::distance::norm(vector.into());
+                let length = norm(vector.into());
                 if length == 0.0 {
                     return None;
                 }
@@ -123,31 +123,4 @@ impl Stage {
         }
         Some(())
     }
-}
-
-/// The mean of each dimension over the rows, and its population standard deviation: exactly 0 where
-/// all are the same.
-pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
-    let count = (rows.len() / dim) as f64;
-    let mut mean = vec![0.0; dim];
-    for row in rows.chunks_exact(dim) {
-        mean.iter_mut().zip(row).for_each(|(mean, &x)| *mean += f64::from(x));
-    }
-    for mean in &mut mean {
-        *mean /= count;
-    }
-    let mut square = vec![0.0; dim];
-    let mut differs = vec![false; dim];
-    for row in rows.chunks_exact(dim) {
-        for (((square, differs), mean), (&x, &first)) in
-            square.iter_mut().zip(&mut differs).zip(&mean).zip(row.iter().zip(rows))
-        {
-            *square += (f64::from(x) - mean).powi(2);
-            *differs |= x != first;
-        }
-    }
-    let deviation = square.iter().zip(&differs);
-    let deviation =
-        deviation.map(|(square, &differs)| if differs { (square / count).sqrt() } else { 0.0 });
-    (mean, deviation.collect())
 }

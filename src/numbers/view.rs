@@ -1,55 +1,13 @@
 //! The numbers that descriptors are made of, owned and borrowed.
 
-use std::fmt;
-
 use half::f16;
-use serde::{Deserialize, Serialize};
 
+use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::isa::Isa;
+use crate::simd::Isa;
 
 /// How many numbers are checked at a time.
 const BLOCK: usize = 1024;
-
-/// The type of a descriptor's numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Dtype {
-    /// 32-bit floats.
-    #[serde(rename = "f32")]
-    F32,
-    /// 16-bit floats: half the memory.
-    #[serde(rename = "f16")]
-    F16,
-    /// Signed bytes.
-    #[serde(rename = "i8")]
-    I8,
-    /// Unsigned bytes.
-    #[serde(rename = "u8")]
-    U8,
-}
-
-impl Dtype {
-    /// Bytes a number.
-    #[must_use]
-    pub const fn size(self) -> usize {
-        match self {
-            Self::F32 => 4,
-            Self::F16 => 2,
-            Self::I8 | Self::U8 => 1,
-        }
-    }
-}
-
-impl fmt::Display for Dtype {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::F32 => "float32",
-            Self::F16 => "float16",
-            Self::I8 => "int8",
-            Self::U8 => "uint8",
-        })
-    }
-}
 
 /// Numbers of one of the four types, owned: one descriptor, or many in a row.
 #[derive(Clone, Debug, PartialEq)]

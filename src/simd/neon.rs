@@ -11,9 +11,8 @@ use std::arch::asm;
 
 use half::f16;
 
-use super::machine::{BLOCK, LANES, Machine};
-use super::scan::Work;
-use crate::isa::Isa;
+use super::isa::Isa;
+use super::machine::{BLOCK, Kernel, LANES, Machine};
 
 /// Proof that this processor has [`Isa::Neon`].
 #[derive(Clone, Copy)]
@@ -27,8 +26,8 @@ impl Neon {
 }
 
 #[target_feature(enable = "neon")]
-fn inside<W: Work>(machine: Neon, work: W) {
-    work.on(machine);
+fn inside<K: Kernel>(machine: Neon, kernel: K) {
+    kernel.simd(machine);
 }
 
 // SAFETY, of every block below: `self` exists only where the processor has these instructions, and
@@ -43,9 +42,9 @@ impl Machine for Neon {
     const OFFSET: i64 = 0;
 
     #[inline(always)]
-    fn run<W: Work>(self, work: W) {
+    fn run<K: Kernel>(self, kernel: K) {
         // SAFETY: as said above.
-        unsafe { inside(self, work) }
+        unsafe { inside(self, kernel) }
     }
 
     #[inline(always)]

@@ -91,11 +91,11 @@ impl Isa {
 
     /// Runs `work`, compiled for this instruction set: plain code in it uses the wider registers
     /// where it is inlined. Of a closure only a small one surely is; longer work is a type of its
-    /// own, see [`Work`].
+    /// own, see [`Compiled`].
     ///
     /// An instruction set that this processor lacks runs as [`Isa::Scalar`].
     #[inline]
-    pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
+    pub(crate) fn run<W: Compiled>(self, work: W) -> W::Out {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 if self.is_available() => x86::avx2(work),
@@ -127,13 +127,13 @@ pub(crate) fn fetch<T>(ahead: *const T) {
 /// What [`Isa::run`] can compile for each instruction set: a closure, or a type whose `run` is
 /// marked `#[inline(always)]`. The compiler may keep one copy of a longer closure, for the plainest
 /// instruction set, and call that from all of them.
-pub(crate) trait Work {
+pub(crate) trait Compiled {
     type Out;
 
     fn run(self) -> Self::Out;
 }
 
-impl<R, F: FnOnce() -> R> Work for F {
+impl<R, F: FnOnce() -> R> Compiled for F {
     type Out = R;
 
     #[inline(always)]
@@ -148,20 +148,20 @@ impl<R, F: FnOnce() -> R> Work for F {
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
 mod x86 {
-    use super::Work;
+    use super::Compiled;
 
-    pub(super) fn avx2<W: Work>(work: W) -> W::Out {
+    pub(super) fn avx2<W: Compiled>(work: W) -> W::Out {
         #[target_feature(enable = "avx2")]
-        fn inside<W: Work>(work: W) -> W::Out {
+        fn inside<W: Compiled>(work: W) -> W::Out {
             work.run()
         }
         // SAFETY: `Isa::run`, the only caller, has just asked the processor.
         unsafe { inside(work) }
     }
 
-    pub(super) fn avx512<W: Work>(work: W) -> W::Out {
+    pub(super) fn avx512<W: Compiled>(work: W) -> W::Out {
         #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-        fn inside<W: Work>(work: W) -> W::Out {
+        fn inside<W: Compiled>(work: W) -> W::Out {
             work.run()
         }
         // SAFETY: `Isa::run`, the only caller, has just asked the processor.

@@ -2,56 +2,16 @@
 //!
 //! Bytes are summed in exact integer arithmetic, floats in sixteen sums of f64 (method 1.6).
 
-use half::f16;
-use half::slice::HalfFloatSliceExt as _;
+use super::machine::{LANES, SPACE, Widen};
 
-use super::machine::LANES;
-
-/// How many numbers are widened to f32 at a time: some times [`LANES`].
-const SPACE: usize = 256;
 /// How many bytes are summed in 31 bits: a term is below 2^16.
 const BYTES: usize = 1 << 14;
 /// How many products of a byte and a number of 14 bits: a term is below 2^20.
 const SHORTS: usize = 1 << 10;
 
-/// A number that a block of which can be read as f32.
-pub(super) trait Widen: Copy {
-    /// The block as f32, in `space` where it must be converted.
-    fn widen<'a>(block: &'a [Self], space: &'a mut [f32; SPACE]) -> &'a [f32];
-}
-
-impl Widen for f32 {
-    fn widen<'a>(block: &'a [Self], _: &'a mut [f32; SPACE]) -> &'a [f32] {
-        block
-    }
-}
-
-impl Widen for f16 {
-    fn widen<'a>(block: &'a [Self], space: &'a mut [f32; SPACE]) -> &'a [f32] {
-        let space = &mut space[..block.len()];
-        block.convert_to_f32_slice(space);
-        space
-    }
-}
-
-macro_rules! widen_bytes {
-    ($($byte:ty),*) => {$(
-        impl Widen for $byte {
-            fn widen<'a>(block: &'a [Self], space: &'a mut [f32; SPACE]) -> &'a [f32] {
-                let space = &mut space[..block.len()];
-                for (wide, &byte) in space.iter_mut().zip(block) {
-                    *wide = f32::from(byte);
-                }
-                space
-            }
-        }
-    )*};
-}
-widen_bytes!(i8, u8);
-
 /// The sum of `term(a, b)` over two vectors of floats of one length: number `i` goes to lane `i`
 /// modulo sixteen.
-pub(super) fn sum<A: Widen, B: Widen>(a: &[A], b: &[B], term: impl Fn(f32, f32) -> f64) -> f64 {
+pub(crate) fn sum<A: Widen, B: Widen>(a: &[A], b: &[B], term: impl Fn(f32, f32) -> f64) -> f64 {
     let (mut space_a, mut space_b) = ([0.0; SPACE], [0.0; SPACE]);
     let mut lanes = [0.0; LANES];
     for (a, b) in a.chunks(SPACE).zip(b.chunks(SPACE)) {
@@ -67,7 +27,7 @@ pub(super) fn sum<A: Widen, B: Widen>(a: &[A], b: &[B], term: impl Fn(f32, f32) 
 
 /// The upper half is added to the lower one until one number is left.
 #[inline(always)]
-pub(super) fn sum_of_lanes(mut lanes: [f64; LANES]) -> f64 {
+pub(crate) fn sum_of_lanes(mut lanes: [f64; LANES]) -> f64 {
     let mut half = LANES / 2;
     while half > 0 {
         let (low, high) = lanes.split_at_mut(half);
@@ -80,7 +40,7 @@ pub(super) fn sum_of_lanes(mut lanes: [f64; LANES]) -> f64 {
 }
 
 /// The sum of `term(a, b)` over two vectors of bytes of one length, exactly.
-pub(super) fn total<B: Copy + Into<i32>>(a: &[B], b: &[B], term: impl Fn(i32, i32) -> i32) -> i64 {
+pub(crate) fn total<B: Copy + Into<i32>>(a: &[B], b: &[B], term: impl Fn(i32, i32) -> i32) -> i64 {
     let blocks = a.chunks(BYTES).zip(b.chunks(BYTES));
     let sums =
         blocks.map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| term(a.into(), b.into())).sum::<i32>());
@@ -88,7 +48,7 @@ pub(super) fn total<B: Copy + Into<i32>>(a: &[B], b: &[B], term: impl Fn(i32, i3
 }
 
 /// The sum of the products of numbers of 14 bits with bytes, exactly.
-pub(super) fn short_total(a: &[i16], b: &[i8]) -> i64 {
+pub(crate) fn short_total(a: &[i16], b: &[i8]) -> i64 {
     let blocks = a.chunks(SHORTS).zip(b.chunks(SHORTS));
     let sums = blocks
         .map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>());

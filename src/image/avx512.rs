@@ -9,9 +9,9 @@
 
 use std::arch::x86_64::*;
 
-use super::image::{Channels, ImageView};
-use super::resize::{Axis, PRECISION};
-use crate::isa::Isa;
+use super::axis::{Axis, PRECISION};
+use super::view::{Channels, ImageView};
+use crate::simd::Isa;
 
 /// Rows that are worked on together, and 32-bit words a register.
 const ROWS: usize = 16;
@@ -103,10 +103,10 @@ impl Columns {
             for (index, pixels) in pixels.chunks_exact(row).enumerate() {
                 match image.channels() {
                     Channels::Grey => {
-                        self.fill(index, pixels, |bytes: &[u8; BYTES]| ordered(bytes))
+                        self.fill(index, pixels, |bytes: &[u8; BYTES]| ordered(bytes));
                     }
                     Channels::Rgb => {
-                        self.fill(index, pixels, |bytes: &[u8; 3 * BYTES]| grey(bytes))
+                        self.fill(index, pixels, |bytes: &[u8; 3 * BYTES]| grey(bytes));
                     }
                 }
             }

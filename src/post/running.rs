@@ -1,7 +1,9 @@
 //! A drive's statistics, as far as it has come.
 
-use super::stage::Stage;
+use super::fit::{check_references, fit};
+use super::step::{FittedStep, Step};
 use crate::error::Error;
+use crate::numbers::View;
 
 /// Standardises vector after vector by the mean and the population standard deviation of those that
 /// came, the newest among them (Welford, 1962): what a stream can know of its own statistics.
@@ -11,7 +13,7 @@ use crate::error::Error;
 /// it gives 0.
 ///
 /// ```
-/// use surefix::descriptor::Running;
+/// use surefix::Running;
 /// let mut running = Running::new(2);
 /// let mut out = [0.0; 2];
 /// running.push(&[1.0, 5.0], &mut out)?;
@@ -39,7 +41,7 @@ impl Running {
     /// what follows more and more by the drive.
     ///
     /// ```
-    /// # use surefix::descriptor::Running;
+    /// # use surefix::Running;
     /// let mut running = Running::after(&[1.0, 5.0, 3.0, 5.0], 2)?;
     /// let mut out = [0.0; 2];
     /// running.push(&[4.0, 5.0], &mut out)?;
@@ -50,22 +52,22 @@ impl Running {
     /// # Errors
     /// As for [`Post::fit`](super::Post::fit).
     pub fn after(references: &[f32], dim: usize) -> Result<Self, Error> {
-        let (post, _) = super::Post::fit(&[super::Step::Standardize], references, dim)?;
-        Ok(Self::after_stage(&post.stages()[0]))
+        check_references(references, dim)?;
+        Ok(Self::after_step(&fit(Step::Standardize, references, dim)?))
     }
 
-    /// After the references that the stage was fitted on.
-    pub(super) fn after_stage(stage: &Stage) -> Self {
-        Self { count: 1, mean: stage.offset.clone(), square: stage.variances().collect() }
+    /// After the references that the step was fitted on.
+    pub(super) fn after_step(step: &FittedStep) -> Self {
+        Self { count: 1, mean: step.offset.clone(), square: step.variances().collect() }
     }
 
-    /// [`after_stage`](Self::after_stage), in this one's memory.
-    pub(super) fn become_after(&mut self, stage: &Stage) {
+    /// [`after_step`](Self::after_step), in this one's memory.
+    pub(super) fn become_after(&mut self, step: &FittedStep) {
         self.count = 1;
-        self.mean.copy_from_slice(&stage.offset);
+        self.mean.copy_from_slice(&step.offset);
         self.square
             .iter_mut()
-            .zip(stage.variances())
+            .zip(step.variances())
             .for_each(|(square, variance)| *square = variance);
     }
 
@@ -80,7 +82,7 @@ impl Running {
                 return Err(Error::Length { what, expected: self.mean.len(), got });
             }
         }
-        crate::distance::View::from(vector).check_finite("descriptor", vector.len())?;
+        View::from(vector).check_finite("descriptor", vector.len())?;
         self.count += 1;
         let state = self.mean.iter_mut().zip(&mut self.square);
         for ((&x, out), (mean, square)) in vector.iter().zip(out).zip(state) {
@@ -91,7 +93,7 @@ impl Running {
 
     /// What [`push`](Self::push) does, of as many numbers and finite ones; the statistics with the
     /// vector go to `next`.
-    pub(super) fn look(&self, vector: &[f32], next: &mut Self, out: &mut [f32]) {
+    pub(super) fn peek(&self, vector: &[f32], next: &mut Self, out: &mut [f32]) {
         next.count = self.count + 1;
         let state =
             self.mean.iter().zip(&self.square).zip(next.mean.iter_mut().zip(&mut next.square));

@@ -2,16 +2,15 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use super::stage::moments;
 use crate::distance::wide_products;
 use crate::error::Error;
-use crate::isa::Isa;
 use crate::parallel::each;
+use crate::simd::Isa;
 
 /// A component whose variance is less than this part of the largest is nothing but rounding.
 const LEAST: f64 = 1e-10;
 
-/// The mean of the rows, and the first `wanted` principal components as rows of a matrix, each
+/// The first `wanted` principal components of rows with this mean, as rows of a matrix, each
 /// divided by the standard deviation along it (with `n - 1`) if they are to `whiten`. Of a
 /// component and its opposite, the one whose largest coefficient is positive.
 ///
@@ -22,10 +21,11 @@ const LEAST: f64 = 1e-10;
 /// [`Error::Option`] for none, or more than the rows span.
 pub(super) fn principal(
     rows: &[f32],
-    dim: usize,
+    mean: &[f64],
     wanted: usize,
     whiten: bool,
-) -> Result<(Vec<f64>, Vec<f32>), Error> {
+) -> Result<Vec<f32>, Error> {
+    let dim = mean.len();
     let count = rows.len() / dim;
     let refused = |most: usize| Error::Option {
         name: "pca dim",
@@ -36,7 +36,6 @@ pub(super) fn principal(
     if wanted == 0 || wanted > most {
         return Err(refused(most));
     }
-    let (mean, _) = moments(rows, dim);
     let centre = |(index, &x): (usize, &f32)| (f64::from(x) - mean[index % dim]) as f32;
     let centred: Vec<f32> = rows.iter().enumerate().map(centre).collect();
     let by_rows = count <= dim;
@@ -96,7 +95,7 @@ pub(super) fn principal(
             component
         },
     );
-    Ok((mean, components.concat().into_iter().map(|x| x as f32).collect()))
+    Ok(components.concat().into_iter().map(|x| x as f32).collect())
 }
 
 /// Columns as rows.

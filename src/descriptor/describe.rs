@@ -1,83 +1,13 @@
-//! Many images from wherever they are: a list, files, the generated route.
+//! Many images into descriptors.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use super::describer::Describer;
-use super::image::Image;
-use super::sad::Sad;
-use crate::distance::Values;
+use super::sad::{Describer, Sad};
 use crate::error::Error;
+use crate::image::{ImageSource, Progress, go_on};
+use crate::numbers::Values;
 use crate::parallel::{each_row, threads};
-
-/// A traverse's images, in route order, each loaded when it is needed.
-///
-/// ```
-/// use std::ops::ControlFlow;
-/// use surefix::{Channels, Error, Image, ImageSource, Map, Sad};
-///
-/// /// Grey frames that lie in one long buffer.
-/// struct Recording(Vec<u8>);
-///
-/// impl ImageSource for Recording {
-///     fn len(&self) -> usize {
-///         self.0.len() / (64 * 32)
-///     }
-///
-///     fn load(&self, index: usize) -> Result<Image, Error> {
-///         let frame = &self.0[index * 64 * 32..(index + 1) * 64 * 32];
-///         Image::new(64, 32, Channels::Grey, frame.to_vec())
-///     }
-/// }
-///
-/// let frames = Recording((0..5 * 64 * 32).map(|i: usize| (i * i % 251) as u8).collect());
-/// let map = Map::from_images(&frames, Sad::default(), &mut |_, _| ControlFlow::Continue(()))?;
-/// assert_eq!(map.places(), 5);
-/// # Ok::<(), Error>(())
-/// ```
-pub trait ImageSource: Sync {
-    /// How many images there are.
-    fn len(&self) -> usize;
-
-    /// Whether there are none.
-    fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The image `index`, below `len()`.
-    ///
-    /// # Errors
-    /// [`Error::Image`], or [`Error::Io`], where it cannot be read; the error names it.
-    fn load(&self, index: usize) -> Result<Image, Error>;
-
-    /// What to call the image `index`: its file's name, where it has one.
-    fn name(&self, index: usize) -> String {
-        index.to_string()
-    }
-}
-
-impl ImageSource for [Image] {
-    fn len(&self) -> usize {
-        <[Image]>::len(self)
-    }
-
-    fn load(&self, index: usize) -> Result<Image, Error> {
-        Ok(self[index].clone())
-    }
-}
-
-impl ImageSource for Vec<Image> {
-    fn len(&self) -> usize {
-        self.as_slice().len()
-    }
-
-    fn load(&self, index: usize) -> Result<Image, Error> {
-        self.as_slice().load(index)
-    }
-}
-
-/// Hears how many images of how many are done, on the calling thread; `Break` stops the work.
-pub type Progress<'a> = &'a mut (dyn FnMut(usize, usize) -> ControlFlow<()> + Send);
 
 /// How many images each thread describes between two reports of progress.
 const BATCH: usize = 32;
@@ -108,10 +38,10 @@ pub(crate) fn describe_into(
     progress: Progress<'_>,
     memory: &mut [u8],
 ) -> Result<(), Error> {
-    let crew = Crew::new(sad, images)?;
-    let width = crew.width();
+    let pool = DescriberPool::new(sad, images)?;
+    let width = pool.width();
     in_batches(images.len(), progress, |batch| {
-        crew.describe(batch.start, &mut memory[batch.start * width..batch.end * width])
+        pool.describe(batch.start, &mut memory[batch.start * width..batch.end * width])
     })
 }
 
@@ -123,12 +53,12 @@ pub(crate) fn describe_each(
     progress: Progress<'_>,
     mut take: impl FnMut(&mut [u8]) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    let crew = Crew::new(sad, images)?;
-    let width = crew.width();
+    let pool = DescriberPool::new(sad, images)?;
+    let width = pool.width();
     let mut memory = Values::zeros(sad.dtype(), images.len().min(batch_size()) * sad.dim());
     in_batches(images.len(), progress, |batch| {
         let rows = &mut memory.bytes_mut()[..batch.len() * width];
-        crew.describe(batch.start, rows)?;
+        pool.describe(batch.start, rows)?;
         take(rows)
     })
 }
@@ -151,14 +81,9 @@ fn in_batches(
     report(total)
 }
 
-/// What `progress` has answered, as a result.
-pub(crate) fn go_on(answer: ControlFlow<()>, done: usize, total: usize) -> Result<(), Error> {
-    if answer.is_break() { Err(Error::Interrupted { done, total }) } else { Ok(()) }
-}
-
 /// Describers, as many as there are threads at work, and the images that they describe. An image is
 /// in memory only while it is described.
-struct Crew<'a, I: ?Sized> {
+struct DescriberPool<'a, I: ?Sized> {
     sad: &'a Sad,
     images: &'a I,
     /// Width and height of the first image, and so of all.
@@ -167,7 +92,7 @@ struct Crew<'a, I: ?Sized> {
     idle: Mutex<Vec<(Describer, Values)>>,
 }
 
-impl<'a, I: ImageSource + ?Sized> Crew<'a, I> {
+impl<'a, I: ImageSource + ?Sized> DescriberPool<'a, I> {
     fn new(sad: &'a Sad, images: &'a I) -> Result<Self, Error> {
         let first = images.load(0)?;
         let size = (first.width(), first.height());

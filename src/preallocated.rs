@@ -6,9 +6,9 @@ use std::ops::{Deref, DerefMut};
 
 /// A list that is cloned with its room.
 #[derive(Debug)]
-pub(crate) struct Roomy<L>(pub(crate) L);
+pub(crate) struct Preallocated<L>(pub(crate) L);
 
-impl<T: Clone> Clone for Roomy<Vec<T>> {
+impl<T: Clone> Clone for Preallocated<Vec<T>> {
     fn clone(&self) -> Self {
         let mut copy = Vec::with_capacity(self.capacity());
         copy.extend_from_slice(self);
@@ -16,7 +16,7 @@ impl<T: Clone> Clone for Roomy<Vec<T>> {
     }
 }
 
-impl<T: Clone> Clone for Roomy<VecDeque<T>> {
+impl<T: Clone> Clone for Preallocated<VecDeque<T>> {
     fn clone(&self) -> Self {
         let mut copy = VecDeque::with_capacity(self.capacity());
         copy.extend(self.iter().cloned());
@@ -24,7 +24,7 @@ impl<T: Clone> Clone for Roomy<VecDeque<T>> {
     }
 }
 
-impl<L> Deref for Roomy<L> {
+impl<L> Deref for Preallocated<L> {
     type Target = L;
 
     fn deref(&self) -> &L {
@@ -32,7 +32,7 @@ impl<L> Deref for Roomy<L> {
     }
 }
 
-impl<L> DerefMut for Roomy<L> {
+impl<L> DerefMut for Preallocated<L> {
     fn deref_mut(&mut self) -> &mut L {
         &mut self.0
     }

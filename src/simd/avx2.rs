@@ -10,9 +10,8 @@ use std::arch::x86_64::*;
 
 use half::f16;
 
-use super::machine::{BLOCK, LANES, Machine};
-use super::scan::Work;
-use crate::isa::{Isa, fetch};
+use super::isa::{Isa, fetch};
+use super::machine::{BLOCK, Kernel, LANES, Machine};
 
 /// Proof that this processor has [`Isa::Avx2`].
 #[derive(Clone, Copy)]
@@ -26,8 +25,8 @@ impl Avx2 {
 }
 
 #[target_feature(enable = "avx2,fma,f16c")]
-fn inside<W: Work>(machine: Avx2, work: W) {
-    work.on(machine);
+fn inside<K: Kernel>(machine: Avx2, kernel: K) {
+    kernel.simd(machine);
 }
 
 // SAFETY, of every block below: `self` exists only where the processor has these instructions, and
@@ -42,9 +41,9 @@ impl Machine for Avx2 {
     const OFFSET: i64 = 0;
 
     #[inline(always)]
-    fn run<W: Work>(self, work: W) {
+    fn run<K: Kernel>(self, kernel: K) {
         // SAFETY: as said above.
-        unsafe { inside(self, work) }
+        unsafe { inside(self, kernel) }
     }
 
     #[inline(always)]

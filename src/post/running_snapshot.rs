@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Running;
+use super::running::Running;
 use crate::archive::{self, Format, Refusal, Writer};
 use crate::error::Error;
 
@@ -21,7 +21,7 @@ impl Running {
     /// localizer's snapshot has its own copy.
     ///
     /// ```
-    /// use surefix::descriptor::Running;
+    /// use surefix::Running;
     /// let mut running = Running::new(2);
     /// running.push(&[1.0, 5.0], &mut [0.0; 2])?;
     /// assert_eq!(Running::restore(&running.snapshot()?)?, running);

@@ -4,8 +4,8 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use super::image::{Channels, Image};
 use super::source::ImageSource;
+use super::view::{Channels, Image};
 use crate::error::Error;
 
 /// The endings that count as images in a folder.

@@ -91,11 +91,11 @@ proptest! {
             (by_hand, width) = (next, post.output());
         }
         prop_assert_eq!(&by_hand, &done);
-        let again = Post::of_stages(post.stages().to_vec(), post.output()).unwrap();
+        let again = Post::from_fitted(post.fitted_steps().to_vec(), post.output()).unwrap();
         prop_assert_eq!(&again, &post);
-        let mut through = super::Passage::new(&post);
+        let mut state = super::ChainState::new(&post);
         for (row, expected) in rows.chunks_exact(dim).zip(done.chunks_exact(3)) {
-            prop_assert_eq!(post.pass(row, &mut through).unwrap(), expected);
+            prop_assert_eq!(post.pass(row, &mut state).unwrap(), expected);
             let length = expected.iter().map(|x| x * x).sum::<f32>().sqrt();
             prop_assert!((length - 1.0).abs() < 1e-6);
         }
@@ -142,7 +142,7 @@ fn a_projection_keeps_distances_about_and_is_the_same_everywhere() {
         assert!((0.8..1.2).contains(&ratio), "{ratio}");
     }
     // SplitMix64 from the seed 0 begins with 0xE220A8397B1DCDAF.
-    let signs = super::projection::signs(1, 8, 0);
+    let signs = super::fit::signs(1, 8, 0);
     assert_eq!(signs.unwrap(), [1.0, 1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0]);
 }
 
@@ -163,8 +163,8 @@ fn what_cannot_be_is_refused() {
     for dim in [1 << 21, 1 << 40, usize::MAX / 2] {
         assert!(say(&[Step::Projection { dim, seed: 1 }], &line, 2).contains("from 1 to 1048576"));
     }
-    assert_eq!(super::projection::signs(1 << 45, 1 << 10, 0), None, "no memory");
-    assert_eq!(super::projection::signs(usize::MAX, 2, 0), None);
+    assert_eq!(super::fit::signs(1 << 45, 1 << 10, 0), None, "no memory");
+    assert_eq!(super::fit::signs(usize::MAX, 2, 0), None);
     assert!(say(&[], &line, 3).contains("rows of at least one number"));
     assert!(say(&[], &line, 8).contains("at least 2 places"));
     assert!(say(&[], &[1.0, f32::NAN, 2.0, 3.0], 2).contains("NaN"));
@@ -177,9 +177,9 @@ fn what_cannot_be_is_refused() {
         post.apply(&[1.0, 2.0, 0.0, 0.0]),
         Err(Error::NoDirection { row: Some(1), .. })
     ));
-    let mut through = super::Passage::new(&post);
+    let mut state = super::ChainState::new(&post);
     assert!(matches!(
-        post.pass(&[1.0], &mut through),
+        post.pass(&[1.0], &mut state),
         Err(Error::Length { expected: 2, got: 1, .. })
     ));
 }

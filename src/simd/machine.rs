@@ -2,18 +2,26 @@
 
 use bytemuck::Pod;
 use half::f16;
-
-use super::scalar::Widen;
-use super::scan::Work;
+use half::slice::HalfFloatSliceExt as _;
 
 /// How many f64 sums a row of floats has, on every machine (method 1.6).
-pub(super) const LANES: usize = 16;
+pub(crate) const LANES: usize = 16;
 /// How many bytes are taken at a time, on every machine.
-pub(super) const BLOCK: usize = 64;
+pub(crate) const BLOCK: usize = 64;
+/// How many numbers are widened to f32 at a time: some times [`LANES`].
+pub(crate) const SPACE: usize = 256;
+
+/// A scan, before it is known what runs it.
+pub(crate) trait Kernel {
+    /// On a machine's registers.
+    fn simd<M: Machine>(self, machine: M);
+    /// Without any.
+    fn scalar(self);
+}
 
 /// One instruction set. The value is the proof that the processor has it, so that everything here
 /// is safe to call; loads take arrays, whose length the type knows.
-pub(super) trait Machine: Copy {
+pub(crate) trait Machine: Copy {
     /// [`LANES`] of f32, in registers.
     type Floats: Copy;
     /// A register of f64.
@@ -29,8 +37,8 @@ pub(super) trait Machine: Copy {
     /// What [`products_i8`](Self::products_i8) adds to each number of the row before it multiplies.
     const OFFSET: i64;
 
-    /// Does the work in a function that is compiled for this instruction set.
-    fn run<W: Work>(self, work: W);
+    /// Runs the kernel in a function that is compiled for this instruction set.
+    fn run<K: Kernel>(self, kernel: K);
 
     /// Sums of nothing.
     fn lanes(self) -> Self::Lanes;
@@ -85,8 +93,43 @@ pub(super) trait Machine: Copy {
     fn total(self, sum: Self::Counts) -> i64;
 }
 
+/// A number that a block of which can be read as f32.
+pub(crate) trait Widen: Copy {
+    /// The block as f32, in `space` where it must be converted.
+    fn widen<'a>(block: &'a [Self], space: &'a mut [f32; SPACE]) -> &'a [f32];
+}
+
+impl Widen for f32 {
+    fn widen<'a>(block: &'a [Self], _: &'a mut [f32; SPACE]) -> &'a [f32] {
+        block
+    }
+}
+
+impl Widen for f16 {
+    fn widen<'a>(block: &'a [Self], space: &'a mut [f32; SPACE]) -> &'a [f32] {
+        let space = &mut space[..block.len()];
+        block.convert_to_f32_slice(space);
+        space
+    }
+}
+
+macro_rules! widen_bytes {
+    ($($byte:ty),*) => {$(
+        impl Widen for $byte {
+            fn widen<'a>(block: &'a [Self], space: &'a mut [f32; SPACE]) -> &'a [f32] {
+                let space = &mut space[..block.len()];
+                for (wide, &byte) in space.iter_mut().zip(block) {
+                    *wide = f32::from(byte);
+                }
+                space
+            }
+        }
+    )*};
+}
+widen_bytes!(i8, u8);
+
 /// A number that is compared as a float.
-pub(super) trait Number: Widen + Default {
+pub(crate) trait Number: Widen + Default {
     /// A block of them, in registers.
     fn load<M: Machine>(machine: M, numbers: &[Self; LANES]) -> M::Floats;
 }
@@ -104,7 +147,7 @@ macro_rules! numbers {
 numbers!(f32 => f32s, f16 => f16s, i8 => i8s, u8 => u8s);
 
 /// A number that is compared as a whole one.
-pub(super) trait Byte: Pod + Into<i32> {
+pub(crate) trait Byte: Pod + Into<i32> {
     /// Whether it is an `i8`.
     const SIGNED: bool;
 }
