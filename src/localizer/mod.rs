@@ -22,17 +22,16 @@ const MAX_THREADS: usize = 1024;
 /// Localizes along a map, one camera frame at a time.
 ///
 /// Many localizers can read one map at once. `push_descriptor` allocates nothing after
-/// construction; `push_image` allocates only when the camera's image size changes, so for the first
+/// construction; `push_image` allocates only if the camera's image size changes, so for the first
 /// image.
 ///
 /// A map of 16 MB or more is scanned by several threads, one for every 8 MB, up to all cores; a
 /// smaller one by the caller alone. [`with_threads`](Self::with_threads) sets their number. The
 /// answers are the same to the last bit. The threads are started with the localizer, sleep between
-/// frames, and end with it. A push waits for none of them, whatever holds one up: what another
-/// thread has begun and not finished when the rest of the map is scanned, the caller does itself.
-/// With one thread, a push takes no lock and asks nothing of the operating system; with several, it
-/// tries locks (and goes on where one is taken) and asks the system to wake the others. In a
-/// process forked off this one, the caller scans alone.
+/// frames, and end with it. A push never waits for a thread: blocks that another thread has begun
+/// but not finished when all others are done, the caller scans itself. With one thread, a push
+/// takes no lock and makes no system call; with several, it tries locks (and goes on if one is
+/// taken) and wakes the others. In a process forked off this one, the caller scans alone.
 ///
 /// A map with a screen ([`Map::with_screen`]) is scanned at a quarter of the bytes, for the same
 /// answers.
@@ -53,14 +52,13 @@ pub struct Localizer {
     matcher: Matcher,
     /// The newest frame's distances, or lower bounds of them.
     column: Vec<f32>,
-    /// What a map with a screen needs.
+    /// The bounds of a map with a screen.
     screening: Option<Box<Screening>>,
-    /// Scans the map, where more than one thread does.
+    /// The threads that scan the map; `None` if the caller scans alone.
     crew: Option<Crew>,
-    /// Describes images the map's own way, where the map has one.
+    /// Describes images the map's own way, if the map has one.
     describer: Option<(Describer, Values)>,
-    /// Where a descriptor passes through the map's post-processing, and what is known of the drive
-    /// there.
+    /// The state of the map's post-processing: scratch memory, and running statistics of the drive.
     through: Option<ChainState>,
 }
 
@@ -74,8 +72,8 @@ impl Localizer {
         Self::with_matcher(map, matcher)
     }
 
-    /// The same localizer with `threads` threads to scan the map, the caller's own among them; with
-    /// none given, as many as suit the map's size, which is what a new one has.
+    /// The same localizer with `threads` threads to scan the map, the caller's own among them;
+    /// `None` for the number that suits the map's size, as in a new one.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -130,7 +128,7 @@ impl Localizer {
     /// Localizes by a camera image, described as the map's own images were.
     ///
     /// # Errors
-    /// [`Error::NoDescriptor`] where the map was made of ready descriptors. The localizer is then
+    /// [`Error::NoDescriptor`] if the map was made of ready descriptors. The localizer is then
     /// as it was.
     pub fn push_image<'a>(&mut self, image: impl Into<ImageView<'a>>) -> Result<Fix, Error> {
         self.push_image_with_trust(image.into(), None)
@@ -145,8 +143,8 @@ impl Localizer {
         self.push_descriptor_with_trust(descriptor.into(), None)
     }
 
-    /// [`push_image`](Self::push_image), with an external predictor's word in place of the
-    /// consensus where there is one.
+    /// [`push_image`](Self::push_image), with an external predictor's flag in place of the
+    /// consensus if there is one.
     ///
     /// # Errors
     /// As for [`push_image`](Self::push_image).
@@ -164,8 +162,8 @@ impl Localizer {
         scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)
     }
 
-    /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of
-    /// the consensus where there is one.
+    /// [`push_descriptor`](Self::push_descriptor), with an external predictor's flag in place of
+    /// the consensus if there is one.
     ///
     /// # Errors
     /// As for [`push_descriptor`](Self::push_descriptor).
@@ -220,7 +218,7 @@ impl Localizer {
 
     /// Says that the next frame does not follow on the one before, as [`Matcher::gap`] does: until
     /// `L` frames have come, fixes have no sequence. The running floor goes on, and so do a drive's
-    /// statistics, where the map's post-processing keeps such.
+    /// running statistics of the map's post-processing.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -240,7 +238,7 @@ impl Localizer {
         }
     }
 
-    /// Forgets all frames, and what is known of the drive: the next one is frame 0.
+    /// Forgets all frames and statistics of the drive: the next one is frame 0.
     pub fn reset(&mut self) {
         self.matcher.reset();
         if let Some(screening) = &mut self.screening {
@@ -271,11 +269,11 @@ impl Localizer {
         }
     }
 
-    /// A localizer that goes on where the snapshot was taken, on the same map. Where `expected` is
+    /// A localizer that goes on where the snapshot was taken, on the same map. If `expected` is
     /// given, the snapshot must have been taken under the same options.
     ///
     /// # Errors
-    /// [`Error::Snapshot`] where the bytes are damaged, of another map, of other options or of a
+    /// [`Error::Snapshot`] if the bytes are damaged, of another map, of other options or of a
     /// newer version.
     pub fn restore(
         map: Arc<Map>,
@@ -345,7 +343,7 @@ impl Scan<'_> {
     }
 }
 
-/// As many threads as suit the map, where that is more than one.
+/// The pool that suits the map's size; `None` for one thread.
 fn automatic(map: &Arc<Map>) -> Option<Crew> {
     let threads = threads_for(map);
     (threads > 1).then(|| Crew::at_most(map, threads))

@@ -237,8 +237,9 @@ impl Enhanced<'_> {
         if !inside || self.options.smoothing != 3 || self.columns.len() < 3 {
             return false;
         }
-        let [newest, before, oldest] = [0, 1, 2].map(|age| self.triples(age, places.start));
-        let (Some(newest), Some(before), Some(oldest)) = (newest, before, oldest) else {
+        let triples = |age| self.triples(age, places.start);
+        let (Some(newest), Some(before), Some(oldest)) = (triples(0), triples(1), triples(2))
+        else {
             return false;
         };
         match self.options.gradient {

@@ -249,15 +249,16 @@ impl Sums<'_> {
     #[inline(always)]
     fn of(&self, place: usize, columns: &Ring) -> f64 {
         let Seen { anchors, floor, .. } = *self.seen;
-        let term = |(age, back): (usize, &usize)| {
+        let mut sum = 0.0;
+        for (age, back) in self.diagonal.back.iter().enumerate().rev() {
             let (at, anchor) = (place - back, anchors.get(age));
-            f64::from(if anchor.trusted && anchor.single.place == at {
+            sum += f64::from(if anchor.trusted && anchor.single.place == at {
                 weighted(anchor.single.distance, self.weight, floor)
             } else {
                 columns.column(age)[at]
-            })
-        };
-        self.diagonal.back.iter().enumerate().rev().map(term).fold(0.0, |sum, term| sum + term)
+            });
+        }
+        sum
     }
 
     /// The diagonals that hold trusted cells, by the place where they end, in order, each with its
