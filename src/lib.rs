@@ -55,7 +55,6 @@
 mod archive;
 mod batch;
 mod config;
-mod crew;
 mod error;
 mod isa;
 mod localizer;
@@ -63,6 +62,7 @@ mod map;
 mod matcher;
 mod parallel;
 mod room;
+mod scan;
 
 pub mod descriptor;
 pub mod distance;

@@ -6,12 +6,12 @@ mod screened;
 use std::sync::Arc;
 
 use crate::config::Config;
-use crate::crew::{Crew, Sought, threads_for};
 use crate::descriptor::{Describer, ImageView, Passage, Running};
 use crate::distance::{Query, Values, View};
 use crate::error::Error;
 use crate::map::{Map, Recipe};
 use crate::matcher::{Fix, Matcher, load};
+use crate::scan::{Pool, threads_for};
 use plain::Plain;
 use screened::Screened;
 
@@ -51,7 +51,7 @@ pub struct Localizer {
     map: Arc<Map>,
     way: Way,
     /// Scans the map, where more than one thread does.
-    crew: Option<Crew>,
+    pool: Option<Pool>,
     /// Describes images the map's own way, where the map has one.
     describer: Option<(Describer, Values)>,
     /// Where a descriptor passes through the map's post-processing, and what is known of the drive
@@ -97,12 +97,12 @@ impl Localizer {
             let expected = format!("from 1 to {MAX_THREADS}, and no more than the system starts");
             Error::Option { name: "threads", expected, got }
         };
-        self.crew = match threads {
+        self.pool = match threads {
             None => automatic(&self.map),
             Some(1) => None,
             Some(threads) if (2..=MAX_THREADS).contains(&threads) => {
-                let crew = Crew::new(&self.map, threads);
-                Some(crew.map_err(|why| refused(format!("{threads} ({why})")))?)
+                let pool = Pool::new(&self.map, threads);
+                Some(pool.map_err(|why| refused(format!("{threads} ({why})")))?)
             }
             Some(other) => return Err(refused(other.to_string())),
         };
@@ -111,7 +111,7 @@ impl Localizer {
 
     /// How many threads scan the map, the caller's own among them.
     pub fn threads(&self) -> usize {
-        self.crew.as_ref().map_or(1, Crew::threads)
+        self.pool.as_ref().map_or(1, Pool::threads)
     }
 
     fn with_matcher(map: Arc<Map>, matcher: Matcher) -> Result<Self, Error> {
@@ -119,15 +119,15 @@ impl Localizer {
             Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
             Recipe::Ready => None,
         };
-        let way = match map.screened() {
-            Some(screen) if map.dim() >= screened::SHORTEST => {
-                Way::Screened(Box::new(Screened::new(&map, Arc::clone(screen), matcher)?))
+        let way = match map.codes() {
+            Some(_) if map.dim() >= screened::SHORTEST => {
+                Way::Screened(Box::new(Screened::new(&map, matcher)?))
             }
             _ => Way::Plain(Box::new(Plain::new(matcher))),
         };
-        let crew = automatic(&map);
+        let pool = automatic(&map);
         let through = map.post().map(Passage::of_drive);
-        Ok(Self { map, way, crew, describer, through })
+        Ok(Self { map, way, pool, describer, through })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -162,7 +162,7 @@ impl Localizer {
             return Err(Error::NoDescriptor);
         };
         describer.describe(image, values)?;
-        self.way.push(&self.map, &mut self.crew, self.map.query(values.view())?, trusted)
+        self.way.push(&self.map, &mut self.pool, self.map.query(values.view())?, trusted)
     }
 
     /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of
@@ -176,7 +176,7 @@ impl Localizer {
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
         let descriptor = self.map.passed(descriptor, self.through.as_mut())?;
-        let fix = self.way.push(&self.map, &mut self.crew, self.map.query(descriptor)?, trusted)?;
+        let fix = self.way.push(&self.map, &mut self.pool, self.map.query(descriptor)?, trusted)?;
         if let Some(through) = &mut self.through {
             through.keep();
         }
@@ -197,7 +197,7 @@ impl Localizer {
     pub fn distances(&mut self) -> &[f32] {
         match &mut self.way {
             Way::Plain(plain) => plain.distances(),
-            Way::Screened(screened) => screened.distances(&self.map, &mut self.crew),
+            Way::Screened(screened) => screened.distances(&self.map, &mut self.pool),
         }
     }
 
@@ -318,26 +318,19 @@ impl Way {
     fn push(
         &mut self,
         map: &Map,
-        crew: &mut Option<Crew>,
+        pool: &mut Option<Pool>,
         query: Query<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
         match self {
-            Self::Plain(plain) => plain.push(map, crew, query, trusted),
-            Self::Screened(screened) => screened.push(map, crew, query, trusted),
+            Self::Plain(plain) => plain.push(map, pool, query, trusted),
+            Self::Screened(screened) => screened.push(map, pool, query, trusted),
         }
     }
 }
 
 /// As many threads as suit the map, where that is more than one.
-fn automatic(map: &Arc<Map>) -> Option<Crew> {
+fn automatic(map: &Arc<Map>) -> Option<Pool> {
     let threads = threads_for(map);
-    (threads > 1).then(|| Crew::at_most(map, threads))
-}
-
-fn scan(map: &Map, crew: &mut Option<Crew>, sought: Sought<'_>, out: &mut [f32]) {
-    match crew {
-        Some(crew) => crew.scan(sought, out),
-        None => sought.scan(map, 0..map.places(), out),
-    }
+    (threads > 1).then(|| Pool::at_most(map, threads))
 }

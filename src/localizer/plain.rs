@@ -1,11 +1,10 @@
 //! Localizing by the distances to all places.
 
-use super::scan;
-use crate::crew::{Crew, Sought};
 use crate::distance::Query;
 use crate::error::Error;
 use crate::map::Map;
 use crate::matcher::{Fix, Matcher};
+use crate::scan::{Job, Pool};
 
 #[derive(Clone, Debug)]
 pub(super) struct Plain {
@@ -31,11 +30,11 @@ impl Plain {
     pub(super) fn push(
         &mut self,
         map: &Map,
-        crew: &mut Option<Crew>,
+        pool: &mut Option<Pool>,
         query: Query<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
-        scan(map, crew, Sought::Distances(query), &mut self.next);
+        Job::Distances(query).column(map, pool, &mut self.next);
         let fix = self.matcher.step(&self.next, trusted)?;
         std::mem::swap(&mut self.distances, &mut self.next);
         Ok(fix)

@@ -3,15 +3,13 @@
 
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::Arc;
 
-use super::scan;
-use crate::crew::{Crew, Sought};
 use crate::distance::{Query, View, first_not_finite};
 use crate::error::Error;
-use crate::map::{Aim, FAR, Map, Screen};
+use crate::map::Map;
 use crate::matcher::{Bounded, Exact, Fix, Matcher, Ring};
 use crate::room::Roomy;
+use crate::scan::{EncodedQuery, Job, MAX_SCREENED, Pool};
 
 /// Rows of fewer numbers cost no more than what is done with their bounds.
 pub(super) const SHORTEST: usize = 256;
@@ -19,12 +17,11 @@ pub(super) const SHORTEST: usize = 256;
 #[derive(Clone, Debug)]
 pub(super) struct Screened {
     bounded: Bounded,
-    screen: Arc<Screen>,
     /// The newest queries, as long as their distances can be asked for.
     queries: Ring,
     /// Their lengths, for the cosine, the newest first.
     lengths: Roomy<VecDeque<f64>>,
-    aim: Aim,
+    encoded: EncodedQuery,
     products: Vec<f32>,
     lower: Vec<f32>,
     upper: Vec<f32>,
@@ -37,7 +34,7 @@ impl Screened {
     ///
     /// # Errors
     /// [`Error::Memory`] where there is not enough for a second window.
-    pub(super) fn new(map: &Map, screen: Arc<Screen>, matcher: Matcher) -> Result<Self, Error> {
+    pub(super) fn new(map: &Map, matcher: Matcher) -> Result<Self, Error> {
         let config = matcher.config();
         // What was restored may hold numbers of any size: until it is forgotten, nothing is added
         // to bounds.
@@ -57,10 +54,9 @@ impl Screened {
         }
         Ok(Self {
             bounded,
-            screen,
             queries,
             lengths: Roomy(lengths),
-            aim: Aim::new(map.dim()),
+            encoded: EncodedQuery::new(map.dim()),
             products: vec![0.0; places],
             lower: vec![0.0; places],
             upper: vec![0.0; places],
@@ -74,18 +70,18 @@ impl Screened {
     pub(super) fn push(
         &mut self,
         map: &Map,
-        crew: &mut Option<Crew>,
+        pool: &mut Option<Pool>,
         query: Query<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
         let tries = self.patience.tries();
-        let screened = tries && self.bounds(map, crew, query);
+        let screened = tries && self.bounds(map, pool, query);
         if !screened {
-            self.scan(map, crew, query)?;
+            self.scan(map, pool, query)?;
         }
         self.remember(query);
         let Self { bounded, queries, lengths, lower, upper, .. } = self;
-        let mut rows = Rows { map, crew, queries, lengths };
+        let mut rows = Rows { map, pool, queries, lengths };
         let upper = screened.then_some(upper.as_slice());
         let (fix, looked_at) = bounded.push(lower, upper, trusted, &mut rows);
         self.looked_at = if screened { looked_at } else { map.places() + looked_at };
@@ -98,23 +94,24 @@ impl Screened {
     }
 
     /// Finds the bounds of all distances, and says whether they can be used.
-    fn bounds(&mut self, map: &Map, crew: &mut Option<Crew>, query: Query<'_>) -> bool {
-        let Self { screen, aim, products, lower, upper, .. } = self;
-        screen.aim(map.isa(), map.metric(), query, aim);
-        scan(map, crew, Sought::Products(&aim.codes), products);
-        map.bounds(screen, aim, products, lower, upper)
+    fn bounds(&mut self, map: &Map, pool: &mut Option<Pool>, query: Query<'_>) -> bool {
+        let Some(codes) = map.codes() else { return false };
+        let Self { encoded, products, lower, upper, .. } = self;
+        codes.encode(map.isa(), map.metric(), query, encoded);
+        Job::CodeProducts(&encoded.codes).column(map, pool, products);
+        map.bounds(encoded, products, lower, upper)
     }
 
     /// Finds all distances. Where some are so large that sums of them overflow, all others become
     /// known as well, and nothing is screened as long as they are remembered.
-    fn scan(&mut self, map: &Map, crew: &mut Option<Crew>, query: Query<'_>) -> Result<(), Error> {
+    fn scan(&mut self, map: &Map, pool: &mut Option<Pool>, query: Query<'_>) -> Result<(), Error> {
         let Self { bounded, queries, lengths, lower, patience, .. } = self;
-        scan(map, crew, Sought::Distances(query), lower);
+        Job::Distances(query).column(map, pool, lower);
         if let Some((index, value)) = first_not_finite(lower) {
             return Err(Error::NotFinite { what: "distances", row: None, index, value });
         }
-        if lower.iter().any(|&d| d >= FAR) {
-            bounded.settle_window(&mut Rows { map, crew, queries, lengths });
+        if lower.iter().any(|&d| d >= MAX_SCREENED) {
+            bounded.settle_window(&mut Rows { map, pool, queries, lengths });
             patience.rest(bounded.window() + 1);
         }
         Ok(())
@@ -133,9 +130,9 @@ impl Screened {
     }
 
     /// The newest query's distances, all of them; zeros before the first, and right after a gap.
-    pub(super) fn distances(&mut self, map: &Map, crew: &mut Option<Crew>) -> &[f32] {
+    pub(super) fn distances(&mut self, map: &Map, pool: &mut Option<Pool>) -> &[f32] {
         let Self { bounded, queries, lengths, lower, .. } = self;
-        match bounded.newest(&mut Rows { map, crew, queries, lengths }) {
+        match bounded.newest(&mut Rows { map, pool, queries, lengths }) {
             Some(newest) => lower.copy_from_slice(newest),
             None => lower.fill(0.0),
         }
@@ -145,7 +142,7 @@ impl Screened {
     /// The matcher that was told all distances.
     pub(super) fn settled(&self, map: &Map) -> Matcher {
         let Self { bounded, queries, lengths, .. } = self;
-        bounded.settled(&mut Rows { map, crew: &mut None, queries, lengths })
+        bounded.settled(&mut Rows { map, pool: &mut None, queries, lengths })
     }
 
     /// Whether the screen pays is a matter of the route, so that the patience goes on.
@@ -215,7 +212,7 @@ impl Patience {
 /// The map's rows, and the queries that they are compared with.
 struct Rows<'a> {
     map: &'a Map,
-    crew: &'a mut Option<Crew>,
+    pool: &'a mut Option<Pool>,
     queries: &'a Ring,
     lengths: &'a VecDeque<f64>,
 }
@@ -225,7 +222,7 @@ impl Exact for Rows<'_> {
         let query =
             Query { numbers: View::F32(self.queries.column(age)), length: self.lengths[age] };
         if places.len() == self.map.places() {
-            scan(self.map, self.crew, Sought::Distances(query), out);
+            Job::Distances(query).column(self.map, self.pool, out);
         } else {
             self.map.scan(query, places, out);
         }
