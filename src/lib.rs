@@ -55,7 +55,6 @@
 mod archive;
 mod batch;
 mod config;
-mod crew;
 mod descriptor;
 mod distance;
 mod dtype;
@@ -69,6 +68,7 @@ mod parallel;
 mod post;
 mod preallocated;
 mod random;
+mod scan;
 mod segments;
 mod simd;
 

@@ -3,7 +3,7 @@
 
 mod cases;
 
-use cases::cases;
+use cases::{any_fix, cases};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -18,14 +18,21 @@ type Query = (usize, f32, Option<usize>);
 fn fix(place: usize, score: f32, ready: bool) -> Fix {
     let sequence = ready.then_some(Sequence { place, score, anchors: 0, speed: 1.0 });
     let (single, gradient) = (Single { place, distance: score }, Peak { place, value: 0.0 });
-    Fix { frame: 0, trusted: false, place, score, single, gradient, sequence }
+    let mut fix = any_fix();
+    (fix.frame, fix.trusted, fix.place, fix.score) = (0, false, place, score);
+    (fix.single, fix.gradient, fix.sequence) = (single, gradient, sequence);
+    fix
+}
+
+fn run(fixes: Vec<Fix>) -> Run {
+    let mut run = Run::default();
+    (run.fixes, run.places) = (fixes, 10);
+    run
 }
 
 fn curve(queries: &[Query], tolerance: usize, recall: Recall) -> Curve {
-    let run = Run {
-        fixes: queries.iter().map(|&(place, score, _)| fix(place, score, true)).collect(),
-        places: 10,
-    };
+    let fixes = queries.iter().map(|&(place, score, _)| fix(place, score, true));
+    let run = run(fixes.collect());
     let truth: Vec<Option<usize>> = queries.iter().map(|query| query.2).collect();
     evaluate(&run.matches(), &Truth::places(truth, tolerance), recall).unwrap()
 }
@@ -193,13 +200,13 @@ fn every_corner_gives_numbers() {
 
 #[test]
 fn the_warm_up_is_left_out() {
-    let run = Run { fixes: vec![fix(0, 0.0, false), fix(3, 1.0, true)], places: 10 };
+    let driven = run(vec![fix(0, 0.0, false), fix(3, 1.0, true)]);
     let curve =
-        evaluate(&run.matches(), &Truth::places(vec![Some(9), Some(3)], 0), Recall::Correct)
+        evaluate(&driven.matches(), &Truth::places(vec![Some(9), Some(3)], 0), Recall::Correct)
             .unwrap();
     assert_eq!(curve.points().len(), 1);
     assert_eq!(curve.points()[0].precision, 1.0);
-    let warming = Run { fixes: vec![fix(0, 0.0, false)], places: 10 };
+    let warming = run(vec![fix(0, 0.0, false)]);
     assert!(
         evaluate(&warming.matches(), &Truth::places(vec![Some(0)], 0), Recall::Correct)
             .unwrap()
@@ -210,7 +217,7 @@ fn the_warm_up_is_left_out() {
 
 #[test]
 fn a_truth_of_another_length_and_an_unknown_recall_are_refused() {
-    let run = Run { fixes: vec![fix(0, 0.0, true); 3], places: 10 };
+    let run = run(vec![fix(0, 0.0, true); 3]);
     let refused =
         evaluate(&run.matches(), &Truth::places(vec![None], 0), Recall::Correct).unwrap_err();
     assert!(matches!(refused, Error::Length { expected: 3, got: 1, .. }));

@@ -5,7 +5,7 @@
 
 mod cases;
 
-use cases::{all_bits, cases, columns, kind, route, stream};
+use cases::{all_bits, any_fix, cases, columns, kind, route, stream};
 use proptest::prelude::*;
 use surefix::{Config, Fix, Floor, Gradient, Peak, Sequence, Single};
 
@@ -89,15 +89,10 @@ fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix>
         let sequence = (j + 1 >= length).then(|| sequence(j)).flatten();
         let (place, score) =
             sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
-        Fix {
-            frame: j as u64,
-            trusted: trusted[j],
-            place,
-            score,
-            single,
-            gradient: peaks[j],
-            sequence,
-        }
+        let mut fix = any_fix();
+        (fix.frame, fix.trusted, fix.place, fix.score) = (j as u64, trusted[j], place, score);
+        (fix.single, fix.gradient, fix.sequence) = (single, peaks[j], sequence);
+        fix
     };
     (0..m).map(fix).collect()
 }

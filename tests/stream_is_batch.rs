@@ -12,8 +12,7 @@ use ndarray::{Array2, ArrayView2, ShapeBuilder, s};
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Error, Fix, Floor, Localizer, Map, Metric, Run, Values, match_descriptors,
-    match_distances,
+    Config, Error, Fix, Floor, Localizer, Map, Metric, Values, match_descriptors, match_distances,
 };
 
 #[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]

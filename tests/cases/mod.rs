@@ -137,6 +137,11 @@ pub(crate) fn all_bits(fixes: &[Fix]) -> Vec<[u64; 12]> {
     fixes.iter().map(bits).collect()
 }
 
+/// Any fix, to be changed: the struct cannot be made outside of the crate.
+pub(crate) fn any_fix() -> Fix {
+    Matcher::new(2, Config::default()).unwrap().push(&[0.0, 1.0]).unwrap()
+}
+
 /// The fixes of a stream.
 pub(crate) fn stream(
     places: usize,

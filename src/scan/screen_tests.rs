@@ -1,11 +1,12 @@
-//! What a screen says of distances against the distances, of every place.
+//! The bounds of a screen against the distances, for every place.
 
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::{Aim, FAR, Map};
+use super::{EncodedQuery, MAX_SCREENED};
 use crate::distance::Metric;
 use crate::dtype::Dtype;
+use crate::map::Map;
 use crate::numbers::View;
 use crate::simd::Isa;
 
@@ -46,31 +47,31 @@ proptest! {
         let Ok(map) = Map::from_descriptors(rows.clone(), dim, metric) else { return Ok(()) };
         let isa = *isa.get(&Isa::available().collect::<Vec<_>>());
         let map = map.with_isa(isa).unwrap().with_screen(Dtype::I8).unwrap();
-        let screen = map.screened().unwrap();
+        let codes = map.codes().unwrap();
         for query in 0..4 {
-            // A row, something near it, or anything.
+            // A row, a vector near it, or any vector.
             let query: Vec<f32> = (0..dim)
                 .map(|at| (1.0 - near) * rows[query % places * dim + at] + near * number(&mut dice, shape, query, at))
                 .collect();
             let Ok(query) = map.query(View::F32(&query)) else { continue };
-            let mut aim = Aim::new(dim);
-            screen.aim(isa, metric, query, &mut aim);
+            let mut encoded = EncodedQuery::new(dim);
+            codes.encode(isa, metric, query, &mut encoded);
             let mut sums = vec![f32::NAN; places];
-            screen.scan(isa, &aim.codes, 0..places, &mut sums);
+            codes.scan(isa, &encoded.codes, 0..places, &mut sums);
             let (mut low, mut high) = (vec![f32::NAN; places], vec![f32::NAN; places]);
-            let near = map.bounds(screen, &aim, &sums, &mut low, &mut high);
+            let near = map.bounds(&encoded, &sums, &mut low, &mut high);
             let mut distances = vec![f32::NAN; places];
             map.scan(query, 0..places, &mut distances);
             for (place, d) in distances.into_iter().enumerate() {
                 let (low, high) = (low[place], high[place]);
                 prop_assert!((low..=high).contains(&d), "place {}: {:e} from {:e} to {:e}", place, d, low, high);
-                prop_assert!(!near || high < FAR);
+                prop_assert!(!near || high < MAX_SCREENED);
             }
         }
     }
 }
 
-/// Bounds that hold and say nothing would be no use: these are about as close as a byte allows.
+/// Bounds can hold and be useless: these are about as close as a byte allows.
 #[test]
 fn the_bounds_are_close() {
     const DIM: usize = 1000;
@@ -82,12 +83,12 @@ fn the_bounds_are_close() {
             .unwrap()
             .with_screen(Dtype::I8)
             .unwrap();
-        let (screen, mut aim) = (map.screened().unwrap(), Aim::new(DIM));
+        let (codes, mut encoded) = (map.codes().unwrap(), EncodedQuery::new(DIM));
         let query = map.query(View::F32(&rows[..DIM])).unwrap();
-        screen.aim(map.isa(), metric, query, &mut aim);
+        codes.encode(map.isa(), metric, query, &mut encoded);
         let [mut sums, mut low, mut high] = [(); 3].map(|()| vec![0.0; 100]);
-        screen.scan(map.isa(), &aim.codes, 0..100, &mut sums);
-        assert!(map.bounds(screen, &aim, &sums, &mut low, &mut high));
+        codes.scan(map.isa(), &encoded.codes, 0..100, &mut sums);
+        assert!(map.bounds(&encoded, &sums, &mut low, &mut high));
         // A byte's step is a 127th of the largest number, its error at most half of that, and a
         // root of 12 less than the step in the mean: relative to a row's length a 254th; twice that
         // between the bounds. A distance is about 1.4 lengths.

@@ -1,15 +1,19 @@
-//! Rows at a quarter of the bytes, beside a map's own, and how far the distances of those can be
-//! from theirs (method 2.1).
+//! Screens: bounds of distances from a scan of the map's codes, a quarter of the bytes of its rows
+//! (method 2.1).
+//!
+//! Most rows of a large map are far from being a query's nearest, and bounds show that as well as
+//! distances do. A row's code leaves out a remainder whose length is known. By the triangle's
+//! inequality and by that of Cauchy and Schwarz, this length limits how far the distance can be from
+//! the one to the code. Only rows whose bounds leave a doubt are then read.
 
 #![allow(clippy::inline_always, reason = "what is inlined is compiled for the instruction set")]
 
 use std::ops::{Add as _, Range};
 
-use super::Map;
-use super::storage::Storage;
 use crate::distance::{Metric, Query, short_products};
 use crate::dtype::Dtype;
 use crate::error::Error;
+use crate::map::{Codes, Map, Storage};
 use crate::numbers::View;
 use crate::parallel::{each, each_row};
 use crate::simd::Isa;
@@ -19,47 +23,28 @@ const CODE: f64 = 127.0;
 /// The largest code of a query's number: 14 bits with the sign, so that a kernel's sums of products
 /// do not overflow.
 const QUERY_CODE: f64 = 8191.0;
-/// How many rows are looked at between two rows of ranges.
+/// Rows whose ranges are found at a time.
 const ROWS: usize = 1024;
-/// Distances from here on are left to the rows themselves: sums of smaller ones overflow nothing.
-pub(crate) const FAR: f32 = 1e30;
-/// By how much a number can be off, of its size, that was rounded to float32, and twice as much.
+/// A frame with larger distances is not screened. Sums of smaller ones do not overflow.
+pub(crate) const MAX_SCREENED: f32 = 1e30;
+/// Twice the relative error of a number that was rounded to float32.
 const ROUNDED: f64 = 1.0 / (1 << 23) as f64;
 
-/// The rows as codes: number `j` of row `i` is `offset[j] + scale[j] * code[i, j]`, and what that
-/// is off by, over the row, has the length `error[i]` at most.
-#[derive(Debug)]
-pub(crate) struct Screen {
-    codes: Storage,
-    offset: Vec<f64>,
-    scale: Vec<f64>,
-    error: Vec<f64>,
-    /// The squared length of each row's `scale * code`, and of the row less `offset`, for the
-    /// euclidean distance.
-    square: Vec<f64>,
-    row_square: Vec<f64>,
-    /// No row of codes is longer.
-    longest: f64,
-    /// No row, and not `offset`, is longer.
-    extent: f64,
-}
-
-/// A query as codes, and what the bounds of its distances are made of: memory that is used again
-/// for each query.
+/// A query as codes, and the terms of its bounds: memory that is used again for each query.
 #[derive(Clone, Debug)]
-pub(crate) struct Aim {
+pub(crate) struct EncodedQuery {
     /// The query's numbers, times the scales, in units of `step`.
     pub(crate) codes: Vec<i16>,
     step: f64,
-    /// What does not depend on the row: of the product with it, or of its squared distance.
+    /// The part that does not depend on the row: of the product with it, or of the squared distance.
     constant: f64,
-    /// What the codes of the query, and rounding, can be off by.
+    /// The error that the codes of the query, and rounding, can cause.
     slack: f64,
     /// The query's length, for the euclidean distance less the offsets.
     length: f64,
 }
 
-impl Aim {
+impl EncodedQuery {
     pub(crate) fn new(dim: usize) -> Self {
         Self { codes: vec![0; dim], step: 0.0, constant: 0.0, slack: 0.0, length: 0.0 }
     }
@@ -67,12 +52,12 @@ impl Aim {
 
 impl Map {
     /// The same map with a screen: a copy of its rows in signed bytes, a quarter more memory. A
-    /// [`Localizer`](crate::Localizer) scans those, which says of each distance between which two
-    /// numbers it lies, and looks only at the rows that these leave in doubt. Its answers are those
-    /// that it would give without, to the last bit.
+    /// [`Localizer`](crate::Localizer) scans those, which gives bounds of each distance, and reads
+    /// only the rows whose bounds leave a doubt. Its answers are the same as without, to the last
+    /// bit.
     ///
-    /// This pays where the map is larger than the cache and its places differ: a push then costs
-    /// little more than the scan of the bytes. Where it does not pay, the localizer notices, and
+    /// This pays if the map is larger than the cache and its places differ: a push then costs
+    /// little more than the scan of the bytes. If it does not pay, the localizer notices, and
     /// scans the rows for a while before it tries again. Rows of fewer than 256 numbers are always
     /// scanned as they are. A screen is not saved with the map: making it takes about as long as a
     /// few pushes.
@@ -86,52 +71,53 @@ impl Map {
     ///
     /// # Errors
     /// [`Error::Option`] for another type than `I8`, for a map of other numbers than float32, for
-    /// the manhattan distance, and where there is not enough memory; [`Error::NotFinite`] for a NaN
-    /// or an infinity in a mapped map.
-    pub fn with_screen(mut self, dtype: Dtype) -> Result<Self, Error> {
+    /// the manhattan distance, and if there is not enough memory; [`Error::NotFinite`] for a NaN or
+    /// an infinity in a mapped map.
+    pub fn with_screen(self, dtype: Dtype) -> Result<Self, Error> {
         let refused = |expected: &str, got: String| {
             Err(Error::Option { name: "screen", expected: expected.to_owned(), got })
         };
         if dtype != Dtype::I8 {
             return refused("int8, \"i8\"", dtype.to_string());
         }
-        let View::F32(rows) = self.descriptors() else {
+        if self.dtype() != Dtype::F32 {
             return refused("a map of float32 descriptors", format!("one of {}", self.dtype()));
-        };
+        }
         if self.metric() == Metric::Manhattan {
             return refused(
                 "a map for the euclidean distance or the cosine",
                 format!("one for {}", self.metric()),
             );
         }
-        self.descriptors().check_finite("descriptors", self.dim)?;
-        let Some(screen) = Screen::new(self.isa, rows, self.dim) else {
+        self.blocks().check_finite("descriptors")?;
+        let Some(codes) = Codes::of(&self) else {
             return refused("memory for a quarter more", "none left".to_owned());
         };
-        self.screen = Some(screen.into());
-        Ok(self)
+        Ok(self.with_codes(codes))
     }
 
-    /// The type of the screen's numbers, where the map has a screen.
+    /// The type of the screen's numbers, if the map has a screen.
     pub fn screen(&self) -> Option<Dtype> {
-        self.screen.as_ref().map(|screen| screen.codes.view().dtype())
+        self.codes().map(|codes| codes.codes.view().dtype())
     }
 
-    /// Between which two numbers each distance lies, from the sums that [`Screen::scan`] gave;
-    /// whether all of them are below [`FAR`].
+    /// Writes the bounds of each distance, from the sums of [`Codes::scan`]. True if all of them are
+    /// below [`MAX_SCREENED`].
     pub(crate) fn bounds(
         &self,
-        screen: &Screen,
-        aim: &Aim,
+        query: &EncodedQuery,
         sums: &[f32],
         low: &mut [f32],
         high: &mut [f32],
     ) -> bool {
-        match self.metric {
-            Metric::Cosine => self.isa.run(|| screen.cosines(aim, &self.norms, sums, low, high)),
-            _ => self.isa.run(|| screen.euclideans(aim, sums, low, high)),
+        let Some(codes) = self.codes() else { return false };
+        match self.metric() {
+            Metric::Cosine => {
+                self.isa().run(|| codes.cosines(query, self.norms(), sums, low, high));
+            }
+            _ => self.isa().run(|| codes.euclideans(query, sums, low, high)),
         }
-        high.iter().fold(true, |near, &d| near & (d < FAR))
+        high.iter().fold(true, |near, &d| near & (d < MAX_SCREENED))
     }
 }
 
@@ -140,21 +126,23 @@ fn rounding(dim: usize) -> f64 {
     (dim + 64) as f64 * 4.0 * f64::EPSILON
 }
 
-/// What a row of codes leaves out, and lengths.
-#[derive(Clone, Copy)]
+/// Squared lengths that belong to a row of codes.
+#[derive(Clone, Copy, Default)]
 struct Coded {
+    /// Of the remainder that the codes leave out.
     error: f64,
-    /// The squared length of `scale * code`, and of what that stands for.
+    /// Of `scale * code`, and of the row less the offsets.
     square: f64,
     row_square: f64,
-    /// That of the codes.
+    /// Of the codes.
     length: f64,
 }
 
-impl Screen {
-    /// A screen of finite rows; nothing where there is no memory for it.
-    fn new(isa: Isa, rows: &[f32], dim: usize) -> Option<Self> {
-        let (least, most) = ranges(isa, rows, dim);
+impl Codes {
+    /// The codes of a map's rows, which are finite; `None` if there is no memory for them.
+    fn of(map: &Map) -> Option<Self> {
+        let (isa, dim) = (map.isa(), map.dim());
+        let (least, most) = ranges(map);
         let half = |sign: f64| {
             let ends = least.iter().zip(&most);
             ends.map(|(&least, &most)| 0.5 * (f64::from(most) + sign * f64::from(least)))
@@ -168,9 +156,9 @@ impl Screen {
             .zip(&scale)
             .map(|(offset, scale)| (offset.abs() + (CODE + 1.0) * scale).powi(2));
         let extent = reach.sum::<f64>().sqrt();
-        let mut codes = Storage::try_zeros(Dtype::I8, rows.len())?;
+        let mut codes = Storage::try_zeros(Dtype::I8, map.blocks().rows() * dim)?;
         let made = each_row(codes.bytes_mut(), dim, |row, codes| {
-            let numbers = &rows[row * dim..(row + 1) * dim];
+            let Some(View::F32(numbers)) = map.blocks().row(row) else { return Coded::default() };
             isa.run(|| encode(numbers, &offset, &scale, bytemuck::must_cast_slice_mut(codes)))
         });
         let longest = made.iter().map(|row| row.length).fold(0.0, f64::max).sqrt();
@@ -183,28 +171,34 @@ impl Screen {
         Some(Self { codes, offset, scale, error, square, row_square, longest, extent })
     }
 
-    /// Takes aim with a query of float32.
-    pub(crate) fn aim(&self, isa: Isa, metric: Metric, query: Query<'_>, aim: &mut Aim) {
+    /// Encodes a query of float32.
+    pub(crate) fn encode(
+        &self,
+        isa: Isa,
+        metric: Metric,
+        query: Query<'_>,
+        encoded: &mut EncodedQuery,
+    ) {
         let View::F32(numbers) = query.numbers else { return };
         let centred = metric != Metric::Cosine;
-        let Aimed { step, constant, scaled, rest } =
-            isa.run(|| self.encode_query(numbers, centred, &mut aim.codes));
+        let Sums { step, constant, scaled, rest } =
+            isa.run(|| self.encode_query(numbers, centred, &mut encoded.codes));
         let rounding = rounding(self.offset.len());
-        // What the product of the codes can be off by: Cauchy and Schwarz, for what the query's
-        // codes leave out.
+        // The error of the product of the codes: Cauchy and Schwarz, for the remainder that the
+        // query's codes leave out.
         let codes = (rest * (1.0 + rounding) + rounding * scaled) * self.longest;
-        aim.slack = if centred {
+        encoded.slack = if centred {
             2.0 * codes + rounding * (constant + 2.0 * scaled * self.longest)
         } else {
             codes + rounding * (query.length * self.extent + scaled * self.longest)
         };
-        aim.length = if centred { constant.sqrt() } else { query.length };
-        (aim.step, aim.constant) = (step, constant);
+        encoded.length = if centred { constant.sqrt() } else { query.length };
+        (encoded.step, encoded.constant) = (step, constant);
     }
 
     /// Writes the codes of a query, less the offsets if it is `centred`, times the scales.
     #[inline(always)]
-    fn encode_query(&self, numbers: &[f32], centred: bool, codes: &mut [i16]) -> Aimed {
+    fn encode_query(&self, numbers: &[f32], centred: bool, codes: &mut [i16]) -> Sums {
         let weight = if centred { 1.0 } else { 0.0 };
         let (offset, scale) = (self.offset.as_slice(), self.scale.as_slice());
         let each = |at: usize| (f64::from(numbers[at]) - weight * offset[at]) * scale[at];
@@ -224,7 +218,7 @@ impl Screen {
             };
             [number * number, left * left, constant]
         });
-        Aimed { step, constant, scaled: square.sqrt(), rest: rest.sqrt() }
+        Sums { step, constant, scaled: square.sqrt(), rest: rest.sqrt() }
     }
 
     /// Writes the products of a query's codes with those of some places into `out`.
@@ -239,42 +233,49 @@ impl Screen {
         }
     }
 
-    /// The product with a row is `constant + step * sum`, but for what the row's codes leave out
-    /// (`|q|` times that, by Cauchy and Schwarz) and for `slack`. From there on each operation is
-    /// the distance's own, and none of them turns an order around: rounding included, the bounds
-    /// stay bounds.
+    /// The product with a row is `constant + step * sum`, with an error of at most `slack` and, by
+    /// Cauchy and Schwarz, `|q|` times the length that the row's codes leave out. All further
+    /// operations are those of the distance. They are monotonic, rounding included, so bounds stay
+    /// bounds.
     #[inline(always)]
-    fn cosines(&self, aim: &Aim, norms: &[f64], sums: &[f32], low: &mut [f32], high: &mut [f32]) {
-        let length = aim.length * (1.0 + rounding(self.offset.len()));
+    fn cosines(
+        &self,
+        query: &EncodedQuery,
+        norms: impl Iterator<Item = f64>,
+        sums: &[f32],
+        low: &mut [f32],
+        high: &mut [f32],
+    ) {
+        let length = query.length * (1.0 + rounding(self.offset.len()));
         let rows = sums.iter().zip(&self.error).zip(norms);
         for (((&sum, error), norm), (low, high)) in rows.zip(low.iter_mut().zip(high)) {
-            let part = aim.step * f64::from(sum);
+            let part = query.step * f64::from(sum);
             let (product, around) =
-                (aim.constant + part, length * error + aim.slack + part.abs() * ROUNDED);
+                (query.constant + part, length * error + query.slack + part.abs() * ROUNDED);
             let cosine =
-                |product: f64| (1.0 - product / (aim.length * norm)).clamp(0.0, 2.0) as f32;
+                |product: f64| (1.0 - product / (query.length * norm)).clamp(0.0, 2.0) as f32;
             (*low, *high) = (cosine(product + around), cosine(product - around));
         }
     }
 
-    /// The squared distance to a row of codes is `constant - 2 step sum + square`, but for `slack`;
-    /// the row itself lies within its error of that (the triangle's inequality). With the row's own
-    /// square in place of that of its codes it is the squared distance to the row, but for twice
-    /// the product of the query with what the codes leave out (Cauchy and Schwarz). The first is
-    /// closer for near rows, the second for far ones, and both hold. They are those of the true
-    /// distance: the computed one comes from differences that were rounded to float32, and is off
-    /// by half of [`ROUNDED`] of itself at most.
+    /// The squared distance to a row of codes is `constant - 2 step sum + square`, with an error of
+    /// at most `slack`; the row itself lies within its `error` of that (the triangle's inequality).
+    /// With the row's own square in place of that of its codes, it is the squared distance to the
+    /// row, with an error of at most twice the product of the query with the remainder that the
+    /// codes leave out (Cauchy and Schwarz). The first is closer for near rows, the second for far
+    /// ones, and both hold. They are bounds of the true distance. The computed one comes from
+    /// differences that were rounded to float32: its relative error is at most half of [`ROUNDED`].
     #[inline(always)]
-    fn euclideans(&self, aim: &Aim, sums: &[f32], low: &mut [f32], high: &mut [f32]) {
+    fn euclideans(&self, query: &EncodedQuery, sums: &[f32], low: &mut [f32], high: &mut [f32]) {
         let rounding = rounding(self.offset.len());
-        let length = 2.0 * aim.length * (1.0 + rounding);
+        let length = 2.0 * query.length * (1.0 + rounding);
         let rows = sums.iter().zip(&self.error).zip(self.square.iter().zip(&self.row_square));
         for (((&sum, error), (square, row_square)), (low, high)) in
             rows.zip(low.iter_mut().zip(high))
         {
-            let part = 2.0 * aim.step * f64::from(sum);
-            let slack = aim.slack + part.abs() * ROUNDED;
-            let (codes, row) = (aim.constant - part + square, aim.constant - part + row_square);
+            let part = 2.0 * query.step * f64::from(sum);
+            let slack = query.slack + part.abs() * ROUNDED;
+            let (codes, row) = (query.constant - part + square, query.constant - part + row_square);
             let around_codes = slack + rounding * square;
             let around_row = slack + rounding * row_square + length * error;
             let nearest = (codes - around_codes).max(0.0).sqrt() - error;
@@ -287,11 +288,11 @@ impl Screen {
     }
 }
 
-/// What is found out about a query as it is encoded.
-struct Aimed {
+/// Sums over a query as it is encoded.
+struct Sums {
     step: f64,
     constant: f64,
-    /// The length of the query times the scales, and of what its codes leave out of that.
+    /// The length of the query times the scales, and of the remainder that its codes leave out.
     scaled: f64,
     rest: f64,
 }
@@ -301,7 +302,7 @@ struct Aimed {
 fn encode(numbers: &[f32], offset: &[f64], scale: &[f64], codes: &mut [i8]) -> Coded {
     for (code, ((&x, offset), scale)) in codes.iter_mut().zip(numbers.iter().zip(offset).zip(scale))
     {
-        // Where all rows have the same number, the scale is 0 and so is what stands above it.
+        // If all rows have the same number, the scale is 0, and so is the dividend.
         let whole = ((f64::from(x) - offset) / scale.max(f64::MIN_POSITIVE)).round_ties_even();
         *code = whole.clamp(-CODE, CODE) as i8;
     }
@@ -313,8 +314,8 @@ fn encode(numbers: &[f32], offset: &[f64], scale: &[f64], codes: &mut [i8]) -> C
     Coded { error, square, row_square, length }
 }
 
-/// Puts `terms(0)`, `terms(1)`, ... together, each of the numbers in several lanes, which is as
-/// exact and runs in vector registers.
+/// Combines `terms(0)`, `terms(1)`, ... by `put`, in several lanes, which is as exact and runs in
+/// vector registers.
 #[inline(always)]
 fn in_lanes<const N: usize>(
     count: usize,
@@ -340,9 +341,15 @@ fn in_lanes<const N: usize>(
 }
 
 /// The smallest and the largest number of each dimension.
-fn ranges(isa: Isa, rows: &[f32], dim: usize) -> (Vec<f32>, Vec<f32>) {
+fn ranges(map: &Map) -> (Vec<f32>, Vec<f32>) {
+    let (isa, dim) = (map.isa(), map.dim());
     let nothing = || (vec![f32::INFINITY; dim], vec![f32::NEG_INFINITY; dim]);
-    let pieces: Vec<&[f32]> = rows.chunks(dim * ROWS).collect();
+    let mut pieces: Vec<&[f32]> = Vec::new();
+    for block in map.blocks().iter() {
+        if let View::F32(rows) = block.rows() {
+            pieces.extend(rows.chunks(dim * ROWS));
+        }
+    }
     let found = each(
         0..pieces.len(),
         || (),
@@ -365,3 +372,7 @@ fn widen(least: &mut [f32], most: &mut [f32], low: &[f32], high: &[f32]) {
     least.iter_mut().zip(low).for_each(|(least, &x)| *least = if x < *least { x } else { *least });
     most.iter_mut().zip(high).for_each(|(most, &x)| *most = if x > *most { x } else { *most });
 }
+
+#[cfg(test)]
+#[path = "screen_tests.rs"]
+mod tests;
