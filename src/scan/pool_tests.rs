@@ -18,7 +18,7 @@ fn the_results_do_not_need_a_thread_that_died() {
     let expected = map.distances(&query).unwrap();
     let mut pool = Pool::new(&map, 3).unwrap();
     let mut out = vec![0.0; 200];
-    let mailbox = Arc::clone(&pool.shareders[0].mailbox);
+    let mailbox = Arc::clone(&pool.workers[0].mailbox);
     let died = thread::spawn(move || {
         let _held = mailbox.slot.lock();
         std::panic::resume_unwind(Box::new("without a word"));
@@ -36,7 +36,7 @@ fn the_caller_does_not_wait_for_a_delayed_thread() {
     let (map, query) = map();
     let expected = map.distances(&query).unwrap();
     let mut pool = Pool::new(&map, 3).unwrap();
-    let mailbox = Arc::clone(&pool.shareders[1].mailbox);
+    let mailbox = Arc::clone(&pool.workers[1].mailbox);
     let held = mailbox.slot.lock().unwrap();
     let mut out = vec![0.0; 200];
     for _ in 0..3 {
@@ -51,7 +51,7 @@ fn the_caller_does_not_wait_for_a_delayed_thread() {
 fn late_results_are_ignored() {
     let (map, query) = map();
     let pool = Pool::new(&map, 2).unwrap();
-    let (mailbox, shared) = (&pool.shareders[0].mailbox, &pool.shared);
+    let (mailbox, shared) = (&pool.workers[0].mailbox, &pool.shared);
     // All chunks are taken: the thread finds none by itself.
     shared.next.store(1 << 20, Ordering::Relaxed);
     mailbox.post(2, job(&map, &query));
