@@ -6,11 +6,12 @@ mod cases;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::OnceLock;
 
-use cases::{DTYPES, cases, numbers};
+use cases::{DTYPES, cases, numbers, sealed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use surefix::{Channels, Dtype, Error, Image, Map, Metric, Positions, Recipe, Sad, Values};
+use surefix::{Channels, Dtype, Error, Image, Map, Metric, Positions, Recipe, Sad, Values, View};
 use tempfile::{TempDir, tempdir};
 
 const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosine];
@@ -50,7 +51,7 @@ fn split(file: &[u8]) -> (Value, &[u8]) {
 fn join(header: &Value, payload: &[u8]) -> Vec<u8> {
     let mut text = header.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(8), b' ');
-    [&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat()
+    sealed([&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat())
 }
 
 /// The file with surefix's own entry changed.
@@ -159,6 +160,111 @@ fn every_truncation_is_refused() {
 }
 
 #[test]
+fn every_flipped_byte_is_refused() {
+    let maps = [small_map(), sad_map()];
+    for bytes in maps.map(|map| saved(&map)) {
+        for at in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 0xff;
+            assert!(Map::from_bytes(&flipped).is_err(), "byte {at}");
+            flipped[at] = bytes[at] ^ (1 << (at % 8));
+            assert!(Map::from_bytes(&flipped).is_err(), "a bit of byte {at}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(300))]
+
+    #[test]
+    fn a_flipped_byte_of_a_larger_map_is_refused(at: prop::sample::Index, flip in 1..=255_u8) {
+        static WHOLE: OnceLock<Vec<u8>> = OnceLock::new();
+        let whole = WHOLE.get_or_init(|| {
+            let rows = numbers(Dtype::F16, 300 * 1000, 5);
+            saved(&Map::from_descriptors(rows, 1000, Metric::Cosine).unwrap())
+        });
+        let mut bytes = whole.clone();
+        bytes[at.index(whole.len())] ^= flip;
+        prop_assert!(Map::from_bytes(&bytes).is_err());
+    }
+}
+
+#[test]
+fn a_file_without_a_checksum_is_another_program_s_and_opens() {
+    let bytes = saved(&small_map());
+    let without = |both: bool| {
+        let (mut header, payload) = split(&bytes);
+        if both {
+            let entry = &mut header["__metadata__"]["surefix"];
+            let mut inner: Value = serde_json::from_str(entry.as_str().unwrap()).unwrap();
+            assert!(inner.as_object_mut().unwrap().remove("checksum").is_some());
+            *entry = inner.to_string().into();
+        }
+        header.as_object_mut().unwrap().remove("checksum");
+        let text = header.to_string().into_bytes();
+        let payload = &payload[..payload.len() - 8];
+        [&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat()
+    };
+    assert_eq!(open(&without(true)).unwrap().descriptors(), small_map().descriptors());
+    assert!(refused(&without(false)).contains("checksum"));
+}
+
+#[test]
+fn bytes_are_a_map_as_a_file_is() {
+    for map in [small_map(), sad_map()] {
+        let bytes = map.to_bytes().unwrap();
+        assert_eq!(bytes, saved(&map));
+        let opened = Map::from_bytes(&bytes).unwrap();
+        assert_eq!(opened.descriptors(), map.descriptors());
+        assert_eq!((opened.names(), opened.positions()), (map.names(), map.positions()));
+    }
+    let error = Map::from_bytes(b"hello").unwrap_err();
+    assert!(matches!(error, Error::MapFile { .. }), "{error}");
+}
+
+#[test]
+fn a_slice_is_the_map_of_its_places() {
+    let names = |places: std::ops::Range<usize>| places.map(|i| format!("é{i}")).collect();
+    let metres = |places: std::ops::Range<usize>| {
+        Positions::new(places.flat_map(|i| [i as f64, 0.5]).collect(), 2).unwrap()
+    };
+    for metric in METRICS {
+        // Several blocks.
+        let (places, dim) = (90, 40_000);
+        let all = numbers(Dtype::U8, places * dim, 3);
+        let part = |range: std::ops::Range<usize>| {
+            let Values::U8(all) = &all else { panic!("bytes were drawn") };
+            let rows = all[range.start * dim..range.end * dim].to_vec();
+            let map = Map::from_descriptors(rows, dim, metric).unwrap();
+            map.with_names(names(range.clone())).unwrap().with_positions(metres(range)).unwrap()
+        };
+        let map = part(0..places);
+        for range in [0..90, 0..2, 30..34, 17..80, 88..90] {
+            let slice = map.slice(range.clone()).unwrap();
+            assert_eq!(saved(&slice), saved(&part(range.clone())), "{metric} {range:?}");
+            let query = numbers(Dtype::U8, dim, 7);
+            assert_eq!(
+                slice.distances(&query).unwrap(),
+                map.distances(&query).unwrap()[range.clone()]
+            );
+            let row = map.descriptors().row(range.start, dim).unwrap();
+            let (View::U8(row), View::U8(own)) = (row, slice.descriptors()) else { panic!() };
+            assert_eq!(row.as_ptr(), own.as_ptr(), "its rows are the map's");
+        }
+        let joined = map.slice(0..40).unwrap().extended(&map.slice(40..90).unwrap()).unwrap();
+        assert_eq!(saved(&joined), saved(&map));
+        assert_eq!(saved(&joined.slice(35..60).unwrap()), saved(&part(35..60)));
+    }
+    let map = small_map();
+    #[expect(clippy::reversed_empty_ranges, reason = "it is refused")]
+    for range in [0..4, 3..5, 2..1, 0..1, 1..1] {
+        let error = map.slice(range.clone()).unwrap_err();
+        let expected = matches!(error, Error::Option { .. } | Error::TooFewPlaces { .. });
+        assert!(expected, "{range:?}: {error}");
+    }
+}
+
+#[test]
 fn a_foreign_file_is_refused() {
     for bytes in
         [&b""[..], b"hello", b"\x89PNG\r\n\x1a\n and so on and so forth", &[0xff; 100], &[0; 100]]
@@ -189,7 +295,7 @@ fn a_newer_version_says_to_upgrade() {
     ];
     for bytes in newer {
         let error = open(&bytes).unwrap_err();
-        assert!(matches!(error, Error::MapVersion { found: 7, supported: 2, .. }), "{error}");
+        assert!(matches!(error, Error::MapVersion { found: 7, supported: 1, .. }), "{error}");
         assert!(error.to_string().contains("upgrade surefix"), "{error}");
     }
 }
@@ -226,7 +332,8 @@ fn tensors_that_do_not_fit_are_refused() {
     let (header, payload) = split(&bytes);
     for (from, to) in [(b'b', 0), (b'b', 0xff)] {
         let mut payload = payload.to_vec();
-        let at = payload.iter().rposition(|&byte| byte == from).unwrap();
+        let names = payload.len() - 8;
+        let at = payload[..names].iter().rposition(|&byte| byte == from).unwrap();
         payload[at] = to;
         assert!(refused(&join(&header, &payload)).contains("names"));
     }
@@ -259,14 +366,14 @@ fn numbers_that_cannot_be_compared_are_refused() {
         (Metric::Manhattan, f32::INFINITY.to_le_bytes(), "row 1, index 2"),
     ] {
         let mut bytes = saved(&Map::from_descriptors(rows.clone(), 3, metric).unwrap());
-        let end = bytes.len();
-        bytes[end - 4..].copy_from_slice(&bad);
-        assert!(refused(&bytes).contains(expected));
+        let end = bytes.len() - 8;
+        bytes[end - 4..end].copy_from_slice(&bad);
+        assert!(refused(&sealed(bytes)).contains(expected));
     }
     let mut bytes = saved(&Map::from_descriptors(rows, 3, Metric::Cosine).unwrap());
-    let end = bytes.len();
-    bytes[end - 12..].fill(0);
-    assert!(refused(&bytes).contains("row 1"));
+    let end = bytes.len() - 8;
+    bytes[end - 12..end].fill(0);
+    assert!(refused(&sealed(bytes)).contains("row 1"));
 }
 
 proptest! {
@@ -279,7 +386,7 @@ proptest! {
         for (at, to) in flips {
             bytes[at.index(header)] = to;
         }
-        match open(&bytes) {
+        match open(&sealed(bytes)) {
             Ok(map) => prop_assert!(map.places() * map.dim() <= 12),
             Err(Error::MapFile { .. } | Error::MapVersion { .. }) => {}
             Err(other) => prop_assert!(false, "{}", other),

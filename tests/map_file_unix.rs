@@ -56,6 +56,47 @@ fn permissions_follow_the_umask() {
 }
 
 #[test]
+fn an_old_file_s_permissions_stay() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map.safetensors");
+    for mode in [0o600, 0o444, 0o640] {
+        fs::write(&path, "the old map").or_else(|_| fs::remove_file(&path)).unwrap();
+        large_map().save(&path).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+        large_map().save(&path).unwrap();
+        Map::append(&path, &large_map()).unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, mode);
+        assert_eq!(Map::open(&path).unwrap().places(), 2000);
+        fs::remove_file(&path).unwrap();
+    }
+}
+
+#[test]
+fn symbolic_links_stay_and_their_target_is_replaced() {
+    use std::os::unix::fs::symlink;
+    let folder = tempdir().unwrap();
+    let inside = folder.path().join("maps");
+    fs::create_dir(&inside).unwrap();
+    let target = inside.join("monday.safetensors");
+    symlink("maps/monday.safetensors", folder.path().join("latest")).unwrap();
+    symlink(folder.path().join("latest"), inside.join("link")).unwrap();
+    // The target does not exist the first time.
+    for link in [folder.path().join("latest"), inside.join("link")] {
+        large_map().save(&link).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert!(fs::symlink_metadata(&target).unwrap().is_file());
+        assert_eq!(Map::open(&link).unwrap().places(), 1000);
+        Map::append(&link, &large_map()).unwrap();
+        assert_eq!(Map::open(&target).unwrap().places(), 2000);
+    }
+    assert_eq!(names(&inside).len(), 2, "nothing else is left");
+    symlink("b", folder.path().join("a")).unwrap();
+    symlink("a", folder.path().join("b")).unwrap();
+    let error = large_map().save(folder.path().join("a")).unwrap_err();
+    assert!(error.to_string().contains("cannot write the map"), "{error}");
+}
+
+#[test]
 fn a_save_that_runs_out_of_room_leaves_the_old_map() {
     if let Some(path) = std::env::var_os(CHILD) {
         let error = large_map().save(path).unwrap_err();

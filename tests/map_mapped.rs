@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use cases::{DTYPES, cases, numbers};
+use cases::{DTYPES, cases, numbers, sealed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use surefix::{Config, Dtype, Error, Localizer, Map, Metric, Positions};
@@ -40,7 +40,7 @@ fn split(file: &[u8]) -> (Value, &[u8]) {
 fn join(header: &Value, payload: &[u8], to: usize) -> Vec<u8> {
     let mut text = header.to_string().into_bytes();
     text.resize((8 + text.len()).next_multiple_of(to) - 8, b' ');
-    [&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat()
+    sealed([&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat())
 }
 
 /// The same word from both doors, as what `open` finds only in the numbers is not looked for here.
@@ -101,6 +101,26 @@ fn a_mapped_map_answers_as_one_in_memory_bit_for_bit() {
 }
 
 #[test]
+fn every_flipped_byte_of_a_mapped_map_is_found_on_request() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("route.safetensors");
+    let bytes = saved(&cosine_map());
+    fs::write(&path, &bytes).unwrap();
+    let map = mapped(&path).unwrap();
+    map.verify().unwrap();
+    map.extended(&map).unwrap().slice(3..8).unwrap().verify().unwrap();
+    cosine_map().verify().unwrap();
+    for at in 0..bytes.len() {
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 1 << (at % 8);
+        let path = folder.path().join("flipped");
+        fs::write(&path, flipped).unwrap();
+        assert!(mapped(&path).and_then(|map| map.verify()).is_err(), "byte {at}");
+        fs::remove_file(path).unwrap();
+    }
+}
+
+#[test]
 fn a_snapshot_goes_from_a_mapped_map_to_one_in_memory_and_back() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("route.safetensors");
@@ -154,22 +174,24 @@ fn a_file_without_norms_opens_as_it_did_and_is_appended_to_with_them() {
         let whole = saved(&map);
         let (mut header, payload) = split(&whole);
         header.as_object_mut().unwrap().remove("norms");
-        header["descriptors"]["data_offsets"] = json!([0, payload.len() - 40]);
+        let end = payload.len() - 40;
+        header["descriptors"]["data_offsets"] = json!([0, end - 8]);
+        header["checksum"]["data_offsets"] = json!([end - 8, end]);
         let old = join(&header, &payload[40..], 8);
         fs::write(&path, &old).unwrap();
         assert_eq!(saved(&Map::open(&path).unwrap()), whole);
         assert_eq!(saved(&mapped(&path).unwrap()), whole);
         Map::append(&path, &map).unwrap();
         assert_eq!(fs::read(&path).unwrap(), saved(&map.extended(&map).unwrap()));
-        // Where a row has no length, nobody takes it for one.
+        // A row without a length is refused.
         for spoilt in [f32::NAN, 0.0] {
             if dtype != Dtype::F32 {
                 continue;
             }
             let mut bytes = old.clone();
-            let end = bytes.len();
-            bytes[end - 28..].as_chunks_mut().0.fill(spoilt.to_le_bytes());
-            fs::write(&path, &bytes).unwrap();
+            let end = bytes.len() - 8;
+            bytes[end - 28..end].as_chunks_mut().0.fill(spoilt.to_le_bytes());
+            fs::write(&path, sealed(bytes)).unwrap();
             for refused in [mapped(&path).map(drop), Map::append(&path, &map)] {
                 let error = refused.unwrap_err().to_string();
                 assert!(error.contains("row 4"), "{error}");
@@ -237,7 +259,7 @@ fn rows_that_are_not_aligned_can_be_read_but_not_mapped() {
             let mut text = header.to_string().into_bytes();
             text.resize(text.len().next_multiple_of(8) + shift, b' ');
             let moved = [&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat();
-            fs::write(&path, moved).unwrap();
+            fs::write(&path, sealed(moved)).unwrap();
             assert_eq!(Map::open(&path).unwrap().descriptors(), map.descriptors());
             match mapped(&path) {
                 Ok(lazy) => {
@@ -262,9 +284,9 @@ fn a_number_that_is_none_is_refused_when_its_distance_is_pushed_and_the_place_is
         let bytes = saved(&Map::from_descriptors(numbers(Dtype::F32, 35, 1), 7, metric).unwrap());
         let mut spoilt = bytes.clone();
         // The third number of the fourth place.
-        let at = bytes.len() - 35 * 4 + (3 * 7 + 2) * 4;
+        let at = bytes.len() - 8 - 35 * 4 + (3 * 7 + 2) * 4;
         spoilt[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
-        fs::write(&path, spoilt).unwrap();
+        fs::write(&path, sealed(spoilt)).unwrap();
         assert!(Map::open(&path).unwrap_err().to_string().contains("row 3, index 2"));
         let mut localizer =
             Localizer::new(Arc::new(mapped(&path).unwrap()), Config::default()).unwrap();

@@ -105,10 +105,6 @@ impl Blocks {
         self.rows
     }
 
-    pub(crate) fn dtype(&self) -> Dtype {
-        self.dtype
-    }
-
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Arc<Block>> {
         self.blocks.iter()
     }

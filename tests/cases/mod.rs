@@ -32,6 +32,14 @@ impl Dice {
     }
 }
 
+/// The file of a map that was changed, with the checksum of its new bytes.
+pub(crate) fn sealed(mut file: Vec<u8>) -> Vec<u8> {
+    if let Some((bytes, checksum)) = file.split_last_chunk_mut::<8>() {
+        *checksum = twox_hash::XxHash3_64::oneshot(bytes).to_le_bytes();
+    }
+    file
+}
+
 /// Numbers from -1 to 1.
 pub(crate) fn signed(count: usize, seed: u64) -> Vec<f32> {
     let mut dice = Dice(seed);
