@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOG := target/test.log
 ON_LINUX := $(filter Linux,$(shell uname -s))
-SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src python -type f -not -name '*.pyc')
+SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src simulate python -type f -not -name '*.pyc')
 # The optimised profile keeps the checks of a debug build.
 CARGO_TEST := cargo test --locked --profile test-release
 
@@ -125,7 +125,7 @@ release-check: check-crate check-licences check-api check-sdist check-wheel chec
 
 # As crates.io would get it: packed, and built from the pack.
 check-crate:
-	cargo package --locked
+	cargo package --locked --package surefix
 	$(PYTHON) packaging/crate.py
 
 check-licences: $(TOOLS)/cargo-deny
@@ -133,7 +133,7 @@ check-licences: $(TOOLS)/cargo-deny
 
 check-api: $(TOOLS)/cargo-semver-checks
 	@echo "check-api: the public names against those of $(BASELINE)"
-	$(TOOLS)/cargo-semver-checks semver-checks --baseline-rev $(BASELINE)
+	$(TOOLS)/cargo-semver-checks semver-checks --package surefix --baseline-rev $(BASELINE)
 
 check-sdist: sdist
 	$(BIN)/python packaging/sdist.py dist/*.tar.gz

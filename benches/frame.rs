@@ -12,10 +12,10 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use dice::Dice;
 use ndarray::Array2;
 use surefix::Describer;
-use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{
     Config, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
 };
+use surefix_simulate::{Conditions, Route, RouteConfig};
 
 /// The paper's route length.
 const PLACES: usize = 1800;

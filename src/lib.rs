@@ -13,7 +13,7 @@
 //!
 //! ```
 //! use std::{ops::ControlFlow, sync::Arc};
-//! use surefix::simulate::{Conditions, Route, RouteConfig};
+//! use surefix_simulate::{Conditions, Route, RouteConfig};
 //! use surefix::{Config, Localizer, Map, Sad};
 //!
 //! // A generated road stands in for two drives of your own: `ImageFiles::find("photos/monday")`.
@@ -71,7 +71,6 @@ mod random;
 mod simd;
 
 pub mod evaluate;
-pub mod simulate;
 
 pub use crate::image::{Channels, Image, ImageSource, ImageView, Progress};
 #[cfg(feature = "image")]

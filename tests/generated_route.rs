@@ -8,8 +8,8 @@ use std::ops::ControlFlow;
 
 use surefix::describe_all;
 use surefix::evaluate::{Recall, Truth, evaluate};
-use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{Config, Floor, Map, Run, Sad, match_descriptors};
+use surefix_simulate::{Conditions, Route, RouteConfig};
 
 /// A map of the reference drive, the revisit matched against it with each weight, and the truth.
 fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec<Option<usize>>) {

@@ -60,7 +60,7 @@ pub(crate) enum Images<'py> {
     Files(ImageFiles),
     Arrays(Vec<Pixels<'py>>),
     Sequence(Sequence),
-    Traverse(surefix::simulate::Traverse),
+    Traverse(surefix_simulate::Traverse),
 }
 
 impl<'py> Images<'py> {

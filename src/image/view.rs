@@ -76,15 +76,6 @@ impl Image {
         Ok(Self { width, height, channels, pixels })
     }
 
-    /// A black image to draw on. Neither side is 0.
-    pub(crate) fn black(width: usize, height: usize, channels: Channels) -> Self {
-        Self { width, height, channels, pixels: vec![0; width * height * channels.count()] }
-    }
-
-    pub(crate) fn pixels_mut(&mut self) -> &mut [u8] {
-        &mut self.pixels
-    }
-
     /// The same image, borrowed.
     pub fn view(&self) -> ImageView<'_> {
         ImageView {
