@@ -46,7 +46,7 @@ test: lint rust instructions python examples docs
 
 lint: $(VENV)/dev
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo clippy --locked --workspace --all-targets --all-features -- -D warnings
 	cargo clippy --locked --no-default-features -- -D warnings
 	$(BIN)/ruff check python tests benches examples packaging docs/*.py docs/_ext
 	$(BIN)/ruff format --check python tests benches examples packaging docs/*.py docs/_ext
@@ -54,9 +54,9 @@ lint: $(VENV)/dev
 # The same tests on all cores and on one; then the examples in the documentation.
 rust:
 	@mkdir -p target
-	$(CARGO_TEST) 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
+	$(CARGO_TEST) --all-features 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
 	$(CARGO_TEST) --no-default-features --lib --tests 2>&1 | tee -a $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --all-features
 
 # Against the installed wheel, never against the source folder.
 python: $(VENV)/installed $(VENV)/dev

@@ -44,11 +44,16 @@
 //!
 //! # Features
 //!
-//! All are on by default, and need no C compiler.
+//! None needs a C compiler. On by default:
 //!
-//! - `image`: read images from files (`ImageFiles`, `read_image`, `decode_image`).
+//! - `image`: read jpeg and png files (`ImageFiles`, `read_image`, `decode_image`).
 //! - `mmap`: map a large map's file into memory instead of reading it (`Map::open_mapped`).
 //! - `rayon`: build maps and match batches on all cores; without it the same answers come from one.
+//!
+//! Off by default, and on in the Python wheel:
+//!
+//! - `image-formats`: read bmp, pnm, tiff and webp files as well.
+//! - `pca`: fit principal components ([`Step::Pca`]). A map that has them works without it.
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
 

@@ -82,7 +82,11 @@ impl Traverse {
 
     /// Frame `index` as an RGB image; an index past the end means the last frame.
     #[must_use]
-    #[allow(clippy::expect_used, reason = "the sides are those that the buffer is made for")]
+    #[allow(
+        clippy::expect_used,
+        clippy::missing_panics_doc,
+        reason = "the sides are those that the buffer is made for"
+    )]
     pub fn frame(&self, index: usize) -> Image {
         let RouteConfig { width, height, .. } = self.config;
         let mut pixels = vec![0; width * height * Channels::Rgb.count()];

@@ -6,6 +6,7 @@ use crate::error::Error;
 
 /// How many bytes a pixel has, and what they mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Channels {
     /// One byte a pixel: brightness.
     Grey,

@@ -1,13 +1,10 @@
 //! A saved map opens as it was, and nothing else opens at all.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
-
-mod cases;
 
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use cases::{DTYPES, cases, numbers};
+use crate::cases::{DTYPES, cases, numbers};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use surefix::{Channels, Dtype, Error, Image, Map, Metric, Positions, Recipe, Sad, Values};

@@ -1,9 +1,6 @@
 //! The generated route behaves as real ones do: hard for single frames, and easier for trusted
 //! sequences.
 
-#![cfg(feature = "rayon")] // On one core the drives take minutes.
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::ops::ControlFlow;
 
 use surefix::describe_all;
