@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOG := target/test.log
 ON_LINUX := $(filter Linux,$(shell uname -s))
-SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src python -type f -not -name '*.pyc')
+SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src simulate python -type f -not -name '*.pyc')
 # The optimised profile keeps the checks of a debug build.
 CARGO_TEST := cargo test --locked --profile test-release
 
@@ -46,7 +46,7 @@ test: lint rust instructions python examples docs
 
 lint: $(VENV)/dev
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo clippy --locked --workspace --all-targets --all-features -- -D warnings
 	cargo clippy --locked --no-default-features -- -D warnings
 	$(BIN)/ruff check python tests benches examples packaging docs/*.py docs/_ext
 	$(BIN)/ruff format --check python tests benches examples packaging docs/*.py docs/_ext
@@ -54,9 +54,9 @@ lint: $(VENV)/dev
 # The same tests on all cores and on one; then the examples in the documentation.
 rust:
 	@mkdir -p target
-	$(CARGO_TEST) 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
+	$(CARGO_TEST) --all-features 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
 	$(CARGO_TEST) --no-default-features --lib --tests 2>&1 | tee -a $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --all-features
 
 # Against the installed wheel, never against the source folder.
 python: $(VENV)/installed $(VENV)/dev
@@ -125,7 +125,7 @@ release-check: check-crate check-licences check-api check-sdist check-wheel chec
 
 # As crates.io would get it: packed, and built from the pack.
 check-crate:
-	cargo package --locked
+	cargo package --locked --package surefix
 	$(PYTHON) packaging/crate.py
 
 check-licences: $(TOOLS)/cargo-deny
@@ -133,7 +133,7 @@ check-licences: $(TOOLS)/cargo-deny
 
 check-api: $(TOOLS)/cargo-semver-checks
 	@echo "check-api: the public names against those of $(BASELINE)"
-	$(TOOLS)/cargo-semver-checks semver-checks --baseline-rev $(BASELINE)
+	$(TOOLS)/cargo-semver-checks semver-checks --package surefix --baseline-rev $(BASELINE)
 
 check-sdist: sdist
 	$(BIN)/python packaging/sdist.py dist/*.tar.gz

@@ -2,20 +2,20 @@
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark stops at the first surprise")]
 
-mod dice;
+mod random;
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use dice::Dice;
 use ndarray::Array2;
+use random::SplitMix64;
 use surefix::Describer;
-use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{
     Config, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
 };
+use surefix_simulate::{Conditions, Route, RouteConfig};
 
 /// The paper's route length.
 const PLACES: usize = 1800;
@@ -37,7 +37,7 @@ fn push(criterion: &mut Criterion) {
     for places in [PLACES, 100_000] {
         let mut group = criterion.benchmark_group(format!("push, n = {places}"));
         group.throughput(Throughput::Elements(places as u64));
-        let columns = Dice(1).drive(places, 16);
+        let columns = SplitMix64(1).drive(places, 16);
         for sequence_length in [1, 2, 3, 10, 100] {
             let mut matcher =
                 Matcher::new(places, Config { sequence_length, ..Config::default() }).unwrap();

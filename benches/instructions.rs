@@ -11,13 +11,13 @@
     reason = "a benchmark stops at the first surprise"
 )]
 
-mod dice;
+mod random;
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use dice::Dice;
+use random::SplitMix64;
 use surefix::Describer;
 use surefix::{
     Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Sad, Values, View,
@@ -63,7 +63,7 @@ fn main() {
 }
 
 fn distances(dtypes: &[Dtype], float_queries: bool) {
-    let mut dice = Dice(1);
+    let mut dice = SplitMix64(1);
     for &dtype in dtypes {
         let (rows, own, float) = (
             dice.numbers(dtype, ROWS * DIM),
@@ -88,7 +88,7 @@ fn distances(dtypes: &[Dtype], float_queries: bool) {
 }
 
 fn push(lengths: &[usize]) {
-    let columns = Dice(2).drive(PLACES, 16);
+    let columns = SplitMix64(2).drive(PLACES, 16);
     for &sequence_length in lengths {
         let mut matcher =
             Matcher::new(PLACES, Config { sequence_length, ..Config::default() }).unwrap();
@@ -103,8 +103,8 @@ fn push(lengths: &[usize]) {
 /// A drive past places that the screen tells apart.
 fn screened() {
     const KNOWN: usize = 480;
-    let mut dice = Dice(4);
-    let (rows, noise) = (dice.floats(KNOWN * DIM), dice.floats(16 * DIM));
+    let mut dice = SplitMix64(4);
+    let (rows, noise) = (dice.signed(KNOWN * DIM), dice.signed(16 * DIM));
     for metric in [Metric::Euclidean, Metric::Cosine] {
         let map = Map::from_descriptors(rows.clone(), DIM, metric)
             .unwrap()
@@ -126,7 +126,7 @@ fn screened() {
 
 fn image() {
     const KNOWN: usize = 64;
-    let mut dice = Dice(3);
+    let mut dice = SplitMix64(3);
     let frame = dice.image(640, 480, Channels::Rgb).unwrap();
     let mut describer = Describer::new(Sad::default());
     let mut descriptor = Values::U8(vec![0; Sad::default().dim()]);

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{Channels, Config, ImageView, Localizer, Map, Sad};
+use surefix_simulate::{Conditions, Route, RouteConfig};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A generated road stands in for your robot's camera: one drive in summer, one on a winter

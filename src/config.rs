@@ -12,6 +12,7 @@ const MAX_SPEEDS: usize = 1024;
 /// Which second difference the consensus looks at (method 1.1, Eq. 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Gradient {
     /// `(d[i+1] + d[i-1]) / 2 - d[i]`: the paper's Eq. 1.
     #[default]
@@ -24,6 +25,7 @@ pub enum Gradient {
 /// What a trusted cell is drawn towards: the `floor` of Eq. 4.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Floor {
     /// The smallest distance of all queries so far, applied afresh to the whole window.
     #[default]

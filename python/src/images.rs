@@ -60,7 +60,7 @@ pub(crate) enum Images<'py> {
     Files(ImageFiles),
     Arrays(Vec<Pixels<'py>>),
     Sequence(Sequence),
-    Traverse(surefix::simulate::Traverse),
+    Traverse(surefix_simulate::Traverse),
 }
 
 impl<'py> Images<'py> {
@@ -270,7 +270,7 @@ pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound
     let (height, width) = (image.height(), image.width());
     let shape: &[usize] = match image.channels() {
         Channels::Grey => &[height, width],
-        Channels::Rgb => &[height, width, 3],
+        channels => &[height, width, channels.count()],
     };
     rows_to_py(py, image.pixels().into(), shape)
 }

@@ -4,7 +4,7 @@ use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use surefix::simulate::{Conditions, RouteConfig};
+use surefix_simulate::{Conditions, RouteConfig};
 
 use crate::error::{OrRaise as _, value};
 use crate::images::image_to_py;
@@ -30,7 +30,7 @@ use crate::options::{self, whole};
 /// >>> winter[0].shape
 /// (32, 64, 3)
 #[pyclass(frozen, module = "surefix.simulate")]
-pub(crate) struct Route(surefix::simulate::Route);
+pub(crate) struct Route(surefix_simulate::Route);
 
 #[pymethods]
 impl Route {
@@ -56,7 +56,7 @@ impl Route {
         if let Some(given) = seed {
             config.seed = whole("seed", given)? as u64;
         }
-        Ok(Self(surefix::simulate::Route::new(config).or_raise(py)?))
+        Ok(Self(surefix_simulate::Route::new(config).or_raise(py)?))
     }
 
     /// The reference drive: summer, noon, nothing in the way.
@@ -155,7 +155,7 @@ fn changed(mut conditions: Conditions, given: Option<&Bound<'_, PyDict>>) -> PyR
 /// >>> len(drive), drive[-1].shape
 /// (10, (32, 64, 3))
 #[pyclass(frozen, sequence, module = "surefix.simulate")]
-pub(crate) struct Traverse(pub(crate) surefix::simulate::Traverse);
+pub(crate) struct Traverse(pub(crate) surefix_simulate::Traverse);
 
 #[pymethods]
 impl Traverse {

@@ -164,7 +164,7 @@ impl Map {
     ///
     /// ```
     /// use std::ops::ControlFlow;
-    /// use surefix::simulate::{Conditions, Route, RouteConfig};
+    /// use surefix_simulate::{Conditions, Route, RouteConfig};
     /// use surefix::{Map, Sad};
     /// let route = Route::new(RouteConfig { places: 20, width: 64, height: 32, ..RouteConfig::default() })?;
     /// let drive = route.traverse(Conditions::reference())?;

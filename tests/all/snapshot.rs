@@ -1,12 +1,9 @@
 //! A robot that restarts goes on as if it had not, and a snapshot that does not fit is refused.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
-
-mod cases;
 
 use std::hash::Hasher as _;
 use std::sync::Arc;
 
-use cases::{Kind, bits, cases, columns, kind, numbers, route};
+use crate::cases::{Kind, bits, cases, columns, kind, numbers, route};
 use proptest::prelude::*;
 use surefix::{Config, Dtype, Error, Floor, Gradient, Localizer, Map, Matcher, Metric};
 

@@ -1,7 +1,8 @@
 //! What the demo, the tests and the scale runs rely on.
 
+use surefix::Image;
+
 use super::*;
-use crate::image::Image;
 
 fn route(places: usize, seed: u64) -> Route {
     Route::new(RouteConfig { places, width: 64, height: 32, seed, ..RouteConfig::default() })

@@ -1,15 +1,12 @@
 //! A map that is built straight into its file, or becomes longer, is the map that all its places at
 //! once would have made.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
-
-mod cases;
 
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 
-use cases::{DTYPES, numbers};
+use crate::cases::{DTYPES, numbers};
 use surefix::{
     Channels, Config, Dtype, Error, Image, ImageSource, Localizer, Map, Metric, Positions, Sad,
     Values,

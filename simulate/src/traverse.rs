@@ -1,15 +1,16 @@
 //! One drive along the route: where each frame was taken, and the frame.
 
+use surefix::{Channels, Error, Image, ImageSource};
+
 use super::RouteConfig;
 use super::camera::Camera;
 use super::canvas::Canvas;
 use super::conditions::Conditions;
 use super::look::Look;
 use super::noise::{hash, mix, smoothstep, wave};
+use super::paint::paint;
 use super::scene::Scene;
 use super::traffic::Traffic;
-use crate::error::Error;
-use crate::image::{Channels, Image, ImageSource};
 
 /// Frames from one knot of the speed's two waves to the next.
 const SPEED_KNOTS: [f64; 2] = [40.0, 17.0];
@@ -81,10 +82,16 @@ impl Traverse {
 
     /// Frame `index` as an RGB image; an index past the end means the last frame.
     #[must_use]
+    #[allow(
+        clippy::expect_used,
+        clippy::missing_panics_doc,
+        reason = "the sides are those that the buffer is made for"
+    )]
     pub fn frame(&self, index: usize) -> Image {
-        let mut image = Image::black(self.config.width, self.config.height, Channels::Rgb);
-        self.render(index, image.pixels_mut());
-        image
+        let RouteConfig { width, height, .. } = self.config;
+        let mut pixels = vec![0; width * height * Channels::Rgb.count()];
+        self.render(index, &mut pixels);
+        Image::new(width, height, Channels::Rgb, pixels).expect("sides of at least 8 pixels")
     }
 
     /// Renders frame `index` into `pixels`: rows of RGB bytes from the top, `3 * width * height` of
@@ -111,7 +118,7 @@ impl Traverse {
             seed: config.seed,
         };
         let traffic = Traffic::new(conditions.occluders, mix(conditions.seed), index);
-        scene.paint(&traffic);
+        paint(&mut scene, &traffic);
         if conditions.noise > 0.0 {
             let seed = hash(mix(conditions.seed ^ 0x4015E), index as i64);
             add_noise(&mut scene.canvas, 24.0 * conditions.noise, seed);

@@ -1,12 +1,9 @@
 //! Several threads scan one map: the same bits as one, whatever happens.
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod cases;
 
 use std::sync::Arc;
 use std::thread;
 
-use cases::{DTYPES, all_bits, numbers};
+use crate::cases::{DTYPES, all_bits, numbers};
 use surefix::{Channels, Config, Dtype, Error, Fix, Image, Localizer, Map, Metric, Sad};
 
 const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosine];

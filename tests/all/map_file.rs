@@ -1,14 +1,11 @@
 //! A saved map opens as it was, and nothing else opens at all.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
-
-mod cases;
 
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use cases::{DTYPES, cases, numbers, sealed};
+use crate::cases::{DTYPES, cases, numbers, sealed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use surefix::{Channels, Dtype, Error, Image, Map, Metric, Positions, Recipe, Sad, Values, View};

@@ -1,13 +1,13 @@
 //! How a traverse differs from the reference drive.
 
-use crate::error::Error;
+use surefix::Error;
 
 /// How a traverse differs from the reference drive. Each option but the seed is 0 for no
 /// difference; all of them at 0, which is the default, are the reference drive itself: noon in
 /// summer.
 ///
 /// ```
-/// use surefix::simulate::Conditions;
+/// use surefix_simulate::Conditions;
 ///
 /// let winter = Conditions { season: 1.0, ..Conditions::reference() };
 /// assert_eq!(winter.light, 0.0);

@@ -1,10 +1,7 @@
 //! The answers do not depend on the processor: every instruction set gives the plain one's, to the
 //! last bit.
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
-mod cases;
-
-use cases::{bits, cases, columns, config, kind};
+use crate::cases::{bits, cases, columns, config, kind};
 use proptest::prelude::*;
 use surefix::{Config, Error, Isa, Matcher};
 

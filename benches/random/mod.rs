@@ -1,29 +1,14 @@
-//! Numbers that look random and are the same each time (xorshift).
+//! Numbers that look random and are the same each time, of each type, and images and distances.
 #![allow(dead_code, reason = "each benchmark takes what it needs")]
 
+#[path = "../../src/random.rs"]
+mod generator;
+
+pub(crate) use generator::SplitMix64;
 use half::f16;
 use surefix::{Channels, Dtype, Image, Values};
 
-pub(crate) struct Dice(pub(crate) u64);
-
-impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    /// From 0 to 1.
-    pub(crate) fn unit(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / (1 << 24) as f32
-    }
-
-    /// From -1 to 1.
-    pub(crate) fn floats(&mut self, count: usize) -> Vec<f32> {
-        (0..count).map(|_| 2.0 * self.unit() - 1.0).collect()
-    }
-
+impl SplitMix64 {
     pub(crate) fn bytes(&mut self, count: usize) -> Vec<u8> {
         (0..count).map(|_| (self.next() >> 32) as u8).collect()
     }
@@ -32,8 +17,8 @@ impl Dice {
         match dtype {
             Dtype::U8 => Values::U8(self.bytes(count)),
             Dtype::I8 => Values::I8(self.bytes(count).into_iter().map(u8::cast_signed).collect()),
-            Dtype::F16 => Values::F16((0..count).map(|_| f16::from_f32(self.unit())).collect()),
-            Dtype::F32 => Values::F32((0..count).map(|_| self.unit()).collect()),
+            Dtype::F16 => Values::F16((0..count).map(|_| f16::from_f32(self.share())).collect()),
+            Dtype::F32 => Values::F32((0..count).map(|_| self.share()).collect()),
         }
     }
 
@@ -50,7 +35,7 @@ impl Dice {
     /// query.
     pub(crate) fn drive(&mut self, places: usize, queries: usize) -> Vec<Vec<f32>> {
         let column = |query| {
-            let mut column: Vec<f32> = (0..places).map(|_| 0.5 + self.unit()).collect();
+            let mut column: Vec<f32> = (0..places).map(|_| 0.5 + self.share()).collect();
             column[places / 3 + query] *= 0.2;
             column
         };

@@ -1,11 +1,7 @@
 //! The matcher is docs/method.md: whole matrices, written as the paper writes them, give the same
 //! fixes.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod cases;
-
-use cases::{all_bits, any_fix, cases, columns, kind, route, stream};
+use crate::cases::{all_bits, any_fix, cases, columns, kind, route, stream};
 use proptest::prelude::*;
 use surefix::{Config, Fix, Floor, Gradient, Peak, Sequence, Single};
 
@@ -23,7 +19,7 @@ fn gradient(d: &[f32], i: usize, kind: Gradient) -> f32 {
         (0, _) => d[1] - d[0],
         (i, _) if i == last => d[last - 1] - d[last],
         (i, Gradient::Halved) => 0.5 * (d[i + 1] + d[i - 1]) - d[i],
-        (i, Gradient::Unhalved) => (d[i + 1] + d[i - 1]) - 2.0 * d[i],
+        (i, _) => (d[i + 1] + d[i - 1]) - 2.0 * d[i],
     }
 }
 
@@ -61,7 +57,7 @@ fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix>
         let floor = match config.floor {
             Floor::Running => running,
             Floor::Fixed(floor) => running.min(floor),
-            Floor::Global => f64::from(least(d)),
+            _ => f64::from(least(d)),
         };
         let weighted = |i: usize, j: usize| -> f64 {
             let raw = f64::from(d[j][i]);
@@ -115,7 +111,7 @@ proptest! {
 
 #[test]
 fn without_weight_it_is_the_plain_sequence_whatever_is_trusted() {
-    let d = columns(cases::Kind::Smooth, 40, 60, 3);
+    let d = columns(crate::cases::Kind::Smooth, 40, 60, 3);
     let config = Config { weight: 0.0, sequence_length: 4, ..Config::default() };
     let (all, none) = (vec![true; 60], vec![false; 60]);
     let scores = |words: &[bool]| -> Vec<_> {

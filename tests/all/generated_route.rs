@@ -1,15 +1,12 @@
 //! The generated route behaves as real ones do: hard for single frames, and easier for trusted
 //! sequences.
 
-#![cfg(feature = "rayon")] // On one core the drives take minutes.
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::ops::ControlFlow;
 
 use surefix::describe_all;
 use surefix::evaluate::{Recall, Truth, evaluate};
-use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{Config, Floor, Map, Run, Sad, match_descriptors};
+use surefix_simulate::{Conditions, Route, RouteConfig};
 
 /// A map of the reference drive, the revisit matched against it with each weight, and the truth.
 fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec<Option<usize>>) {

@@ -1,13 +1,10 @@
 //! A batch gives the stream's fixes, bit for bit, whatever the memory layout and however it is cut
 //! into pieces.
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod cases;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use cases::{DTYPES, Kind, all_bits, cases, columns, kind, numbers, route, stream};
+use crate::cases::{DTYPES, Kind, all_bits, cases, columns, kind, numbers, route, stream};
 use ndarray::{Array2, ArrayView2, ShapeBuilder, s};
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -44,7 +41,7 @@ fn in_every_layout(matrix: &Array2<f32>, mut visit: impl FnMut(&str, ArrayView2<
 }
 
 fn words(count: usize, seed: u64) -> Vec<bool> {
-    let mut dice = cases::Dice(seed ^ 0xabc);
+    let mut dice = crate::random::SplitMix64(seed ^ 0xabc);
     (0..count).map(|_| dice.below(2) == 1).collect()
 }
 

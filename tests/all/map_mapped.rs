@@ -1,16 +1,12 @@
 //! A mapped map gives the answers of one that is read into memory, and a file that cannot be mapped
 //! soundly is refused.
-#![cfg(all(feature = "mmap", target_endian = "little"))]
 #![allow(unsafe_code, reason = "the door is unsafe: nobody but these tests touches their files")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
-
-mod cases;
 
 use std::fs;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use cases::{DTYPES, cases, numbers, sealed};
+use crate::cases::{DTYPES, cases, numbers, sealed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use surefix::{Config, Dtype, Error, Localizer, Map, Metric, Positions};

@@ -1,7 +1,7 @@
 //! Generated cases: options for a route, and distances and descriptors of every awkward kind.
 #![allow(dead_code, reason = "each test program uses its part")]
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+use crate::random::SplitMix64;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{Config, Dtype, Fix, Floor, Gradient, Matcher, Values};
@@ -9,27 +9,6 @@ use surefix::{Config, Dtype, Fix, Floor, Gradient, Matcher, Values};
 /// So many cases, and no files left behind by those that fail: the shrunk case is in the message.
 pub(crate) fn cases(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
-}
-
-/// A small generator of numbers (splitmix64): a seed shrinks better than ten thousand numbers.
-pub(crate) struct Dice(pub(crate) u64);
-
-impl Dice {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    pub(crate) fn below(&mut self, end: u64) -> u64 {
-        self.next() % end
-    }
-
-    /// From 0 to 1.
-    pub(crate) fn share(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / (1_u64 << 24) as f32
-    }
 }
 
 /// The file of a map that was changed, with the checksum of its new bytes.
@@ -42,8 +21,7 @@ pub(crate) fn sealed(mut file: Vec<u8>) -> Vec<u8> {
 
 /// Numbers from -1 to 1.
 pub(crate) fn signed(count: usize, seed: u64) -> Vec<f32> {
-    let mut dice = Dice(seed);
-    (0..count).map(|_| 2.0 * dice.share() - 1.0).collect()
+    SplitMix64(seed).signed(count)
 }
 
 /// What the distances look like.
@@ -66,11 +44,11 @@ pub(crate) fn kind() -> impl Strategy<Value = Kind> {
 
 /// The distances of `queries` queries to `places` places, query by query.
 pub(crate) fn columns(kind: Kind, places: usize, queries: usize, seed: u64) -> Vec<Vec<f32>> {
-    let mut dice = Dice(seed);
-    let number = |dice: &mut Dice| match kind {
+    let mut dice = SplitMix64(seed);
+    let number = |dice: &mut SplitMix64| match kind {
         Kind::Ties => dice.below(4) as f32,
         Kind::Smooth | Kind::Constant => dice.share(),
-        Kind::Signed => [-1.5, -1.0, -0.0, 0.0, 0.5, dice.share() - 0.5][dice.below(6) as usize],
+        Kind::Signed => [-1.5, -1.0, -0.0, 0.0, 0.5, dice.share() - 0.5][dice.below(6)],
         Kind::Wild => (dice.share() + 0.1) * 10_f32.powi(dice.below(61) as i32 - 30),
     };
     let column = |_| match kind {
@@ -82,7 +60,7 @@ pub(crate) fn columns(kind: Kind, places: usize, queries: usize, seed: u64) -> V
 
 /// Numbers for descriptors of each type, none of them zero: every row has a direction.
 pub(crate) fn numbers(dtype: Dtype, count: usize, seed: u64) -> Values {
-    let mut dice = Dice(seed);
+    let mut dice = SplitMix64(seed);
     let mut draw = || dice.share() * 2.0 - 0.999;
     match dtype {
         Dtype::F32 => Values::F32((0..count).map(|_| draw()).collect()),

@@ -1,10 +1,10 @@
 //! What stands at the kerb: lamps, poles and wires, signs, street trees, parked cars.
 
-use super::camera::{FAR, NEAR};
-use super::canvas::{Point, Rgb, blend, scale};
+use super::camera::NEAR;
+use super::canvas::{Rgb, blend};
 use super::ground::ROAD;
-use super::look::Look;
 use super::noise::{Dice, hash, unit};
+use super::plants::paint_tree;
 use super::scene::Scene;
 use super::scenery::{District, LOT, Lot, Plot};
 use super::traffic::Traffic;
@@ -26,16 +26,13 @@ pub(super) fn paint_kerb(scene: &mut Scene, lot: &Lot, start: f32, traffic: &Tra
     if urban && unit(hash(lot.style, 51)) < 0.45 {
         let x = lot.side * (ROAD + 1.1);
         let height = dice.between(4.2, 6.0);
-        super::plants::paint_tree(scene, (x, start + 9.0), height, hash(lot.style, 52));
+        paint_tree(scene, (x, start + 9.0), height, hash(lot.style, 52));
     }
     if urban {
         traffic.paint_walker(scene, lot, start);
     }
-    if lot.district == District::Town
-        && let Some(seed) = traffic.parked(lot)
-    {
-        let x = lot.side * (ROAD - 0.75);
-        Car::new(seed).paint(scene, x, start + 3.0, lot.side < 0.0);
+    if lot.district == District::Town {
+        traffic.paint_parked(scene, lot, start + 3.0);
     }
     if !urban {
         if lot.side > 0.0 && lot.index.rem_euclid(3) == 0 {
@@ -95,7 +92,7 @@ fn paint_lamp(scene: &mut Scene, lot: &Lot, z: f32) {
     let size = 0.3 * zoom;
     scene.canvas.ellipse((head.0, head.1 + 0.1 * zoom), (size, size * 0.45), bulb, 1.0);
     if look.lamps > 0.0 {
-        paint_glow(scene, head, 1.5 * zoom, [255.0, 210.0, 140.0]);
+        scene.glow(head, 1.5 * zoom, [255.0, 210.0, 140.0]);
     }
 }
 
@@ -160,105 +157,5 @@ fn paint_sign(scene: &mut Scene, lot: &Lot, z: f32) {
             (centre.0 + wide * 0.86, centre.1 + r * 0.8),
         );
         scene.canvas.rect(a, b, face, 1.0);
-    }
-}
-
-/// The light around a lamp after dark, fading outwards.
-fn paint_glow(scene: &mut Scene, centre: Point, radius: f32, colour: Rgb) {
-    let alpha = 0.085 * scene.look.lamps;
-    if alpha > 0.0 {
-        let rings: u8 = if radius < 4.0 { 2 } else { 6 };
-        for ring in 1..=rings {
-            let reach = radius * f32::from(ring) / f32::from(rings);
-            scene.canvas.ellipse(centre, (reach, reach), colour, alpha);
-        }
-    }
-}
-
-const PAINTS: [Rgb; 8] = [
-    [188.0, 42.0, 44.0],
-    [40.0, 76.0, 136.0],
-    [222.0, 224.0, 226.0],
-    [52.0, 54.0, 60.0],
-    [146.0, 152.0, 158.0],
-    [64.0, 108.0, 92.0],
-    [214.0, 166.0, 58.0],
-    [108.0, 44.0, 60.0],
-];
-
-/// A car, van or lorry.
-pub(super) struct Car {
-    paint: Rgb,
-    half: f32,
-    length: f32,
-    /// Heights of the body and of the roof, in metres.
-    body: f32,
-    roof: f32,
-}
-
-impl Car {
-    pub(super) fn new(seed: u64) -> Self {
-        let mut dice = Dice::new(seed);
-        let paint = dice.pick(&PAINTS);
-        match dice.unit() {
-            r if r < 0.66 => Self { paint, half: 0.88, length: 4.2, body: 0.92, roof: 1.46 },
-            r if r < 0.88 => Self { paint, half: 0.98, length: 5.2, body: 1.2, roof: 2.3 },
-            _ => Self { paint, half: 1.2, length: 7.0, body: 3.0, roof: 3.3 },
-        }
-    }
-
-    /// Paints it with its near end at `(x, z)`; `oncoming` shows its front.
-    pub(super) fn paint(&self, scene: &mut Scene, x: f32, z: f32, oncoming: bool) {
-        if !(NEAR..=FAR).contains(&z) {
-            return;
-        }
-        let look = scene.look;
-        let side = if x > scene.camera.eye_x { 1.0 } else { -1.0 };
-        let skin = |by: f32| look.shade(scale(self.paint, by), 0.95, z);
-        let ends = (z, z + self.length);
-        let sides = (x - self.half, x + self.half);
-        let zoom = scene.camera.zoom(z);
-        let foot = scene.camera.project(x, 0.0, z);
-        let shadow = look.shade([30.0, 32.0, 40.0], 1.0, z);
-        let spread = (self.half * 1.12 * zoom, 0.16 * zoom);
-        scene.canvas.ellipse(foot, spread, shadow, 0.6);
-        let tyre = look.shade([34.0, 34.0, 38.0], 1.0, z);
-        for wheel in [-0.72, 0.72] {
-            let middle = x + wheel * self.half;
-            scene.board((middle - 0.13, middle + 0.13), (0.0, 0.5), z, tyre);
-        }
-        scene.solid(sides, (0.28, self.body), ends, (skin(0.92), skin(look.facing(side) * 0.86)));
-        let glass = look.shade([56.0, 68.0, 82.0], 0.95, z);
-        let cabin = (x - self.half * 0.86, x + self.half * 0.86);
-        let boot = (z + 0.5, z + self.length - 1.2);
-        if self.body < 2.0 {
-            let side_glass = scale(glass, 0.9);
-            scene.solid(cabin, (self.body, self.roof), boot, (skin(0.86), side_glass));
-            let roof = (self.roof - 0.1, self.roof);
-            scene.solid(cabin, roof, boot, (skin(1.0), skin(1.0)));
-            let pane = (x - self.half * 0.72, x + self.half * 0.72);
-            scene.board(pane, (self.body + 0.06, self.roof - 0.12), boot.0, glass);
-            let deck = look.shade(look.snowed(self.paint, 0.35), 1.0, z);
-            scene.board(sides, (self.body - 0.08, self.body), z, deck);
-        }
-        self.paint_lights(scene, look, x, z, oncoming);
-    }
-
-    fn paint_lights(&self, scene: &mut Scene, look: &Look, x: f32, z: f32, oncoming: bool) {
-        let (colour, by_day) = if oncoming {
-            ([255.0, 244.0, 214.0], [226.0, 228.0, 226.0])
-        } else {
-            ([255.0, 60.0, 44.0], [168.0, 34.0, 34.0])
-        };
-        let zoom = scene.camera.zoom(z);
-        let lamp = blend(look.shade(by_day, 1.0, z), look.veil(colour, z), look.lamps);
-        for which in [-0.74, 0.74] {
-            let centre = scene.camera.project(x + which * self.half, 0.72, z);
-            scene.canvas.ellipse(centre, (0.15 * zoom, 0.1 * zoom), lamp, 1.0);
-            let glow = if oncoming { 0.6 } else { 0.4 };
-            paint_glow(scene, centre, glow * zoom, colour);
-        }
-        let plate = look.shade([236.0, 234.0, 214.0], 0.95, z);
-        scene.board((x - 0.25, x + 0.25), (0.42, 0.55), z, plate);
     }
 }

@@ -1,7 +1,5 @@
 //! What a saved map is to the operating system: its permissions, and what a full disk leaves
 //! behind.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
@@ -23,7 +21,7 @@ fn large_map() -> Map {
 /// Runs this very test again in a shell that has set `limits`, there to save a map; whether it
 /// could.
 fn save_under(limits: &str, test: &str, path: &Path) -> bool {
-    let script = format!("{limits}; exec \"$0\" --exact {test} --nocapture");
+    let script = format!("{limits}; exec \"$0\" --exact map_file_unix::{test} --nocapture");
     let mut shell = Command::new("sh");
     shell.arg("-c").arg(script).arg(std::env::current_exe().unwrap()).env(CHILD, path);
     let output = shell.output().unwrap();

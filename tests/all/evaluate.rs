@@ -1,9 +1,6 @@
 //! The precision-recall curve against a sweep that counts anew at every threshold.
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
-mod cases;
-
-use cases::{any_fix, cases};
+use crate::cases::{any_fix, cases};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -64,7 +61,7 @@ proptest! {
             let relevant = match recall {
                 Recall::Correct => count(&|query| correct(query, tolerance)),
                 Recall::PlaceExists => count(&|query| query.2.is_some()),
-                Recall::Rejected => found + count(&|query| !accepted(query)),
+                _ => found + count(&|query| !accepted(query)),
             };
             prop_assert_eq!(point.threshold, threshold);
             prop_assert_eq!(point.precision, found as f64 / count(&accepted) as f64);

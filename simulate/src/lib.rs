@@ -9,7 +9,7 @@
 //! takes no memory, and the same options give the same bits on every machine.
 //!
 //! ```
-//! use surefix::simulate::{Conditions, Route, RouteConfig};
+//! use surefix_simulate::{Conditions, Route, RouteConfig};
 //!
 //! let route = Route::new(RouteConfig { places: 100, width: 64, height: 32, ..RouteConfig::default() })?;
 //! let reference = route.traverse(Conditions::reference())?;
@@ -35,6 +35,7 @@ mod conditions;
 mod ground;
 mod look;
 mod noise;
+mod paint;
 mod plants;
 mod scene;
 mod scenery;
@@ -49,7 +50,7 @@ mod tests;
 pub use conditions::Conditions;
 pub use traverse::Traverse;
 
-use crate::error::Error;
+use surefix::Error;
 
 /// The shortest and the longest side of a frame, in pixels.
 const SIDES: std::ops::RangeInclusive<usize> = 8..=8192;

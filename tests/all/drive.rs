@@ -1,13 +1,10 @@
 //! Queries that are standardised by those of their drive so far: a stream is a batch is what is
 //! done by hand, also after a restart.
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod cases;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use cases::{cases, signed};
+use crate::cases::{cases, signed};
 use proptest::prelude::*;
 use surefix::Running;
 use surefix::{Config, Dtype, Error, Floor, Localizer, Map, Metric, Post, Step, match_descriptors};
