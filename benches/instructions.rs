@@ -11,6 +11,10 @@
     reason = "a benchmark stops at the first surprise"
 )]
 
+#[macro_use]
+#[path = "../tests/all/options.rs"]
+mod options;
+
 mod random;
 
 use std::hint::black_box;
@@ -90,8 +94,7 @@ fn distances(dtypes: &[Dtype], float_queries: bool) {
 fn push(lengths: &[usize]) {
     let columns = SplitMix64(2).drive(PLACES, 16);
     for &sequence_length in lengths {
-        let mut matcher =
-            Matcher::new(PLACES, Config { sequence_length, ..Config::default() }).unwrap();
+        let mut matcher = Matcher::new(PLACES, config! { sequence_length }).unwrap();
         let mut frames = columns.iter().cycle();
         let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
         (0..2 * sequence_length).for_each(|_| push());
@@ -110,7 +113,7 @@ fn screened() {
             .unwrap()
             .with_screen(Dtype::I8)
             .unwrap();
-        let config = Config { sequence_length: 3, ..Config::default() };
+        let config = config! { sequence_length: 3 };
         let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
         let drive: Vec<f32> =
             noise.iter().zip(&rows).map(|(noise, row)| row + 0.5 * noise).collect();

@@ -3,6 +3,10 @@
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark stops at the first surprise")]
 
+#[macro_use]
+#[path = "../tests/all/options.rs"]
+mod options;
+
 mod random;
 
 use std::hint::black_box;
@@ -45,7 +49,7 @@ fn screen(criterion: &mut Criterion) {
     let drive: Vec<f32> =
         noise.iter().zip(&rows[PLACES / 3 * DIM..]).map(|(noise, row)| row + 2.0 * noise).collect();
     let map = Map::from_descriptors(rows, DIM, Metric::Cosine).unwrap();
-    let config = Config { sequence_length: 3, ..Config::default() };
+    let config = config! { sequence_length: 3 };
     let new = |map: Map| {
         Localizer::new(map.into(), config.clone()).unwrap().with_threads(Some(1)).unwrap()
     };

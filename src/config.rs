@@ -40,10 +40,12 @@ pub enum Floor {
 ///
 /// ```
 /// use surefix::Config;
-/// let config = Config { sequence_length: 5, ..Config::default() };
+/// let mut config = Config::default();
+/// config.sequence_length = 5;
 /// assert_eq!(config.weight, 0.99);
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Config {
     /// `L`, how many queries a sequence has (Eq. 5). From 1 to the number of places; 2 by default.
     pub sequence_length: usize,

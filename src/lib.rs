@@ -24,7 +24,8 @@
 //!
 //! let mut progress = |_done, _total| ControlFlow::Continue(());
 //! let map = Map::from_images(&summer, Sad::default(), &mut progress)?;
-//! let config = Config { sequence_length: 5, ..Config::default() };
+//! let mut config = Config::default();
+//! config.sequence_length = 5;
 //! let mut localizer = Localizer::new(Arc::new(map), config)?;
 //! for frame in 0..winter.len() {
 //!     let fix = localizer.push_image(&winter.frame(frame))?;

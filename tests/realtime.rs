@@ -2,6 +2,10 @@
 #![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+#[macro_use]
+#[path = "all/options.rs"]
+mod options;
+
 #[path = "all/cases.rs"]
 mod cases;
 #[path = "../src/random.rs"]
@@ -72,14 +76,11 @@ fn configs() -> Vec<Config> {
             for gradient in [Gradient::Halved, Gradient::Unhalved] {
                 for floor in [Floor::Running, Floor::Fixed(0.1)] {
                     for speeds in [vec![1.0], vec![0.8, 0.9, 1.0, 1.1, 1.2]] {
-                        all.push(Config {
-                            sequence_length,
-                            smoothing,
-                            gradient,
-                            floor,
-                            speeds,
-                            ..Config::default()
-                        });
+                        all.push(config! { sequence_length,
+                        smoothing,
+                        gradient,
+                        floor,
+                        speeds });
                     }
                 }
             }
@@ -213,8 +214,7 @@ fn a_screened_localizer_allocates_nothing_either() {
                 Map::from_descriptors(if same > 0.0 { alike } else { rows.clone() }, DIM, metric)
                     .unwrap();
             let map = map.with_screen(Dtype::I8).unwrap();
-            let config =
-                Config { sequence_length: 12, speeds: vec![1.0, 0.8], ..Config::default() };
+            let config = config! { sequence_length: 12, speeds: vec![1.0, 0.8] };
             let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
             let mut copy = localizer.clone();
             let spoilt = vec![f32::NAN; DIM];
@@ -325,8 +325,7 @@ fn localizers_that_share_a_map_do_not_notice_each_other() {
         Map::from_descriptors(numbers(Dtype::U8, 200 * DIM, 1), DIM, Metric::Manhattan).unwrap(),
     );
     let run = |map: Arc<Map>, robot: u64| -> Vec<Fix> {
-        let mut localizer =
-            Localizer::new(map, Config { sequence_length: 5, ..Config::default() }).unwrap();
+        let mut localizer = Localizer::new(map, config! { sequence_length: 5 }).unwrap();
         let queries = (0..100).map(|query| numbers(Dtype::U8, DIM, robot * 1000 + query));
         queries.map(|query| localizer.push_descriptor(&query).unwrap()).collect()
     };

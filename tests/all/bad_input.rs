@@ -60,39 +60,36 @@ fn a_route_has_two_places_at_least() {
 fn every_option_has_its_range() {
     let base = Config::default;
     let cases: Vec<(&str, Config, [&str; 2])> = vec![
-        ("sequence_length", Config { sequence_length: 0, ..base() }, ["from 1 to 10", "got 0"]),
+        ("sequence_length", config! { base() => sequence_length: 0 }, ["from 1 to 10", "got 0"]),
         (
             "sequence_length",
-            Config { sequence_length: 11, ..base() },
+            config! { base() => sequence_length: 11 },
             ["the number of places", "got 11"],
         ),
-        ("smoothing", Config { smoothing: 0, ..base() }, ["from 1", "got 0"]),
+        ("smoothing", config! { base() => smoothing: 0 }, ["from 1", "got 0"]),
         (
             "smoothing",
-            Config { smoothing: usize::MAX, ..base() },
+            config! { base() => smoothing: usize::MAX },
             ["from 1 to 65536", "got 18446744073709551615"],
         ),
-        ("weight", Config { weight: -0.01, ..base() }, ["from 0 to 1", "got -0.01"]),
-        ("weight", Config { weight: 1.01, ..base() }, ["from 0 to 1", "got 1.01"]),
-        ("weight", Config { weight: f64::NAN, ..base() }, ["from 0 to 1", "got NaN"]),
-        ("floor", Config { floor: Floor::Fixed(f64::NAN), ..base() }, ["finite", "got NaN"]),
-        ("floor", Config { floor: Floor::Fixed(f64::INFINITY), ..base() }, ["finite", "got inf"]),
+        ("weight", config! { base() => weight: -0.01 }, ["from 0 to 1", "got -0.01"]),
+        ("weight", config! { base() => weight: 1.01 }, ["from 0 to 1", "got 1.01"]),
+        ("weight", config! { base() => weight: f64::NAN }, ["from 0 to 1", "got NaN"]),
+        ("floor", config! { base() => floor: Floor::Fixed(f64::NAN) }, ["finite", "got NaN"]),
+        ("floor", config! { base() => floor: Floor::Fixed(f64::INFINITY) }, ["finite", "got inf"]),
         // Nearer to the end of float32 than to what lies beyond it, but beyond it.
         (
             "floor",
-            Config {
-                floor: Floor::Fixed(-340_282_356_779_733_600_000_000_000_000_000_000_000.0),
-                ..base()
-            },
+            config! { base() => floor: Floor::Fixed(-340_282_356_779_733_600_000_000_000_000_000_000_000.0) },
             ["finite in float32", "got -34028235677973"],
         ),
-        ("floor", Config { floor: Floor::Global, ..base() }, ["stream", "global"]),
-        ("speeds", Config { speeds: vec![], ..base() }, ["at least one", "got none"]),
-        ("speeds", Config { speeds: vec![1.0, -0.5], ..base() }, ["0 or more", "got -0.5"]),
-        ("speeds", Config { speeds: vec![f64::NAN], ..base() }, ["finite", "got NaN"]),
-        ("speeds", Config { speeds: vec![f64::INFINITY], ..base() }, ["finite", "got inf"]),
-        ("speeds", Config { speeds: vec![9.5], ..base() }, ["at most 9 places back", "got 9.5"]),
-        ("speeds", Config { speeds: vec![1e300], ..base() }, ["at most 9 places back", "got 1"]),
+        ("floor", config! { base() => floor: Floor::Global }, ["stream", "global"]),
+        ("speeds", config! { base() => speeds: vec![] }, ["at least one", "got none"]),
+        ("speeds", config! { base() => speeds: vec![1.0, -0.5] }, ["0 or more", "got -0.5"]),
+        ("speeds", config! { base() => speeds: vec![f64::NAN] }, ["finite", "got NaN"]),
+        ("speeds", config! { base() => speeds: vec![f64::INFINITY] }, ["finite", "got inf"]),
+        ("speeds", config! { base() => speeds: vec![9.5] }, ["at most 9 places back", "got 9.5"]),
+        ("speeds", config! { base() => speeds: vec![1e300] }, ["at most 9 places back", "got 1"]),
     ];
     for (option, config, parts) in cases {
         let error = refused(Matcher::new(10, config.clone()));
@@ -127,16 +124,16 @@ fn every_option_has_its_range() {
 fn every_option_takes_the_ends_of_its_range() {
     let base = Config::default;
     let cases = [
-        Config { sequence_length: 1, ..base() },
-        Config { sequence_length: 10, ..base() },
-        Config { weight: 0.0, ..base() },
-        Config { weight: 1.0, ..base() },
-        Config { tolerance: usize::MAX, ..base() },
-        Config { floor: Floor::Fixed(f32::MIN.into()), ..base() },
-        Config { floor: Floor::Fixed(f32::MAX.into()), ..base() },
-        Config { smoothing: 65_536, ..base() },
-        Config { speeds: vec![0.0, 9.49], ..base() },
-        Config { speeds: vec![1e300], sequence_length: 1, ..base() },
+        config! { base() => sequence_length: 1 },
+        config! { base() => sequence_length: 10 },
+        config! { base() => weight: 0.0 },
+        config! { base() => weight: 1.0 },
+        config! { base() => tolerance: usize::MAX },
+        config! { base() => floor: Floor::Fixed(f32::MIN.into()) },
+        config! { base() => floor: Floor::Fixed(f32::MAX.into()) },
+        config! { base() => smoothing: 65_536 },
+        config! { base() => speeds: vec![0.0, 9.49] },
+        config! { base() => speeds: vec![1e300], sequence_length: 1 },
     ];
     for config in cases {
         let mut matcher = Matcher::new(10, config.clone()).unwrap();

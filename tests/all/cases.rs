@@ -89,7 +89,7 @@ pub(crate) fn config(places: usize) -> impl Strategy<Value = Config> {
                     *speed = 1.0;
                 }
             }
-            Config { sequence_length, weight, tolerance, smoothing, gradient, floor, speeds }
+            config! { sequence_length, weight, tolerance, smoothing, gradient, floor, speeds }
         },
     )
 }

@@ -56,7 +56,7 @@ proptest! {
             let raw = signed(places * dim, seed);
             let queries: Vec<f32> = signed(20 * dim, !seed).iter().map(|x| 3.0 * x + 1.0).collect();
             let map = Arc::new(route(&raw, dim, metric));
-            let config = Config { sequence_length: length, floor, ..Config::default() };
+            let config = config! { sequence_length: length, floor };
             let (done, rows) = by_hand(&raw, &queries, dim);
             let plain = Map::from_descriptors(rows, TO, metric).unwrap();
             prop_assert_eq!(plain.descriptors(), map.descriptors());
@@ -170,7 +170,7 @@ fn in_a_batch_the_whole_of_the_route_can_be_the_floor() {
         raw.iter().zip(signed(20 * 6, 4)).map(|(x, y)| 2.0 * x + 0.1 * y + 3.0).collect();
     let map = route(&raw, dim, Metric::Euclidean);
     let run = |floor| {
-        let config = Config { floor, ..Config::default() };
+        let config = config! { floor };
         match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()))
             .unwrap()
     };

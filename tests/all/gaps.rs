@@ -150,8 +150,8 @@ proptest! {
         let least = d.iter().flatten().copied().fold(f32::INFINITY, f32::min);
         for floor in [config.floor, Floor::Global] {
             let live = if floor == Floor::Global { Floor::Fixed(f64::from(least)) } else { floor };
-            let expected = stream(n, &Config { floor: live, ..config.clone() }, &d, &words, &gaps);
-            let config = Config { floor, ..config.clone() };
+            let expected = stream(n, &config! { config.clone() => floor: live }, &d, &words, &gaps);
+            let config = config! { config.clone() => floor };
             let run = match_distances(matrix(&d).view(), &config, trusted.as_deref(), &gaps)?;
             prop_assert_eq!(all_bits(&run.fixes), all_bits(&expected));
         }
@@ -167,7 +167,7 @@ proptest! {
         let distances = (0..m).map(|j| map.distances(row(j))).collect::<Result<Vec<_>, _>>()?;
         let least = distances.iter().flatten().copied().fold(f32::INFINITY, f32::min);
         let [live, whole] = if global { [Floor::Fixed(f64::from(least)), Floor::Global] } else { [config.floor; 2] };
-        let mut localizer = Localizer::new(Arc::clone(&map), Config { floor: live, ..config.clone() })?;
+        let mut localizer = Localizer::new(Arc::clone(&map), config! { config.clone() => floor: live })?;
         let mut expected = Vec::new();
         for (query, distances) in distances.iter().enumerate() {
             if gaps.contains(&query) {
@@ -177,7 +177,7 @@ proptest! {
             expected.push(localizer.push_descriptor(row(query))?);
             prop_assert_eq!(localizer.distances(), distances.as_slice());
         }
-        let config = Config { floor: whole, ..config };
+        let config = config! { config => floor: whole };
         let run = match_descriptors(&map, &queries, &config, None, &gaps, &mut |_, _| ControlFlow::Continue(()))?;
         prop_assert_eq!(all_bits(&run.fixes), all_bits(&expected));
     }
@@ -192,7 +192,7 @@ fn drive(places: usize, queries: usize) -> Vec<Vec<f32>> {
 
 #[test]
 fn before_the_first_query_a_gap_is_nothing() {
-    let config = Config { sequence_length: 3, ..Config::default() };
+    let config = config! { sequence_length: 3 };
     let (mut cut, mut never) =
         (Matcher::new(20, config.clone()).unwrap(), Matcher::new(20, config.clone()).unwrap());
     for round in 0..2 {
@@ -216,7 +216,7 @@ fn before_the_first_query_a_gap_is_nothing() {
 #[test]
 fn nothing_is_matched_across_a_jump() {
     const JUMP: usize = 12;
-    let config = Config { sequence_length: 10, weight: 0.0, smoothing: 1, ..Config::default() };
+    let config = config! { sequence_length: 10, weight: 0.0, smoothing: 1 };
     let d = drive(100, 60);
     // Ten frames of a road that is driven on elsewhere.
     let d = [&d[..JUMP], &d[40..]].concat();
@@ -237,7 +237,7 @@ fn nothing_is_matched_across_a_jump() {
 
 #[test]
 fn the_running_floor_outlives_a_gap() {
-    let config = Config { sequence_length: 1, weight: 1.0, ..Config::default() };
+    let config = config! { sequence_length: 1, weight: 1.0 };
     let mut matcher = Matcher::new(2, config).unwrap();
     matcher.push(&[0.25, 1.0]).unwrap();
     matcher.gap();
@@ -273,7 +273,7 @@ fn a_gap_before_a_query_that_there_is_not_is_named() {
 /// An older version of the library reads all snapshots but those that it would misunderstand.
 #[test]
 fn only_a_gap_within_reach_needs_the_newer_format() {
-    let config = Config { sequence_length: 4, smoothing: 6, ..Config::default() };
+    let config = config! { sequence_length: 4, smoothing: 6 };
     let mut matcher = Matcher::new(20, config).unwrap();
     let format = |matcher: &Matcher| {
         let blob = matcher.snapshot().unwrap();

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use surefix::describe_all;
 use surefix::evaluate::{Recall, Truth, evaluate};
-use surefix::{Config, Floor, Map, Run, Sad, match_descriptors};
+use surefix::{Floor, Map, Run, Sad, match_descriptors};
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
 /// A map of the reference drive, the revisit matched against it with each weight, and the truth.
@@ -19,7 +19,7 @@ fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec
     let map = Map::from_images(&reference, Sad::default(), progress).unwrap();
     let queries = describe_all(&Sad::default(), &revisit, progress).unwrap();
     let runs = weights.map(|weight| {
-        let config = Config { weight, floor: Floor::Global, ..Config::default() };
+        let config = config! { weight, floor: Floor::Global };
         match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()))
             .unwrap()
     });

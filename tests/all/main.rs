@@ -1,6 +1,9 @@
 //! The library from outside, in one program: what it promises, held by properties and examples.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
 
+#[macro_use]
+mod options;
+
 mod bad_input;
 mod cases;
 mod drive;

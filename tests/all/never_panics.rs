@@ -88,7 +88,7 @@ proptest! {
         seed: u64,
         floor in prop_oneof![Just(Floor::Running), select(vec![-1e38, 0.0, 1e38]).prop_map(Floor::Fixed)],
     ) {
-        let config = Config { floor, ..config };
+        let config = config! { config => floor };
         let mut dice = crate::random::SplitMix64(seed);
         let mut matcher = Matcher::new(places, config.clone()).unwrap();
         let extremes = [f32::MAX, f32::MIN, f32::MAX / 2.0, 1e-45, -0.0, 0.0, 1.0];
@@ -104,7 +104,7 @@ proptest! {
 #[test]
 fn a_score_is_finite_whatever_floor_is_accepted() {
     for floor in [-1e30, -1e39, -1e300, f64::MIN, 1e300, f64::MAX] {
-        let config = Config { floor: Floor::Fixed(floor), ..Config::default() };
+        let config = config! { floor: Floor::Fixed(floor) };
         let Ok(mut matcher) = Matcher::new(3, config) else { continue };
         for _ in 0..3 {
             let fix = matcher.push_with_trust(&[0.5, 0.2, 0.4], true).unwrap();

@@ -112,7 +112,7 @@ proptest! {
 #[test]
 fn without_weight_it_is_the_plain_sequence_whatever_is_trusted() {
     let d = columns(crate::cases::Kind::Smooth, 40, 60, 3);
-    let config = Config { weight: 0.0, sequence_length: 4, ..Config::default() };
+    let config = config! { weight: 0.0, sequence_length: 4 };
     let (all, none) = (vec![true; 60], vec![false; 60]);
     let scores = |words: &[bool]| -> Vec<_> {
         stream(40, &config, &d, Some(words)).iter().map(|fix| (fix.place, fix.score)).collect()
@@ -125,8 +125,7 @@ fn a_whole_trusted_diagonal_with_full_weight_scores_the_floor() {
     // A perfect drive: place j is nearest at query j.
     let d: Vec<Vec<f32>> =
         (0..10_u8).map(|j| (0..10_u8).map(|i| 1.0 + f32::from(i.abs_diff(j))).collect()).collect();
-    let config =
-        Config { weight: 1.0, floor: Floor::Fixed(0.25), sequence_length: 3, ..Config::default() };
+    let config = config! { weight: 1.0, floor: Floor::Fixed(0.25), sequence_length: 3 };
     let fixes = stream(10, &config, &d, None);
     for fix in &fixes[2..] {
         let sequence = fix.sequence.expect("the window is full");
@@ -151,8 +150,7 @@ fn the_smaller_sum_wins_between_speeds_too() {
         d[4 - age][2] = standing;
         d[4 - age][8 - age] = driving;
     }
-    let config =
-        Config { sequence_length: 5, weight: 0.0, speeds: vec![0.0, 1.0], ..Config::default() };
+    let config = config! { sequence_length: 5, weight: 0.0, speeds: vec![0.0, 1.0] };
     let sequence = stream(10, &config, &d, None)[4].sequence.expect("the window is full");
     assert_eq!((sequence.place, sequence.speed), (8, 1.0));
 }

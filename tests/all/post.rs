@@ -67,7 +67,7 @@ proptest! {
         for metric in [Metric::Euclidean, Metric::Cosine, Metric::Manhattan] {
             let (map, _) = route(CHAINS[chain], places, dim, metric, seed);
             let queries = signed(20 * dim, !seed);
-            let config = Config { sequence_length: length, ..Config::default() };
+            let config = config! { sequence_length: length };
             let plain = Map::from_descriptors(map.descriptors().to_values(), map.dim(), metric).unwrap();
             let processed = map.post().unwrap().apply(&queries).unwrap();
             let mut by_hand = Localizer::new(Arc::new(plain), config.clone()).unwrap();

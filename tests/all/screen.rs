@@ -171,7 +171,7 @@ fn on_a_route_few_rows_are_looked_at_and_among_look_alikes_all() {
     for metric in [Metric::Euclidean, Metric::Cosine] {
         let plain = map(&rows, DIM, metric).unwrap();
         let screened = Arc::new(plain.clone().with_screen(Dtype::I8).unwrap());
-        let config = Config { sequence_length: 3, ..Config::default() };
+        let config = config! { sequence_length: 3 };
         let mut localizer = Localizer::new(screened, config.clone()).unwrap();
         assert_eq!(localizer.looked_at(), 0);
         let mut plain = Localizer::new(Arc::new(plain), config).unwrap();

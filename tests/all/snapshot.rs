@@ -15,8 +15,7 @@ fn map(seed: u64, metric: Metric) -> Arc<Map> {
 
 /// A localizer that has seen `frames` frames, and its snapshot.
 fn taken(frames: u64) -> (Arc<Map>, Config, Vec<u8>) {
-    let (map, config) =
-        (map(1, Metric::Euclidean), Config { sequence_length: 4, ..Config::default() });
+    let (map, config) = (map(1, Metric::Euclidean), config! { sequence_length: 4 });
     let mut localizer = Localizer::new(Arc::clone(&map), config.clone()).unwrap();
     for frame in 0..frames {
         localizer.push_descriptor(&numbers(Dtype::F32, DIM, 100 + frame)).unwrap();
@@ -80,7 +79,7 @@ proptest! {
     #[test]
     fn any_running_minimum_survives(number in any::<u32>().prop_map(f32::from_bits)) {
         prop_assume!(number.is_finite());
-        let config = Config { weight: 1.0, ..Config::default() };
+        let config = config! { weight: 1.0 };
         let mut whole = Matcher::new(2, config)?;
         whole.push(&[number, f32::MAX])?;
         let mut restored = Matcher::restore(&whole.snapshot()?, None)?;
@@ -150,13 +149,13 @@ fn another_map_is_refused() {
 fn other_options_are_refused_where_options_are_expected() {
     let (map, config, blob) = taken(5);
     let others = [
-        Config { sequence_length: 3, ..config.clone() },
-        Config { weight: 0.5, ..config.clone() },
-        Config { tolerance: 2, ..config.clone() },
-        Config { smoothing: 1, ..config.clone() },
-        Config { gradient: Gradient::Unhalved, ..config.clone() },
-        Config { floor: Floor::Fixed(0.0), ..config.clone() },
-        Config { speeds: vec![1.0, 0.9], ..config.clone() },
+        config! { config.clone() => sequence_length: 3 },
+        config! { config.clone() => weight: 0.5 },
+        config! { config.clone() => tolerance: 2 },
+        config! { config.clone() => smoothing: 1 },
+        config! { config.clone() => gradient: Gradient::Unhalved },
+        config! { config.clone() => floor: Floor::Fixed(0.0) },
+        config! { config.clone() => speeds: vec![1.0, 0.9] },
     ];
     for other in others {
         let message = reason(Localizer::restore(Arc::clone(&map), &blob, Some(&other)));
@@ -279,7 +278,7 @@ fn a_forged_size_is_refused_before_memory_is_taken() {
 
 #[test]
 fn a_snapshot_is_small_and_the_same_each_time() {
-    let config = Config { sequence_length: 5, ..Config::default() };
+    let config = config! { sequence_length: 5 };
     let mut matcher = Matcher::new(100, config).unwrap();
     for column in columns(Kind::Smooth, 100, 20, 1) {
         matcher.push(&column).unwrap();

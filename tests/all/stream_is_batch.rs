@@ -65,8 +65,8 @@ proptest! {
     ) {
         let d = columns(kind, n, m, seed);
         let least = d.iter().flatten().copied().fold(f32::INFINITY, f32::min);
-        let fixed = Config { floor: Floor::Fixed(f64::from(least)), ..config.clone() };
-        let global = Config { floor: Floor::Global, ..config };
+        let fixed = config! { config.clone() => floor: Floor::Fixed(f64::from(least)) };
+        let global = config! { config => floor: Floor::Global };
         prop_assert_eq!(batch(matrix(&d).view(), &global, None), all_bits(&stream(n, &fixed, &d, None)));
     }
 }
@@ -81,9 +81,7 @@ proptest! {
         (n, config) in route(2..40), length in 1..40_usize, smoothing in 1..30_usize,
         m in 600..2600_usize, kind in kind(), seed: u64, external: bool,
     ) {
-        let config = Config {
-            sequence_length: length.min(n), smoothing, speeds: vec![1.0, 0.5], ..config
-        };
+        let config = config! { config => sequence_length: length.min(n), smoothing, speeds: vec![1.0, 0.5] };
         let d = columns(kind, n, m, seed);
         let words = words(m, seed);
         let trusted = external.then_some(words.as_slice());
@@ -112,8 +110,8 @@ proptest! {
         let distances = |j| map.distances(queries.view().row(j, dim).unwrap());
         let columns: Vec<Vec<f32>> = (0..m).map(distances).collect::<Result<_, _>>()?;
         let least = columns.iter().flatten().copied().fold(f32::INFINITY, f32::min);
-        let global = Config { floor: Floor::Global, ..config.clone() };
-        let fixed = Config { floor: Floor::Fixed(f64::from(least)), ..config };
+        let global = config! { config.clone() => floor: Floor::Global };
+        let fixed = config! { config => floor: Floor::Fixed(f64::from(least)) };
         let got = all_bits(&together(&global)?.fixes);
         prop_assert_eq!(&got, &all_bits(&alone(&fixed)?));
         prop_assert_eq!(&got, &batch(matrix(&columns).view(), &global, trusted));
@@ -126,7 +124,7 @@ fn a_run_without_queries_is_empty() {
     let map =
         Map::from_descriptors(numbers(surefix::Dtype::U8, 10, 1), 2, Metric::Manhattan).unwrap();
     for floor in [Floor::Running, Floor::Fixed(0.0), Floor::Global] {
-        let config = Config { floor, ..Config::default() };
+        let config = config! { floor };
         assert!(match_distances(nothing.view(), &config, None, &[]).unwrap().fixes.is_empty());
         let none = Values::U8(Vec::new());
         let run = match_descriptors(&map, &none, &config, Some(&[]), &[], &mut |_, _| {
@@ -222,13 +220,8 @@ fn a_word_too_few_or_too_many_is_refused() {
 #[test]
 fn the_csv_has_a_line_a_query_and_reads_back() {
     let d = columns(Kind::Smooth, 12, 9, 5);
-    let run = match_distances(
-        matrix(&d).view(),
-        &Config { sequence_length: 3, ..Config::default() },
-        None,
-        &[],
-    )
-    .unwrap();
+    let run =
+        match_distances(matrix(&d).view(), &config! { sequence_length: 3 }, None, &[]).unwrap();
     let mut out = Vec::new();
     run.write_csv(&mut out).unwrap();
     let text = String::from_utf8(out).unwrap();
