@@ -29,9 +29,6 @@ __all__ = [
     "Traverse",
     "Trust",
     "__version__",
-    "bench_image_latency",
-    "bench_latency",
-    "bench_read",
     "decode_image",
     "evaluate",
     "evaluate_trust",
@@ -515,12 +512,4 @@ class Traverse:
     def positions(self) -> _Float64: ...
     def truth(self, reference: Traverse) -> _Int64: ...
 
-# What `surefix bench` measures in Rust.
 def instruction_set() -> str: ...
-def bench_latency(
-    places: int, sequence_length: int, pushes: int
-) -> tuple[npt.NDArray[np.uint64], int]: ...
-def bench_image_latency(
-    places: int, sequence_length: int, pushes: int
-) -> tuple[npt.NDArray[np.uint64], int]: ...
-def bench_read(words: npt.NDArray[np.uint64], seconds: float, threads: int = 1) -> float: ...
