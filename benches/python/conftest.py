@@ -63,7 +63,8 @@ def measure(benchmark: Any, quick: bool, request: pytest.FixtureRequest) -> Any:
         if key not in _speeds:
             _speeds[key] = memory_speed(work.read, work.threads, 0.02 if quick else 0.4)
         benchmark.extra_info.update(
-            section=request.node.function.__doc__, name=name, ours=name == next(iter(work.entrants)), target=entrant.target,
+            section=request.node.function.__doc__, name=name,
+            ours=name == next(iter(work.entrants)), target=entrant.target,
             scale=entrant.scale, read=work.read, memory=_speeds[key], quick=quick,
         )  # fmt: skip
         benchmark(entrant.call)

@@ -1,4 +1,4 @@
-"""Prints the results of `benches/python`, or puts them into a page: page.py RESULTS.json [PAGE.md]"""
+"""Prints the results of `benches/python`, or puts them into a page: RESULTS.json [PAGE.md]"""
 
 import json
 import sys

@@ -44,7 +44,7 @@ def test_a_random_map_of_the_given_size(dtype: str) -> None:
 
 def test_a_map_file_and_one_with_post_processing_which_has_no_plain_scan(tmp_path: Path) -> None:
     rows = np.random.default_rng(0).standard_normal((40, 16), np.float32)
-    for post, names in ((None, ROWS), (["standardize"], ROWS[:2])):
+    for post, names in ((None, ROWS), (Standardize(), ROWS[:2])):
         file = tmp_path / "route.safetensors"
         Map.from_descriptors(rows, post=post).save(file)
         said = surefix_("bench", file, "--pushes", 20).stdout.splitlines()
