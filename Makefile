@@ -52,8 +52,9 @@ $(VENV)/quick/made:
 	$(VENV)/quick/bin/maturin develop --quiet --locked --profile test-release --extras dev
 	@touch $@
 
-stubs: $(VENV)/installed
+stubs: $(VENV)/installed $(VENV)/dev
 	$(BIN)/python packaging/stubs.py python/surefix/_core.pyi
+	$(BIN)/ruff format --quiet python/surefix/_core.pyi
 
 test: lint rust instructions python examples docs rivals-quick
 	$(BIN)/surefix demo --out out/demo

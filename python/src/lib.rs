@@ -17,7 +17,6 @@ mod places;
 mod post;
 mod sad;
 mod simulate;
-mod trust;
 mod truth;
 
 use pyo3::prelude::*;
@@ -52,7 +51,7 @@ mod _core {
     #[pymodule_export]
     use crate::simulate::{Route, Traverse};
     #[pymodule_export]
-    use crate::trust::{Trust, evaluate_trust};
+    use crate::truth::{Trust, evaluate_trust};
 
     #[pymodule_export]
     use super::instruction_set;
