@@ -17,12 +17,15 @@ TOOLS := .tools/bin
 # What the public names are compared with: the last release before this commit, or the commit before it.
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
-.PHONY: demo test lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance clean help
+.PHONY: demo test quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
+.PHONY: rivals-quick stubs clean help
 .PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
+	@echo "make quick   after an edit, in under a minute: Rust's unit tests, and Python's without the slow ones"
+	@echo "make stubs   the docstrings of the binding, copied into its stub"
 	@echo "make docs    the documentation, in out/docs/index.html"
 	@echo "make figures              the pictures of the documentation's pages, made anew"
 	@echo "make bench   how fast it is here: in Rust, and from Python beside its rivals, which are installed for it"
@@ -37,9 +40,24 @@ help:
 demo: $(VENV)/installed
 	$(BIN)/surefix demo --out out/demo
 
-test: lint rust instructions python examples docs
+# An editable build of an unoptimised profile, in an environment of its own.
+quick: $(VENV)/quick/made
+	cargo test --locked --lib
+	$(VENV)/quick/bin/maturin develop --quiet --locked --profile test-release
+	$(VENV)/quick/bin/python -m pytest -q -m "not slow"
+
+$(VENV)/quick/made:
+	$(PYTHON) -m venv $(VENV)/quick
+	$(VENV)/quick/bin/python -m pip install --quiet --upgrade pip "maturin>=1.16,<2"
+	$(VENV)/quick/bin/maturin develop --quiet --locked --profile test-release --extras dev
+	@touch $@
+
+stubs: $(VENV)/installed $(VENV)/dev
+	$(BIN)/python packaging/stubs.py python/surefix/_core.pyi
+	$(BIN)/ruff format --quiet python/surefix/_core.pyi
+
+test: lint rust instructions python examples docs rivals-quick
 	$(BIN)/surefix demo --out out/demo
-	$(BIN)/surefix bench --quick --out out/bench
 	@echo; echo "== summaries"
 	@grep -h '^test result' $(LOG).rust
 	@tail -n 1 $(LOG).python
@@ -86,13 +104,19 @@ figures: $(VENV)/docs
 	$(BIN)/python docs/pages.py
 
 # Quickly, to see that it works: make bench QUICK=--quick
+RIVALS := $(BIN)/python -m pytest benches/python --benchmark-quiet -p no:cacheprovider
 bench: $(VENV)/rivals
 	cargo bench --locked -- $(QUICK)
-	$(BIN)/surefix bench $(QUICK) --out out/bench
-	$(BIN)/surefix bench latency
+	$(RIVALS) $(QUICK) --benchmark-json=target/bench.json
+	$(BIN)/python benches/python/page.py target/bench.json
 
 performance: $(VENV)/rivals
-	$(BIN)/surefix bench --docs docs/performance.md
+	$(RIVALS) $(QUICK) --benchmark-json=target/bench.json
+	$(BIN)/python benches/python/page.py target/bench.json docs/performance.md
+
+# Each rival that is installed gives the same answers; nothing is timed.
+rivals-quick: $(VENV)/dev
+	$(BIN)/python -m pytest -q benches/python --quick --benchmark-disable -p no:cacheprovider
 
 # Zig links against an old glibc, so that the wheel is for more than this machine's Linux.
 wheel: $(VENV)/packaging
@@ -176,7 +200,7 @@ $(VENV)/docs: $(VENV)/installed
 	@touch $@
 
 $(VENV)/rivals: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[bench]"
+	$(BIN)/python -m pip install --quiet --group bench
 	@touch $@
 
 clean:

@@ -6,16 +6,23 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surefix_simulate::{Conditions, RouteConfig};
 
+use crate::arrays::image_to_py;
 use crate::error::{OrRaise as _, value};
-use crate::images::image_to_py;
 use crate::options::{self, whole};
 
 /// A generated route: a drive past structured scenery, the same for the same seed on every machine.
 ///
-/// Parameters ---------- places : int Frames of a traverse, at least 2. Frames are rendered when
-/// asked for: a million places need no storage. size : (int, int) Width and height of a frame, in
-/// pixels. spacing : float Metres from one frame of the reference drive to the next. seed : int
-/// Another seed is another route.
+/// Parameters
+/// ----------
+/// places : int
+///     Frames of a traverse, at least 2. Frames are rendered when asked for: a million places need
+///     no storage.
+/// size : (int, int)
+///     Width and height of a frame, in pixels.
+/// spacing : float
+///     Metres from one frame of the reference drive to the next.
+/// seed : int
+///     Another seed is another route.
 ///
 /// Raises
 /// ------
@@ -83,7 +90,7 @@ impl Route {
         self.drive(py, changed(Conditions::revisit(), conditions)?)
     }
 
-    /// A drive in conditions of one's own; those not given are the reference drive's, where each is
+    /// A drive in the given conditions; those not given are the reference drive's, of which each is
     /// 0.
     ///
     /// Parameters
