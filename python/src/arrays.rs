@@ -289,7 +289,7 @@ pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound
     let (height, width) = (image.height(), image.width());
     let shape: &[usize] = match image.channels() {
         Channels::Grey => &[height, width],
-        Channels::Rgb => &[height, width, 3],
+        channels => &[height, width, channels.count()],
     };
     rows_to_py(py, image.pixels().into(), shape)
 }
