@@ -3,8 +3,8 @@
 //!
 //! Most rows of a large map are far from being a query's nearest, and bounds show that as well as
 //! distances do. A row's code leaves out a remainder whose length is known. By the triangle's
-//! inequality and by that of Cauchy and Schwarz, this length limits how far the distance can be from
-//! the one to the code. Only rows whose bounds leave a doubt are then read.
+//! inequality and by that of Cauchy and Schwarz, this length limits how far the distance can be
+//! from the one to the code. Only rows whose bounds leave a doubt are then read.
 
 #![allow(clippy::inline_always, reason = "what is inlined is compiled for the instruction set")]
 
@@ -34,7 +34,8 @@ pub(crate) struct EncodedQuery {
     /// The query's numbers, times the scales, in units of `step`.
     pub(crate) codes: Vec<i16>,
     step: f64,
-    /// The part that does not depend on the row: of the product with it, or of the squared distance.
+    /// The part that does not depend on the row: of the product with it, or of the squared
+    /// distance.
     constant: f64,
     /// The error that the codes of the query, and rounding, can cause.
     slack: f64,
@@ -62,7 +63,8 @@ impl Map {
     ///
     /// ```
     /// use surefix::{Dtype, Map, Metric};
-    /// let map = Map::from_descriptors(vec![0.0_f32, 1.0, 1.0, 0.0], 2, Metric::Cosine)?.with_screen(Dtype::I8)?;
+    /// let map = Map::from_descriptors(vec![0.0_f32, 1.0, 1.0, 0.0], 2, Metric::Cosine)?;
+    /// let map = map.with_screen(Dtype::I8)?;
     /// assert_eq!(map.screen(), Some(Dtype::I8));
     /// # Ok::<(), surefix::Error>(())
     /// ```
@@ -99,8 +101,8 @@ impl Map {
         self.codes().map(|codes| codes.codes.view().dtype())
     }
 
-    /// Writes the bounds of each distance, from the sums of [`Codes::scan`]. True if all of them are
-    /// below [`MAX_SCREENED`].
+    /// Writes the bounds of each distance, from the sums of [`Codes::scan`]. True if all of them
+    /// are below [`MAX_SCREENED`].
     pub(crate) fn bounds(
         &self,
         query: &EncodedQuery,
