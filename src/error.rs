@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::distance::Dtype;
+use crate::dtype::Dtype;
 
 /// Every error of the library.
 ///

@@ -13,7 +13,7 @@
 //!
 //! ```
 //! use std::{ops::ControlFlow, sync::Arc};
-//! use surefix::simulate::{Conditions, Route, RouteConfig};
+//! use surefix_simulate::{Conditions, Route, RouteConfig};
 //! use surefix::{Config, Localizer, Map, Sad};
 //!
 //! // A generated road stands in for two drives of your own: `ImageFiles::find("photos/monday")`.
@@ -24,7 +24,8 @@
 //!
 //! let mut progress = |_done, _total| ControlFlow::Continue(());
 //! let map = Map::from_images(&summer, Sad::default(), &mut progress)?;
-//! let config = Config { sequence_length: 5, ..Config::default() };
+//! let mut config = Config::default();
+//! config.sequence_length = 5;
 //! let mut localizer = Localizer::new(Arc::new(map), config)?;
 //! for frame in 0..winter.len() {
 //!     let fix = localizer.push_image(&winter.frame(frame))?;
@@ -35,51 +36,65 @@
 //! # Ok::<(), surefix::Error>(())
 //! ```
 //!
-//! Data runs one way: [`descriptor`] (an image becomes a vector), [`distance`] (a vector and the
-//! map's rows become distances), the matcher (distances become places), [`evaluate`] (places and
-//! the truth become curves).
+//! Data runs one way: a [`Sad`] makes an image a vector, a [`Metric`] compares it with the map's
+//! rows, the [`Matcher`] turns distances into places, and [`evaluate`] places and the truth into
+//! curves.
 //!
 //! Comments that say "method 1.3" mean a section of `docs/method.md` in the repository: the
 //! mathematics, exactly.
 //!
 //! # Features
 //!
-//! All are on by default, and need no C compiler.
+//! None needs a C compiler. On by default:
 //!
-//! - `image`: read images from files (`ImageFiles`, `read_image`, `decode_image`).
+//! - `image`: read jpeg and png files (`ImageFiles`, `read_image`, `decode_image`).
 //! - `mmap`: map a large map's file into memory instead of reading it (`Map::open_mapped`).
 //! - `rayon`: build maps and match batches on all cores; without it the same answers come from one.
+//!
+//! Off by default, and on in the Python wheel:
+//!
+//! - `image-formats`: read bmp, pnm, tiff and webp files as well.
+//! - `pca`: fit principal components ([`Step::Pca`]). A map that has them works without it.
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod archive;
 mod batch;
 mod config;
+mod descriptor;
+mod distance;
+mod dtype;
 mod error;
-mod isa;
+mod image;
 mod localizer;
 mod map;
-mod matcher;
+mod method;
+mod numbers;
 mod parallel;
-mod room;
+mod post;
+mod preallocated;
+mod random;
 mod scan;
+mod segments;
+mod simd;
 
-pub mod descriptor;
-pub mod distance;
 pub mod evaluate;
-pub mod simulate;
 
+pub use crate::image::{Channels, Image, ImageSource, ImageView, Progress};
+#[cfg(feature = "image")]
+pub use crate::image::{ImageFiles, decode_image, read_image};
 pub use batch::{Run, match_descriptors, match_distances};
 pub use config::{Config, Floor, Gradient};
-pub use descriptor::{Channels, Image, ImageSource, ImageView, Post, Sad, Step};
-#[cfg(feature = "image")]
-pub use descriptor::{ImageFiles, decode_image, read_image};
-pub use distance::{Dtype, Metric, Values, View};
+pub use descriptor::{Describer, Sad, describe_all};
+pub use distance::Metric;
+pub use dtype::Dtype;
 pub use error::Error;
-pub use isa::Isa;
 pub use localizer::Localizer;
 pub use map::{Map, Positions, Recipe};
-pub use matcher::{Fix, Matcher, Peak, Sequence, Single};
+pub use method::{Fix, Matcher, Peak, Sequence, Single};
+pub use numbers::{Values, View};
+pub use post::{Post, Running, Step, standardized};
+pub use simd::Isa;
 
 /// The README's Rust is compiled as an example.
 #[cfg(doctest)]

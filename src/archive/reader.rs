@@ -41,6 +41,9 @@ pub(crate) struct Tensors<'a> {
     data: HashMap<String, Cow<'a, [u8]>>,
 }
 
+/// A tensor's shape and numbers.
+type Shaped<'a, T> = (&'a [usize], Vec<T>);
+
 /// The part of the metadata entry that every version has.
 #[derive(Deserialize)]
 struct Stamp {
@@ -217,7 +220,7 @@ impl<'a> Tensors<'a> {
         name: &str,
         expected: &str,
         fits: impl FnOnce(&[usize]) -> bool,
-    ) -> Result<Option<(&[usize], Vec<T>)>, Refusal> {
+    ) -> Result<Option<Shaped<'_, T>>, Refusal> {
         let Some(info) = self.header.info(name) else { return Ok(None) };
         if info.dtype != T::DTYPE || !fits(&info.shape) {
             let (dtype, got) = (T::DTYPE, format!("{:?} {:?}", info.dtype, info.shape));
@@ -239,7 +242,7 @@ impl<'a> Tensors<'a> {
         name: &str,
         expected: &str,
         fits: impl FnOnce(&[usize]) -> bool,
-    ) -> Result<(&[usize], Vec<T>), Refusal> {
+    ) -> Result<Shaped<'_, T>, Refusal> {
         self.numbers(name, expected, fits)?
             .ok_or_else(|| Refusal::Foreign(format!("{name}: expected a tensor, got none")))
     }

@@ -108,6 +108,7 @@ impl<'a> Writer<'a> {
     }
 
     /// The same bytes in memory.
+    #[expect(clippy::wrong_self_convention, reason = "streams are written once")]
     pub(crate) fn to_bytes(
         self,
         format: &Format,

@@ -1,9 +1,12 @@
 //! The descriptor once more, a step at a time and a number at a time, and the fast one held against
 //! it: the same bits for every image, on every instruction set.
 
-use super::{Channels, Describer, Image, Sad};
-use crate::distance::{Dtype, Values};
-use crate::isa::Isa;
+use super::{Describer, Sad};
+use crate::dtype::Dtype;
+use crate::image::{Channels, Image, brightness, shrunk};
+use crate::numbers::Values;
+use crate::random::SplitMix64;
+use crate::simd::Isa;
 
 /// Bits behind the point of a weight.
 const PRECISION: u32 = 22;
@@ -92,28 +95,17 @@ fn describe(image: &Image, sad: Sad) -> Values {
     }
 }
 
-/// Random numbers by `SplitMix64`.
-struct Dice(u64);
+/// Random images and recipes.
+struct Dice(SplitMix64);
 
 impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ (mixed >> 31)
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit as u64) as usize
-    }
-
     /// Noise, two levels near each other, black and white, or a slope.
     fn image(&mut self, (width, height): (usize, usize), channels: Channels) -> Image {
-        let (kind, low) = (self.below(4), self.below(253) as u8);
+        let (kind, low) = (self.0.below(4), self.0.below(253) as u8);
         let pixel = |at: usize| match kind {
-            0 => self.next() as u8,
-            1 => low + self.below(3) as u8,
-            2 => 255 * self.below(2) as u8,
+            0 => self.0.next() as u8,
+            1 => low + self.0.below(3) as u8,
+            2 => 255 * self.0.below(2) as u8,
             _ => (at * 255 / (width * height * 3)) as u8,
         };
         let pixels = (0..width * height * channels.count()).map(pixel).collect();
@@ -121,9 +113,9 @@ impl Dice {
     }
 
     fn recipe(&mut self, most: usize) -> Sad {
-        let patch = 1 + self.below(9);
-        let size = (patch * (1 + self.below(most)), patch * (1 + self.below(most)));
-        let dtype = if self.below(2) == 0 { Dtype::U8 } else { Dtype::F32 };
+        let patch = 1 + self.0.below(9);
+        let size = (patch * (1 + self.0.below(most)), patch * (1 + self.0.below(most)));
+        let dtype = if self.0.below(2) == 0 { Dtype::U8 } else { Dtype::F32 };
         Sad::new(size, patch, dtype).unwrap()
     }
 }
@@ -149,10 +141,10 @@ fn hold(image: &Image, describer: &mut Describer) {
 
 #[test]
 fn every_image_has_the_same_descriptor_on_every_instruction_set() {
-    let mut dice = Dice(1);
+    let mut dice = Dice(SplitMix64(1));
     for case in 0..12_000 {
         let sad = dice.recipe(6);
-        let mut size = (1 + dice.below(70), 1 + dice.below(70));
+        let mut size = (1 + dice.0.below(70), 1 + dice.0.below(70));
         match case % 8 {
             0 => size.0 = 1,
             1 => size.1 = 1,
@@ -160,7 +152,7 @@ fn every_image_has_the_same_descriptor_on_every_instruction_set() {
             3 => size.1 = sad.size().1,
             _ => {}
         }
-        let channels = if dice.below(3) == 0 { Channels::Grey } else { Channels::Rgb };
+        let channels = if dice.0.below(3) == 0 { Channels::Grey } else { Channels::Rgb };
         let image = dice.image(size, channels);
         for isa in Isa::available() {
             hold(&image, &mut Describer::new(sad).with_isa(isa).unwrap());
@@ -170,14 +162,14 @@ fn every_image_has_the_same_descriptor_on_every_instruction_set() {
 
 #[test]
 fn large_images_have_it_too_and_a_describer_that_has_seen_other_sizes_gives_it() {
-    let mut dice = Dice(2);
+    let mut dice = Dice(SplitMix64(2));
     for _ in 0..10 {
         let sad = dice.recipe(12);
         for isa in Isa::available() {
             let mut describer = Describer::new(sad).with_isa(isa).unwrap();
             for _ in 0..4 {
-                let size = (1 + dice.below(900), 1 + dice.below(500));
-                let channels = [Channels::Grey, Channels::Rgb][dice.below(2)];
+                let size = (1 + dice.0.below(900), 1 + dice.0.below(500));
+                let channels = [Channels::Grey, Channels::Rgb][dice.0.below(2)];
                 let image = dice.image(size, channels);
                 hold(&image, &mut describer);
             }
@@ -196,10 +188,10 @@ fn every_colour_has_its_brightness() {
         let image = Image::new(256, 256, Channels::Rgb, colours.clone()).unwrap();
         for isa in Isa::available() {
             let mut got = vec![0; 256 * 256];
-            isa.run(|| super::grey::brightness(&colours, &mut got));
+            isa.run(|| brightness(&colours, &mut got));
             assert!(got == grey(&image), "a colour of red {red} on {isa}");
             // Through the first pass, which may have another way: each pixel twice.
-            let twice = super::resize::shrunk(isa, image.view(), (512, 256));
+            let twice = shrunk(isa, image.view(), (512, 256));
             let expected = resize(&got, (256, 256), (512, 256));
             assert!(twice == expected, "a colour of red {red}, resized on {isa}");
         }
@@ -208,11 +200,11 @@ fn every_colour_has_its_brightness() {
 
 #[test]
 fn rows_of_many_pixels_have_their_sums() {
-    let mut dice = Dice(3);
+    let mut dice = Dice(SplitMix64(3));
     for (width, to) in [(200_000, 1), (200_000, 3), (70_000, 70), (4_099, 4_097)] {
         let image = dice.image((width, 3), Channels::Rgb);
         for isa in Isa::available() {
-            let got = super::resize::shrunk(isa, image.view(), (to, 3));
+            let got = shrunk(isa, image.view(), (to, 3));
             assert!(got == resize(&grey(&image), (width, 3), (to, 3)), "{width} to {to} on {isa}");
         }
     }
@@ -220,6 +212,6 @@ fn rows_of_many_pixels_have_their_sums() {
     // a larger number.
     let white = Image::new(2_000_000, 1, Channels::Grey, vec![255; 2_000_000]).unwrap();
     for isa in Isa::available() {
-        assert_eq!(super::resize::shrunk(isa, white.view(), (1, 1)), [255], "{isa}");
+        assert_eq!(shrunk(isa, white.view(), (1, 1)), [255], "{isa}");
     }
 }

@@ -4,10 +4,11 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::resize::{Resize, shrunk};
-use super::{Channels, Image, ImageView, Sad};
-use crate::distance::{Dtype, Values};
-use crate::isa::Isa;
+use super::Sad;
+use crate::dtype::Dtype;
+use crate::image::{Channels, Image, ImageView, Resize, shrunk};
+use crate::numbers::Values;
+use crate::simd::Isa;
 
 fn cases(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }

@@ -28,73 +28,20 @@
     reason = "what is inlined is compiled for the caller's instruction set"
 )]
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
-#[cfg(target_arch = "x86_64")]
-mod avx512;
-mod element;
-mod machine;
-#[cfg(target_arch = "aarch64")]
-mod neon;
+mod metric;
 mod padded;
-mod scalar;
 mod scan;
 mod term;
 #[cfg(test)]
 mod tests;
 
-use std::fmt;
-use std::str::FromStr;
-
-use serde::{Deserialize, Serialize};
-
+use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::isa::Isa;
-use machine::{Byte, Number};
+use crate::numbers::{View, each_type};
+use crate::simd::{Byte, Isa, Number};
 use term::{Differences, Products, Squares};
 
-pub use element::{Dtype, Values, View};
-pub(crate) use element::{each_type, first_not_finite};
-
-/// How two descriptors are compared (method 1.6). Less is more alike.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Metric {
-    /// The mean absolute difference (the sum of absolute differences, SAD, divided by the
-    /// dimension).
-    Manhattan,
-    /// The root of the sum of squared differences.
-    Euclidean,
-    /// One minus the cosine of the angle, from 0 to 2.
-    Cosine,
-}
-
-impl fmt::Display for Metric {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Manhattan => "manhattan",
-            Self::Euclidean => "euclidean",
-            Self::Cosine => "cosine",
-        })
-    }
-}
-
-impl FromStr for Metric {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self, Error> {
-        match name {
-            "manhattan" => Ok(Self::Manhattan),
-            "euclidean" => Ok(Self::Euclidean),
-            "cosine" => Ok(Self::Cosine),
-            other => Err(Error::Option {
-                name: "metric",
-                expected: "\"manhattan\", \"euclidean\" or \"cosine\"".to_owned(),
-                got: format!("{other:?}"),
-            }),
-        }
-    }
-}
+pub use metric::Metric;
 
 /// The rows of a map as the kernels see them.
 #[derive(Clone, Copy)]
@@ -170,6 +117,7 @@ pub(crate) fn products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f32]) 
 }
 
 /// The same, not rounded.
+#[cfg(feature = "pca")]
 pub(crate) fn wide_products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f64]) {
     scan::floats::<Products, _, _, _>(isa, vector, rows, out, |_, sum| sum);
 }

@@ -2,11 +2,9 @@
 
 use std::marker::PhantomData;
 
-use super::machine::{BLOCK, Byte, LANES, Machine, Number};
 use super::padded::Padded;
-use super::scalar;
 use super::term::Term;
-use crate::isa::Isa;
+use crate::simd::{BLOCK, Byte, Isa, Kernel, LANES, Machine, Number, run, scalar};
 
 /// After how many blocks of bytes the sums are emptied. A lane of 32 bits gets at most sixteen
 /// terms a block, each below 2^16, so that it stays below 2^30; and a row's last, broken block fits
@@ -27,36 +25,6 @@ const AHEAD: usize = 4096;
 const AHEAD_OF_F32: usize = 2560;
 /// Of bytes under a query of bytes.
 const AHEAD_OF_BYTES: usize = 2048;
-
-/// A scan, before it is known what runs it.
-pub(super) trait Work {
-    /// On a machine's registers.
-    fn on<M: Machine>(self, machine: M);
-    /// Without any.
-    fn plainly(self);
-}
-
-/// Does the work on an instruction set. One that this processor lacks runs as [`Isa::Scalar`].
-fn run(isa: Isa, work: impl Work) {
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => match super::avx512::Avx512::new() {
-            Some(machine) => machine.run(work),
-            None => work.plainly(),
-        },
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => match super::avx2::Avx2::new() {
-            Some(machine) => machine.run(work),
-            None => work.plainly(),
-        },
-        #[cfg(target_arch = "aarch64")]
-        Isa::Neon => match super::neon::Neon::new() {
-            Some(machine) => machine.run(work),
-            None => work.plainly(),
-        },
-        _ => work.plainly(),
-    }
-}
 
 /// The sums of `T` over the query and each row of `values`, in f64, each handed to `finish` with
 /// its row's number.
@@ -102,9 +70,11 @@ struct Floats<'a, T, Q, R, O, F> {
     term: PhantomData<T>,
 }
 
-impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Work for Floats<'_, T, Q, R, O, F> {
+impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Kernel
+    for Floats<'_, T, Q, R, O, F>
+{
     #[inline(always)]
-    fn on<M: Machine>(self, machine: M) {
+    fn simd<M: Machine>(self, machine: M) {
         let query = Padded::new(self.query);
         let (couples, alone) = if size_of::<R>() == size_of::<f32>() {
             self.out.as_chunks_mut()
@@ -121,7 +91,7 @@ impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Work for Floats<'
         }
     }
 
-    fn plainly(self) {
+    fn scalar(self) {
         let dim = self.query.len();
         for (index, out) in self.out.iter_mut().enumerate() {
             let row = &self.values[index * dim..(index + 1) * dim];
@@ -138,9 +108,9 @@ struct Bytes<'a, T, B, O, F> {
     term: PhantomData<T>,
 }
 
-impl<T: Term, B: Byte, O, F: Fn(usize, i64) -> O> Work for Bytes<'_, T, B, O, F> {
+impl<T: Term, B: Byte, O, F: Fn(usize, i64) -> O> Kernel for Bytes<'_, T, B, O, F> {
     #[inline(always)]
-    fn on<M: Machine>(self, machine: M) {
+    fn simd<M: Machine>(self, machine: M) {
         let excess = T::excess::<M, B>(self.query);
         let query = Padded::new(bytemuck::must_cast_slice::<B, u8>(self.query));
         let values: &[u8] = bytemuck::must_cast_slice(self.values);
@@ -150,7 +120,7 @@ impl<T: Term, B: Byte, O, F: Fn(usize, i64) -> O> Work for Bytes<'_, T, B, O, F>
         }
     }
 
-    fn plainly(self) {
+    fn scalar(self) {
         let dim = self.query.len();
         for (index, out) in self.out.iter_mut().enumerate() {
             let row = &self.values[index * dim..(index + 1) * dim];
@@ -166,9 +136,9 @@ struct Shorts<'a, O, F> {
     finish: F,
 }
 
-impl<O, F: Fn(usize, i64) -> O> Work for Shorts<'_, O, F> {
+impl<O, F: Fn(usize, i64) -> O> Kernel for Shorts<'_, O, F> {
     #[inline(always)]
-    fn on<M: Machine>(self, machine: M) {
+    fn simd<M: Machine>(self, machine: M) {
         let query = Padded::new(self.query);
         for (row, out) in self.out.iter_mut().enumerate() {
             let total = total::<M, OfShorts>(machine, &query, self.values, row);
@@ -176,7 +146,7 @@ impl<O, F: Fn(usize, i64) -> O> Work for Shorts<'_, O, F> {
         }
     }
 
-    fn plainly(self) {
+    fn scalar(self) {
         let dim = self.query.len();
         for (index, out) in self.out.iter_mut().enumerate() {
             let row = &self.values[index * dim..(index + 1) * dim];

@@ -1,6 +1,6 @@
 //! What is summed over a row: differences, squares or products, of floats or of bytes.
 
-use super::machine::{Byte, Machine};
+use crate::simd::{Byte, Machine};
 
 /// One of [`Differences`], [`Squares`] and [`Products`].
 pub(super) trait Term: Copy {

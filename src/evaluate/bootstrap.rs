@@ -7,6 +7,7 @@ use super::curve::Curve;
 use super::metrics::area;
 use crate::error::Error;
 use crate::parallel::each;
+use crate::random::SplitMix64;
 
 /// More samples than any interval needs; their figures are kept until the last one is there.
 const MOST_SAMPLES: usize = 100_000_000;
@@ -75,9 +76,10 @@ impl Bootstrap {
             || vec![0; queries],
             |times, sample| {
                 times.fill(0);
-                let mut state = self.seed ^ (sample as u64).wrapping_mul(0xA076_1D64_78BD_642F);
+                let seed = self.seed ^ (sample as u64).wrapping_mul(0xA076_1D64_78BD_642F);
+                let mut random = SplitMix64(seed);
                 for drawn in (0..queries).step_by(block) {
-                    let start = (next(&mut state) % queries as u64) as usize;
+                    let start = random.below(queries);
                     for offset in 0..block.min(queries - drawn) {
                         times[(start + offset) % queries] += 1;
                     }
@@ -129,13 +131,4 @@ impl Curve {
             |times: &[usize]| area(&self.redrawn(times), upto) - area(&other.redrawn(times), upto);
         bootstrap.interval(self.queries, difference)
     }
-}
-
-/// `SplitMix64` (Steele, Lea and Flood 2014).
-fn next(state: &mut u64) -> u64 {
-    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }

@@ -5,8 +5,8 @@ use std::cmp::Ordering;
 use ndarray::ArrayView2;
 
 use super::truth::{Truth, Verdict};
-use crate::distance::first_not_finite;
 use crate::error::Error;
+use crate::numbers::first_not_finite;
 use crate::parallel::each;
 
 /// For each `K` of `ks`: the share of the queries that have a true place which have one among their

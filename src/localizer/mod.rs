@@ -1,19 +1,20 @@
 //! A map and a matcher: the loop that a robot runs.
 
-mod plain;
-mod screened;
+mod screening;
 
 use std::sync::Arc;
 
 use crate::config::Config;
-use crate::descriptor::{Describer, ImageView, Passage, Running};
-use crate::distance::{Query, Values, View};
+use crate::descriptor::Describer;
+use crate::distance::Query;
 use crate::error::Error;
+use crate::image::ImageView;
 use crate::map::{Map, Recipe};
-use crate::matcher::{Fix, Matcher, load};
-use crate::scan::{Pool, threads_for};
-use plain::Plain;
-use screened::Screened;
+use crate::method::{Column, Fix, Matcher, load};
+use crate::numbers::{Values, View};
+use crate::post::{ChainState, Running};
+use crate::scan::{Job, Pool, threads_for};
+use screening::Screening;
 
 /// The most threads that are accepted.
 const MAX_THREADS: usize = 1024;
@@ -21,17 +22,16 @@ const MAX_THREADS: usize = 1024;
 /// Localizes along a map, one camera frame at a time.
 ///
 /// Many localizers can read one map at once. `push_descriptor` allocates nothing after
-/// construction; `push_image` allocates only when the camera's image size changes, so for the first
+/// construction; `push_image` allocates only if the camera's image size changes, so for the first
 /// image.
 ///
 /// A map of 16 MB or more is scanned by several threads, one for every 8 MB, up to all cores; a
 /// smaller one by the caller alone. [`with_threads`](Self::with_threads) sets their number. The
 /// answers are the same to the last bit. The threads are started with the localizer, sleep between
-/// frames, and end with it. A push waits for none of them, whatever holds one up: what another
-/// thread has begun and not finished when the rest of the map is scanned, the caller does itself.
-/// With one thread, a push takes no lock and asks nothing of the operating system; with several, it
-/// tries locks (and goes on where one is taken) and asks the system to wake the others. In a
-/// process forked off this one, the caller scans alone.
+/// frames, and end with it. A push never waits for a thread: blocks that another thread has begun
+/// but not finished when all others are done, the caller scans itself. With one thread, a push
+/// takes no lock and makes no system call; with several, it tries locks (and goes on if one is
+/// taken) and wakes the others. In a process forked off this one, the caller scans alone.
 ///
 /// A map with a screen ([`Map::with_screen`]) is scanned at a quarter of the bytes, for the same
 /// answers.
@@ -49,23 +49,17 @@ const MAX_THREADS: usize = 1024;
 #[derive(Clone, Debug)]
 pub struct Localizer {
     map: Arc<Map>,
-    way: Way,
-    /// Scans the map, where more than one thread does.
+    matcher: Matcher,
+    /// The newest frame's distances, or lower bounds of them.
+    column: Vec<f32>,
+    /// The bounds of a map with a screen.
+    screening: Option<Box<Screening>>,
+    /// The threads that scan the map; `None` if the caller scans alone.
     pool: Option<Pool>,
-    /// Describes images the map's own way, where the map has one.
+    /// Describes images the map's own way, if the map has one.
     describer: Option<(Describer, Values)>,
-    /// Where a descriptor passes through the map's post-processing, and what is known of the drive
-    /// there.
-    through: Option<Passage>,
-}
-
-/// How a descriptor becomes a fix.
-#[derive(Clone, Debug)]
-enum Way {
-    /// By the distances to all places.
-    Plain(Box<Plain>),
-    /// By the map's screen, and the distances that it leaves in doubt.
-    Screened(Box<Screened>),
+    /// The state of the map's post-processing: scratch memory, and running statistics of the drive.
+    through: Option<ChainState>,
 }
 
 impl Localizer {
@@ -74,12 +68,12 @@ impl Localizer {
     /// # Errors
     /// As for [`Matcher::new`].
     pub fn new(map: Arc<Map>, config: Config) -> Result<Self, Error> {
-        let matcher = Matcher::new(map.places(), config)?;
+        let matcher = Matcher::along(map.route().segments().clone(), config)?;
         Self::with_matcher(map, matcher)
     }
 
-    /// The same localizer with `threads` threads to scan the map, the caller's own among them; with
-    /// none given, as many as suit the map's size, which is what a new one has.
+    /// The same localizer with `threads` threads to scan the map, the caller's own among them;
+    /// `None` for the number that suits the map's size, as in a new one.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -114,26 +108,27 @@ impl Localizer {
         self.pool.as_ref().map_or(1, Pool::threads)
     }
 
-    fn with_matcher(map: Arc<Map>, matcher: Matcher) -> Result<Self, Error> {
+    fn with_matcher(map: Arc<Map>, mut matcher: Matcher) -> Result<Self, Error> {
         let describer = match map.recipe() {
             Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
             Recipe::Ready => None,
         };
-        let way = match map.codes() {
-            Some(_) if map.dim() >= screened::SHORTEST => {
-                Way::Screened(Box::new(Screened::new(&map, matcher)?))
+        let screening = match map.codes() {
+            Some(_) if map.dim() >= screening::SHORTEST => {
+                Some(Box::new(Screening::new(&map, &mut matcher)?))
             }
-            _ => Way::Plain(Box::new(Plain::new(matcher))),
+            _ => None,
         };
+        let column = vec![0.0; map.places()];
         let pool = automatic(&map);
-        let through = map.post().map(Passage::of_drive);
-        Ok(Self { map, way, pool, describer, through })
+        let through = map.post().map(ChainState::of_drive);
+        Ok(Self { map, matcher, column, screening, pool, describer, through })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
     ///
     /// # Errors
-    /// [`Error::NoDescriptor`] where the map was made of ready descriptors. The localizer is then
+    /// [`Error::NoDescriptor`] if the map was made of ready descriptors. The localizer is then
     /// as it was.
     pub fn push_image<'a>(&mut self, image: impl Into<ImageView<'a>>) -> Result<Fix, Error> {
         self.push_image_with_trust(image.into(), None)
@@ -148,8 +143,8 @@ impl Localizer {
         self.push_descriptor_with_trust(descriptor.into(), None)
     }
 
-    /// [`push_image`](Self::push_image), with an external predictor's word in place of the
-    /// consensus where there is one.
+    /// [`push_image`](Self::push_image), with an external predictor's flag in place of the
+    /// consensus if there is one.
     ///
     /// # Errors
     /// As for [`push_image`](Self::push_image).
@@ -162,11 +157,13 @@ impl Localizer {
             return Err(Error::NoDescriptor);
         };
         describer.describe(image, values)?;
-        self.way.push(&self.map, &mut self.pool, self.map.query(values.view())?, trusted)
+        let query = self.map.query(values.view())?;
+        let scan = Scan { map: &self.map, pool: &mut self.pool, column: &mut self.column };
+        scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)
     }
 
-    /// [`push_descriptor`](Self::push_descriptor), with an external predictor's word in place of
-    /// the consensus where there is one.
+    /// [`push_descriptor`](Self::push_descriptor), with an external predictor's flag in place of
+    /// the consensus if there is one.
     ///
     /// # Errors
     /// As for [`push_descriptor`](Self::push_descriptor).
@@ -176,9 +173,11 @@ impl Localizer {
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
         let descriptor = self.map.passed(descriptor, self.through.as_mut())?;
-        let fix = self.way.push(&self.map, &mut self.pool, self.map.query(descriptor)?, trusted)?;
+        let query = self.map.query(descriptor)?;
+        let scan = Scan { map: &self.map, pool: &mut self.pool, column: &mut self.column };
+        let fix = scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)?;
         if let Some(through) = &mut self.through {
-            through.keep();
+            through.commit();
         }
         Ok(fix)
     }
@@ -195,25 +194,31 @@ impl Localizer {
     /// The distances from the newest frame to every place; zeros before the first, and right after
     /// a gap. On a map with a screen, those that were not needed for the fix are computed now.
     pub fn distances(&mut self) -> &[f32] {
-        match &mut self.way {
-            Way::Plain(plain) => plain.distances(),
-            Way::Screened(screened) => screened.distances(&self.map, &mut self.pool),
-        }
+        let Self { map, matcher, column, screening, pool, .. } = self;
+        let newest = match screening {
+            Some(screening) => screening.newest(matcher, map, pool),
+            None => matcher.window().newest(&mut ()),
+        };
+        newest.unwrap_or_else(|| {
+            column.fill(0.0);
+            column
+        })
     }
 
     /// How many of the map's rows the newest frame made the localizer look at: all of them, or, on
     /// a map with a screen, those that were left in doubt, for this query and for the ones before
     /// it in the window. 0 before the first frame; right after a restart, all.
     pub fn looked_at(&self) -> usize {
-        match &self.way {
-            Way::Plain(plain) => plain.looked_at(),
-            Way::Screened(screened) => screened.looked_at(),
+        match &self.screening {
+            Some(screening) => screening.looked_at(),
+            None if self.frames() == 0 => 0,
+            None => self.map.places(),
         }
     }
 
     /// Says that the next frame does not follow on the one before, as [`Matcher::gap`] does: until
     /// `L` frames have come, fixes have no sequence. The running floor goes on, and so do a drive's
-    /// statistics, where the map's post-processing keeps such.
+    /// running statistics of the map's post-processing.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -227,17 +232,17 @@ impl Localizer {
     /// # Ok::<(), surefix::Error>(())
     /// ```
     pub fn gap(&mut self) {
-        match &mut self.way {
-            Way::Plain(plain) => plain.gap(),
-            Way::Screened(screened) => screened.gap(),
+        self.matcher.gap();
+        if let Some(screening) = &mut self.screening {
+            screening.gap();
         }
     }
 
-    /// Forgets all frames, and what is known of the drive: the next one is frame 0.
+    /// Forgets all frames and statistics of the drive: the next one is frame 0.
     pub fn reset(&mut self) {
-        match &mut self.way {
-            Way::Plain(plain) => plain.reset(),
-            Way::Screened(screened) => screened.reset(),
+        self.matcher.reset();
+        if let Some(screening) = &mut self.screening {
+            screening.reset();
         }
         if let (Some(through), Some(post)) = (&mut self.through, self.map.post()) {
             through.reset(post);
@@ -252,19 +257,23 @@ impl Localizer {
     /// As for [`Matcher::snapshot`].
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
         let map = Some(self.map.fingerprint());
-        let running = self.through.iter().flat_map(Passage::running);
+        let running = self.through.iter().flat_map(ChainState::running);
         let running = running.map(Running::snapshot).collect::<Result<Vec<_>, _>>()?;
-        match &self.way {
-            Way::Plain(plain) => plain.matcher().save(map, &running),
-            Way::Screened(screened) => screened.settled(&self.map).save(map, &running),
+        match &self.screening {
+            None => self.matcher.save(map, &running),
+            Some(screening) => {
+                let mut matcher = self.matcher.clone();
+                screening.resolve(&mut matcher, &self.map, &mut None);
+                matcher.save(map, &running)
+            }
         }
     }
 
-    /// A localizer that goes on where the snapshot was taken, on the same map. Where `expected` is
+    /// A localizer that goes on where the snapshot was taken, on the same map. If `expected` is
     /// given, the snapshot must have been taken under the same options.
     ///
     /// # Errors
-    /// [`Error::Snapshot`] where the bytes are damaged, of another map, of other options or of a
+    /// [`Error::Snapshot`] if the bytes are damaged, of another map, of other options or of a
     /// newer version.
     pub fn restore(
         map: Arc<Map>,
@@ -279,10 +288,12 @@ impl Localizer {
             };
             return Err(Error::Snapshot { reason });
         }
+        let running = saved.running.iter().map(|running| Running::restore(running));
+        let running = running.collect::<Result<Vec<_>, _>>()?;
         let mut localizer = Self::with_matcher(map, saved.matcher)?;
         let fits = match &mut localizer.through {
-            Some(through) => through.go_on(saved.running),
-            None => saved.running.is_empty(),
+            Some(through) => through.resume(running),
+            None => running.is_empty(),
         };
         if !fits {
             let reason = "damaged: statistics of another chain than the map's".to_owned();
@@ -298,38 +309,41 @@ impl Localizer {
 
     /// Its options.
     pub fn config(&self) -> &Config {
-        self.state().config()
+        self.matcher.config()
     }
 
     /// How many frames it has taken since the start or the last reset.
     pub fn frames(&self) -> u64 {
-        self.state().frames()
-    }
-
-    fn state(&self) -> &Matcher {
-        match &self.way {
-            Way::Plain(plain) => plain.matcher(),
-            Way::Screened(screened) => screened.matcher(),
-        }
+        self.matcher.frames()
     }
 }
 
-impl Way {
+/// One query's scan: the map, the threads, and memory for the column.
+struct Scan<'a> {
+    map: &'a Map,
+    pool: &'a mut Option<Pool>,
+    column: &'a mut [f32],
+}
+
+impl Scan<'_> {
+    /// A query becomes a column, by the screen if there is one, and the column a fix.
     fn push(
-        &mut self,
-        map: &Map,
-        pool: &mut Option<Pool>,
+        self,
+        matcher: &mut Matcher,
+        screening: Option<&mut Screening>,
         query: Query<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
-        match self {
-            Self::Plain(plain) => plain.push(map, pool, query, trusted),
-            Self::Screened(screened) => screened.push(map, pool, query, trusted),
+        let Self { map, pool, column } = self;
+        if let Some(screening) = screening {
+            return screening.push(matcher, map, pool, query, column, trusted);
         }
+        Job::Distances(query).column(map, pool, column);
+        matcher.push_column(Column { lower: column, upper: None }, trusted, &mut ())
     }
 }
 
-/// As many threads as suit the map, where that is more than one.
+/// The pool that suits the map's size; `None` for one thread.
 fn automatic(map: &Arc<Map>) -> Option<Pool> {
     let threads = threads_for(map);
     (threads > 1).then(|| Pool::at_most(map, threads))

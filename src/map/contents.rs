@@ -12,9 +12,10 @@ use super::route::{Names, Positions};
 use super::storage::Storage;
 use super::{Map, Recipe, count_places};
 use crate::archive::{Format, Header, Reader, Refusal, Sink, Tensors, Writer};
-use crate::descriptor::{Post, Stage, Step};
-use crate::distance::{Dtype, Metric};
+use crate::distance::Metric;
+use crate::dtype::Dtype;
 use crate::error::Error;
+use crate::post::{FittedStep, Post, Step};
 
 pub(super) const FORMAT: Format = Format { name: "surefix-map", version: 1 };
 pub(super) const ROWS: &str = "descriptors";
@@ -57,7 +58,7 @@ pub(super) fn contents<'a>(
     if kind.metric == Metric::Cosine {
         writer.numbers("norms", vec![places], norms);
     }
-    let stages = kind.post.as_deref().map_or(&[][..], Post::stages).iter().enumerate();
+    let stages = kind.post.as_deref().map_or(&[][..], Post::fitted_steps).iter().enumerate();
     for (step, stage) in stages.clone() {
         for (part, numbers) in [("offset", &stage.offset), ("scale", &stage.scale)] {
             if !numbers.is_empty() {
@@ -167,7 +168,7 @@ impl Head {
             let stages = entry.post.iter().enumerate();
             let stages = stages.map(|(step, &kind)| stage(tensors, step, kind));
             let stages = stages.collect::<Result<_, _>>()?;
-            Some(Post::of_stages(stages, dim).map_err(Refusal::Foreign)?.into())
+            Some(Post::from_fitted(stages, dim).map_err(Refusal::Foreign)?.into())
         };
         let learned = entry.learned.map(|recipe| recipe.to_string().into());
         let (metric, recipe) = (entry.metric, entry.descriptor);
@@ -197,13 +198,13 @@ impl Parts {
 }
 
 /// One step of the post-processing.
-fn stage(tensors: &Tensors<'_>, step: usize, kind: Step) -> Result<Stage, Refusal> {
+fn stage(tensors: &Tensors<'_>, step: usize, kind: Step) -> Result<FittedStep, Refusal> {
     let vector = |part| {
         let name = format!("post.{step}.{part}");
         let vector = tensors.numbers(&name, "of 1 axis", |shape| shape.len() == 1)?;
         Ok::<_, Refusal>(vector.map(|(_, numbers)| numbers).unwrap_or_default())
     };
-    let mut stage = Stage::new(kind);
+    let mut stage = FittedStep::new(kind);
     (stage.offset, stage.scale) = (vector("offset")?, vector("scale")?);
     let name = format!("post.{step}.matrix");
     let matrix = tensors.numbers(&name, "of 2 axes", |shape| shape.len() == 2)?;

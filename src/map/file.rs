@@ -16,9 +16,10 @@ use super::{Map, Recipe, at_least_two};
 use crate::archive::{Reader, Refusal, Sink, swap_to_file_order};
 #[cfg(feature = "mmap")]
 use crate::archive::{Tensors, verify};
-use crate::descriptor::{ImageSource, Progress, Sad, describe_each};
+use crate::descriptor::{Sad, describe_each};
 use crate::distance::Metric;
 use crate::error::Error;
+use crate::image::{ImageSource, Progress};
 
 /// The largest relative difference between a norm in a file and that of its row: far above
 /// rounding, far below damage.
@@ -85,7 +86,7 @@ impl Map {
     ///
     /// ```
     /// use std::ops::ControlFlow;
-    /// use surefix::simulate::{Conditions, Route, RouteConfig};
+    /// use surefix_simulate::{Conditions, Route, RouteConfig};
     /// use surefix::{Map, Sad};
     /// let config = RouteConfig { places: 20, width: 64, height: 32, ..RouteConfig::default() };
     /// let route = Route::new(config)?;

@@ -12,9 +12,11 @@ use super::recipe::Kind;
 use super::route::Names;
 use super::{Map, Positions, Recipe};
 use crate::archive::{Refusal, Sink};
-use crate::descriptor::{ImageSource, Post, Progress, describe_each, go_on};
+use crate::descriptor::describe_each;
 use crate::distance::Metric;
 use crate::error::Error;
+use crate::image::{ImageSource, Progress, go_on};
+use crate::post::Post;
 
 impl Map {
     /// This map and then `more`, as one: the map that all their descriptors at once would have

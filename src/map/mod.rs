@@ -16,10 +16,13 @@ use std::sync::{Arc, OnceLock};
 
 use twox_hash::XxHash3_64;
 
-use crate::descriptor::{ImageSource, Progress, Sad, describe_into};
-use crate::distance::{Dtype, Metric, Rows, Values, View};
+use crate::descriptor::{Sad, describe_into};
+use crate::distance::{Metric, Rows};
+use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::isa::Isa;
+use crate::image::{ImageSource, Progress};
+use crate::numbers::{Values, View};
+use crate::simd::Isa;
 use block::{Blocks, lengths};
 pub(crate) use codes::Codes;
 use recipe::Kind;

@@ -7,10 +7,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::Map;
-use crate::descriptor::{Passage, Post, Sad};
-use crate::distance::{Dtype, Metric, Rows, View};
+use crate::descriptor::Sad;
+use crate::distance::{Metric, Rows};
+use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::isa::Isa;
+use crate::numbers::View;
+use crate::post::{ChainState, Post};
+use crate::simd::Isa;
 
 /// The longest recipe of a learned descriptor, in bytes. The header of a file has room for it,
 /// however JSON writes it.
@@ -84,7 +87,7 @@ impl Map {
             return Err(Error::Length { what, expected, got });
         }
         // A chain without steps is the same as no chain.
-        self.kind.post = (!post.stages().is_empty()).then(|| post.into());
+        self.kind.post = (!post.fitted_steps().is_empty()).then(|| post.into());
         Ok(self)
     }
 
@@ -137,7 +140,7 @@ impl Map {
     pub(crate) fn passed<'a>(
         &self,
         descriptor: View<'a>,
-        through: Option<&'a mut Passage>,
+        through: Option<&'a mut ChainState>,
     ) -> Result<View<'a>, Error> {
         let (Some(post), Some(through)) = (self.post(), through) else { return Ok(descriptor) };
         match descriptor {
@@ -158,7 +161,7 @@ pub(super) fn is_recipe(recipe: &Value) -> bool {
 /// Hashes everything that decides the result.
 pub(super) fn hash(post: &Post, hash: &mut impl Hasher) {
     hash.write(format!("{:?}", post.steps()).as_bytes());
-    for stage in post.stages() {
+    for stage in post.fitted_steps() {
         stage.offset.iter().chain(&stage.scale).for_each(|x| hash.write_u64(x.to_bits()));
         stage.matrix.iter().for_each(|x| hash.write_u32(x.to_bits()));
     }

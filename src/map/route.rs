@@ -4,13 +4,14 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use crate::error::Error;
+use crate::segments::Segments;
 
 /// The route along the map's rows. Today it is one segment with one row for each place. The rest of
-/// the crate asks [`spans`](Self::spans) where neighbours end and [`fold`](Self::fold) which rows
-/// are a place, so that breaks and several traverses are changes to this file.
+/// the crate asks [`segments`](Self::segments) where neighbours end and [`fold`](Self::fold) which
+/// rows are a place, so that breaks and several traverses are changes to this file.
 #[derive(Clone, Debug)]
 pub(crate) struct Route {
-    segments: Vec<Range<usize>>,
+    segments: Segments,
     pub(super) positions: Option<Positions>,
     pub(super) names: Option<Names>,
 }
@@ -18,17 +19,17 @@ pub(crate) struct Route {
 impl Route {
     /// A route without breaks.
     pub(super) fn unbroken(places: usize) -> Self {
-        Self { segments: Vec::from([0..places]), positions: None, names: None }
+        Self { segments: Segments::one(places), positions: None, names: None }
     }
 
     pub(crate) fn places(&self) -> usize {
-        self.segments.last().map_or(0, |segment| segment.end)
+        self.segments.places()
     }
 
-    /// The ranges of places in which each place is followed by its neighbour on the route.
-    /// Gradients and diagonals do not cross from one range to the next.
-    pub(crate) fn spans(&self) -> impl Iterator<Item = Range<usize>> {
-        self.segments.iter().cloned()
+    /// Where neighbours follow each other: gradients and diagonals do not cross from one segment to
+    /// the next.
+    pub(crate) fn segments(&self) -> &Segments {
+        &self.segments
     }
 
     /// The rows of a range of places.
@@ -58,12 +59,8 @@ impl Route {
 
     /// Some of the places, which must be there, with the breaks between them.
     pub(super) fn slice(&self, places: Range<usize>) -> Self {
-        let within = |span: Range<usize>| {
-            let (from, to) = (span.start.max(places.start), span.end.min(places.end));
-            (from < to).then(|| from - places.start..to - places.start)
-        };
         Self {
-            segments: self.spans().filter_map(within).collect(),
+            segments: self.segments.slice(places.clone()),
             positions: self.positions.as_ref().map(|positions| positions.slice(places.clone())),
             names: self.names.as_ref().map(|names| names.slice(places.clone())),
         }

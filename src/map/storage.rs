@@ -4,7 +4,8 @@ use std::fmt;
 #[cfg(feature = "mmap")]
 use std::ops::Range;
 
-use crate::distance::{Dtype, Values, View, each_type};
+use crate::dtype::Dtype;
+use crate::numbers::{Values, View, each_type};
 
 /// Rows begin at a multiple of a cache line, which is also the widest vector register. Loads that
 /// straddle lines cost twice as much if the map is in the cache.

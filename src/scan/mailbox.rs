@@ -6,8 +6,10 @@ use std::sync::{Condvar, Mutex, MutexGuard};
 
 use super::Job;
 use super::pool::Chunks;
-use crate::distance::{Dtype, Query, Values, View};
+use crate::distance::Query;
+use crate::dtype::Dtype;
 use crate::map::Map;
+use crate::numbers::{Values, View};
 
 /// Hands a thread its jobs and takes its results. No lock is held for longer than a copy takes.
 pub(super) struct Mailbox {

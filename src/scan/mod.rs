@@ -7,10 +7,11 @@ mod screen;
 
 use std::ops::Range;
 
-use crate::descriptor::Passage;
-use crate::distance::{self, Query, View};
+use crate::distance::{self, Query};
 use crate::error::Error;
 use crate::map::{Map, Recipe};
+use crate::numbers::View;
+use crate::post::ChainState;
 pub(crate) use pool::{Pool, threads_for};
 pub(crate) use screen::{EncodedQuery, MAX_SCREENED};
 
@@ -65,7 +66,7 @@ impl Map {
     /// ready descriptors; [`Error::NotFinite`] for a NaN or an infinity; [`Error::NoDirection`] for
     /// zeros under the cosine, or if post-processing normalises them. `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
-        let mut through = self.post().map(Passage::new);
+        let mut through = self.post().map(ChainState::new);
         self.distances_of_passed(self.passed(descriptor, through.as_mut())?, out)
     }
 

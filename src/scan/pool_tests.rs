@@ -1,7 +1,8 @@
 //! Threads that die, that are delayed, that are late.
 
 use super::*;
-use crate::distance::{Metric, View};
+use crate::distance::Metric;
+use crate::numbers::View;
 
 fn map() -> (Arc<Map>, Vec<u8>) {
     let rows: Vec<u8> = (0..200_u32 * 16).map(|at| (at * 37 % 251) as u8).collect();

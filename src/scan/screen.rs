@@ -1,5 +1,5 @@
 //! Screens: bounds of distances from a scan of the map's codes, a quarter of the bytes of its rows
-//! (method 1.9).
+//! (method 2.1).
 //!
 //! Most rows of a large map are far from being a query's nearest, and bounds show that as well as
 //! distances do. A row's code leaves out a remainder whose length is known. By the triangle's
@@ -10,11 +10,13 @@
 
 use std::ops::{Add as _, Range};
 
-use crate::distance::{Dtype, Metric, Query, View, short_products};
+use crate::distance::{Metric, Query, short_products};
+use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::isa::Isa;
 use crate::map::{Codes, Map, Storage};
+use crate::numbers::View;
 use crate::parallel::{each, each_row};
+use crate::simd::Isa;
 
 /// The largest code of a row's number, on both sides of 0.
 const CODE: f64 = 127.0;
@@ -98,7 +100,7 @@ impl Map {
 
     /// The type of the screen's numbers, if the map has a screen.
     pub fn screen(&self) -> Option<Dtype> {
-        self.codes().map(|codes| codes.codes.view().dtype())
+        self.codes().map(|codes| codes.rows.view().dtype())
     }
 
     /// Writes the bounds of each distance, from the sums of [`Codes::scan`]. True if all of them
@@ -168,7 +170,7 @@ impl Codes {
             .collect();
         let square = made.iter().map(|row| row.square).collect();
         let row_square = made.iter().map(|row| row.row_square).collect();
-        Some(Self { codes, offset, scale, error, square, row_square, longest, extent })
+        Some(Self { rows: codes, offset, scale, error, square, row_square, longest, extent })
     }
 
     /// Encodes a query of float32.
@@ -223,7 +225,7 @@ impl Codes {
 
     /// Writes the products of a query's codes with those of some places into `out`.
     pub(crate) fn scan(&self, isa: Isa, codes: &[i16], places: Range<usize>, out: &mut [f32]) {
-        if let View::I8(rows) = self.codes.view() {
+        if let View::I8(rows) = self.rows.view() {
             short_products(
                 isa,
                 codes,

@@ -4,9 +4,11 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 use super::{EncodedQuery, MAX_SCREENED};
-use crate::distance::{Dtype, Metric, View};
-use crate::isa::Isa;
+use crate::distance::Metric;
+use crate::dtype::Dtype;
 use crate::map::Map;
+use crate::numbers::View;
+use crate::simd::Isa;
 
 struct Dice(u64);
 

@@ -78,7 +78,7 @@ def enhance(g: Array, mean: Array, smoothing: int = 3, drive: Array | None = Non
 
 
 def consensus(D: Array, G: Array, tolerance: int = 1) -> tuple[Array, Array, Array]:
-    """Eqs. 2 and 3: the places of least distance and greatest gradient, and do they agree."""
+    """The place of least distance, that of the greatest gradient (Eq. 2), whether they agree (Eq. 3)."""
     i_d = np.argmin(D, axis=0)
     i_g = np.argmax(G, axis=0)
     return i_d, i_g, np.abs(i_g - i_d) <= tolerance
@@ -109,21 +109,6 @@ def steps_back(speed: float, k: int) -> int:
     return int(np.floor(speed * k + 0.5))
 
 
-def in_turn(j: int, length: int) -> list[list[int]]:
-    """1.5: the queries of the window that ends in `j`, in the order in which they are added.
-
-    Up to three lists, one for each block of queries that the window reaches; each is summed from
-    its first to its last, then the sums from the first list to the last. Blocks have
-    `max(1, length // 2)` queries, counted from query 0.
-    """
-    size = max(1, length // 2)
-    own, before, rest = [], [], []
-    for q in range(j - length + 1, j + 1):
-        blocks_ago = j // size - q // size
-        (own, before, rest)[blocks_ago].append(q)
-    return [part for part in (own, before, rest[::-1]) if part]
-
-
 def sequence(
     D: Array,
     i_d: Array,
@@ -137,8 +122,8 @@ def sequence(
     """Eqs. 5 and 6: `L S` (n, m) float64, `inf` where undefined, and the anchors on each diagonal.
 
     Column `j` weights *every* column of its window by `floor[j]`, the floor in force at `j`.
-    Defined where `j >= L-1` and `i >= round(v (L-1))`, and all queries of the window are of one
-    `drive` (m,). Blocks of queries do not begin anew with a drive.
+    Each sum runs from the oldest query to the newest. Defined where `j >= L-1` and `i >= round(v
+    (L-1))`, and all queries of the window are of one `drive` (m,).
     """
     n, m = D.shape
     drive = np.zeros(m) if drive is None else drive
@@ -157,8 +142,7 @@ def sequence(
             anchors[i, j] += trusted[q] & (on_route == i_d[q])
             return column[on_route]
 
-        parts = [reduce(np.add, map(cells, part)) for part in in_turn(j, length)]
-        S[i, j] = reduce(np.add, parts)
+        S[i, j] = reduce(np.add, map(cells, range(j - length + 1, j + 1)))
     return S, anchors
 
 

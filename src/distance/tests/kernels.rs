@@ -5,44 +5,28 @@ use std::any::type_name;
 
 use half::f16;
 
-use crate::Isa;
-use crate::distance::machine::{Byte, Number};
 use crate::distance::scan;
 use crate::distance::term::{Differences, Products, Squares, Term};
+use crate::random::SplitMix64;
+use crate::simd::{Byte, Isa, Number};
 
 /// Numbers that rows and queries are cut from, at any start.
 const POOL: usize = 1 << 13;
 const LENGTHS: usize = 258;
-
-/// `SplitMix64`: fast enough that the kernels are what takes the time.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        x ^ (x >> 31)
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() >> 32) as usize % end
-    }
-}
 
 /// A type with pools of numbers that are hard in different ways.
 trait Drawn: Copy {
     /// As f32, which is exact.
     fn single(self) -> f32;
     /// A number of one of four kinds: common ones, all there are, the smallest, the largest.
-    fn draw(random: &mut Random, kind: usize) -> Self;
+    fn draw(random: &mut SplitMix64, kind: usize) -> Self;
 }
 
 impl Drawn for f32 {
     fn single(self) -> f32 {
         self
     }
-    fn draw(random: &mut Random, kind: usize) -> Self {
+    fn draw(random: &mut SplitMix64, kind: usize) -> Self {
         let bits = random.next() as u32;
         let any = f32::from_bits(if bits >> 23 & 0xFF == 0xFF { bits ^ (1 << 30) } else { bits });
         match kind {
@@ -58,7 +42,7 @@ impl Drawn for f16 {
     fn single(self) -> f32 {
         self.into()
     }
-    fn draw(random: &mut Random, kind: usize) -> Self {
+    fn draw(random: &mut SplitMix64, kind: usize) -> Self {
         let bits = random.next() as u16;
         let any = f16::from_bits(if bits >> 10 & 0x1F == 0x1F { bits ^ (1 << 14) } else { bits });
         match kind {
@@ -76,7 +60,7 @@ macro_rules! drawn_bytes {
             fn single(self) -> f32 {
                 self.into()
             }
-            fn draw(random: &mut Random, kind: usize) -> Self {
+            fn draw(random: &mut SplitMix64, kind: usize) -> Self {
                 let byte = random.next() as $byte;
                 match kind {
                     0 | 1 => byte,
@@ -94,7 +78,7 @@ impl Drawn for i16 {
     fn single(self) -> f32 {
         self.into()
     }
-    fn draw(random: &mut Random, kind: usize) -> Self {
+    fn draw(random: &mut SplitMix64, kind: usize) -> Self {
         let number = (random.next() % 16_383) as i16 - 8191;
         match kind {
             0 | 1 => number,
@@ -104,7 +88,7 @@ impl Drawn for i16 {
     }
 }
 
-fn pools<T: Drawn>(random: &mut Random, size: usize) -> [Vec<T>; 4] {
+fn pools<T: Drawn>(random: &mut SplitMix64, size: usize) -> [Vec<T>; 4] {
     [0, 1, 2, 3].map(|kind| (0..size).map(|_| T::draw(random, kind)).collect())
 }
 
@@ -229,7 +213,7 @@ fn check_shorts(query: &[i16], values: &[i8], rows: usize) {
 
 /// A query and rows, cut from pools: their kinds, starts, number and length are all drawn.
 fn each_case<Q: Drawn, R: Drawn>(seed: u64, mut check: impl FnMut(&[Q], &[R], usize)) {
-    let mut random = Random(seed);
+    let mut random = SplitMix64(seed);
     let (queries, values) = (pools::<Q>(&mut random, POOL), pools::<R>(&mut random, POOL));
     for case in 0..cases() {
         let (dim, rows) = (case % LENGTHS, 1 + random.below(6));
@@ -280,7 +264,7 @@ fn products_of_14_bits_and_i8() {
 /// Beyond where 32-bit sums are emptied, with the numbers that fill them fastest.
 #[test]
 fn long_rows_overflow_nothing() {
-    let mut random = Random(7);
+    let mut random = SplitMix64(7);
     for dim in [2048, 4096, 65_535, 65_536, 65_600, 100_003, 131_136] {
         for kind in [0, 3] {
             let mut bytes = pools::<u8>(&mut random, 3 * dim + 1).into_iter().nth(kind).unwrap();
@@ -326,7 +310,7 @@ fn long_rows_overflow_nothing() {
 /// What the cosine's fused products rest on.
 #[test]
 fn the_product_of_two_f32_is_exact_in_f64() {
-    let mut random = Random(3);
+    let mut random = SplitMix64(3);
     for _ in 0..100_000 {
         let [a, b, sum] = [(); 3].map(|()| f64::from(f32::draw(&mut random, 1)));
         assert_eq!(a.mul_add(b, sum).to_bits(), (a * b + sum).to_bits(), "{a:e} {b:e} {sum:e}");

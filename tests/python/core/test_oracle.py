@@ -144,16 +144,15 @@ def test_steps_back_round_halves_up() -> None:
     assert [oracle.steps_back(0.0, k) for k in range(3)] == [0, 0, 0]
 
 
-def test_a_window_is_added_block_by_block() -> None:
-    """1.5 by hand: blocks of two queries, counted from query 0; the oldest is added backwards."""
-    assert oracle.in_turn(8, 5) == [[8], [6, 7], [5, 4]]
-    assert oracle.in_turn(9, 5) == [[8, 9], [6, 7], [5]]
-    assert oracle.in_turn(9, 4) == [[8, 9], [6, 7]]
-    assert oracle.in_turn(7, 1) == [[7]]
-    # Float64 holds 2**53 + 2, but rounds 2**53 + 1: the two ones must meet first.
-    D = np.diag(np.float32([2.0**53, 0.0, 1.0, 1.0]))
-    sums, _ = oracle.sequence(D, np.zeros(4, int), np.zeros(4, bool), np.zeros(4), 0.0, 4)
-    assert sums[3, 3] == 2.0**53 + 2.0
+def test_a_window_is_added_from_the_oldest_query_to_the_newest() -> None:
+    """1.5 by hand: float64 holds 2**53 + 2, but rounds 2**53 + 1, so that the ones must meet first."""
+    for diagonal, expected in (
+        ([1.0, 1.0, 0.0, 2.0**53], 2.0**53 + 2.0),
+        ([2.0**53, 0.0, 1.0, 1.0], 2.0**53),
+    ):
+        D = np.diag(np.float32(diagonal))
+        sums, _ = oracle.sequence(D, np.zeros(4, int), np.zeros(4, bool), np.zeros(4), 0.0, 4)
+        assert sums[3, 3] == expected
 
 
 def test_velocity_search_finds_a_standstill() -> None:

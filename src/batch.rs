@@ -1,0 +1,411 @@
+//! Whole runs at once: the same answers as the stream, on all cores.
+
+use std::io::{self, Write};
+
+use ndarray::ArrayView2;
+
+use crate::config::{Config, Floor};
+use crate::error::Error;
+use crate::image::Progress;
+use crate::map::Map;
+use crate::method::{Column, Fix, Matcher, Memory, minimum};
+use crate::numbers::{View, first_not_finite};
+use crate::parallel::each;
+use crate::post::ChainState;
+
+/// How many queries are matched between two reports of progress.
+const REPORTED: usize = 64;
+/// Distances that are held at a time while descriptors are matched: 16 MB.
+const HELD: usize = 1 << 22;
+
+/// The fixes of a whole run, one a query, in order.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Run {
+    /// One fix a query.
+    pub fixes: Vec<Fix>,
+    /// How many places the route has.
+    pub places: usize,
+}
+
+impl Run {
+    /// Writes the fixes as CSV: a line of names, then a line a query. Warm-up leaves `anchors` and
+    /// `speed` empty.
+    ///
+    /// # Errors
+    /// Whatever `out` gives.
+    pub fn write_csv(&self, out: &mut impl Write) -> io::Result<()> {
+        writeln!(
+            out,
+            "frame,place,score,trusted,ready,anchors,speed,single_place,single_distance,gradient_place,gradient_value"
+        )?;
+        for fix in &self.fixes {
+            let Fix { frame, place, score, trusted, single, gradient, sequence } = fix;
+            let (ready, anchors, speed) = match sequence {
+                Some(s) => (true, s.anchors.to_string(), s.speed.to_string()),
+                None => (false, String::new(), String::new()),
+            };
+            writeln!(
+                out,
+                "{frame},{place},{score},{trusted},{ready},{anchors},{speed},{},{},{},{}",
+                single.place, single.distance, gradient.place, gradient.value
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Matches a whole distance matrix: `D[[i, j]]` is the distance between place `i` and query `j`, in
+/// any memory layout. The answers are those of a [`Matcher`] that is pushed column by column;
+/// `floor: Global` (the paper's own) is possible here too. `trusted`, if given, is an external
+/// predictor's flag for each query; `gaps` are the queries, in any order, before which there is a
+/// gap ([`Matcher::gap`]).
+///
+/// ```
+/// use ndarray::array;
+/// use surefix::{Config, match_distances};
+/// let distances = array![[0.1_f32, 0.8, 0.9], [0.8, 0.1, 0.9], [0.9, 0.8, 0.1]];
+/// let run = match_distances(distances.view(), &Config::default(), None, &[1])?;
+/// let ready: Vec<bool> = run.fixes.iter().map(|fix| fix.sequence.is_some()).collect();
+/// assert_eq!(ready, [false, false, true]); // query 1 has no sequence with query 0
+/// # Ok::<(), surefix::Error>(())
+/// ```
+///
+/// # Errors
+/// As for [`Config::validate`], and [`Error::Option`] for a gap before a query that there is not;
+/// [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity; [`Error::Length`]
+/// unless `trusted` has one flag a query.
+#[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
+pub fn match_distances(
+    distances: ArrayView2<'_, f32>,
+    config: &Config,
+    trusted: Option<&[bool]>,
+    gaps: &[usize],
+) -> Result<Run, Error> {
+    let (places, queries) = distances.dim();
+    config.validate(places)?;
+    let flags = Flags::new(trusted, gaps, queries)?;
+    let stream = Matcher::new(places, Config { floor: Floor::Running, ..config.clone() })?;
+    let Pieces { lead, length } = Pieces::new(stream.memory(), queries);
+    let pieces = 0..queries.div_ceil(length);
+    let span = |index: usize| (index * length, queries.min((index + 1) * length));
+    let minima = flatten(each(
+        pieces.clone(),
+        || (),
+        |(), index| {
+            let (start, end) = span(index);
+            column_minima(&distances, start, end)
+        },
+    ))?;
+    let lowest = |minima: &[f32]| minima.iter().copied().fold(f32::INFINITY, f32::min);
+    let stream = stream.with_floor(match config.floor {
+        Floor::Global if queries > 0 => Floor::Fixed(f64::from(lowest(&minima))),
+        Floor::Global => Floor::Running,
+        floor => floor,
+    });
+
+    // The batch is the stream, cut into pieces. Each begins early enough for its first window and
+    // gradients to be those of the whole stream, and with the minimum that the stream would have
+    // had.
+    let fixes = flatten(each(
+        pieces,
+        || (),
+        |(), index| {
+            let (start, end) = span(index);
+            let first = start.saturating_sub(lead);
+            let mut matcher = stream.clone();
+            matcher.begin_at(first, lowest(&minima[..first]));
+            let mut fixes = Vec::with_capacity(end - start);
+            for_each_column(&distances, first, end, |query, column| {
+                let fix = flags.push(&mut matcher, query, column)?;
+                if query >= start {
+                    fixes.push(fix);
+                }
+                Ok(())
+            })?;
+            Ok(fixes)
+        },
+    ))?;
+    Ok(Run { fixes, places })
+}
+
+/// How a batch is cut into pieces that are matched side by side.
+#[derive(Debug, PartialEq)]
+struct Pieces {
+    /// Queries before its own that a piece begins with, to remember what the stream remembers.
+    lead: usize,
+    /// Queries of a piece: enough that the lead costs little.
+    length: usize,
+}
+
+impl Pieces {
+    fn new(memory: Memory, queries: usize) -> Self {
+        let cores = if cfg!(feature = "rayon") { 8 } else { 1 };
+        match memory {
+            Memory::Queries(memory) => {
+                let length = (queries / cores).max(memory.saturating_mul(8)).max(64);
+                Self { lead: memory - 1, length }
+            }
+            // A memory of everything cannot begin in the middle.
+            Memory::Whole => Self { lead: 0, length: queries.max(1) },
+        }
+    }
+}
+
+/// The smallest distance of each query.
+///
+/// # Errors
+/// [`Error::NotFinite`] for a NaN or an infinity.
+fn column_minima(
+    distances: &ArrayView2<'_, f32>,
+    start: usize,
+    end: usize,
+) -> Result<Vec<f32>, Error> {
+    let mut minima = Vec::with_capacity(end - start);
+    for_each_column(distances, start, end, |query, column| {
+        if let Some((index, value)) = first_not_finite(column) {
+            return Err(Error::NotFinite {
+                what: "distances (row: query)",
+                row: Some(query),
+                index,
+                value,
+            });
+        }
+        minima.push(minimum(column).distance);
+        Ok(())
+    })?;
+    Ok(minima)
+}
+
+/// The columns from `start` to `end`, each in one piece of memory. A matrix that is stored row by
+/// row is turned a tile at a time, so that whole cache lines are read and written.
+fn for_each_column(
+    distances: &ArrayView2<'_, f32>,
+    start: usize,
+    end: usize,
+    mut visit: impl FnMut(usize, &[f32]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    const TILE: usize = 16;
+    let places = distances.nrows();
+    let mut gathered = vec![0.0; TILE * places];
+    for first in (start..end).step_by(TILE) {
+        let queries = first..end.min(first + TILE);
+        for top in (0..places).step_by(TILE) {
+            let rows = top..places.min(top + TILE);
+            for (slot, query) in queries.clone().enumerate() {
+                let column = &mut gathered[slot * places..][rows.clone()];
+                for (number, place) in column.iter_mut().zip(rows.clone()) {
+                    *number = distances[[place, query]];
+                }
+            }
+        }
+        for (query, column) in queries.zip(gathered.chunks_exact(places)) {
+            visit(query, column)?;
+        }
+    }
+    Ok(())
+}
+
+fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
+    let mut all = Vec::new();
+    for piece in pieces {
+        all.extend(piece?);
+    }
+    Ok(all)
+}
+
+/// Matches many descriptors, one after the other in `queries`, against a map: the distances on all
+/// cores, the answers those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map
+/// twice, so that no matrix need be held. `gaps` are the queries, in any order, before which there
+/// is a gap ([`Matcher::gap`]). `progress` is told how many queries are done and to do; `Break`
+/// from it stops the work.
+///
+/// ```
+/// use std::ops::ControlFlow;
+/// use surefix::{Config, Map, Metric, match_descriptors};
+///
+/// let rows: Vec<f32> = (0..20).flat_map(|i| [i as f32, (i * i % 7) as f32]).collect();
+/// let map = Map::from_descriptors(rows.clone(), 2, Metric::Euclidean)?;
+/// let queries = &rows[2 * 2..]; // the same drive, from place 2 on
+/// let mut progress = |_done, _total| ControlFlow::Continue(());
+/// let run = match_descriptors(&map, queries, &Config::default(), None, &[], &mut progress)?;
+/// assert!(run.fixes.iter().all(|fix| fix.place == fix.frame as usize + 2));
+/// # Ok::<(), surefix::Error>(())
+/// ```
+///
+/// # Errors
+/// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] if the map's dimension
+/// does not divide the numbers; [`Error::Length`] unless `trusted` has one flag a query;
+/// [`Error::Option`] for a gap before a query that there is not; [`Error::Interrupted`] if
+/// `progress` breaks.
+pub fn match_descriptors<'a>(
+    map: &Map,
+    queries: impl Into<View<'a>>,
+    config: &Config,
+    trusted: Option<&[bool]>,
+    gaps: &[usize],
+    progress: Progress<'_>,
+) -> Result<Run, Error> {
+    let queries = queries.into();
+    let dim = map.input_dim();
+    if !queries.len().is_multiple_of(dim) {
+        let (expected, got) =
+            (format!("rows of {dim} numbers"), format!("{} numbers", queries.len()));
+        return Err(Error::Shape { what: "queries", expected, got });
+    }
+    let count = queries.len() / dim;
+    let flags = Flags::new(trusted, gaps, count)?;
+    config.validate(map.places())?;
+    queries.check_finite("queries", dim)?;
+    let mut config = config.clone();
+    let total = if config.floor == Floor::Global { 2 * count } else { count };
+    let mut report = |done: usize| {
+        let due = done.is_multiple_of(REPORTED) || done == total;
+        if due && progress(done, total).is_break() {
+            Err(Error::Interrupted { done, total })
+        } else {
+            Ok(())
+        }
+    };
+    let mut scanned = 0;
+    if config.floor == Floor::Global {
+        let mut lowest = f32::INFINITY;
+        for_each_query(map, queries, count, |_, distances| {
+            report(scanned)?;
+            scanned += 1;
+            lowest = lowest.min(minimum(distances).distance);
+            Ok(())
+        })?;
+        // Without a query there is no matrix and no minimum.
+        config.floor = if count == 0 { Floor::Running } else { Floor::Fixed(f64::from(lowest)) };
+    }
+    let mut matcher = Matcher::along(map.route().segments().clone(), config)?;
+    let mut fixes = Vec::with_capacity(count);
+    for_each_query(map, queries, count, |query, distances| {
+        report(scanned)?;
+        scanned += 1;
+        let fix = flags.push(&mut matcher, query, distances);
+        fixes.push(fix.map_err(|error| of_query(error, query))?);
+        Ok(())
+    })?;
+    report(total)?;
+    Ok(Run { fixes, places: map.places() })
+}
+
+/// The distances of each query in turn, computed a few queries at a time on all cores.
+fn for_each_query(
+    map: &Map,
+    queries: View<'_>,
+    count: usize,
+    mut visit: impl FnMut(usize, &[f32]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let at_once = (HELD / map.places()).clamp(1, 256);
+    // Running statistics depend on the queries before.
+    let mut drive = map.post().filter(|post| post.runs()).map(ChainState::of_drive);
+    let mut passed = Vec::new();
+    for start in (0..count).step_by(at_once) {
+        let indices = start..count.min(start + at_once);
+        if let Some(through) = &mut drive {
+            passed.clear();
+            for query in indices.clone() {
+                let Some(row) = queries.row(query, map.input_dim()) else { continue };
+                let row = map.passed(row, Some(through)).map_err(|error| of_query(error, query))?;
+                if let View::F32(row) = row {
+                    passed.extend_from_slice(row);
+                }
+                through.commit();
+            }
+        }
+        let columns = each(
+            indices.clone(),
+            || (),
+            |(), query| {
+                let mut out = vec![0.0; map.places()];
+                let done = if drive.is_some() {
+                    let at = (query - start) * map.dim();
+                    map.distances_of_passed(View::F32(&passed[at..at + map.dim()]), &mut out)
+                } else {
+                    let row = queries.row(query, map.input_dim());
+                    row.map_or(Ok(()), |row| map.distances_into(row, &mut out))
+                };
+                done.map_err(|error| of_query(error, query))?;
+                Ok(out)
+            },
+        );
+        for (query, column) in indices.zip(columns) {
+            visit(query, &column?)?;
+        }
+    }
+    Ok(())
+}
+
+/// The same error with the query's index.
+fn of_query(error: Error, query: usize) -> Error {
+    match error {
+        Error::NoDirection { what: "descriptor", .. } => {
+            Error::NoDirection { what: "queries", row: Some(query) }
+        }
+        // After post-processing.
+        Error::NoDirection { what, .. } => Error::NoDirection { what, row: Some(query) },
+        Error::NotFinite { what, index, value, .. } if what.starts_with("descriptor") => {
+            Error::NotFinite { what, row: Some(query), index, value }
+        }
+        Error::NotFinite { index, value, .. } => {
+            Error::NotFinite { what: "distances (row: query)", row: Some(query), index, value }
+        }
+        other => other,
+    }
+}
+
+/// The external trust flags and the gaps of a batch's queries.
+struct Flags<'a> {
+    trusted: Option<&'a [bool]>,
+    /// For each query, whether there is a gap before it.
+    gaps: Vec<bool>,
+}
+
+impl<'a> Flags<'a> {
+    fn new(trusted: Option<&'a [bool]>, gaps: &[usize], queries: usize) -> Result<Self, Error> {
+        if let Some(trusted) = trusted
+            && trusted.len() != queries
+        {
+            return Err(Error::Length { what: "trusted", expected: queries, got: trusted.len() });
+        }
+        let mut cut = vec![false; queries];
+        for &query in gaps {
+            *cut.get_mut(query).ok_or_else(|| Error::Option {
+                name: "gaps",
+                expected: match queries.checked_sub(1) {
+                    Some(last) => format!("indices of queries, from 0 to {last}"),
+                    None => "none, as there is no query".to_owned(),
+                },
+                got: query.to_string(),
+            })? = true;
+        }
+        Ok(Self { trusted, gaps: cut })
+    }
+
+    /// Pushes a query's distances, after its gap if there is one.
+    fn push(&self, matcher: &mut Matcher, query: usize, distances: &[f32]) -> Result<Fix, Error> {
+        if self.gaps[query] {
+            matcher.gap();
+        }
+        let column = Column { lower: distances, upper: None };
+        matcher.push_column(column, self.trusted.map(|trusted| trusted[query]), &mut ())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_memory_of_everything_is_one_piece_and_any_other_leads_into_its_pieces() {
+        for queries in [0, 1, 1000, 100_000] {
+            let Pieces { lead, length } = Pieces::new(Memory::Whole, queries);
+            assert!(lead == 0 && length >= queries);
+            let Pieces { lead, length } = Pieces::new(Memory::Queries(12), queries);
+            assert!(lead == 11 && length >= 96);
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Many images into descriptors.
+
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use super::sad::{Describer, Sad};
+use crate::error::Error;
+use crate::image::{ImageSource, Progress, go_on};
+use crate::numbers::Values;
+use crate::parallel::{each_row, threads};
+
+/// How many images each thread describes between two reports of progress.
+const BATCH: usize = 32;
+
+/// The descriptors of all images, one after the other, on all cores (feature `rayon`).
+///
+/// # Errors
+/// Whatever loading an image gives; [`Error::ImageSize`] for one whose size is not the first one's;
+/// [`Error::Interrupted`] where `progress` breaks. The first image in route order that fails is the
+/// one named.
+pub fn describe_all(
+    sad: &Sad,
+    images: &(impl ImageSource + ?Sized),
+    progress: Progress<'_>,
+) -> Result<Values, Error> {
+    let mut all = Values::zeros(sad.dtype(), images.len() * sad.dim());
+    if !all.is_empty() {
+        describe_into(sad, images, progress, all.bytes_mut())?;
+    }
+    Ok(all)
+}
+
+/// The same, straight into `memory`, which has room for the descriptors of all images; there is at
+/// least one.
+pub(crate) fn describe_into(
+    sad: &Sad,
+    images: &(impl ImageSource + ?Sized),
+    progress: Progress<'_>,
+    memory: &mut [u8],
+) -> Result<(), Error> {
+    let pool = DescriberPool::new(sad, images)?;
+    let width = pool.width();
+    in_batches(images.len(), progress, |batch| {
+        pool.describe(batch.start, &mut memory[batch.start * width..batch.end * width])
+    })
+}
+
+/// The same, batch by batch in one small piece of memory: `take` is handed each batch's
+/// descriptors, in route order.
+pub(crate) fn describe_each(
+    sad: &Sad,
+    images: &(impl ImageSource + ?Sized),
+    progress: Progress<'_>,
+    mut take: impl FnMut(&mut [u8]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let pool = DescriberPool::new(sad, images)?;
+    let width = pool.width();
+    let mut memory = Values::zeros(sad.dtype(), images.len().min(batch_size()) * sad.dim());
+    in_batches(images.len(), progress, |batch| {
+        let rows = &mut memory.bytes_mut()[..batch.len() * width];
+        pool.describe(batch.start, rows)?;
+        take(rows)
+    })
+}
+
+fn batch_size() -> usize {
+    BATCH * threads()
+}
+
+/// `work` on batch after batch of `total` images, each told to `progress` before it.
+fn in_batches(
+    total: usize,
+    progress: Progress<'_>,
+    mut work: impl FnMut(Range<usize>) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let mut report = |done| go_on(progress(done, total), done, total);
+    for start in (0..total).step_by(batch_size()) {
+        report(start)?;
+        work(start..total.min(start + batch_size()))?;
+    }
+    report(total)
+}
+
+/// Describers, as many as there are threads at work, and the images that they describe. An image is
+/// in memory only while it is described.
+struct DescriberPool<'a, I: ?Sized> {
+    sad: &'a Sad,
+    images: &'a I,
+    /// Width and height of the first image, and so of all.
+    size: (usize, usize),
+    /// Those without work just now, each with room for a descriptor.
+    idle: Mutex<Vec<(Describer, Values)>>,
+}
+
+impl<'a, I: ImageSource + ?Sized> DescriberPool<'a, I> {
+    fn new(sad: &'a Sad, images: &'a I) -> Result<Self, Error> {
+        let first = images.load(0)?;
+        let size = (first.width(), first.height());
+        Ok(Self { sad, images, size, idle: Mutex::default() })
+    }
+
+    /// Bytes of a descriptor.
+    fn width(&self) -> usize {
+        self.sad.dim() * self.sad.dtype().size()
+    }
+
+    /// Describes the images from `start` on into `rows`, as many as there are rows.
+    fn describe(&self, start: usize, rows: &mut [u8]) -> Result<(), Error> {
+        let done =
+            each_row(rows, self.width(), |row, memory| self.describe_one(start + row, memory));
+        done.into_iter().collect()
+    }
+
+    fn describe_one(&self, index: usize, row: &mut [u8]) -> Result<(), Error> {
+        let image = self.images.load(index)?;
+        let (expected, got) = (self.size, (image.width(), image.height()));
+        if got != expected {
+            return Err(Error::ImageSize { name: self.images.name(index), expected, got });
+        }
+        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = idle().pop();
+        let (mut describer, mut values) = free.unwrap_or_else(|| {
+            (Describer::new(*self.sad), Values::zeros(self.sad.dtype(), self.sad.dim()))
+        });
+        let described = describer.describe(image.view(), &mut values);
+        row.copy_from_slice(values.view().bytes());
+        idle().push((describer, values));
+        described
+    }
+}

@@ -1,0 +1,27 @@
+//! Images, borrowed, owned and from files, made grey and small.
+#![allow(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instruction set"
+)]
+
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod axis;
+#[cfg(feature = "image")]
+mod files;
+mod grey;
+mod resize;
+mod source;
+mod transpose;
+mod view;
+
+#[cfg(feature = "image")]
+pub use files::{ImageFiles, decode_image, read_image};
+#[cfg(test)]
+pub(crate) use grey::brightness;
+pub(crate) use resize::Resize;
+#[cfg(test)]
+pub(crate) use resize::shrunk;
+pub(crate) use source::go_on;
+pub use source::{ImageSource, Progress};
+pub use view::{Channels, Image, ImageView};

@@ -1,0 +1,80 @@
+//! Many images from wherever they are: a list, files, the generated route.
+
+use std::ops::ControlFlow;
+
+use super::view::Image;
+use crate::error::Error;
+
+/// A traverse's images, in route order, each loaded when it is needed.
+///
+/// ```
+/// use std::ops::ControlFlow;
+/// use surefix::{Channels, Error, Image, ImageSource, Map, Sad};
+///
+/// /// Grey frames that lie in one long buffer.
+/// struct Recording(Vec<u8>);
+///
+/// impl ImageSource for Recording {
+///     fn len(&self) -> usize {
+///         self.0.len() / (64 * 32)
+///     }
+///
+///     fn load(&self, index: usize) -> Result<Image, Error> {
+///         let frame = &self.0[index * 64 * 32..(index + 1) * 64 * 32];
+///         Image::new(64, 32, Channels::Grey, frame.to_vec())
+///     }
+/// }
+///
+/// let frames = Recording((0..5 * 64 * 32).map(|i: usize| (i * i % 251) as u8).collect());
+/// let map = Map::from_images(&frames, Sad::default(), &mut |_, _| ControlFlow::Continue(()))?;
+/// assert_eq!(map.places(), 5);
+/// # Ok::<(), Error>(())
+/// ```
+pub trait ImageSource: Sync {
+    /// How many images there are.
+    fn len(&self) -> usize;
+
+    /// Whether there are none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The image `index`, below `len()`.
+    ///
+    /// # Errors
+    /// [`Error::Image`], or [`Error::Io`], where it cannot be read; the error names it.
+    fn load(&self, index: usize) -> Result<Image, Error>;
+
+    /// What to call the image `index`: its file's name, where it has one.
+    fn name(&self, index: usize) -> String {
+        index.to_string()
+    }
+}
+
+impl ImageSource for [Image] {
+    fn len(&self) -> usize {
+        <[Image]>::len(self)
+    }
+
+    fn load(&self, index: usize) -> Result<Image, Error> {
+        Ok(self[index].clone())
+    }
+}
+
+impl ImageSource for Vec<Image> {
+    fn len(&self) -> usize {
+        self.as_slice().len()
+    }
+
+    fn load(&self, index: usize) -> Result<Image, Error> {
+        self.as_slice().load(index)
+    }
+}
+
+/// Hears how many images of how many are done, on the calling thread; `Break` stops the work.
+pub type Progress<'a> = &'a mut (dyn FnMut(usize, usize) -> ControlFlow<()> + Send);
+
+/// What `progress` has answered, as a result.
+pub(crate) fn go_on(answer: ControlFlow<()>, done: usize, total: usize) -> Result<(), Error> {
+    if answer.is_break() { Err(Error::Interrupted { done, total }) } else { Ok(()) }
+}

@@ -1,0 +1,167 @@
+//! A matcher that is told bounds against one that is told the distances, to the last bit.
+
+use std::ops::Range;
+
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use super::{Column, Exact, Fix, Matcher};
+use crate::config::{Config, Floor, Gradient};
+
+/// All distances, and where the newest query's are; and how many were asked for.
+struct Known<'a> {
+    columns: &'a [Vec<f32>],
+    newest: usize,
+    asked: usize,
+}
+
+impl Exact for Known<'_> {
+    const BOUNDS: bool = true;
+
+    fn distances(&mut self, age: usize, places: Range<usize>, out: &mut [f32]) {
+        self.asked += places.len();
+        out.copy_from_slice(&self.columns[self.newest - age][places]);
+    }
+}
+
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, end: u64) -> u64 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % end
+    }
+
+    fn share(&mut self) -> f32 {
+        self.below(1 << 24) as f32 / (1 << 24) as f32
+    }
+
+    /// A drive along the route, from `start`, whose distances dip where it is, by more or less; or
+    /// whole numbers, which tie.
+    fn column(&mut self, places: usize, at: usize, ties: bool) -> Vec<f32> {
+        let mut column: Vec<f32> = (0..places)
+            .map(|_| if ties { self.below(4) as f32 } else { 0.5 + 0.5 * self.share() })
+            .collect();
+        if !ties && self.below(5) > 0 {
+            column[at % places] -= 0.7 * self.share();
+        }
+        column
+    }
+
+    /// Bounds as wide as `width` on either side; some are the distances themselves, some lie on one
+    /// side only.
+    fn bounds(&mut self, column: &[f32], width: f32) -> (Vec<f32>, Vec<f32>) {
+        let mut side = |x: f32, sign: f32| match self.below(8) {
+            0 => x,
+            1 => x + sign * 1e-7,
+            _ => x + sign * width * self.share(),
+        };
+        let low = column.iter().map(|&x| side(x, -1.0)).collect();
+        (low, column.iter().map(|&x| side(x, 1.0)).collect())
+    }
+}
+
+/// A matcher that accepts bounds, and goes on from `matcher`.
+fn bounded(mut matcher: Matcher) -> Matcher {
+    matcher.accept_bounds().unwrap();
+    matcher
+}
+
+fn bits(fix: &Fix) -> String {
+    // Shortest digits that read back the same: with the sign of a zero, all bits.
+    format!("{fix:?}")
+}
+
+fn config(places: usize) -> impl Strategy<Value = Config> {
+    let length = prop_oneof![3 => 1..=places.min(4), 1 => 1..=places];
+    let smoothing = prop_oneof![4 => 1..=4_usize, 1 => 1..=2 * places];
+    let speeds = prop_oneof![2 => Just(vec![1.0]), 1 => Just(vec![0.5, 1.0, 0.0, 0.75])];
+    let floor = prop_oneof![Just(Floor::Running), Just(Floor::Fixed(0.05))];
+    let gradient = select(vec![Gradient::Halved, Gradient::Unhalved]);
+    let weight = select(vec![0.0, 0.5, 0.99, 1.0]);
+    (length, weight, 0..3_usize, smoothing, gradient, floor, speeds).prop_map(
+        |(sequence_length, weight, tolerance, smoothing, gradient, floor, speeds)| Config {
+            sequence_length,
+            weight,
+            tolerance,
+            smoothing,
+            gradient,
+            floor,
+            speeds,
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn bounds_change_no_answer(
+        (places, config) in (2..90_usize).prop_flat_map(|places| (Just(places), config(places))),
+        width in select(vec![0.0, 1e-6, 0.01, 0.1, 0.5, 3.0]), ties: bool, restored: bool, seed: u64,
+    ) {
+        let mut dice = Dice(seed);
+        let start = dice.below(places as u64) as usize;
+        let columns: Vec<Vec<f32>> =
+            (0..2 * config.sequence_length + 12).map(|j| dice.column(places, start + j, ties)).collect();
+        let mut plain = Matcher::new(places, config.clone()).unwrap();
+        let mut told = bounded(plain.clone());
+        for (newest, column) in columns.iter().enumerate() {
+            let external = [None, None, None, Some(true), Some(false)][dice.below(5) as usize];
+            let exact = Column { lower: column, upper: None };
+            let expected = plain.push_column(exact, external, &mut ()).unwrap();
+            let mut known = Known { columns: &columns, newest, asked: 0 };
+            let got = if dice.below(6) == 0 {
+                told.push_column(exact, external, &mut known)
+            } else {
+                let (low, high) = dice.bounds(column, width);
+                let bounds = Column { lower: &low, upper: Some(&high) };
+                told.push_column(bounds, external, &mut known)
+            }.unwrap();
+            prop_assert_eq!(bits(&got), bits(&expected), "query {}", newest);
+            prop_assert!(known.asked >= told.window().asked(), "counts the distances asked for");
+            if restored && newest == columns.len() / 2 {
+                // A snapshot is that of the plain one, and either goes on from it.
+                told.window().resolve(&mut known);
+                let (own, other) = (told.snapshot().unwrap(), plain.snapshot().unwrap());
+                prop_assert_eq!(&own, &other);
+                told = bounded(Matcher::restore(&own, None).unwrap());
+            }
+            if dice.below(10 + 2 * config.sequence_length as u64) == 0 {
+                plain.gap();
+                told.gap();
+                prop_assert!(told.window().newest(&mut known).is_none());
+            } else if dice.below(20) == 0 {
+                let newest = told.window().newest(&mut known).unwrap();
+                prop_assert_eq!(newest, column.as_slice());
+            }
+        }
+    }
+}
+
+/// Where a place stands out, hardly anything else is looked at.
+#[test]
+fn few_places_are_looked_at_where_few_are_in_doubt() {
+    const PLACES: usize = 1000;
+    let mut dice = Dice(1);
+    let columns: Vec<Vec<f32>> = (0..40)
+        .map(|j| {
+            let mut column: Vec<f32> = (0..PLACES).map(|_| 0.5 + 0.5 * dice.share()).collect();
+            column[200 + j] = 0.1;
+            column
+        })
+        .collect();
+    let config = Config { sequence_length: 3, ..Config::default() };
+    let mut told = bounded(Matcher::new(PLACES, config).unwrap());
+    for (newest, column) in columns.iter().enumerate() {
+        let (low, high) = dice.bounds(column, 0.02);
+        let mut known = Known { columns: &columns, newest, asked: 0 };
+        let bounds = Column { lower: &low, upper: Some(&high) };
+        let fix = told.push_column(bounds, None, &mut known).unwrap();
+        let looked_at = told.window().asked();
+        assert_eq!(fix.single.place, 200 + newest);
+        assert_eq!(looked_at, known.asked);
+        assert!(looked_at < 20, "query {newest}: {looked_at} places");
+    }
+}

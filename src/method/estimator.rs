@@ -1,0 +1,46 @@
+//! What becomes of the columns after the trust flag: estimators, of which the sequence is one.
+
+use super::sequence::Anchors;
+use super::window::{Exact, Window};
+use crate::segments::Segments;
+
+/// Turns the columns seen so far into an answer, one query at a time.
+///
+/// A new estimator is a file of its own with an `impl Estimator`, a field of `Matcher` that
+/// `Matcher::method` asks in its order, and a field of `Fix`.
+pub(super) trait Estimator {
+    /// Its answer to one query.
+    type Answer;
+
+    /// How far back the answer looks. It decides how a batch may be cut into pieces.
+    fn memory(&self) -> Memory;
+
+    /// Takes the newest column of `window`. If columns are bounds, `ask` has their distances: an
+    /// estimator that needs all of them resolves the column.
+    fn estimate<E: Exact>(
+        &mut self,
+        window: &mut Window,
+        seen: &Seen<'_>,
+        ask: &mut E,
+    ) -> Self::Answer;
+}
+
+/// How many queries an answer depends on, the current one included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Memory {
+    /// The newest ones: a batch can begin this many queries early and be cut into pieces.
+    Queries(usize),
+    /// All since the start, as in a recursion: a batch runs in order, in one piece.
+    #[cfg_attr(not(test), expect(dead_code, reason = "the tracker's"))]
+    Whole,
+}
+
+/// Facts about the queries so far that all estimators share.
+pub(super) struct Seen<'a> {
+    /// The route's segments: where diagonals and motion end.
+    pub(super) segments: &'a Segments,
+    /// The single match and the trust flag of each of the newest `L` queries.
+    pub(super) anchors: &'a Anchors,
+    /// The floor of trusted cells (Eq. 4).
+    pub(super) floor: f64,
+}

@@ -1,0 +1,328 @@
+//! The paper: from distance vectors to trusted places, one query at a time (method 1.1 to 1.5).
+//!
+//! [`Matcher::push`] runs `method`, a line a step:
+//!
+//! | | | file |
+//! |---|---|---|
+//! | Eq. 1 | gradient | `gradient.rs` |
+//! | Eq. 2 | its peak, after the 3 x 3 kernel | `gradient.rs` |
+//! | Eq. 3 | the trust flag | `trust.rs` |
+//! | Eq. 4 | weighted trusted cells | `sequence.rs` |
+//! | Eq. 5 | sums along diagonals | `sequence.rs` |
+//! | Eq. 6 | their minimum | `sequence.rs` |
+
+#![allow(
+    clippy::inline_always,
+    reason = "functions inlined into `Isa::run` are compiled for the instruction set"
+)]
+
+mod argmin;
+#[cfg(test)]
+mod bounds_tests;
+mod estimator;
+mod gradient;
+mod sequence;
+mod snapshot;
+#[cfg(test)]
+mod tests;
+mod trust;
+mod window;
+
+use estimator::{Estimator, Seen};
+use gradient::Enhancement;
+use sequence::{Anchor, Anchors, SequenceSearch};
+use trust::consensus;
+use window::Window;
+
+pub(crate) use estimator::Memory;
+pub use gradient::Peak;
+pub use sequence::Sequence;
+pub(crate) use snapshot::load;
+pub use trust::Single;
+pub(crate) use trust::minimum;
+pub(crate) use window::{Column, Exact, Ring};
+
+use crate::config::{Config, Floor};
+use crate::error::Error;
+use crate::segments::Segments;
+use crate::simd::{Compiled, Isa};
+
+/// Where the robot is, as far as one query tells, and whether to trust it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Fix {
+    /// The number of this query, from 0 since the start or the last reset.
+    pub frame: u64,
+    /// Whether the single match is trusted (Eq. 3, or an external predictor's flag).
+    pub trusted: bool,
+    /// The sequence's place once it is ready; before that, the single match's.
+    pub place: usize,
+    /// The sequence's score once it is ready; before that, the single match's distance. Less is
+    /// better.
+    pub score: f32,
+    /// The best match of this query alone.
+    pub single: Single,
+    /// Where the enhanced gradient peaks (Eq. 2).
+    pub gradient: Peak,
+    /// The sequence's match; `None` for the first `L - 1` queries, and again after a gap, while the
+    /// matcher warms up.
+    pub sequence: Option<Sequence>,
+}
+
+/// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
+/// yields distances.
+///
+/// `push` allocates nothing, takes no lock and does not panic, whatever the data. Its cost grows
+/// with `L`: one addition a place and query of the window. The memory is set at construction:
+/// `max(L, smoothing)` f32 numbers a place.
+///
+/// ```
+/// use surefix::{Config, Matcher};
+/// let mut matcher = Matcher::new(4, Config::default())?;
+/// assert!(matcher.push(&[0.1, 0.8, 0.9, 0.7])?.sequence.is_none()); // warming up: L is 2
+/// let fix = matcher.push(&[0.9, 0.2, 0.8, 0.9])?;
+/// assert_eq!(fix.place, 1);
+/// assert!(fix.trusted);
+/// # Ok::<(), surefix::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Matcher {
+    config: Config,
+    segments: Segments,
+    frames: u64,
+    /// The smallest distance of all queries so far.
+    lowest: f32,
+    window: Window,
+    /// The single match and the trust of each of the newest `L` queries.
+    anchors: Anchors,
+    sequence: SequenceSearch,
+    isa: Isa,
+}
+
+impl Matcher {
+    /// A matcher for a route of `places` places.
+    ///
+    /// # Errors
+    /// [`Error::TooFewPlaces`] below two places; [`Error::Option`] for an option outside its range,
+    /// `floor: Global` among them: a stream cannot know the whole matrix; [`Error::Memory`] if
+    /// there is not enough for the window.
+    pub fn new(places: usize, config: Config) -> Result<Self, Error> {
+        Self::along(Segments::one(places), config)
+    }
+
+    /// A matcher for the places of some segments.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new).
+    pub(crate) fn along(segments: Segments, config: Config) -> Result<Self, Error> {
+        let places = segments.places();
+        config.validate(places)?;
+        if config.floor == Floor::Global {
+            return Err(Error::Option {
+                name: "floor",
+                expected: "\"running\" or a number in a stream, which cannot know the whole matrix"
+                    .to_owned(),
+                got: "\"global\"".to_owned(),
+            });
+        }
+        // A gradient older than the route is long has no place left on the diagonal.
+        let columns = config.sequence_length.max(config.smoothing.min(places));
+        Ok(Self {
+            window: Window::new(columns, places)?,
+            anchors: Anchors::new(config.sequence_length)?,
+            sequence: SequenceSearch::new(&config)?,
+            segments,
+            isa: Isa::best(),
+            frames: 0,
+            lowest: f32::INFINITY,
+            config,
+        })
+    }
+
+    /// The same matcher on another instruction set than the best one; the answers are the same to
+    /// the last bit.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for one that this processor lacks.
+    pub fn with_isa(mut self, isa: Isa) -> Result<Self, Error> {
+        self.isa = isa.checked()?;
+        Ok(self)
+    }
+
+    /// Takes the distances from the current query to every place, and returns where the robot is.
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless there is one distance a place, [`Error::NotFinite`] for a NaN or an
+    /// infinity. The matcher is then as it was.
+    pub fn push(&mut self, distances: &[f32]) -> Result<Fix, Error> {
+        self.push_column(Column { lower: distances, upper: None }, None, &mut ())
+    }
+
+    /// Like [`push`](Self::push), with an external predictor's flag in place of the consensus
+    /// (Eq. 3).
+    ///
+    /// # Errors
+    /// As for [`push`](Self::push).
+    pub fn push_with_trust(&mut self, distances: &[f32], trusted: bool) -> Result<Fix, Error> {
+        self.push_column(Column { lower: distances, upper: None }, Some(trusted), &mut ())
+    }
+
+    /// [`push`](Self::push) of distances or of bounds, with an external predictor's flag if there
+    /// is one. The answer is that of the distances, to the last bit.
+    pub(crate) fn push_column<E: Exact>(
+        &mut self,
+        column: Column<'_>,
+        external: Option<bool>,
+        ask: &mut E,
+    ) -> Result<Fix, Error> {
+        self.isa.run(Push { matcher: self, column, external, ask })
+    }
+
+    /// The method (docs/method.md), in its order. All that works on every place is compiled for the
+    /// instruction set.
+    #[inline(always)]
+    fn method<E: Exact>(
+        &mut self,
+        column: Column<'_>,
+        external: Option<bool>,
+        ask: &mut E,
+    ) -> Result<Fix, Error> {
+        let Self { config, segments, window, anchors, sequence, .. } = self;
+
+        // The single match: the smallest distance. A refused column leaves everything as it was.
+        let single = window.push(column, ask)?;
+
+        // 1.1, 1.2 The gradient (Eq. 1), enhanced along the diagonal, and its peak (Eq. 2).
+        let enhancement = Enhancement { gradient: config.gradient, smoothing: config.smoothing };
+        let gradient = enhancement.peak(window, segments, ask);
+
+        // 1.3 Whether to trust the single match (Eq. 3).
+        let trusted = external.unwrap_or_else(|| consensus(single, gradient, config.tolerance));
+
+        // 1.4 The trusted cells and what they are drawn towards (Eq. 4).
+        anchors.push(Anchor { single, trusted });
+        self.lowest = if single.distance < self.lowest { single.distance } else { self.lowest };
+        let floor = config.floor.value(self.lowest);
+
+        // 1.5 The weighted sequence (Eqs. 5 and 6), once the window is full.
+        let seen = Seen { segments, anchors, floor };
+        let sequence = sequence.estimate(window, &seen, ask);
+
+        let frame = self.frames;
+        self.frames += 1;
+        let (place, score) =
+            sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
+        Ok(Fix { frame, trusted, place, score, single, gradient, sequence })
+    }
+
+    /// Declares that the next query does not follow the one before: frames were dropped, or the
+    /// camera was away. The diagonal is broken there: no gradient is summed and no sequence made
+    /// across (method 1.5), and fixes have no sequence until `L` queries have come. Frame numbers
+    /// and the running floor go on. A gap before the first query, or right after another, changes
+    /// nothing. Nothing is allocated.
+    ///
+    /// ```
+    /// use surefix::{Config, Matcher};
+    /// let mut matcher = Matcher::new(4, Config::default())?;
+    /// matcher.push(&[0.1, 0.8, 0.9, 0.7])?;
+    /// matcher.gap();
+    /// let fix = matcher.push(&[0.9, 0.8, 0.7, 0.2])?;
+    /// assert_eq!((fix.frame, fix.sequence), (1, None)); // warming up again
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    pub fn gap(&mut self) {
+        self.window.clear();
+    }
+
+    /// Forgets all queries: the next one is frame 0. Nothing is allocated.
+    pub fn reset(&mut self) {
+        self.gap();
+        self.frames = 0;
+        self.lowest = f32::INFINITY;
+    }
+
+    /// The same matcher with another floor, which is in its range.
+    pub(crate) fn with_floor(mut self, floor: Floor) -> Self {
+        self.config.floor = floor;
+        self
+    }
+
+    /// Begins at query `frame`, with the smallest distance that the queries before it had: the
+    /// pieces of a batch are streams that begin in the middle.
+    pub(crate) fn begin_at(&mut self, frame: usize, lowest: f32) {
+        self.frames = frame as u64;
+        self.lowest = lowest;
+    }
+
+    /// How many queries a fix depends on: those of its estimators, whose trust flags depend on the
+    /// queries of the smoothing before them.
+    pub(crate) fn memory(&self) -> Memory {
+        match self.sequence.memory() {
+            Memory::Queries(queries) => {
+                Memory::Queries(queries.saturating_add(self.config.smoothing - 1))
+            }
+            Memory::Whole => Memory::Whole,
+        }
+    }
+
+    /// Accepts columns of bounds from now on.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] if there is not enough for a second window.
+    pub(crate) fn accept_bounds(&mut self) -> Result<(), Error> {
+        self.window.accept_bounds()
+    }
+
+    /// The columns of the newest queries.
+    pub(crate) fn window(&mut self) -> &mut Window {
+        &mut self.window
+    }
+
+    /// How many queries it has taken since the start or the last reset.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// How many places the route has.
+    pub fn places(&self) -> usize {
+        self.segments.places()
+    }
+
+    /// The instruction set that it runs on.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// Its options.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+}
+
+impl Floor {
+    /// The floor of Eq. 4, given the smallest distance of all queries so far.
+    fn value(self, lowest: f32) -> f64 {
+        let running = f64::from(lowest);
+        match self {
+            Self::Fixed(floor) => floor.min(running),
+            Self::Running | Self::Global => running,
+        }
+    }
+}
+
+/// One query, compiled for each instruction set.
+struct Push<'a, E> {
+    matcher: &'a mut Matcher,
+    column: Column<'a>,
+    external: Option<bool>,
+    ask: &'a mut E,
+}
+
+impl<E: Exact> Compiled for Push<'_, E> {
+    type Out = Result<Fix, Error>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Out {
+        self.matcher.method(self.column, self.external, self.ask)
+    }
+}

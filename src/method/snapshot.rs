@@ -1,0 +1,144 @@
+//! A matcher's state as bytes, so that a robot that restarts goes on where it was, to the last bit:
+//! an [`archive`](crate::archive) of the tensors `columns` (newest first) and, of a localizer,
+//! `running.K`: statistics of the drive, each as its own archive.
+
+use serde::{Deserialize, Serialize};
+
+use super::Matcher;
+use super::sequence::Anchor;
+use super::trust::Single;
+use crate::archive::{self, Format, Refusal, Writer};
+use crate::config::Config;
+use crate::error::Error;
+
+const FORMAT: Format = Format { name: "surefix-snapshot", version: 1 };
+/// More queries than any camera has sent, and far below an overflow.
+const MAX_FRAMES: u64 = 1 << 60;
+
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    /// The fingerprint of the map that it belongs to, if any.
+    map: Option<u64>,
+    places: usize,
+    config: Config,
+    frames: u64,
+    /// How many statistics of the drive there are.
+    running: usize,
+    /// The smallest distance so far; `None` before the first query.
+    lowest: Option<f32>,
+    /// The single match's place and trust of the newest queries, newest first.
+    anchors: Vec<(usize, bool)>,
+}
+
+/// The contents of a snapshot.
+pub(crate) struct Saved {
+    pub(crate) matcher: Matcher,
+    pub(crate) map: Option<u64>,
+    /// A localizer's statistics of the drive.
+    pub(crate) running: Vec<Vec<u8>>,
+}
+
+impl Matcher {
+    /// The matcher's whole state as bytes; [`restore`](Self::restore) goes on from it
+    /// bit-identically.
+    ///
+    /// # Errors
+    /// [`Error::Snapshot`] if the state is too large for the format (over 8 MiB of header).
+    pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
+        self.save(None, &[])
+    }
+
+    /// A matcher that goes on where the snapshot was taken. If `expected` is given, the snapshot
+    /// must have been taken under the same options.
+    ///
+    /// # Errors
+    /// [`Error::Snapshot`] if the bytes are damaged, foreign, of a newer version, or of other
+    /// options.
+    pub fn restore(snapshot: &[u8], expected: Option<&Config>) -> Result<Self, Error> {
+        Ok(load(snapshot, expected)?.matcher)
+    }
+
+    /// The state as bytes, marked with the fingerprint of the map that it belongs to, and with
+    /// snapshots of a drive's statistics.
+    pub(crate) fn save(&self, map: Option<u64>, running: &[Vec<u8>]) -> Result<Vec<u8>, Error> {
+        let columns = &self.window.cells.lower;
+        let held = columns.len().min(self.config.sequence_length);
+        let entry = Entry {
+            map,
+            places: self.places(),
+            config: self.config.clone(),
+            frames: self.frames,
+            running: running.len(),
+            lowest: self.lowest.is_finite().then_some(self.lowest),
+            anchors: (0..held)
+                .map(|age| self.anchors.get(age))
+                .map(|anchor| (anchor.single.place, anchor.trusted))
+                .collect(),
+        };
+        let mut writer = Writer::new();
+        let newest_first = (0..columns.len()).map(|age| columns.column(age)).collect();
+        writer.numbers("columns", vec![columns.len(), self.places()], newest_first);
+        for (index, bytes) in running.iter().enumerate() {
+            writer.numbers(running_name(index), vec![bytes.len()], vec![bytes.as_slice()]);
+        }
+        writer.to_bytes(&FORMAT, &entry)
+    }
+}
+
+/// Reads a snapshot, and refuses one that no matcher can have written.
+pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, Error> {
+    let saved = read(snapshot).map_err(|refusal| refusal.of_snapshot("a snapshot"))?;
+    let config = saved.matcher.config();
+    if let Some(expected) = expected.filter(|&expected| expected != config) {
+        let reason = format!("taken under other options: {}", expected.differences(config));
+        return Err(Error::Snapshot { reason });
+    }
+    Ok(saved)
+}
+
+fn read(snapshot: &[u8]) -> Result<Saved, Refusal> {
+    let refused = |reason: &str| Refusal::Foreign(reason.to_owned());
+    let tensors = archive::read(snapshot, &FORMAT)?;
+    let entry: Entry = tensors.header.entry()?;
+    let Entry { places, config, frames, anchors, .. } = entry;
+    config.validate(places)?;
+    if frames > MAX_FRAMES {
+        return Err(refused("an impossible number of frames"));
+    }
+    let length = config.sequence_length;
+    let reach = length.max(config.smoothing.min(places));
+    // The shape first: a forged size must not take memory.
+    let expected = format!("(columns, {places})");
+    let fits = |shape: &[usize]| shape.len() == 2 && shape[1] == places;
+    let (shape, columns) = tensors.required::<f32>("columns", &expected, fits)?;
+    let held = shape[0];
+    if held > reach || held as u64 > frames || anchors.len() != held.min(length) {
+        return Err(refused("a wrong number of columns or anchors"));
+    }
+    if columns.iter().any(|d| !d.is_finite()) {
+        return Err(refused("a distance that is not finite"));
+    }
+    let running = (0..entry.running)
+        .map_while(|index| tensors.numbers(&running_name(index), "(n)", |_| true).transpose())
+        .map(|tensor| Ok(tensor?.1))
+        .collect::<Result<Vec<_>, Refusal>>()?;
+    if running.len() != entry.running {
+        return Err(refused("a wrong number of statistics of the drive"));
+    }
+
+    let mut matcher = Matcher::new(places, config)?;
+    matcher.lowest = entry.lowest.unwrap_or(f32::INFINITY);
+    matcher.frames = frames;
+    for (age, column) in columns.chunks_exact(places).enumerate().rev() {
+        if let Some(&(place, trusted)) = anchors.get(age) {
+            let distance = *column.get(place).ok_or_else(|| refused("an anchor off the route"))?;
+            matcher.anchors.push(Anchor { single: Single { place, distance }, trusted });
+        }
+        matcher.window.cells.push(column, column, places);
+    }
+    Ok(Saved { matcher, map: entry.map, running })
+}
+
+fn running_name(index: usize) -> String {
+    format!("running.{index}")
+}

@@ -1,0 +1,61 @@
+//! Statistics of a drive as bytes, so that a robot that restarts continues with the same numbers,
+//! bit for bit: an [`archive`](crate::archive) of the tensors `mean` and `square`.
+
+use serde::{Deserialize, Serialize};
+
+use super::running::Running;
+use crate::archive::{self, Format, Refusal, Writer};
+use crate::error::Error;
+
+const FORMAT: Format = Format { name: "surefix-running", version: 1 };
+/// More vectors than any camera has sent, and far below an overflow.
+const MAX_COUNT: u64 = 1 << 60;
+
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    count: u64,
+}
+
+impl Running {
+    /// The whole state as bytes; [`restore`](Self::restore) continues from it bit-identically. A
+    /// localizer's snapshot has its own copy.
+    ///
+    /// ```
+    /// use surefix::Running;
+    /// let mut running = Running::new(2);
+    /// running.push(&[1.0, 5.0], &mut [0.0; 2])?;
+    /// assert_eq!(Running::restore(&running.snapshot()?)?, running);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Snapshot`] if the bytes cannot be made.
+    pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
+        let mut writer = Writer::new();
+        for (name, numbers) in [("mean", &self.mean), ("square", &self.square)] {
+            writer.numbers(name, vec![numbers.len()], vec![numbers.as_slice()]);
+        }
+        writer.to_bytes(&FORMAT, &Entry { count: self.count })
+    }
+
+    /// Statistics that continue from the snapshot.
+    ///
+    /// # Errors
+    /// [`Error::Snapshot`] if the bytes are damaged, foreign or of a newer version.
+    pub fn restore(snapshot: &[u8]) -> Result<Self, Error> {
+        Self::read(snapshot).map_err(|refusal| refusal.of_snapshot("one of running statistics"))
+    }
+
+    fn read(snapshot: &[u8]) -> Result<Self, Refusal> {
+        let tensors = archive::read(snapshot, &FORMAT)?;
+        let Entry { count } = tensors.header.entry()?;
+        let (shape, mean) = tensors.required("mean", "(n)", |shape| shape.len() == 1)?;
+        let (_, square) = tensors.required("square", "(n), like `mean`", |other| other == shape)?;
+        // Numbers that no vectors give: with them, later vectors would not come out finite.
+        let finite = mean.iter().chain(&square).all(|x: &f64| x.is_finite());
+        if count > MAX_COUNT || !finite || square.iter().any(|x| *x < 0.0) {
+            return Err(Refusal::Foreign("numbers that no vectors have".to_owned()));
+        }
+        Ok(Self { count, mean, square })
+    }
+}
