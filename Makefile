@@ -17,12 +17,13 @@ TOOLS := .tools/bin
 # What the public names are compared with: the last release before this commit, or the commit before it.
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
-.PHONY: demo test lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance clean help
+.PHONY: demo test test-long lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance clean help
 .PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
+	@echo "make test-long            the kernels once more, 100,000 cases each"
 	@echo "make docs    the documentation, in out/docs/index.html"
 	@echo "make figures              the pictures of the documentation's pages, made anew"
 	@echo "make bench   how fast it is here: in Rust, and from Python beside its rivals, which are installed for it"
@@ -50,6 +51,10 @@ lint: $(VENV)/dev
 	cargo clippy --locked --no-default-features -- -D warnings
 	$(BIN)/ruff check python tests benches examples packaging docs/*.py docs/_ext
 	$(BIN)/ruff format --check python tests benches examples packaging docs/*.py docs/_ext
+
+# Every kernel in ten times as many cases.
+test-long:
+	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib kernels
 
 # The same tests on all cores and on one; then the examples in the documentation.
 rust:

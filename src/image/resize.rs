@@ -185,11 +185,3 @@ impl Block {
 fn rounded(sum: i32) -> u8 {
     ((sum + (1 << (PRECISION - 1))) >> PRECISION).clamp(0, 255) as u8
 }
-
-/// `image` in grey and as large as `to`, by a resizer of its own.
-#[cfg(test)]
-pub(crate) fn shrunk(isa: Isa, image: ImageView<'_>, to: (usize, usize)) -> Vec<u8> {
-    let mut out = vec![0; to.0 * to.1];
-    Resize::default().run(isa, image, to, &mut out);
-    out
-}

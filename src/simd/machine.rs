@@ -147,7 +147,7 @@ macro_rules! numbers {
 numbers!(f32 => f32s, f16 => f16s, i8 => i8s, u8 => u8s);
 
 /// A number that is compared as a whole one.
-pub(crate) trait Byte: Pod + Into<i32> {
+pub(crate) trait Byte: Pod + Default + Into<i32> {
     /// Whether it is an `i8`.
     const SIGNED: bool;
 }
