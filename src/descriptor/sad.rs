@@ -57,7 +57,8 @@ impl Sad {
     /// as `U8` (`128 + 32 z`) or `F32` (`z`).
     ///
     /// # Errors
-    /// [`Error::Option`] if a side is not a multiple of the patch or above 4096, or for another type.
+    /// [`Error::Option`] if a side is not a multiple of the patch or above 4096, or for another
+    /// type.
     pub fn new(size: (usize, usize), patch: usize, dtype: Dtype) -> Result<Self, Error> {
         let (width, height) = size;
         let divides = |side: usize| (1..=MAX_SIDE).contains(&side) && side.is_multiple_of(patch);
@@ -91,7 +92,7 @@ impl Sad {
         self.dtype
     }
 
-    /// How many numbers a descriptor has: width times height.
+    /// The numbers of a descriptor: width times height.
     pub fn dim(&self) -> usize {
         self.size.0 * self.size.1
     }
@@ -215,7 +216,7 @@ impl Compiled for Shrink<'_> {
     }
 }
 
-/// From grey levels to `z`, kept as `store` has it.
+/// From grey levels to `z`, converted by `store`.
 struct Normalise<'a, T, S> {
     patches: &'a mut Patches,
     small: &'a [u8],

@@ -8,7 +8,7 @@ use super::padded::Padded;
 use super::term::Term;
 use crate::simd::{BLOCK, Byte, Isa, Kernel, LANES, Machine, Number, run, scalar};
 
-/// After how many blocks of bytes the sums are emptied. A lane of 32 bits gets at most sixteen
+/// The sums are emptied after this many blocks of bytes. A lane of 32 bits gets at most sixteen
 /// terms a block, each below 2^16, so that it stays below 2^30; and a row's last, broken block fits
 /// in as well.
 const RUN: usize = 1024;

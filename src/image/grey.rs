@@ -4,7 +4,7 @@
 /// 16`, pixel by pixel.
 ///
 /// Each weight is taken apart into `256 high + low`, so that 16 bits hold every sum, and a register
-/// twice as many pixels: `(256 H + L + 128 * 256) >> 16 = (H + (L >> 8) + 128) >> 8`, where `H` and
+/// twice the pixels: `(256 H + L + 128 * 256) >> 16 = (H + (L >> 8) + 128) >> 8`, where `H` and
 /// `L` are at most `255 * 255` and `255 * 256`.
 #[inline(always)]
 pub(super) fn brightness(rgb: &[u8], grey: &mut [u8]) {

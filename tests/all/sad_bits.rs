@@ -1,5 +1,5 @@
-//! The SAD descriptor is the naive one, a step and a number at a time: the same bits for every image
-//! on every instruction set.
+//! The SAD descriptor is the naive one, a step and a number at a time: the same bits for every
+//! image on every instruction set.
 
 use surefix::{Channels, Describer, Dtype, Image, ImageView, Isa, Sad, Values, View};
 

@@ -307,7 +307,7 @@ fn long_rows_overflow_nothing() {
     }
 }
 
-/// What the cosine's fused products rest on.
+/// The cosine's fused products rest on this.
 #[test]
 fn the_product_of_two_f32_is_exact_in_f64() {
     let mut random = SplitMix64(3);
