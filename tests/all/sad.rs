@@ -4,15 +4,10 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::Sad;
-use crate::dtype::Dtype;
-use crate::image::{Channels, Image, ImageView, Resize, shrunk};
-use crate::numbers::Values;
-use crate::simd::Isa;
+use surefix::{Channels, Describer, Dtype, ImageView, Isa, Sad, Values};
 
-fn cases(cases: u32) -> ProptestConfig {
-    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
-}
+use crate::cases::cases;
+use crate::sad_bits::shrunk;
 
 /// The descriptor of a grey image that already has the recipe's size.
 fn describe(pixels: &[u8], size: (usize, usize), patch: usize, dtype: Dtype) -> Values {
@@ -169,22 +164,6 @@ fn tiles_are_normalised_each_by_itself() {
     }
 }
 
-#[test]
-fn brightness_is_pillows_luma() {
-    let levels = [0, 1, 2, 63, 127, 128, 200, 254, 255];
-    for (r, g, b) in
-        levels.iter().flat_map(|&r| levels.iter().flat_map(move |&g| levels.map(|b| (r, g, b))))
-    {
-        let image = Image::new(1, 1, Channels::Rgb, vec![r, g, b]).unwrap();
-        let got = Sad::new((1, 1), 1, Dtype::U8).unwrap().thumbnail(image.view()).unwrap();
-        let (red, green, blue) = (u32::from(r), u32::from(g), u32::from(b));
-        let fixed = (19_595 * red + 38_470 * green + 7_471 * blue + 32_768) >> 16;
-        assert_eq!(got.pixels(), [fixed as u8]);
-        let luma = 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
-        assert!((luma - f64::from(fixed)).abs() < 0.51, "{r} {g} {b}");
-    }
-}
-
 fn view(grey: &[u8], (width, height): (usize, usize)) -> ImageView<'_> {
     ImageView::new(width, height, Channels::Grey, grey).unwrap()
 }
@@ -235,13 +214,11 @@ proptest! {
     }
 
     #[test]
-    fn a_resizer_that_has_seen_other_sizes_gives_the_same(sizes in vec((size(), size()), 1..5)) {
-        let mut used = Resize::default();
-        for (from, to) in sizes {
+    fn a_describer_that_has_seen_other_sizes_gives_the_same(to in size(), sizes in vec(size(), 1..5)) {
+        let mut used = Describer::new(Sad::new(to, 1, Dtype::U8).unwrap());
+        for from in sizes {
             let grey: Vec<u8> = (0..from.0 * from.1).map(|i| (i * 37 % 256) as u8).collect();
-            let mut out = vec![0; to.0 * to.1];
-            used.run(Isa::best(), view(&grey, from), to, &mut out);
-            prop_assert_eq!(out, resize(&grey, from, to));
+            prop_assert_eq!(used.thumbnail(view(&grey, from)), resize(&grey, from, to));
         }
     }
 }
