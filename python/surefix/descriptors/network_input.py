@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._extra import needed
+from surefix._extra import require
 from surefix.errors import SurefixValueError
 
 __all__ = ["IMAGENET_MEAN", "IMAGENET_STD", "NetworkInput"]
@@ -18,7 +18,7 @@ CHANNELS = 3
 
 
 class NetworkInput:
-    """How images become a network's input, by Pillow's antialiased resizing.
+    """Makes a network's input of images, by Pillow's antialiased resizing.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class NetworkInput:
     Raises
     ------
     SurefixValueError
-        Where one of them is not that.
+        If one of them is something else.
     """
 
     def __init__(
@@ -65,13 +65,8 @@ class NetworkInput:
         }
 
     def batch(self, images: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
-        """The images (H, W) or (H, W, 3), uint8, as one array (n, 3, H, W). A grey one is three
-        equal channels.
-
-        Raises
-        ------
-        SurefixValueError
-            Where there is no ``size``, and one has another size than the first.
+        """The images (H, W) or (H, W, 3), uint8, as one array (n, 3, H, W); grey becomes three equal
+        channels. Without a ``size``, all must have the size of the first.
         """
         small = [self._resized(image) for image in images]
         height, width = small[0].shape[:2]
@@ -94,7 +89,7 @@ class NetworkInput:
         height, width = image.shape[:2]
         if self.size is None or self.size == (width, height):
             return image
-        pillow = needed("PIL.Image", "resizing images for a network", "Pillow", "surefix[learned]")
+        pillow = require("PIL.Image", "resizing images for a network", "Pillow", "surefix[learned]")
         resample = pillow.Resampling[self.resample.upper()]
         return np.asarray(pillow.fromarray(image).resize(self.size, resample))
 

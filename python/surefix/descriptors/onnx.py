@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._extra import needed
+from surefix._extra import require
 from surefix.descriptors.descriptor import as_images, checked_rows
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixFileError, SurefixValueError
@@ -20,44 +20,56 @@ NUMBERS: dict[str, type[np.floating[Any]]] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
 }
-# Makes calls to a service in the cloud, and is never meant here.
+# Calls a service in the cloud: never wanted here.
 REMOTE = "AzureExecutionProvider"
 
 
 class Onnx:
-    """A network from an ONNX file as a descriptor: RGB images in, one of its outputs, flattened, as
+    """A network from an ONNX file as a descriptor: RGB images in; one of its outputs, flattened, is
     the vector.
 
     Needs ``pip install "surefix[learned]"``.
 
-    Parameters ---------- path : str or path The model: one input (n, 3, H, W), float32 or float16.
-    output : str, optional Which of its outputs; may be left out where there is one. size : (int,
-    int), optional Width and height that images are resized to (Pillow's antialiased bilinear); by
-    default what the model asks for, and where it takes any size, the images as they are. mean, std
-    : three floats, optional Of RGB / 255, which the network was trained with: ImageNet's by
-    default; None for both leaves 0 to 1. batch : int Images a run. A model that is fixed to its own
-    number of images gets that many, filled up at the end. providers : list of str, optional What
-    onnxruntime runs it on, such as ``["CUDAExecutionProvider", "CPUExecutionProvider"]``; by
-    default all that the installed onnxruntime offers, in its order. threads : int, optional Threads
-    of one operation; onnxruntime's choice by default.
+    Parameters
+    ----------
+    path : str or path
+        The model: one input (n, 3, H, W), float32 or float16.
+    output : str, optional
+        The output to take, if there are several.
+    size : (int, int), optional
+        Width and height that images are resized to (Pillow's antialiased bilinear); by default the
+        model's own, and if it takes any size, the images as they are.
+    mean, std : three floats, optional
+        Of RGB / 255, which the network was trained with: ImageNet's by default; None for both
+        leaves 0 to 1.
+    batch : int
+        Images a run. A model that is fixed to a number of images gets that number, filled up at
+        the end.
+    providers : list of str, optional
+        The providers of onnxruntime, such as ``["CUDAExecutionProvider", "CPUExecutionProvider"]``;
+        by default all that the installed onnxruntime offers, in its order.
+    threads : int, optional
+        Threads of one operation; onnxruntime's choice by default.
 
     Raises
     ------
     SurefixFileError
-        Where the file cannot be read.
+        If the file cannot be read.
     SurefixValueError
-        Where it is no ONNX model, has no such output, or takes other images than these.
+        If it is no ONNX model, has no such output, or takes other images than these.
     SurefixError
-        Where onnxruntime is missing.
+        If onnxruntime is missing.
 
-    Notes ----- ``recipe`` has the file's name and SHA-256. Weights that lie in a second file beside
-    the model are not in the sum.
+    Notes
+    -----
+    ``recipe`` has the file's name and SHA-256. Weights in a second file beside the model are not in
+    the sum.
 
     Examples
     --------
     >>> from surefix.descriptors import Onnx
-    >>> network = Onnx("efficientnet_lite0.onnx", output="feat_s16", size=(256, 128))           # doctest: +SKIP
-    >>> network.describe(surefix.read_image("photo.jpg")).shape                                 # doctest: +SKIP
+    >>> network = Onnx("efficientnet_lite0.onnx", output="feat_s16", size=(256, 128))   # doctest: +SKIP
+    >>> network.describe(surefix.read_image("photo.jpg")).shape   # doctest: +SKIP
     (1, 14336)
     """
 
@@ -84,8 +96,8 @@ class Onnx:
         wanted = NetworkInput(size, mean, std)
         if fixed_size is not None and wanted.size not in (None, fixed_size):
             raise SurefixValueError(
-                f"{self.path}: expected the size {fixed_size}, which the model is fixed to (its input is "
-                f"{_shape(node)}), got {wanted.size}"
+                f"{self.path}: expected the size {fixed_size}, which the model is fixed to (its "
+                f"input is {_shape(node)}), got {wanted.size}"
             )
         self._input = NetworkInput(wanted.size or fixed_size, mean, std)
         self.output = self._chosen(output)
@@ -99,12 +111,12 @@ class Onnx:
 
     @property
     def size(self) -> tuple[int, int] | None:
-        """Width and height that images are resized to; None where they stay as they are."""
+        """Width and height that images are resized to; None if they stay as they are."""
         return self._input.size
 
     @property
     def recipe(self) -> Mapping[str, object]:
-        """The model's file and its SHA-256, the output, and how images are prepared."""
+        """The model's file and its SHA-256, the output, and the preparation of images."""
         return {
             "name": self.name,
             "kind": "onnx",
@@ -119,12 +131,13 @@ class Onnx:
     ) -> npt.NDArray[np.float32]:
         """The vectors of some images, (n, dim); of one image, given as an array, (1, dim).
 
-        Raises ------ SurefixValueError Where an image is not uint8 (H, W) or (H, W, 3), or the
-        output is not a finite vector an image.
+        Raises
+        ------
+        SurefixValueError
+            If an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an
+            image.
         """
         several = as_images(images)
-        if not several:
-            raise SurefixValueError("images: expected at least one, got none")
         runs = [
             self._run(several[start : start + self.batch], start)
             for start in range(0, len(several), self.batch)
@@ -142,10 +155,11 @@ class Onnx:
         try:
             (output,) = self._session.run([self.output], {self._input_name: planes})
         except Exception as error:
-            # What onnxruntime raises has no base of its own.
+            # The errors of onnxruntime have no common base.
             height, width = planes.shape[2:]
             raise SurefixValueError(
-                f"{self.path}: the model does not run on {len(images)} images of {width} x {height}: {_short(error)}"
+                f"{self.path}: the model does not run on {len(images)} images of {width} x {height}: "
+                f"{_short(error)}"
             ) from None
         what = f"{self.path}, output {self.output}"
         if not isinstance(output, np.ndarray) or output.ndim < 2 or output.shape[0] != len(images):
@@ -155,7 +169,8 @@ class Onnx:
                 else type(output).__name__
             )
             raise SurefixValueError(
-                f"{what}: expected a vector an image, ({len(images)}, ...) for {len(images)} images, got {got}"
+                f"{what}: expected a vector an image, ({len(images)}, ...) for {len(images)} "
+                f"images, got {got}"
             )
         rows = output.reshape(len(images), -1)[:count]
         return checked_rows(
@@ -184,7 +199,8 @@ class Onnx:
         shape = node.shape
         if len(shape) != 4 or (isinstance(shape[1], int) and shape[1] != 3):
             raise SurefixValueError(
-                f"{self.path}: expected an input of RGB images, (n, 3, H, W), got {node.name} {_shape(node)}"
+                f"{self.path}: expected an input of RGB images, (n, 3, H, W), "
+                f"got {node.name} {_shape(node)}"
             )
         count, height, width = (
             side if isinstance(side, int) and side > 0 else None for side in (shape[0], *shape[2:])
@@ -212,7 +228,7 @@ class Onnx:
 
 
 def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> Any:
-    runtime = needed("onnxruntime", "an ONNX model", "onnxruntime", "surefix[learned]")
+    runtime = require("onnxruntime", "an ONNX model", "onnxruntime", "surefix[learned]")
     offered = [provider for provider in runtime.get_available_providers() if provider != REMOTE]
     unknown = [provider for provider in providers or () if provider not in offered]
     if unknown:
@@ -220,7 +236,7 @@ def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> A
             f"providers: expected some of {', '.join(offered)}, got {', '.join(unknown)}"
         )
     options = runtime.SessionOptions()
-    # Failures come as errors; the runtime's own account of them would go to stderr as well.
+    # Failures come as errors; the runtime would also write them to stderr.
     options.log_severity_level = 4
     if threads is not None:
         options.intra_op_num_threads = threads
@@ -228,7 +244,8 @@ def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> A
         return runtime.InferenceSession(str(path), options, providers=list(providers or offered))
     except Exception as error:
         raise SurefixValueError(
-            f"{path}: not an ONNX model that onnxruntime {runtime.__version__} can load: {_short(error)}"
+            f"{path}: not an ONNX model that onnxruntime {runtime.__version__} can load: "
+            f"{_short(error)}"
         ) from None
 
 
@@ -247,5 +264,5 @@ def _shape(node: Any) -> str:
 
 
 def _short(error: Exception) -> str:
-    """The message of onnxruntime, without its code and the path that is said already."""
+    """The message of onnxruntime, without its code and the path."""
     return " ".join(str(error).split("\n")[0].split(" : ")[-1].split())

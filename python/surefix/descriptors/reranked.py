@@ -1,6 +1,4 @@
-"""From a few re-ranked candidates to the distances of all places, as ``Matcher.push`` wants
-them.
-"""
+"""From a few re-ranked candidates to the distances of all places, for ``Matcher.push``."""
 
 import os
 from collections.abc import Sequence
@@ -10,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixValueError
+from surefix.tables.rows import read_text
 
 __all__ = ["read_pairs", "reranked_distances"]
 
-# Of the scores' size: how far the others must be apart from them at least, for float32 to tell.
+# The least spread as a share of the scores' size, for float32 to tell the places apart.
 SMALLEST_SPREAD = 1e-3
 
 
@@ -23,27 +22,33 @@ def reranked_distances(
     candidates: npt.ArrayLike,
     scores: npt.ArrayLike | None = None,
 ) -> npt.NDArray[np.float32]:
-    """The distance of every place, where a second, slower look gave scores to a few candidates
-    only.
+    """The distance of every place, if a second, slower method gave scores to a few candidates only.
 
-    A candidate's distance is its score. Let ``worst`` be the greatest score and ``spread`` how far
-    it is from the smallest (at least a thousandth of the largest magnitude; 1 where all scores are
-    0). The places that were not looked at lie from ``worst + spread / 2`` to ``worst + spread``,
-    linearly in their global distance: worse than every candidate, finite, and in the order of their
-    global distances, as far as float32 tells them apart.
+    A candidate's distance is its score. Let ``worst`` be the greatest score and ``spread`` its
+    distance from the smallest (at least a thousandth of the largest magnitude; 1 if all scores are
+    0). The other places lie from ``worst + spread / 2`` to ``worst + spread``, linearly in their
+    global distance: worse than every candidate, finite, and in the order of their global distances,
+    as far as float32 tells them apart.
 
-    Parameters ---------- global_distances : array, shape (n,) By the first, fast descriptor, such
-    as NetVLAD's; smaller is nearer. candidates : array of int, shape (k,) The places that were
-    looked at again, each once. scores : array, shape (k,), optional Of the candidates, in their
-    order; smaller is better, as Patch-NetVLAD has it. Without them the candidates are taken as
-    ranked, the best first, and their scores are 0, 1, 2 and so on.
+    Parameters
+    ----------
+    global_distances : array, shape (n,)
+        By the first, fast descriptor, such as NetVLAD's; smaller is nearer.
+    candidates : array of int, shape (k,)
+        The re-ranked places, each once.
+    scores : array, shape (k,), optional
+        Of the candidates, in their order; smaller is better, as with Patch-NetVLAD. Without them
+        the candidates are ranked, the best first, and their scores are 0, 1, 2 and so on.
 
     Returns
     -------
     array of float32, shape (n,)
 
-    Raises ------ SurefixValueError Where the shapes do not agree, a number is not finite, or a
-    candidate is no place or comes twice.
+    Raises
+    ------
+    SurefixValueError
+        If the shapes do not agree, a number is not finite, or a candidate is no place or comes
+        twice.
 
     Examples
     --------
@@ -55,7 +60,8 @@ def reranked_distances(
     chosen = np.asarray(candidates)
     if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or len(chosen) == 0:
         raise SurefixValueError(
-            f"candidates: expected at least one place's index, (k,), got {chosen.dtype} {chosen.shape}"
+            "candidates: expected at least one place's index, (k,), "
+            f"got {chosen.dtype} {chosen.shape}"
         )
     if chosen.min() < 0 or chosen.max() >= len(coarse):
         wrong = chosen[(chosen < 0) | (chosen >= len(coarse))][0]
@@ -91,15 +97,18 @@ def read_pairs(
     references: Sequence[str | PathLike[str]],
     queries: Sequence[str | PathLike[str]],
 ) -> list[npt.NDArray[np.int64]]:
-    """The ranked candidates of each query from a pairs file, as Patch-NetVLAD's
+    """The ranked candidates of each query from a pairs file, such as
     ``PatchNetVLAD_predictions.txt``.
 
     Such a file (kapture's and hloc's pairs) has a line ``query, reference`` a candidate, the best
     first, or with a space between, and comments that begin with ``#``. It has no scores: give the
     candidates to ``reranked_distances`` as they are.
 
-    Parameters ---------- path : str or path references, queries : sequence of str or path The
-    images in route order. They are known by the name in the file, or else by the last part of it.
+    Parameters
+    ----------
+    path : str or path
+    references, queries : sequence of str or path
+        The images in route order, found by the name in the file, or by the last part of it.
 
     Returns
     -------
@@ -109,28 +118,19 @@ def read_pairs(
     Raises
     ------
     SurefixFileError
-        Where the file cannot be read.
+        If the file cannot be read.
     SurefixValueError
         For a malformed line, an image that is not listed, or a pair that comes twice.
     """
     places, numbers = _Names("references", references), _Names("queries", queries)
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise SurefixFileError(
-            f"{path}: cannot read the pairs: {error.strerror or error}"
-        ) from None
-    except UnicodeDecodeError as error:
-        raise SurefixValueError(
-            f"{path}: expected text, one pair a line, got other bytes ({error.reason})"
-        ) from None
+    text = read_text(Path(path), "the pairs")
     ranked: list[dict[int, None]] = [{} for _ in queries]
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         where = f"{path}, line {number}"
         parts = [part.strip() for part in (line.split(",") if "," in line else line.split())]
-        # A score after the names, as some write, is passed over.
+        # A score after the names is passed over.
         if len(parts) < 2 or not all(parts[:2]):
             raise SurefixValueError(f"{where}: expected query, reference, got {line.strip()!r}")
         query, place = numbers.find(parts[0], where), places.find(parts[1], where)
@@ -143,7 +143,7 @@ def read_pairs(
 
 
 class _Names:
-    """Where an image is in its list, by its whole name or by the last part of it."""
+    """The index of an image in its list, by its whole name or by the last part of it."""
 
     def __init__(self, what: str, names: Sequence[str | PathLike[str]]) -> None:
         self.what = what

@@ -203,17 +203,23 @@ class TestFolders:
             ),
             (
                 "query,reference\n0,1\n1,2\n2,x\n",
-                "row 4: expected the index of a reference, a whole number, got 'x'",
+                "row 4, column reference: expected a whole number from 0 to 10, or -1 for none, got 'x'",
             ),
             (
                 "query,reference\n0,1\n1,2\n2,11\n",
-                "row 4: expected a reference from -1 to 10, got 11",
+                "row 4, column reference: expected a whole number from 0 to 10, or -1 for none, got '11'",
             ),
-            ("query,reference\n0,1\n3,2\n", "row 3: expected a query from 0 to 2, got 3"),
-            ("query,reference\n0,1\n0,2\n", "row 3: expected each query once, got query 0 twice"),
-            ("query,reference\n0\n", "row 2: expected 2 values, got 1"),
+            (
+                "query,reference\n0,1\n3,2\n",
+                "row 3, column query: expected a whole number from 0 to 2, got '3'",
+            ),
+            (
+                "query,reference\n0,1\n0,2\n",
+                "row 3: expected one reference a query, got 2 for query 0, which has 1 in row 2",
+            ),
+            ("query,reference\n0\n", "row 2: expected 2 values, query,reference, got 1"),
             ("q,r\n0,1\n", "row 1: expected the columns query,reference, got q,r"),
-            ("query,reference\n", "got 1 lines"),
+            ("query,reference\n", "expected rows of query,reference, got none"),
             ("query,reference\n0,99999999999999999999\n", "row 2"),
         ],
     )
@@ -236,7 +242,8 @@ class TestFolders:
         pair = datasets.folders(two_folders, truth="truth.npy")
         assert pair.truth is not None
         assert (pair.truth.dtype, pair.truth.tolist()) == (np.int64, [4, -1, 10])
-        for wrong in (np.array([4, -1]), np.array([4.0, 1.0, 2.0]), np.array([4, 1, 11])):
+        matrix = np.zeros((11, 3), np.int64)
+        for wrong in (np.array([4, -1]), np.array([4.0, 1, 2]), np.array([4, 1, 11]), matrix):
             np.save(two_folders / "truth.npy", wrong)
             with pytest.raises(surefix.SurefixValueError, match="expected"):
                 datasets.folders(two_folders, truth="truth.npy")

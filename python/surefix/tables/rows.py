@@ -1,7 +1,7 @@
-"""Tables in text files, read so that a malformed line is named by file and row."""
+"""Tables in text files. Errors name the file and the row."""
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,37 +9,27 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixFileError, SurefixValueError
 
-__all__ = ["ascending", "decimal", "header_and_rows", "rows", "whole"]
+__all__ = ["ascending", "columns", "decimal", "header_and_rows", "read_text", "rows", "whole"]
 
 
-def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
-    """Each line's number, from 1, and its cells; without empty lines and those that begin with
-    ``#``.
-
-    Parameters
-    ----------
-    path : Path
-    delimiter : str or None
-        None for any white space.
-
-    Raises
-    ------
-    SurefixFileError
-        Where the file cannot be read.
-    SurefixValueError
-        Where it is not text.
-    """
+def read_text(path: Path, what: str = "the table") -> str:
+    """A text file in UTF-8; ``what`` names it in an error."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise SurefixFileError(
-            f"{path}: cannot read the table: {error.strerror or error}"
-        ) from None
+        raise SurefixFileError(f"{path}: cannot read {what}: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
         raise SurefixValueError(
             f"{path}: expected a text file in UTF-8, got {error.reason}"
         ) from None
-    for number, line in enumerate(text.splitlines(), start=1):
+
+
+def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
+    """The number of each line, from 1, and its cells, without empty lines and ``#`` comments.
+
+    A ``delimiter`` of None is any white space.
+    """
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         try:
@@ -54,15 +44,7 @@ def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
 
 
 def header_and_rows(path: Path, expected: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The column names of a CSV, in lower case, and its rows, each with as many cells.
-
-    Raises
-    ------
-    SurefixFileError
-        Where the file cannot be read.
-    SurefixValueError
-        Where it has no header or no row, or a row has more or fewer cells.
-    """
+    """The column names of a CSV, in lower case, and its rows, all of that length."""
     numbered = list(rows(path, ","))
     if len(numbered) < 2:
         raise SurefixValueError(
@@ -77,6 +59,31 @@ def header_and_rows(path: Path, expected: str) -> tuple[list[str], list[tuple[in
     return header, numbered[1:]
 
 
+def columns(
+    path: Path, choices: Sequence[Sequence[str]], expected: str
+) -> tuple[Sequence[str], npt.NDArray[np.float64], list[int], Callable[[str], list[str] | None]]:
+    """The first of some choices of columns that a CSV has, other columns left aside.
+
+    Returns the names of the columns, their numbers, shape (rows, columns), the number of each row
+    in the file, and a function that gives the cells of any column, None if there is none.
+    """
+    header, numbered = header_and_rows(path, expected)
+    names = next((names for names in choices if set(names) <= set(header)), None)
+    if names is None:
+        raise SurefixValueError(
+            f"{path}, row 1: expected the columns {expected}, got {','.join(header)}"
+        )
+    at = [(header.index(name), name) for name in names]
+    values = [[decimal(cells[i], path, row, name) for i, name in at] for row, cells in numbered]
+
+    def cells_of(name: str) -> list[str] | None:
+        if name not in header:
+            return None
+        return [cells[header.index(name)] for _, cells in numbered]
+
+    return names, np.array(values), [row for row, _ in numbered], cells_of
+
+
 def whole(cell: str, path: Path, row: int, what: str) -> int:
     """An integer, at most 64 bits wide."""
     try:
@@ -89,28 +96,20 @@ def whole(cell: str, path: Path, row: int, what: str) -> int:
 
 
 def decimal(cell: str, path: Path, row: int, what: str, *, finite: bool = True) -> float:
-    """A number, finite unless the file marks what it does not know by NaN."""
+    """A number; with ``finite=False`` NaN and infinities too."""
+    kind, value = "number", None
     try:
         value = float(cell)
+        kind = "finite number"
     except ValueError:
-        raise SurefixValueError(
-            f"{path}, row {row}: expected {what}, a number, got {cell!r}"
-        ) from None
-    if finite and not np.isfinite(value):
-        raise SurefixValueError(
-            f"{path}, row {row}: expected {what}, a finite number, got {cell!r}"
-        )
+        pass
+    if value is None or (finite and not np.isfinite(value)):
+        raise SurefixValueError(f"{path}, row {row}: expected {what}, a {kind}, got {cell!r}")
     return value
 
 
 def ascending(stamps: Sequence[int], numbers: Sequence[int], path: Path) -> npt.NDArray[np.int64]:
-    """The timestamps as an array, each later than the one before.
-
-    Raises
-    ------
-    SurefixValueError
-        Where two are equal or the later comes first: the error names the row.
-    """
+    """The timestamps of the rows of these numbers; each must be later than the one before."""
     array = np.array(stamps, dtype=np.int64)
     wrong = np.flatnonzero(array[1:] <= array[:-1])
     if len(wrong):

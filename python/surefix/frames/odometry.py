@@ -1,4 +1,4 @@
-"""Where the robot was when, by its own account."""
+"""Positions of the robot at times, by its own account."""
 
 from os import PathLike, fspath
 from pathlib import Path
@@ -7,22 +7,24 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from surefix.datasets.positions import local_metres
-from surefix.datasets.rows import decimal, header_and_rows
 from surefix.errors import SurefixValueError
+from surefix.frames.bag import messages, open_bag
+from surefix.tables.metres import local_metres
+from surefix.tables.rows import columns
 
 __all__ = ["Odometry"]
 
 Float64 = npt.NDArray[np.float64]
 
 COLUMNS = "time in seconds, and x,y[,z] or distance in metres"
-ODOMETRY, POSE, POSE_WITH_COVARIANCE, NAV_SAT_FIX = (
+CHOICES = (("time", "x", "y", "z"), ("time", "x", "y"), ("time", "distance"))
+POSE, NAV_SAT_FIX = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/NavSatFix"
+TOPICS = (
     "nav_msgs/msg/Odometry",
-    "geometry_msgs/msg/PoseStamped",
+    POSE,
     "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "sensor_msgs/msg/NavSatFix",
+    NAV_SAT_FIX,
 )
-TOPICS = (ODOMETRY, POSE, POSE_WITH_COVARIANCE, NAV_SAT_FIX)
 
 
 class Odometry:
@@ -35,14 +37,17 @@ class Odometry:
     positions : array, shape (n, d)
         Metres: (x, y) or (x, y, z); or (n, 1), the distance driven so far.
     source : str
-        What an error calls it.
+        Its name in an error.
 
-    Raises ------ SurefixValueError For no rows, another shape, numbers that are not finite, or
-    times that do not ascend; the error names the row.
+    Raises
+    ------
+    SurefixValueError
+        For no rows, another shape, numbers that are not finite, or times that do not ascend: the
+        error names the row.
 
     Examples
     --------
-    >>> from surefix.streams import Odometry
+    >>> from surefix.frames import Odometry
     >>> wheels = Odometry([0, 1, 2], [[0.0, 0.0], [2.0, 0.0], [2.0, 4.0]])
     >>> wheels.at(1.5).tolist()
     [2.0, 2.0]
@@ -68,7 +73,7 @@ class Odometry:
         if len(self.times) != len(self.positions) or not len(self.times):
             got = f"{len(self.times)} times and {len(self.positions)} positions"
             raise SurefixValueError(
-                f"{source}: expected as many positions as times, one or more, got {got}"
+                f"{source}: expected a position for each time, one or more, got {got}"
             )
         whole = np.isfinite(self.times) & np.isfinite(self.positions).all(axis=1)
         if not whole.all():
@@ -104,35 +109,17 @@ class Odometry:
         Raises
         ------
         SurefixFileError
-            Where the file cannot be read.
+            If the file cannot be read.
         SurefixValueError
-            Where it lacks a column, or as ``Odometry`` does; the error names the row.
+            If it lacks a column, or as ``Odometry`` does: the error names the row.
         """
         file = Path(path)
-        header, numbered = header_and_rows(file, COLUMNS)
-        choices = (("x", "y", "z"), ("x", "y"), ("distance",))
-        columns = next((names for names in choices if set(names) <= set(header)), None)
-        if "time" not in header or columns is None:
-            raise SurefixValueError(
-                f"{file}, row 1: expected the columns {COLUMNS}, got {','.join(header)}"
-            )
-        at = [header.index(column) for column in ("time", *columns)]
-        values = np.array(
-            [
-                [
-                    decimal(cells[i], file, row, column)
-                    for i, column in zip(at, ("time", *columns), strict=True)
-                ]
-                for row, cells in numbered
-            ]
-        )
+        _, values, rows, _ = columns(file, CHOICES, COLUMNS)
         late = np.flatnonzero(np.diff(values[:, 0]) <= 0)
         if len(late):
             row = int(late[0]) + 1
             got = f"{values[row, 0]} after {values[row - 1, 0]}"
-            raise SurefixValueError(
-                f"{file}, row {numbered[row][0]}: expected ascending times, got {got}"
-            )
+            raise SurefixValueError(f"{file}, row {rows[row]}: expected ascending times, got {got}")
         return cls(values[:, 0], values[:, 1:], str(file))
 
     @classmethod
@@ -140,15 +127,16 @@ class Odometry:
         """From a topic of nav_msgs Odometry, geometry_msgs PoseStamped or
         PoseWithCovarianceStamped, or NavSatFix.
 
-        Times are those of the messages' stamps, as with ``BagStream``. Of a NavSatFix, latitude and
-        longitude become metres about their mean; those without a fix are left out, as are messages
+        Times are those of the messages' stamps, as with ``BagFrames``. Latitude and longitude of a
+        NavSatFix become metres about their mean; those without a fix are left out, as are messages
         no later than the one before.
 
-        Raises ------ SurefixError As ``BagStream`` does; a SurefixValueError where there is no such
-        topic: it lists those there are.
+        Raises
+        ------
+        SurefixError
+            As ``BagFrames`` does; a SurefixValueError if there is no such topic: it lists those
+            there are.
         """
-        from surefix.streams.bag import messages, open_bag
-
         place = fspath(path)
         with open_bag(place) as bag:
             kinds = {name: info.msgtype for name, info in bag.topics.items()}
@@ -182,7 +170,7 @@ class Odometry:
 
 
 def _position(kind: str, message: Any) -> tuple[float, ...] | None:
-    """Metres, or degrees of latitude and longitude; None where a receiver has no fix."""
+    """Metres, or degrees of latitude and longitude; None if a receiver has no fix."""
     if kind == NAV_SAT_FIX:
         return None if message.status.status < 0 else (message.latitude, message.longitude)
     pose = message.pose if kind == POSE else message.pose.pose

@@ -1,19 +1,79 @@
-"""A map whose images a network describes: ``surefix map build --model``."""
+"""Inputs that several commands take: images or recordings, and the network of a map."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated, Any
 
-import numpy as np
-import numpy.typing as npt
 import typer
 
-from surefix import Map, SurefixValueError
+from surefix import Map, SurefixValueError, frames
 from surefix.descriptors import Onnx
-from surefix.descriptors.mapping import map_of_images
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
+from surefix.frames.opening import is_recording
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
+from surefix.tables.vectors import ENDINGS
 
-__all__ = ["map_of_network", "network_of", "no_model", "open_network", "steps_of"]
+__all__ = [
+    "Every",
+    "Metres",
+    "Odometry",
+    "Stride",
+    "Topic",
+    "check_not_read",
+    "check_sampling",
+    "network_of",
+    "no_model",
+    "open_frames",
+    "open_network",
+    "steps_of",
+]
+
+Topic = Annotated[
+    str | None, typer.Option(help="A bag: the topic of the images, if there are several.")
+]
+Stride = Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")]
+Every = Annotated[
+    float | None, typer.Option(help="A video or a bag: take a frame every this many seconds.")
+]
+Metres = Annotated[
+    float | None,
+    typer.Option(help="A video or a bag: take a frame every this many metres, by --odometry."),
+]
+Odometry = Annotated[
+    str | None,
+    typer.Option(
+        help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."
+    ),
+]
+
+
+def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.Frames:
+    """The frames of a video or a bag, sampled; or all those of images or an array."""
+    recording = is_recording(place)
+    if key is not None and recording:
+        raise typer.BadParameter(f"--key: expected descriptors, got the recording {place}")
+    if key is not None and Path(place).suffix.lower() not in ENDINGS:
+        raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
+    if recording:
+        return frames.open(place, **sampling)
+    check_sampling(place, **sampling)
+    return frames.ImageFrames(place, key)
+
+
+def check_sampling(got: object, stride: int = 1, **sampling: Any) -> None:
+    """Refuses sampling if there is no recording."""
+    if stride != 1 or any(value is not None for value in sampling.values()):
+        raise typer.BadParameter(
+            "--topic, --stride, --every, --metres, --odometry: expected a video or a bag, "
+            f"got {got}"
+        )
+
+
+def check_not_read(out: Path, files: Iterable[Path | str | None]) -> None:
+    """Refuses to write a file that is read."""
+    given = [Path(file) for file in files if file is not None]
+    if out.exists() and any(file.exists() and out.samefile(file) for file in given):
+        raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
 
 
 def open_network(
@@ -39,29 +99,8 @@ def open_network(
         raise typer.BadParameter(str(error)) from None
 
 
-def map_of_network(
-    images: Sequence[str] | npt.NDArray[np.uint8],
-    network: Onnx,
-    metric: str,
-    positions: npt.NDArray[np.float64] | None,
-    cache: Path | None,
-    post: list[Step] | None = None,
-) -> Map:
-    """The map of a drive's images, described by the network, with their files' names and the
-    network's recipe.
-    """
-    return map_of_images(images, network, metric, positions, post, cache)
-
-
 def network_of(known: Map, route: object, model: Path) -> Onnx:
-    """The network that made a map, by the recipe in it and the model's file; ``route`` is what the
-    map is called.
-
-    Raises
-    ------
-    BadParameter
-        Where the map was made by something else than this network.
-    """
+    """The network that made a map, from the model's file; ``route`` is the map's name."""
     recipe = known.recipe
     if recipe is None:
         raise typer.BadParameter(
@@ -84,7 +123,7 @@ def network_of(known: Map, route: object, model: Path) -> Onnx:
 
 
 def no_model(name: str, route: object) -> typer.BadParameter:
-    """The refusal of images for a network's map, where the network is not given."""
+    """The refusal of images for a network's map without the network."""
     return typer.BadParameter(
         f"expected --model with {name}, which {route} was made with, got none"
     )
