@@ -71,8 +71,8 @@ if TYPE_CHECKING:
     from surefix import post as post
     from surefix import simulate as simulate
 else:
-    # Imported when they are asked for: some take long, or need packages that not everybody has.
-    _PARTS = ("baselines", "datasets", "descriptors", "live", "plot", "post", "simulate", "frames")
+    # Imported on use: some take long, or need optional packages.
+    _PARTS = ("baselines", "datasets", "descriptors", "frames", "live", "plot", "post", "simulate")
 
     def __getattr__(name):
         if name in _PARTS:

@@ -20,7 +20,6 @@ from surefix import (
     Localizer,
     Map,
     SurefixError,
-    SurefixFileError,
     SurefixValueError,
     match_distances,
 )
@@ -38,9 +37,11 @@ from surefix.cli.inputs import (
     network_of,
     no_model,
     open_frames,
+    refuse,
 )
 from surefix.descriptors import Onnx, extract
 from surefix.descriptors.mapping import sad_map
+from surefix.errors import refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
@@ -80,10 +81,8 @@ def _floor(text: str) -> str | float:
 
 def _methods(names: list[str] | None) -> list[str]:
     for name in names or ():
-        if name not in METHODS:
-            raise typer.BadParameter(
-                f"--method: expected one of {', '.join(METHODS)}, got {name!r}"
-            )
+        expected = f"one of {', '.join(METHODS)}"
+        refuse(name not in METHODS, f"--method: expected {expected}, got {name!r}")
     return list(names or DEFAULT_METHODS)
 
 
@@ -216,32 +215,40 @@ def eval_(
         smoothing=smoothing,
         calibration_tolerance=calibration_tolerance,
     )
-    if similarity and Path(route).suffix != ".npy" and calibration is None:
-        raise typer.BadParameter(
-            "--similarity: expected a .npy of similarities to read, got a map, which has none"
-        )
-    if cache is not None and model is None:
-        raise typer.BadParameter("--cache: expected --model too, got none")
-    sampling: dict[str, Any] = {
-        "topic": topic,
-        "stride": stride,
-        "every": every,
-        "metres": metres,
-        "odometry": odometry,
-    }
+    is_matrix, calibrated = Path(route).suffix == ".npy", calibration is not None
+    refuse(
+        similarity and not is_matrix and not calibrated,
+        "--similarity: expected a .npy of similarities to read, got a map, which has none",
+    )
+    refuse(cache is not None and model is None, "--cache: expected --model too, got none")
+    sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
+    sampling |= {"metres": metres, "odometry": odometry}
     if queries is None:
         check_sampling("none", **sampling)
-    _check_usage(
-        route,
-        queries,
-        truth,
-        positions,
-        query_positions,
-        tolerance,
-        calibration,
-        calibration_truth,
-        methods,
+        refuse(not is_matrix, "QUERIES: expected the drive's images or descriptors, got none")
+    by_position = positions is not None or query_positions is not None
+    refuse(truth is not None and by_position, "--truth: expected it or positions, got both")
+    refuse(
+        truth is None and query_positions is None,
+        "--truth: expected it, or --query-positions; got neither",
     )
+    refuse(
+        query_positions is not None and tolerance is None,
+        "--tolerance: expected how many metres from the truth are right, got none",
+    )
+    refuse(
+        truth is not None and tolerance is not None and not tolerance.is_integer(),
+        f"--tolerance: expected a whole number of places, got {tolerance}",
+    )
+    refuse(
+        calibrated != (calibration_truth is not None),
+        "--calibration: expected it and --calibration-truth, or neither",
+    )
+    for name in methods:
+        refuse(
+            METHODS[name].needs == "calibration" and not calibrated,
+            f"--method {name}: expected --calibration and --calibration-truth to learn from",
+        )
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
         from surefix.report.comparison import compare
@@ -250,11 +257,9 @@ def eval_(
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
     D, place_map, network = None, None, None
-    if Path(route).suffix == ".npy":
-        if model is not None:
-            raise typer.BadParameter(
-                f"--model: expected a map made with one, got the distances {route}"
-            )
+    if is_matrix:
+        expected = "--model: expected a map made with one"
+        refuse(model is not None, f"{expected}, got the distances {route}")
         D = read_matrix(route, similarity)
     else:
         place_map = _open_map(route)
@@ -294,9 +299,7 @@ def eval_(
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SurefixFileError(
-            f"{out}: cannot make the output folder: {error.strerror or error}"
-        ) from None
+        raise refusal(out, "cannot make the output folder", error) from None
 
     start = time.perf_counter()
     if D is None:
@@ -341,9 +344,7 @@ def eval_(
     except SurefixError:
         raise
     except OSError as error:
-        raise SurefixFileError(
-            f"{out}: cannot write the report: {error.strerror or error}"
-        ) from None
+        raise refusal(out, "cannot write the report", error) from None
     seconds = time.perf_counter() - begin
     print(
         f"Made {report}: {counted(len(comparison.results), 'method')} compared, "
@@ -365,10 +366,8 @@ def _check_kind(
 ) -> None:
     """Refuses queries that the map cannot take."""
     if frames.ready is not None:
-        if network is not None:
-            raise typer.BadParameter(
-                f"--model: expected images, got the ready descriptors {queries}"
-            )
+        got = f"got the ready descriptors {queries}"
+        refuse(network is not None, f"--model: expected images, {got}")
     elif network is None and place_map.descriptor is None:
         name = None if place_map.recipe is None else str(place_map.recipe.get("name"))
         if name is not None and name.startswith("onnx:"):
@@ -450,41 +449,6 @@ def _reference_images(place: str, places: int) -> Images:
             f"got {len(images)}"
         )
     return images
-
-
-def _check_usage(
-    route: str,
-    queries: str | None,
-    truth: str | None,
-    positions: Path | None,
-    query_positions: Path | None,
-    tolerance: float | None,
-    calibration: Path | None,
-    calibration_truth: str | None,
-    names: list[str],
-) -> None:
-    """Refuses options that contradict each other, before any file is read."""
-    if queries is None and Path(route).suffix != ".npy":
-        raise typer.BadParameter("QUERIES: expected the drive's images or descriptors, got none")
-    if truth is not None and (positions is not None or query_positions is not None):
-        raise typer.BadParameter("--truth: expected it or positions, got both")
-    if truth is None and query_positions is None:
-        raise typer.BadParameter("--truth: expected it, or --query-positions; got neither")
-    if query_positions is not None and tolerance is None:
-        raise typer.BadParameter(
-            "--tolerance: expected how many metres from the truth are right, got none"
-        )
-    if truth is not None and tolerance is not None and not tolerance.is_integer():
-        raise typer.BadParameter(
-            f"--tolerance: expected a whole number of places, got {tolerance:g}"
-        )
-    if (calibration is None) != (calibration_truth is None):
-        raise typer.BadParameter("--calibration: expected it and --calibration-truth, or neither")
-    needing = [name for name in names if METHODS[name].needs == "calibration"]
-    if needing and calibration is None:
-        raise typer.BadParameter(
-            f"--method {needing[0]}: expected --calibration and --calibration-truth to learn from"
-        )
 
 
 def _check_options(places: int, context: Context) -> None:

@@ -25,6 +25,7 @@ __all__ = [
     "no_model",
     "open_frames",
     "open_network",
+    "refuse",
     "steps_of",
 ]
 
@@ -47,11 +48,16 @@ Odometry = Annotated[
 ]
 
 
+def refuse(wrong: bool, message: str) -> None:
+    """Ends the command as bad usage if it is wrong."""
+    if wrong:
+        raise typer.BadParameter(message)
+
+
 def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.Frames:
     """The frames of a video or a bag, sampled; or all those of images or an array."""
     recording = is_recording(place)
-    if key is not None and recording:
-        raise typer.BadParameter(f"--key: expected descriptors, got the recording {place}")
+    refuse(key is not None and recording, f"--key: expected descriptors, got the recording {place}")
     if key is not None and Path(place).suffix.lower() not in ENDINGS:
         raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
     if recording:
@@ -62,18 +68,18 @@ def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.F
 
 def check_sampling(got: object, stride: int = 1, **sampling: Any) -> None:
     """Refuses sampling if there is no recording."""
-    if stride != 1 or any(value is not None for value in sampling.values()):
-        raise typer.BadParameter(
-            "--topic, --stride, --every, --metres, --odometry: expected a video or a bag, "
-            f"got {got}"
-        )
+    options = "--topic, --stride, --every, --metres, --odometry"
+    refuse(
+        stride != 1 or any(value is not None for value in sampling.values()),
+        f"{options}: expected a video or a bag, got {got}",
+    )
 
 
 def check_not_read(out: Path, files: Iterable[Path | str | None]) -> None:
     """Refuses to write a file that is read."""
     given = [Path(file) for file in files if file is not None]
-    if out.exists() and any(file.exists() and out.samefile(file) for file in given):
-        raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
+    same = out.exists() and any(file.exists() and out.samefile(file) for file in given)
+    refuse(same, f"--out: {out} is what is read here; name another file")
 
 
 def open_network(
@@ -102,23 +108,22 @@ def open_network(
 def network_of(known: Map, route: object, model: Path) -> Onnx:
     """The network that made a map, from the model's file; ``route`` is the map's name."""
     recipe = known.recipe
+    expected = "--model: expected a map made with one"
     if recipe is None:
-        raise typer.BadParameter(
-            f"--model: expected a map made with one, got {route}, which names none"
-        )
+        raise typer.BadParameter(f"{expected}, got {route}, which names none")
     wanted = ("output", "size", "mean", "std")
-    if not str(recipe.get("name", "")).startswith("onnx:") or not all(
-        key in recipe for key in wanted
-    ):
-        raise typer.BadParameter(
-            f"--model: expected a map made with one, got a map by {recipe.get('name')!r}"
-        )
+    by_onnx = str(recipe.get("name", "")).startswith("onnx:")
+    refuse(
+        not by_onnx or not all(key in recipe for key in wanted),
+        f"{expected}, got a map by {recipe.get('name')!r}",
+    )
     size, mean, std = (None if recipe[key] is None else tuple(recipe[key]) for key in wanted[1:])
     network = Onnx(model, recipe["output"], size, mean, std)
-    if network.recipe["sha256"] != recipe.get("sha256"):
-        raise typer.BadParameter(
-            f"--model: expected {recipe['file']} as it was when the map was made, got another model"
-        )
+    refuse(
+        network.recipe["sha256"] != recipe.get("sha256"),
+        f"--model: expected {recipe.get('file')} as it was when the map was made, "
+        "got another model",
+    )
     return network
 
 

@@ -24,6 +24,7 @@ from surefix.cli.inputs import (
     no_model,
     open_frames,
     open_network,
+    refuse,
     steps_of,
 )
 from surefix.descriptors import metric_of
@@ -66,18 +67,19 @@ def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
 def _check_sad(references: str, metric: Metric | None, post: str | None) -> None:
     """Refuses options that SAD does not have."""
     wanted = "expected ready descriptors or --model, got images for SAD"
-    if metric not in (None, Metric.manhattan):
-        raise typer.BadParameter(f"--metric: {wanted}, which is manhattan: {references}")
-    if post is not None:
-        raise typer.BadParameter(f"--post: {wanted}: {references}")
+    refuse(
+        metric not in (None, Metric.manhattan),
+        f"--metric: {wanted}, which is manhattan: {references}",
+    )
+    refuse(post is not None, f"--post: {wanted}: {references}")
 
 
 def build(
     references: Annotated[
         str,
         typer.Argument(
-            help='A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a bag; '
-            "or ready descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index."
+            help='A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a '
+            "bag; or ready descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index."
         ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path(
@@ -123,8 +125,8 @@ def build(
     post: Annotated[
         str | None,
         typer.Option(
-            help="Ready descriptors and --model: steps for them, and for queries later, with commas: "
-            "standardize, or standardize:running by the queries so far, pca:N, projection:N, "
+            help="Ready descriptors and --model: steps for them, and for queries later, with "
+            "commas: standardize, or standardize:running by the queries so far, pca:N, projection:N, "
             "normalize."
         ),
     ] = None,
@@ -156,24 +158,25 @@ def build(
     steps = None if post is None else steps_of(post)
     network = None
     if model is not None:
-        if (patch, dtype) != (8, Dtype.u8):
-            raise typer.BadParameter("--patch, --dtype: expected images for SAD, got --model")
+        refuse(
+            (patch, dtype) != (8, Dtype.u8),
+            "--patch, --dtype: expected images for SAD, got --model",
+        )
         network = open_network(
             model, output, None if size is None else _size(size), mean, std, batch
         )
-    elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
-        raise typer.BadParameter(
-            "--output, --mean, --std, --batch, --cache: expected --model too, got none"
-        )
+    refuse(
+        model is None and (output, mean, std, batch, cache) != (None, None, None, 8, None),
+        "--output, --mean, --std, --batch, --cache: expected --model too, got none",
+    )
     frames = open_frames(
         references, key, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
     )
     check_not_read(out, [*frames.files, model, cache])
     if frames.ready is not None:
-        if network is not None:
-            raise _no_images("--model", references)
-        if (size, patch, dtype) != (None, 8, Dtype.u8):
-            raise _no_images("--size, --patch, --dtype", references)
+        got = f"expected images, got the ready descriptors {references}"
+        refuse(network is not None, f"--model: {got}")
+        refuse((size, patch, dtype) != (None, 8, Dtype.u8), f"--size, --patch, --dtype: {got}")
         by = metric.value if metric else metric_of(references) or "cosine"
         Map.from_descriptors(frames.ready, by, positions=where, post=steps).save(out)
     elif network is not None:
@@ -221,17 +224,16 @@ def append(
     start = time.perf_counter()
     old = _look(file)
     frames = ImageFrames(references)
-    if any(file.samefile(read) for read in frames.files if Path(read).exists()):
-        raise typer.BadParameter(f"REFERENCES: {references} is the map itself")
+    same = any(file.samefile(read) for read in frames.files if Path(read).exists())
+    refuse(same, f"REFERENCES: {references} is the map itself")
     where = None if positions is None else read_metres(positions)
     network = None
     if model is not None:
         network = network_of(old, file, model)
-        if frames.ready is not None:
-            raise _no_images("--model", references)
-    elif cache is not None:
-        raise typer.BadParameter("--cache: expected --model too, got none")
-    elif frames.ready is None and old.recipe is not None:
+        got = f"expected images, got the ready descriptors {references}"
+        refuse(frames.ready is not None, f"--model: {got}")
+    refuse(cache is not None and model is None, "--cache: expected --model too, got none")
+    if model is None and frames.ready is None and old.recipe is not None:
         raise no_model(old.recipe["name"], file)
     if frames.ready is not None:
         more = Map.from_descriptors(
@@ -292,10 +294,6 @@ def info(
     Console(highlight=False, soft_wrap=True).print(table)
 
 
-def _no_images(options: str, references: str) -> typer.BadParameter:
-    return typer.BadParameter(f"{options}: expected images, got the ready descriptors {references}")
-
-
 def _descriptor_of(route: Map) -> str:
     if route.descriptor is not None:
         return repr(route.descriptor)
@@ -311,4 +309,5 @@ def _look(file: Path) -> Map:
 
 def _size_of(file: Path) -> str:
     route = _look(file)
-    return f"{counted(len(route), 'place')} x {route.dim} {route.dtype}, {file.stat().st_size / 1e6:.1f} MB"
+    size = f"{file.stat().st_size / 1e6:.1f} MB"
+    return f"{counted(len(route), 'place')} x {route.dim} {route.dtype}, {size}"

@@ -12,7 +12,7 @@ import typer
 
 from surefix import Localizer, Map, SurefixFileError, SurefixValueError, frames
 from surefix.cli.fixes import Row, Summary, csv_writer, json_writer, row_of
-from surefix.cli.inputs import check_not_read, network_of
+from surefix.cli.inputs import check_not_read, network_of, refuse
 from surefix.cli.views import open_views
 from surefix.frames import Frame, Frames
 from surefix.live import View
@@ -67,8 +67,8 @@ def run(
     queries: Annotated[
         str,
         typer.Argument(
-            help="A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's number or URL, "
-            "or a .npy of images or of descriptors."
+            help="A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's "
+            "number or URL, or a .npy of images or of descriptors."
         ),
     ],
     out: Annotated[
@@ -108,13 +108,14 @@ def run(
     screen: Annotated[
         Screen | None,
         typer.Option(
-            help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers."
+            help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same "
+            "answers."
         ),
     ] = None,
     model: Annotated[
         Path | None,
         typer.Option(
-            help="A map of `surefix map build --model`: the ONNX file, to describe the images that come."
+            help="A map of `surefix map build --model`: the ONNX file, to describe the images."
         ),
     ] = None,
     follow: Annotated[
@@ -165,7 +166,7 @@ def run(
     newest: Annotated[
         bool | None,
         typer.Option(
-            help="If matching is slow, drop frames and go on with the newest; the default of a camera.",
+            help="If matching is slow, drop frames and take the newest; the default of a camera.",
             rich_help_panel=F,
         ),
     ] = None,
@@ -187,13 +188,12 @@ def run(
     """Localize along a route: a fix for each query, as it comes."""
     places = Map.open(route)
     for option, value in (("--every", every), ("--metres", metres), ("--gap", gap)):
-        if value is not None and not value > 0:
-            raise typer.BadParameter(f"{option}: expected a number above 0, got {value}")
-    if (metres is None) != (odometry is None):
-        given, lacking = (
-            ("--metres", "--odometry") if odometry is None else ("--odometry", "--metres")
+        refuse(
+            value is not None and not value > 0,
+            f"{option}: expected a number above 0, got {value}",
         )
-        raise typer.BadParameter(f"{given}: expected {lacking} too")
+    refuse(metres is not None and odometry is None, "--metres: expected --odometry too")
+    refuse(odometry is not None and metres is None, "--odometry: expected --metres too")
     source = frames.open(
         queries,
         topic=topic,
@@ -293,14 +293,12 @@ def _at(
 
 
 def _check_save(save: Path, others: list[Path]) -> None:
-    if save.suffix != ".rrd":
-        raise typer.BadParameter(f"--save: expected a name that ends in .rrd, got {save}")
-    if any(
-        save == file or (save.exists() and file.exists() and save.samefile(file)) for file in others
-    ):
-        raise typer.BadParameter(
-            f"--save: {save} is read or written here for something else; name another file"
-        )
+    refuse(save.suffix != ".rrd", f"--save: expected a name that ends in .rrd, got {save}")
+    there = [file for file in others if save.exists() and file.exists()]
+    refuse(
+        save in others or any(save.samefile(file) for file in there),
+        f"--save: {save} is read or written here for something else; name another file",
+    )
 
 
 def _create(out: Path) -> TextIO:

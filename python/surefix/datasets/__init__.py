@@ -24,7 +24,7 @@ from surefix.datasets.gardens_point import GARDENS_POINT, gardens_point, walks
 from surefix.datasets.nordland import NORDLAND, nordland, seasons
 from surefix.datasets.pair import Origin, Pair
 from surefix.datasets.robotcar import ROBOTCAR, drives, robotcar
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.frames.bayer import demosaic
 from surefix.frames.images import BayerFiles, ImageArray, ImageFiles, Images
 from surefix.tables.metres import local_metres, pair_by_position, subsample
@@ -113,14 +113,12 @@ def load(name: str, root: str | PathLike[str], **options: Any) -> Pair:
     dataset = _named(name)
     for option in options:
         if option not in dataset.options:
-            raise SurefixValueError(
-                f"{name}: expected the options {', '.join(dataset.options)}, got {option!r}"
-            )
+            raise mismatch(name, f"the options {', '.join(dataset.options)}", repr(option))
     return dataset.load(root, **options)
 
 
 def traverses(name: str, root: str | PathLike[str]) -> list[str]:
-    """The traverses of a data set that exist, as its loader's ``reference`` and ``query`` name them.
+    """The traverses of a data set that exist: the values of its loader's ``reference``, ``query``.
 
     The first is the one to make the map of: by day on the left, summer, or the oldest. Folders are
     not opened.
@@ -151,5 +149,5 @@ def traverses(name: str, root: str | PathLike[str]) -> list[str]:
 def _named(name: str) -> Dataset:
     dataset = DATASETS.get(name.replace("-", "_"))
     if dataset is None:
-        raise SurefixValueError(f"data set: expected one of {', '.join(DATASETS)}, got {name!r}")
+        raise mismatch("data set", f"one of {', '.join(DATASETS)}", repr(name))
     return dataset

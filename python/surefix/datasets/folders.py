@@ -4,7 +4,7 @@ from os import PathLike
 from pathlib import Path
 
 from surefix.datasets.pair import Origin, Pair, identity
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.frames.images import Images, open_images
 from surefix.tables.metres import pair_by_position
 from surefix.tables.positions import on_one_plane, read_positions
@@ -69,9 +69,7 @@ def folders(
     driven = _images(origin, base / queries, "the query images")
     if (reference_positions is None) != (query_positions is None):
         given = "reference_positions" if query_positions is None else "query_positions"
-        raise SurefixValueError(
-            f"{name}: expected positions of both traverses or of none, got {given} alone"
-        )
+        raise mismatch(name, "positions of both traverses or of none", f"{given} alone")
     there = here = known = None
     if reference_positions is not None and query_positions is not None:
         first = origin.file(base / reference_positions, "the positions of the references")

@@ -16,7 +16,7 @@ from surefix.datasets.tracks import (
     named_folders,
     place_images,
 )
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.images import ImageFiles
 from surefix.tables.metres import pair_by_position
 from surefix.tables.rows import ascending, decimal, read_text, rows, whole
@@ -129,7 +129,7 @@ def _recording(
         for row, cells in rows(times, None)
     ]
     if not numbered:
-        raise SurefixValueError(f"{times}: expected lines of frame_id timestamp exposure, got none")
+        raise mismatch(times, "lines of frame_id timestamp exposure", "none")
     stamps = ascending([stamp for _, stamp in numbered], [row for row, _ in numbered], times)
     return place_images(
         [camera / f"{stamp}.png" for stamp in stamps],
@@ -149,9 +149,7 @@ def _track(folder: Path, poses: str, plane: npt.NDArray[np.float64]) -> Track:
     for row, cells in rows(path, ","):
         if len(cells) < 9:
             columns = "frame_id,t_x,t_y,t_z,q_x,q_y,q_z,w,scale"
-            raise SurefixValueError(
-                f"{path}, row {row}: expected at least 9 values ({columns}), got {len(cells)}"
-            )
+            raise mismatch(f"{path}, row {row}", f"at least 9 values ({columns})", len(cells))
         pose = [
             decimal(cell, path, row, "a pose and its scale", finite=False) for cell in cells[1:9]
         ]
@@ -161,7 +159,7 @@ def _track(folder: Path, poses: str, plane: npt.NDArray[np.float64]) -> Track:
             numbers.append(row)
             scaled.append(np.array(pose[:3]) * pose[7])
     if not stamps:
-        raise SurefixValueError(f"{path}: expected a pose a line, got none")
+        raise mismatch(path, "a pose a line", "none")
     to_earth = _Transformations(folder).slam_to_earth
     to_plane = np.linalg.inv(plane) @ to_earth
     metres = np.array(scaled) @ to_plane[:3, :3].T + to_plane[:3, 3]
@@ -206,7 +204,7 @@ class _Transformations:
                 ", ".join(line.strip() for line in self.lines if line.lstrip().startswith("#"))
                 or "no such line"
             )
-            raise SurefixValueError(f"{self.path}: expected a line '# {name}: ...', got {heads}")
+            raise mismatch(self.path, f"a line '# {name}: ...'", heads)
         cells = text.split(",")
         if len(cells) != 7:
             raise SurefixValueError(

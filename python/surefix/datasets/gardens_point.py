@@ -4,7 +4,7 @@ from os import PathLike
 from pathlib import Path
 
 from surefix.datasets.pair import Origin, Pair, check_same_names, identity
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.frames.images import Images, open_images
 
 __all__ = ["GARDENS_POINT", "gardens_point", "walks"]
@@ -50,9 +50,7 @@ def gardens_point(
     """
     for option, traverse in (("reference", reference), ("query", query)):
         if traverse not in TRAVERSES:
-            raise SurefixValueError(
-                f"{option}: expected one of {', '.join(TRAVERSES)}, got {traverse!r}"
-            )
+            raise mismatch(option, f"one of {', '.join(TRAVERSES)}", repr(traverse))
     name = f"Gardens Point {reference} / {query}"
     references, queries = _walk(root, reference), _walk(root, query)
     check_same_names(name, references, queries)

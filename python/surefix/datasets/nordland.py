@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from surefix.datasets.pair import Origin, Pair, check_same_names, identity
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.frames.images import Images, open_images
 
 __all__ = ["NORDLAND", "nordland", "seasons"]
@@ -13,7 +13,7 @@ __all__ = ["NORDLAND", "nordland", "seasons"]
 SEASONS = ("summer", "winter", "fall", "spring")
 NORDLAND = Origin(
     "Nordland, partitioned",
-    "https://webdiis.unizar.es/~jmfacil/pr-nordland/ (D. Olid, J. M. Facil, J. Civera; film by NRK)",
+    "https://webdiis.unizar.es/~jmfacil/pr-nordland/ (D. Olid, J. M. Facil, J. Civera; NRK)",
     "the film is under a Creative Commons licence of NRK; which one, see that page",
     signs=(
         *(f"{season}_*.npy" for season in SEASONS),
@@ -69,12 +69,10 @@ def nordland(
     """
     for option, season in (("reference", reference), ("query", query)):
         if season not in SEASONS:
-            raise SurefixValueError(
-                f"{option}: expected one of {', '.join(SEASONS)}, got {season!r}"
-            )
+            raise mismatch(option, f"one of {', '.join(SEASONS)}", repr(season))
     if section not in SECTIONS.get(split, ()):
         known = ", ".join(f"{part} {list(numbers)}" for part, numbers in SECTIONS.items())
-        raise SurefixValueError(f"section: expected one of {known}, got {split} {section}")
+        raise mismatch("section", f"one of {known}", f"{split} {section}")
     folder = NORDLAND.folder(root, "with the folder test or train of the partitioned set")
     name = f"Nordland {split} {section} {reference} / {query}"
     references, queries = (_season(folder, season, split, section) for season in (reference, query))
@@ -104,9 +102,7 @@ def seasons(root: Path) -> list[str]:
 def _season(root: Path, season: str, split: str, section: int) -> Images:
     arrays = sorted(root.glob(f"{season}_*.npy"))
     if len(arrays) > 1:
-        raise SurefixValueError(
-            f"{root}: expected one {season}_*.npy, got {', '.join(path.name for path in arrays)}"
-        )
+        raise mismatch(root, f"one {season}_*.npy", ", ".join(path.name for path in arrays))
     if arrays:
         return open_images(arrays[0])
     within = Path(split, f"{season}_images_{split}", f"section{section}")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.images import Images
 
 __all__ = ["Origin", "Pair", "check_same_names", "identity"]
@@ -111,9 +111,7 @@ class Pair:
         if self.truth is None:
             return
         if self.truth.shape != (m,):
-            raise SurefixValueError(
-                f"{self.name}: expected a truth for each of the {m} queries, got {self.truth.shape}"
-            )
+            raise mismatch(self.name, f"a truth for each of the {m} queries", self.truth.shape)
         wrong = np.flatnonzero((self.truth < -1) | (self.truth >= n))
         if len(wrong):
             raise SurefixValueError(

@@ -15,7 +15,7 @@ from surefix.datasets.tracks import (
     named_folders,
     place_images,
 )
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.frames.bayer import Pattern
 from surefix.frames.images import BayerFiles
 from surefix.tables.metres import pair_by_position
@@ -99,16 +99,14 @@ def robotcar(
         position.
     """
     if camera not in CAMERAS:
-        raise SurefixValueError(f"camera: expected one of {', '.join(CAMERAS)}, got {camera!r}")
+        raise mismatch("camera", f"one of {', '.join(CAMERAS)}", repr(camera))
     placing = Placing(spacing, longest_gap, incomplete)
     folders = choose_traverses(ROBOTCAR, Path(root), FOLDERS, "traverse", reference, query)
     tracks = [_track(folder, _POSITION_FILES.get(positions, positions)) for folder in folders]
     zones = [zone for _, zone in tracks]
     if None not in zones and zones[0] != zones[1]:
         file = tracks[1][0].path
-        raise SurefixValueError(
-            f"{file}: expected the UTM zone of the reference, {zones[0]}, got {zones[1]}"
-        )
+        raise mismatch(file, f"the UTM zone of the reference, {zones[0]}", zones[1])
     first, second = (
         _traverse(folder, camera, track, placing)
         for folder, (track, _) in zip(folders, tracks, strict=True)
@@ -137,13 +135,11 @@ def _traverse(folder: Path, camera: str, track: Track, placing: Placing) -> Plac
     stamps, numbers = [], []
     for row, cells in rows(listing, None):
         if len(cells) != 2:
-            raise SurefixValueError(
-                f"{listing}, row {row}: expected 2 values (timestamp chunk), got {len(cells)}"
-            )
+            raise mismatch(f"{listing}, row {row}", "2 values (timestamp chunk)", len(cells))
         stamps.append(whole(cells[0], listing, row, "a timestamp in microseconds"))
         numbers.append(row)
     if not stamps:
-        raise SurefixValueError(f"{listing}: expected lines of timestamp chunk, got none")
+        raise mismatch(listing, "lines of timestamp chunk", "none")
     times = ascending(stamps, numbers, listing)
     return place_images(
         [images / f"{stamp}.png" for stamp in times],
@@ -162,9 +158,7 @@ def _track(folder: Path, file: str) -> tuple[Track, str | None]:
     wanted = ("timestamp", "easting", "northing")
     header, numbered = header_and_rows(path, "timestamp,...,northing,easting,...")
     if not set(wanted) <= set(header):
-        raise SurefixValueError(
-            f"{path}, row 1: expected the columns {', '.join(wanted)}, got {','.join(header)}"
-        )
+        raise mismatch(f"{path}, row 1", f"the columns {', '.join(wanted)}", ",".join(header))
     time, east, north = (header.index(column) for column in wanted)
     zone = header.index("utm_zone") if "utm_zone" in header else None
     stamps, metres = [], []
@@ -175,9 +169,7 @@ def _track(folder: Path, file: str) -> tuple[Track, str | None]:
         if zone is not None:
             zones.setdefault(cells[zone], row)
     if len(zones) > 1:
-        raise SurefixValueError(
-            f"{path}, row {max(zones.values())}: expected one UTM zone, got {' and '.join(zones)}"
-        )
+        raise mismatch(f"{path}, row {max(zones.values())}", "one UTM zone", " and ".join(zones))
     track = Track(
         path,
         ascending(stamps, [row for row, _ in numbered], path),

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix.datasets.pair import Origin
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.tables.metres import interpolate, subsample
 
 __all__ = ["Placed", "Placing", "Track", "choose_traverses", "named_folders", "place_images"]
@@ -27,18 +27,11 @@ class Placing:
 
     def __post_init__(self) -> None:
         if self.incomplete not in ("drop", "error"):
-            raise SurefixValueError(
-                f"incomplete: expected 'drop' or 'error', got {self.incomplete!r}"
-            )
+            raise mismatch("incomplete", "'drop' or 'error'", repr(self.incomplete))
         if not self.longest_gap > 0:
-            raise SurefixValueError(
-                f"longest_gap: expected seconds, more than 0, got {self.longest_gap}"
-            )
+            raise mismatch("longest_gap", "seconds, more than 0", self.longest_gap)
         if self.spacing is not None and not (np.isfinite(self.spacing) and self.spacing > 0):
-            raise SurefixValueError(
-                "spacing: expected metres, more than 0, or None for every image, "
-                f"got {self.spacing}"
-            )
+            raise mismatch("spacing", "metres, more than 0, or None for every image", self.spacing)
 
 
 @dataclass(frozen=True)

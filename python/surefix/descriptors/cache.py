@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix.descriptors.descriptor import same_vectors
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 
 __all__ = ["Cache"]
 
@@ -65,31 +65,30 @@ class Cache:
     def expect(self, name: str, digest: bytes) -> None:
         """Checks that the next row is of this image."""
         with self._access() as file:
-            found = file.execute("SELECT digest FROM vectors WHERE row = ?", (self.checked,))
-            if found.fetchone() != (digest,):
-                raise SurefixValueError(
-                    f"{self.path}: expected the cache of these images, got one whose record "
-                    f"{self.checked} is not of {name} as it is now; {ANEW}"
-                )
+            self._check(file, self.checked, name, digest)
         self.checked += 1
 
-    def append(self, digests: Sequence[bytes], vectors: npt.NDArray[np.float32]) -> None:
+    def append(
+        self, names: Sequence[str], digests: Sequence[bytes], vectors: npt.NDArray[np.float32]
+    ) -> None:
         """Adds the vectors of some images, all of them or none."""
         if self._file is None:
             self._open()
+            # Another process may have begun meanwhile. Its rows stay, and are checked below.
+            self.rows = 0
         if self.dim is None:
             self.dim = vectors.shape[1]
         if vectors.shape[1] != self.dim:
-            raise SurefixValueError(
-                f"{self.path}: expected vectors of {self.dim} numbers as in the cache, "
-                f"got {vectors.shape[1]}"
-            )
-        records = []
-        for row, (digest, vector) in enumerate(zip(digests, vectors, strict=True), self.rows):
-            body = vector.astype("<f4").tobytes()
-            records.append((row, digest, body, _checksum(row, digest, body)))
+            expected = f"vectors of {self.dim} numbers as in the cache"
+            raise mismatch(self.path, expected, vectors.shape[1])
         with self._access() as file:
-            file.executemany("INSERT OR REPLACE INTO vectors VALUES (?, ?, ?, ?)", records)
+            for row, (name, digest, vector) in enumerate(
+                zip(names, digests, vectors, strict=True), self.rows
+            ):
+                body = vector.astype("<f4").tobytes()
+                record = (row, digest, body, _checksum(row, digest, body))
+                file.execute("INSERT OR IGNORE INTO vectors VALUES (?, ?, ?, ?)", record)
+                self._check(file, row, name, digest)
         self.rows += len(digests)
 
     def result(self) -> npt.NDArray[np.float32]:
@@ -131,6 +130,8 @@ class Cache:
                 if row != self.rows or checksum != _checksum(row, digest, body):
                     break
                 self.dim, self.rows = len(body) // 4, self.rows + 1
+            if file.execute("SELECT 1 FROM vectors WHERE row >= ?", (self.rows,)).fetchone():
+                file.execute("DELETE FROM vectors WHERE row >= ?", (self.rows,))
 
     @contextmanager
     def _access(self) -> Iterator[sqlite3.Connection]:
@@ -144,8 +145,16 @@ class Cache:
         except sqlite3.Error as error:
             raise self._no_cache(f"another kind of file, or a damaged one ({error})") from None
 
+    def _check(self, file: sqlite3.Connection, row: int, name: str, digest: bytes) -> None:
+        found = file.execute("SELECT digest FROM vectors WHERE row = ?", (row,)).fetchone()
+        if found != (digest,):
+            raise SurefixValueError(
+                f"{self.path}: expected the cache of these images, got one whose record {row} is "
+                f"not of {name} as it is now; {ANEW}"
+            )
+
     def _no_cache(self, got: str) -> SurefixValueError:
-        return SurefixValueError(f"{self.path}: expected a cache of descriptors, got {got}; {ANEW}")
+        return mismatch(self.path, "a cache of descriptors", f"{got}; {ANEW}")
 
     def _check_maker(self, row: Any) -> None:
         ours = json.loads(self._maker)
@@ -162,9 +171,8 @@ class Cache:
             for key in differing[:1]
             if ours["name"] == theirs["name"]
         )
-        raise SurefixValueError(
-            f"{self.path}: expected a cache of {ours['name']}, got one of {theirs['name']}"
-            f"{difference}; {ANEW}"
+        raise mismatch(
+            self.path, f"a cache of {ours['name']}", f"one of {theirs['name']}{difference}; {ANEW}"
         )
 
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 
 __all__ = [
     "Descriptor",
@@ -81,7 +81,7 @@ def as_images(images: Any) -> list[Image]:
     )
     several = [images] if alone else list(images)
     if not several:
-        raise SurefixValueError("images: expected at least one, got none")
+        raise mismatch("images", "at least one", "none")
     return [
         checked_image(image, f"image {index} of the call") for index, image in enumerate(several)
     ]
@@ -92,9 +92,7 @@ def checked_image(image: Any, what: str) -> Image:
     array = np.asarray(image)
     shape_fits = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
     if array.dtype != np.uint8 or not shape_fits or 0 in array.shape:
-        raise SurefixValueError(
-            f"{what}: expected uint8 (H, W) or (H, W, 3), got {array.dtype} {array.shape}"
-        )
+        raise mismatch(what, "uint8 (H, W) or (H, W, 3)", f"{array.dtype} {array.shape}")
     return array
 
 
@@ -111,7 +109,7 @@ def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | No
             f"{what}: expected numbers of the shape ({images}, dim), got {type(vectors).__name__}"
         ) from None
     if array.dtype.kind not in "fiu":
-        raise SurefixValueError(f"{what}: expected numbers, got {array.dtype}")
+        raise mismatch(what, "numbers", array.dtype)
     if rows.ndim != 2 or rows.shape[0] != images or rows.shape[1] == 0:
         raise SurefixValueError(
             f"{what}: expected a vector an image, ({images}, dim) for {images} images, "

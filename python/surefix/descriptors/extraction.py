@@ -22,7 +22,7 @@ from surefix.descriptors.descriptor import (
     checked_rows,
     require_descriptor,
 )
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
+from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mismatch, refusal
 from surefix.frames.frame import Frames, Shot, shots_of
 from surefix.frames.images import frames_of
 
@@ -110,7 +110,7 @@ def described(
     descriptor = require_descriptor(descriptor)
     size = batch if batch is not None else getattr(descriptor, "batch", BATCH)
     if not isinstance(size, int) or size < 1:
-        raise SurefixValueError(f"batch: expected a whole number of at least 1, got {size!r}")
+        raise mismatch("batch", "a whole number of at least 1", repr(size))
     bar = _Bar(terminal_bar("Describing") if progress is None else progress or None, frames)
     seen: list[Shot] = []
     with closing(_shots(frames, seen)) as shots:
@@ -132,10 +132,10 @@ def described(
                 raise _too_long(path, kept.checked, known)
             bar.show(kept.rows)
             for part in _vectors(_batches(shots, size, digests=True), descriptor):
-                kept.append(part.digests, part.rows)
+                kept.append(part.names, part.digests, part.rows)
                 bar.show(kept.rows)
             if kept.rows == 0:
-                raise SurefixValueError("images: expected at least one, got none")
+                raise mismatch("images", "at least one", "none")
             bar.end(kept.rows)
             return kept.result(), seen
 
@@ -196,9 +196,7 @@ def _digest(shot: Shot, image: npt.NDArray[np.uint8] | None) -> bytes:
         try:
             facts = path.stat()
         except OSError as error:
-            raise SurefixFileError(
-                f"{path}: cannot read the image: {error.strerror or error}"
-            ) from None
+            raise refusal(path, "cannot read the image", error) from None
         text = f"{path.name}\0{facts.st_size}\0{facts.st_mtime_ns}"
         state.update(text.encode("utf-8", "surrogateescape"))
     else:
@@ -209,9 +207,7 @@ def _digest(shot: Shot, image: npt.NDArray[np.uint8] | None) -> bytes:
 
 
 def _too_long(path: Path, images: int, rows: int) -> SurefixValueError:
-    return SurefixValueError(
-        f"{path}: expected the cache of these {images} images, got one of {rows}; {ANEW}"
-    )
+    return mismatch(path, f"the cache of these {images} images", f"one of {rows}; {ANEW}")
 
 
 def _vectors(batches: Iterator[list[_Loaded]], descriptor: Descriptor) -> Iterator[_Part]:
@@ -233,16 +229,15 @@ def _vectors(batches: Iterator[list[_Loaded]], descriptor: Descriptor) -> Iterat
 def _collect(parts: Iterator[_Part], count: int | None, bar: "_Bar") -> Rows:
     first = next(parts, None)
     if first is None:
-        raise SurefixValueError("images: expected at least one, got none")
+        raise mismatch("images", "at least one", "none")
     dim = first.rows.shape[1]
     # If their number is unknown, it doubles when it is full.
     rows = np.empty((count or 2 * len(first.names), dim), np.float32)
     done = 0
     for names, _, vectors in chain([first], parts):
         if vectors.shape[1] != dim:
-            raise SurefixValueError(
-                f"image {names[0]}: expected a vector of {dim} numbers as before, "
-                f"got {vectors.shape[1]}"
+            raise mismatch(
+                f"image {names[0]}", f"a vector of {dim} numbers as before", vectors.shape[1]
             )
         if done + len(names) > len(rows):
             rows = np.concatenate([rows, np.empty((max(len(rows), len(names)), dim), np.float32)])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from surefix._extra import require
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.descriptors.torch import Torch
-from surefix.errors import SurefixError, SurefixValueError
+from surefix.errors import SurefixError, mismatch
 
 if TYPE_CHECKING:
     import torch
@@ -128,11 +128,12 @@ def from_hub(
     Examples
     --------
     >>> from surefix.descriptors import from_hub
-    >>> route = surefix.Map.from_images("photos/monday", descriptor=from_hub("megaloc"))   # doctest: +SKIP
+    >>> network = from_hub("megaloc")   # doctest: +SKIP
+    >>> route = surefix.Map.from_images("photos/monday", network)   # doctest: +SKIP
     """
     model = HUB_MODELS.get(name)
     if model is None:
-        raise SurefixValueError(f"name: expected one of {', '.join(HUB_MODELS)}, got {name!r}")
+        raise mismatch("name", f"one of {', '.join(HUB_MODELS)}", repr(name))
     library = require("torch", f"the model {name}", "PyTorch", "torch")
     given = {**model.options, **options}
     if name in _TOLD_DEVICE and device is not None:

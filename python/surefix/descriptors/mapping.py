@@ -12,7 +12,7 @@ from surefix._core import Map, Sad
 from surefix._progress import terminal_bar
 from surefix.descriptors.descriptor import recipe_of, same_vectors
 from surefix.descriptors.extraction import Progress, described
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frames
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
 from surefix.frames.sampling import EveryMetres
@@ -107,7 +107,7 @@ def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
     if bar is not None:
         bar(count, count)
     if route is None:
-        raise SurefixValueError(f"{frames.files[0]}: expected frames, got none")
+        raise mismatch(frames.files[0], "frames", "none")
     if positions is not None and len(positions) != count:
         raise _not_each(frames, len(positions), count)
     return route
@@ -127,9 +127,7 @@ def _positions(frames: Frames, times: list[float | None], positions: Any) -> Any
 
 def _not_each(frames: Frames, positions: int, got: int) -> SurefixValueError:
     source = frames.files[0] if frames.files else "frames"
-    return SurefixValueError(
-        f"{source}: expected a frame for each of {positions} positions, got {got}"
-    )
+    return mismatch(source, f"a frame for each of {positions} positions", got)
 
 
 def _check_own(route: Map, descriptor: Any) -> None:
@@ -139,9 +137,7 @@ def _check_own(route: Map, descriptor: Any) -> None:
         )
     recipe = recipe_of(descriptor)
     if route.recipe is not None and not same_vectors(route.recipe, recipe):
-        raise SurefixValueError(
-            f"descriptor: expected the map's own, by the recipe {route.recipe}, got {recipe}"
-        )
+        raise mismatch("descriptor", f"the map's own, by the recipe {route.recipe}", recipe)
 
 
 def _check_positions(frames: Frames, positions: Any) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from surefix._extra import require
 from surefix.descriptors.descriptor import as_images, checked_rows
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixValueError, mismatch, refusal
 
 __all__ = ["Onnx"]
 
@@ -68,7 +68,7 @@ class Onnx:
     Examples
     --------
     >>> from surefix.descriptors import Onnx
-    >>> network = Onnx("efficientnet_lite0.onnx", output="feat_s16", size=(256, 128))   # doctest: +SKIP
+    >>> network = Onnx("efficientnet.onnx", output="feat_s16", size=(256, 128))   # doctest: +SKIP
     >>> network.describe(surefix.read_image("photo.jpg")).shape   # doctest: +SKIP
     (1, 14336)
     """
@@ -86,7 +86,7 @@ class Onnx:
     ) -> None:
         self.path = Path(path)
         if not isinstance(batch, int) or batch < 1:
-            raise SurefixValueError(f"batch: expected a whole number of at least 1, got {batch!r}")
+            raise mismatch("batch", "a whole number of at least 1", repr(batch))
         self._sha256 = _sha256(self.path)
         self._session = _open(self.path, providers, threads)
         node = self._only_input()
@@ -158,8 +158,8 @@ class Onnx:
             # The errors of onnxruntime have no common base.
             height, width = planes.shape[2:]
             raise SurefixValueError(
-                f"{self.path}: the model does not run on {len(images)} images of {width} x {height}: "
-                f"{_short(error)}"
+                f"{self.path}: the model does not run on {len(images)} images of {width} x "
+                f"{height}: {_short(error)}"
             ) from None
         what = f"{self.path}, output {self.output}"
         if not isinstance(output, np.ndarray) or output.ndim < 2 or output.shape[0] != len(images):
@@ -168,9 +168,8 @@ class Onnx:
                 if isinstance(output, np.ndarray)
                 else type(output).__name__
             )
-            raise SurefixValueError(
-                f"{what}: expected a vector an image, ({len(images)}, ...) for {len(images)} "
-                f"images, got {got}"
+            raise mismatch(
+                what, f"a vector an image, ({len(images)}, ...) for {len(images)} images", got
             )
         rows = output.reshape(len(images), -1)[:count]
         return checked_rows(
@@ -181,34 +180,27 @@ class Onnx:
         inputs = self._session.get_inputs()
         if len(inputs) != 1:
             named = ", ".join(f"{node.name} {_shape(node)}" for node in inputs) or "none"
-            raise SurefixValueError(
-                f"{self.path}: expected a model with one input, images, got {named}"
-            )
+            raise mismatch(self.path, "a model with one input, images", named)
         return inputs[0]
 
     def _number_of(self, node: Any) -> type[np.floating[Any]]:
         number = NUMBERS.get(node.type)
         if number is None:
-            raise SurefixValueError(
-                f"{self.path}: expected an input of float32 or float16, got {node.type}"
-            )
+            raise mismatch(self.path, "an input of float32 or float16", node.type)
         return number
 
     def _fixed(self, node: Any) -> tuple[int | None, tuple[int, int] | None]:
         """The number and the size of images that the model is fixed to."""
         shape = node.shape
         if len(shape) != 4 or (isinstance(shape[1], int) and shape[1] != 3):
-            raise SurefixValueError(
-                f"{self.path}: expected an input of RGB images, (n, 3, H, W), "
-                f"got {node.name} {_shape(node)}"
+            raise mismatch(
+                self.path, "an input of RGB images, (n, 3, H, W)", f"{node.name} {_shape(node)}"
             )
         count, height, width = (
             side if isinstance(side, int) and side > 0 else None for side in (shape[0], *shape[2:])
         )
         if (height is None) != (width is None):
-            raise SurefixValueError(
-                f"{self.path}: expected both sides of the input free or fixed, got {_shape(node)}"
-            )
+            raise mismatch(self.path, "both sides of the input free or fixed", _shape(node))
         return count, None if height is None or width is None else (width, height)
 
     def _chosen(self, output: str | None) -> str:
@@ -221,9 +213,7 @@ class Onnx:
                 f"{self.path}: expected output=NAME, as the model has several: {listed}"
             )
         if output not in [node.name for node in nodes]:
-            raise SurefixValueError(
-                f"{self.path}: expected one of the outputs {listed}, got {output!r}"
-            )
+            raise mismatch(self.path, f"one of the outputs {listed}", repr(output))
         return output
 
 
@@ -232,9 +222,7 @@ def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> A
     offered = [provider for provider in runtime.get_available_providers() if provider != REMOTE]
     unknown = [provider for provider in providers or () if provider not in offered]
     if unknown:
-        raise SurefixValueError(
-            f"providers: expected some of {', '.join(offered)}, got {', '.join(unknown)}"
-        )
+        raise mismatch("providers", f"some of {', '.join(offered)}", ", ".join(unknown))
     options = runtime.SessionOptions()
     # Failures come as errors; the runtime would also write them to stderr.
     options.log_severity_level = 4
@@ -254,9 +242,7 @@ def _sha256(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise SurefixFileError(
-            f"{path}: cannot read the model: {error.strerror or error}"
-        ) from None
+        raise refusal(path, "cannot read the model", error) from None
 
 
 def _shape(node: Any) -> str:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from surefix._extra import require
 from surefix.descriptors.reranked import reranked_distances
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixValueError, mismatch, refusal
 from surefix.tables.npy import read_npy
 
 __all__ = ["PatchNetVlad"]
@@ -107,7 +107,7 @@ class PatchNetVlad:
         self._global = _global_features(self.folder, len(self._names))
         self.candidates = min(candidates or settings.candidates, len(self._names))
         if self.candidates < 1:
-            raise SurefixValueError(f"candidates: expected at least 1, got {candidates}")
+            raise mismatch("candidates", "at least 1", candidates)
 
     def columns(
         self, features: str | PathLike[str], queries: Sequence[str | PathLike[str]]
@@ -174,9 +174,7 @@ class _Settings:
             ]
             self.candidates = max(int(count) for count in self.matching["n_values_all"].split(","))
         except OSError as error:
-            raise SurefixFileError(
-                f"{path}: cannot read the configuration: {error.strerror or error}"
-            ) from None
+            raise refusal(path, "cannot read the configuration", error) from None
         except (configparser.Error, KeyError, ValueError) as error:
             said = str(error).split("\n")[0]
             raise SurefixValueError(

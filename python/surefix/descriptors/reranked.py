@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.tables.rows import read_text
 
 __all__ = ["read_pairs", "reranked_distances"]
@@ -59,25 +59,18 @@ def reranked_distances(
     coarse = _vector("global_distances", global_distances)
     chosen = np.asarray(candidates)
     if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or len(chosen) == 0:
-        raise SurefixValueError(
-            "candidates: expected at least one place's index, (k,), "
-            f"got {chosen.dtype} {chosen.shape}"
+        raise mismatch(
+            "candidates", "at least one place's index, (k,)", f"{chosen.dtype} {chosen.shape}"
         )
     if chosen.min() < 0 or chosen.max() >= len(coarse):
         wrong = chosen[(chosen < 0) | (chosen >= len(coarse))][0]
-        raise SurefixValueError(
-            f"candidates: expected places from 0 to {len(coarse) - 1}, got {wrong}"
-        )
+        raise mismatch("candidates", f"places from 0 to {len(coarse) - 1}", wrong)
     if len(np.unique(chosen)) != len(chosen):
         places, counts = np.unique(chosen, return_counts=True)
-        raise SurefixValueError(
-            f"candidates: expected each place once, got {places[counts > 1][0]} twice"
-        )
+        raise mismatch("candidates", "each place once", f"{places[counts > 1][0]} twice")
     fine = np.arange(len(chosen), dtype=np.float64) if scores is None else _vector("scores", scores)
     if len(fine) != len(chosen):
-        raise SurefixValueError(
-            f"scores: expected one for each of the {len(chosen)} candidates, got {len(fine)}"
-        )
+        raise mismatch("scores", f"one for each of the {len(chosen)} candidates", len(fine))
     worst = float(fine.max())
     spread = max(worst - float(fine.min()), SMALLEST_SPREAD * float(np.abs(fine).max())) or 1.0
     others = np.ones(len(coarse), dtype=bool)
@@ -132,12 +125,10 @@ def read_pairs(
         parts = [part.strip() for part in (line.split(",") if "," in line else line.split())]
         # A score after the names is passed over.
         if len(parts) < 2 or not all(parts[:2]):
-            raise SurefixValueError(f"{where}: expected query, reference, got {line.strip()!r}")
+            raise mismatch(where, "query, reference", repr(line.strip()))
         query, place = numbers.find(parts[0], where), places.find(parts[1], where)
         if place in ranked[query]:
-            raise SurefixValueError(
-                f"{where}: expected each pair once, got {parts[1]} twice for {parts[0]}"
-            )
+            raise mismatch(where, "each pair once", f"{parts[1]} twice for {parts[0]}")
         ranked[query][place] = None
     return [np.array(list(candidates), dtype=np.int64) for candidates in ranked]
 
@@ -162,20 +153,14 @@ class _Names:
         if short in self.last and short not in self.shared:
             return self.last[short]
         why = f"several end in {short}" if short in self.shared else "there is none of that name"
-        raise SurefixValueError(
-            f"{where}: expected one of the {len(self.whole)} {self.what}, got {name}: {why}"
-        )
+        raise mismatch(where, f"one of the {len(self.whole)} {self.what}", f"{name}: {why}")
 
 
 def _vector(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     array = np.asarray(values)
     if array.ndim != 1 or len(array) == 0 or array.dtype.kind not in "fiu":
-        raise SurefixValueError(
-            f"{name}: expected numbers of one dimension, got {array.dtype} {array.shape}"
-        )
+        raise mismatch(name, "numbers of one dimension", f"{array.dtype} {array.shape}")
     if not np.isfinite(array).all():
         wrong = int(np.flatnonzero(~np.isfinite(array))[0])
-        raise SurefixValueError(
-            f"{name}: expected finite numbers, got {array[wrong]} at index {wrong}"
-        )
+        raise mismatch(name, "finite numbers", f"{array[wrong]} at index {wrong}")
     return array.astype(np.float64)

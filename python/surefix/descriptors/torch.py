@@ -11,7 +11,7 @@ import numpy.typing as npt
 from surefix._extra import require
 from surefix.descriptors.descriptor import as_images, checked_rows
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
-from surefix.errors import SurefixError, SurefixValueError
+from surefix.errors import SurefixError, SurefixValueError, mismatch
 
 if TYPE_CHECKING:
     import torch
@@ -85,11 +85,9 @@ class Torch:
     ) -> None:
         library = require("torch", "a PyTorch module", "PyTorch", "torch")
         if not isinstance(module, library.nn.Module):
-            raise SurefixValueError(
-                f"module: expected a torch.nn.Module, got {type(module).__name__}"
-            )
+            raise mismatch("module", "a torch.nn.Module", type(module).__name__)
         if not isinstance(batch, int) or batch < 1:
-            raise SurefixValueError(f"batch: expected a whole number of at least 1, got {batch!r}")
+            raise mismatch("batch", "a whole number of at least 1", repr(batch))
         if transform is not None and (size is not None or not callable(transform)):
             raise SurefixValueError(
                 "transform: expected something to call with an image, and then no size"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from surefix._extra import require
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
+from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.frame import Frames, Shot
 from surefix.frames.ros_image import IMAGE, image_of
 
@@ -139,14 +139,12 @@ def _chosen(path: str, topics: dict[str, tuple[str | None, int]], topic: str | N
     if topic is not None and topic in images:
         return topic
     if not images:
-        raise SurefixValueError(
-            f"{path}: expected a topic of images, got {listed or 'a bag without topics'}"
-        )
+        raise mismatch(path, "a topic of images", listed or "a bag without topics")
     if topic is None:
         raise SurefixValueError(
             f"{path}: expected the topic of the images, as there are several: {listed}"
         )
-    raise SurefixValueError(f"{path}: expected an image topic, one of {listed}, got {topic!r}")
+    raise mismatch(path, f"an image topic, one of {listed}", repr(topic))
 
 
 def _reason(error: Exception) -> str:

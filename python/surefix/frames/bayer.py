@@ -5,7 +5,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 
 __all__ = ["Pattern", "demosaic"]
 
@@ -42,16 +42,12 @@ def demosaic(mosaic: npt.NDArray[np.uint8], pattern: Pattern = "gbrg") -> npt.ND
     [[[100, 11, 200]]]
     """
     if mosaic.dtype != np.uint8 or mosaic.ndim != 2:
-        raise SurefixValueError(f"mosaic: expected uint8 (H, W), got {mosaic.dtype} {mosaic.shape}")
+        raise mismatch("mosaic", "uint8 (H, W)", f"{mosaic.dtype} {mosaic.shape}")
     height, width = mosaic.shape
     if height % 2 or width % 2 or not mosaic.size:
-        raise SurefixValueError(
-            f"mosaic: expected sides of an even number of pixels, got {height} x {width}"
-        )
+        raise mismatch("mosaic", "sides of an even number of pixels", f"{height} x {width}")
     if pattern not in get_args(Pattern):
-        raise SurefixValueError(
-            f"pattern: expected one of {', '.join(get_args(Pattern))}, got {pattern!r}"
-        )
+        raise mismatch("pattern", f"one of {', '.join(get_args(Pattern))}", repr(pattern))
     cells = {0: mosaic[::2, ::2], 1: mosaic[::2, 1::2], 2: mosaic[1::2, ::2], 3: mosaic[1::2, 1::2]}
     red, green, blue = (
         [cells[at] for at, colour in enumerate(pattern) if colour == wanted] for wanted in "rgb"

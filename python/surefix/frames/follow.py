@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import find_images, read_image
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.frame import Frames, Shot
 
 __all__ = ["FollowFrames"]
@@ -75,7 +75,7 @@ class FollowFrames(Frames):
         self.place = fspath(place)
         for name, value in (("idle", idle or 0.0), ("settle", settle), ("poll", poll)):
             if not (math.isfinite(value) and value >= 0):
-                raise SurefixValueError(f"{name}: expected seconds, 0 or more, got {value}")
+                raise mismatch(name, "seconds, 0 or more", value)
         folder = Path(self.place)
         if not folder.is_dir() and not any(mark in self.place for mark in "*?["):
             raise SurefixFileError(f"{place}: cannot follow the folder: there is no such folder")
@@ -176,7 +176,7 @@ class _Order:
         self.furthest: str | None = None
 
     def breaks(self, path: str) -> bool:
-        """Whether a file does not follow on the one before: it is late, or comes after a late one."""
+        """Whether a file does not follow on the one before: it, or the one before, is late."""
         here = self.rank[path]
         # A removed file has no rank.
         last = self.rank.get(self.last or "", -1)

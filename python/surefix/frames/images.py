@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Traverse, find_images, read_image
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
 from surefix.frames.frame import Frames, Shot
 from surefix.tables.npy import read_npy
@@ -176,16 +176,15 @@ class ImageFrames(Frames):
     def __init__(self, place: Place | Iterable[Place], key: str | None = None) -> None:
         self.images: Images
         self._array: npt.NDArray[Any] | None = None
-        if isinstance(place, (str, os.PathLike)) and _is_array(place):
+        if isinstance(place, (str, os.PathLike)) and Path(place).suffix.lower() in ENDINGS:
             self._array = _load_array(os.fspath(place), key)
             self.images = ImageArray(self._array)
             self._files = [os.fspath(place)]
             return
         if key is not None:
-            raise SurefixValueError(f"key: expected a file of descriptors, got {place}")
-        one = isinstance(place, (str, os.PathLike))
-        files: Iterable[Place] = find_images(place) if one else place  # type: ignore[arg-type, assignment]
-        self.images = ImageFiles(files)
+            raise mismatch("key", "a file of descriptors", place)
+        single = isinstance(place, (str, os.PathLike))
+        self.images = ImageFiles(find_images(place) if single else place)  # type: ignore[arg-type]
         self._files = self.images.paths or []
 
     @property
@@ -240,7 +239,7 @@ class _GivenFrames(Frames):
                 yield Shot(None, Path(path).name, partial(read_image, path), path=path)
             else:
                 image = getattr(thing, "image", thing)
-                yield Shot(None, str(index), partial(_itself, image))
+                yield Shot(None, str(index), partial(np.asarray, image))
 
 
 def frames_of(images: Any) -> Frames:
@@ -253,28 +252,24 @@ def frames_of(images: Any) -> Frames:
         images.ndim not in (3, 4) or (images.ndim == 3 and images.shape[2] == 3)
     ):
         expected = "(n, H, W) or (n, H, W, 3), one image a place"
-        raise SurefixValueError(f"images: expected {expected}, got the shape {images.shape}")
+        raise mismatch("images", expected, f"the shape {images.shape}")
     counted = hasattr(images, "__len__") and hasattr(images, "__getitem__")
     if not counted and not hasattr(images, "__iter__"):
         expected = "a folder, a pattern, or images or paths one after the other"
-        raise SurefixValueError(f"images: expected {expected}, got {type(images).__name__}")
+        raise mismatch("images", expected, type(images).__name__)
     frames = images if isinstance(images, Frames) else _GivenFrames(images)
     if frames.count == 0:
-        raise SurefixValueError("images: expected at least one, got none")
+        raise mismatch("images", "at least one", "none")
     return frames
 
 
 def open_images(place: Path) -> Images:
     """A folder or pattern of image files, or a ``.npy`` of images, in route order."""
-    if place.suffix != ".npy":
-        return ImageFiles(find_images(place))
-    array = read_npy(place, "the images", mapped=True)
-    if not _holds_images(array):
-        raise SurefixValueError(
-            f"{place}: expected uint8 images (n, H, W) or (n, H, W, 3), "
-            f"got {array.dtype} {array.shape}"
-        )
-    return ImageArray(array)
+    frames = ImageFrames(place)
+    if frames.ready is not None:
+        got = f"{frames.ready.dtype} {frames.ready.shape}"
+        raise mismatch(place, "uint8 images (n, H, W) or (n, H, W, 3)", got)
+    return frames.images
 
 
 def _shots_of_images(images: Any) -> Generator[Shot, None, None]:
@@ -283,35 +278,17 @@ def _shots_of_images(images: Any) -> Generator[Shot, None, None]:
     for index in range(len(images)):
         name = str(index) if names is None else names[index]
         path = None if paths is None else paths[index]
-        yield Shot(None, name, partial(_image_at, images, index), path=path)
-
-
-def _image_at(images: Any, index: int) -> npt.NDArray[Any]:
-    return np.asarray(images[index])
-
-
-def _itself(image: Any) -> Any:
-    return image
-
-
-def _is_array(place: Place) -> bool:
-    return Path(place).suffix.lower() in ENDINGS
-
-
-def _holds_images(array: npt.NDArray[Any]) -> bool:
-    colour = array.ndim == 4 and array.shape[3] == 3
-    return array.dtype == np.uint8 and (array.ndim == 3 or colour)
+        yield Shot(None, name, partial(images.__getitem__, index), path=path)
 
 
 def _load_array(place: str, key: str | None) -> npt.NDArray[Any]:
     if Path(place).suffix.lower() != ".npy":
         return load(place, key)
     if key is not None:
-        raise SurefixValueError(
-            f"{place}: expected no key, as such a file holds one array, got {key!r}"
-        )
-    array = read_npy(place, "the array")
-    if array.ndim != 2 and not _holds_images(array):
+        raise mismatch(place, "no key, as such a file holds one array", repr(key))
+    array = read_npy(place, "the array", mapped=True)
+    images = array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
+    if array.ndim != 2 and not (images and array.dtype == np.uint8):
         raise SurefixValueError(
             f"{place}: expected descriptors (n, dim), or uint8 images (n, H, W) or (n, H, W, 3), "
             f"got {array.dtype} {array.shape}"

@@ -8,7 +8,7 @@ from contextlib import closing, suppress
 from dataclasses import replace
 from queue import Empty, SimpleQueue
 
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.frames.frame import Frame, Frames, Shot, shots_of
 from surefix.frames.sampling import Derived
 
@@ -56,7 +56,7 @@ class KeepNewest(Derived):
 
     def __init__(self, source: Iterable[Frame], size: int = 1) -> None:
         if size < 1:
-            raise SurefixValueError(f"size: expected 1 or more, got {size}")
+            raise mismatch("size", "1 or more", size)
         super().__init__(source)
         self.size = size
         self.live, self.parallel = True, False

@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.frames.bag import messages, open_bag
 from surefix.tables.metres import local_metres
 from surefix.tables.rows import columns
@@ -67,24 +67,20 @@ class Odometry:
             or self.positions.shape[1] not in (1, 2, 3)
         ):
             got = f"{self.times.shape} and {self.positions.shape}"
-            raise SurefixValueError(
-                f"{source}: expected times (n,) and positions (n, 1), (n, 2) or (n, 3), got {got}"
-            )
+            raise mismatch(source, "times (n,) and positions (n, 1), (n, 2) or (n, 3)", got)
         if len(self.times) != len(self.positions) or not len(self.times):
             got = f"{len(self.times)} times and {len(self.positions)} positions"
-            raise SurefixValueError(
-                f"{source}: expected a position for each time, one or more, got {got}"
-            )
+            raise mismatch(source, "a position for each time, one or more", got)
         whole = np.isfinite(self.times) & np.isfinite(self.positions).all(axis=1)
         if not whole.all():
             row = int(np.argmin(whole))
             got = f"{self.times[row]}, {self.positions[row].tolist()}"
-            raise SurefixValueError(f"{source}: expected finite numbers, got {got} in row {row}")
+            raise mismatch(source, "finite numbers", f"{got} in row {row}")
         late = np.flatnonzero(np.diff(self.times) <= 0)
         if len(late):
             row = int(late[0]) + 1
             got = f"{self.times[row]} after {self.times[row - 1]}"
-            raise SurefixValueError(f"{source}: expected ascending times, got {got} in row {row}")
+            raise mismatch(source, "ascending times", f"{got} in row {row}")
 
     def at(self, time: float) -> Float64 | None:
         """The position at a time, shape (d,); None before the first and after the last."""
@@ -119,7 +115,7 @@ class Odometry:
         if len(late):
             row = int(late[0]) + 1
             got = f"{values[row, 0]} after {values[row - 1, 0]}"
-            raise SurefixValueError(f"{file}, row {rows[row]}: expected ascending times, got {got}")
+            raise mismatch(f"{file}, row {rows[row]}", "ascending times", got)
         return cls(values[:, 0], values[:, 1:], str(file))
 
     @classmethod
@@ -148,9 +144,7 @@ class Odometry:
                     or "no topics"
                 )
                 got = f"{topic!r} ({kind or 'not there'}); there are {listed}"
-                raise SurefixValueError(
-                    f"{place}: expected a topic of poses ({', '.join(TOPICS)}), got {got}"
-                )
+                raise mismatch(place, f"a topic of poses ({', '.join(TOPICS)})", got)
             times: list[float] = []
             positions: list[tuple[float, ...]] = []
             for time, message, where in messages(bag, place, topic):
@@ -158,12 +152,12 @@ class Odometry:
                 if position is None or (times and time <= times[-1]):
                     continue
                 if not np.isfinite(position).all():
-                    raise SurefixValueError(f"{where}: expected finite numbers, got {position}")
+                    raise mismatch(where, "finite numbers", position)
                 times.append(time)
                 positions.append(position)
         source = f"{place}, {topic}"
         if not times:
-            raise SurefixValueError(f"{source}: expected positions, got none")
+            raise mismatch(source, "positions", "none")
         if kind == NAV_SAT_FIX:
             return cls(times, local_metres(*np.array(positions).T), source)
         return cls(times, np.array(positions), source)

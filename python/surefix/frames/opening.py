@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from os import PathLike, fspath
 from pathlib import Path
 
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bag import BAG_ENDINGS, BagFrames, is_bag
 from surefix.frames.camera import CameraFrames, is_camera
 from surefix.frames.follow import FollowFrames
@@ -93,12 +93,10 @@ def open(
         frames = Every(frames, every)
     for option, value in (("gap", gap), ("every", every), ("metres", metres)):
         if value is not None and not source.timed:
-            raise SurefixValueError(
-                f"{option}: expected frames with times, as of a video or a bag, got {place}"
-            )
+            raise mismatch(option, "frames with times, as of a video or a bag", place)
     if (metres is None) != (odometry is None):
         given, lacking = ("metres", "odometry") if odometry is None else ("odometry", "metres")
-        raise SurefixValueError(f"{given}: expected {lacking} too, got none")
+        raise mismatch(given, f"{lacking} too", "none")
     if metres is not None and odometry is not None:
         frames = EveryMetres(frames, _odometry(odometry, source), metres)
     if newest is None:
@@ -115,7 +113,7 @@ def _source(
     place: Place | int | Iterable[Place], topic: str | None, follow: bool, idle: float | None
 ) -> Frames:
     if idle is not None and not follow:
-        raise SurefixValueError("idle: expected follow too, got none")
+        raise mismatch("idle", "follow too", "none")
     if not isinstance(place, (str, PathLike, int)):
         if follow or topic is not None:
             raise SurefixValueError(f"{'follow' if follow else 'topic'}: not for a list of files")
@@ -124,11 +122,11 @@ def _source(
     file = Path(name)
     bag, video = is_bag(file), is_video(file)
     if topic is not None and not bag:
-        raise SurefixValueError(f"topic: expected a bag, got {name}")
+        raise mismatch("topic", "a bag", name)
     array, camera = file.suffix.lower() in ENDINGS, is_camera(name) and not file.is_dir()
     if follow:
         if bag or array or camera or video:
-            raise SurefixValueError(f"follow: expected a folder or a pattern, got {name}")
+            raise mismatch("follow", "a folder or a pattern", name)
         return FollowFrames(name, idle=idle)
     if bag:
         return BagFrames(name, topic)
@@ -163,7 +161,5 @@ def _odometry(given: Odometry | Place, source: Frames) -> Odometry:
     if not name.startswith("/") or Path(name).is_file():
         return Odometry.from_csv(name)
     if not isinstance(source, BagFrames):
-        raise SurefixValueError(
-            f"odometry: expected a .csv, or a topic of the bag that the images are in, got {name}"
-        )
+        raise mismatch("odometry", "a .csv, or a topic of the bag that the images are in", name)
     return Odometry.from_bag(source.path, name)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import decode_image
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
 
 __all__ = ["IMAGE", "image_of"]
@@ -17,7 +17,7 @@ IMAGE = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 
 
 class Layout(NamedTuple):
-    """An encoding: bytes a sample, samples a pixel, and those of red, green and blue, or of grey."""
+    """An encoding: bytes a sample, samples a pixel, and which are red, green, blue, or grey."""
 
     size: int
     samples: int
@@ -89,7 +89,7 @@ def _raw(message: Any, where: str) -> UInt8:
     layout = LAYOUTS.get(encoding)
     if layout is None:
         known = ", ".join([*LAYOUTS, *BAYER])
-        raise SurefixValueError(f"{where}: expected an encoding among {known}, got {encoding!r}")
+        raise mismatch(where, f"an encoding among {known}", repr(encoding))
     one = len(layout.channels) == 1
     channels = layout.channels[0] if one else layout.channels
     return np.ascontiguousarray(_samples(message, layout, where)[..., channels])
@@ -99,9 +99,7 @@ def _compressed(message: Any, where: str) -> UInt8:
     encoding = str(message.format)
     # Its png has a header of its own before it, and 16-bit depths in it.
     if "compressedDepth" in encoding:
-        raise SurefixValueError(
-            f"{where}: expected a camera's image, got a depth image (format {encoding!r})"
-        )
+        raise mismatch(where, "a camera's image", f"a depth image (format {encoding!r})")
     return decode_image(bytes(_bytes(message.data)), where)
 
 

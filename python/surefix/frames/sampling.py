@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import replace
 from numbers import Integral
 
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot, shots_of
 from surefix.frames.odometry import Float64, Odometry
 
@@ -281,13 +281,13 @@ class Gaps(Derived):
 def check_stride(stride: object) -> int:
     """The stride, an integer of Python's or of NumPy's, at least 1."""
     if isinstance(stride, bool) or not isinstance(stride, Integral) or stride < 1:
-        raise SurefixValueError(f"stride: expected a whole number of at least 1, got {stride!r}")
+        raise mismatch("stride", "a whole number of at least 1", repr(stride))
     return int(stride)
 
 
 def _above_0(option: str, what: str, value: float) -> float:
     if not (math.isfinite(value) and value > 0):
-        raise SurefixValueError(f"{option}: expected {what} above 0, got {value}")
+        raise mismatch(option, f"{what} above 0", value)
     return value
 
 

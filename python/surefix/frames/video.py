@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.frame import Frames, Shot
 
 __all__ = ["VIDEO_ENDINGS", "VideoFrames", "is_video"]
@@ -137,9 +137,7 @@ class VideoFrames(Frames):
             raise self._damaged(0, "the file ends before the first frame")
 
     def _no_video(self, reason: str) -> SurefixValueError:
-        return SurefixValueError(
-            f"{self.path}: expected a video, got a file that is none, or a damaged one ({reason})"
-        )
+        return mismatch(self.path, "a video", f"a file that is none, or a damaged one ({reason})")
 
     def _damaged(self, index: int, reason: str) -> SurefixValueError:
         return SurefixValueError(f"{self.path}, frame {index}: a damaged video: {reason}")

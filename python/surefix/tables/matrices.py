@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.tables.npy import read_npy
 
 __all__ = ["read_matrix"]
@@ -26,12 +26,11 @@ def read_matrix(path: str | Path, similarity: bool = False) -> npt.NDArray[np.fl
     matrix = read_npy(path, "the matrix")
     if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or len(matrix) < 2 or not matrix.size:
         expected = "a matrix of numbers, (2 or more places, 1 or more queries)"
-        raise SurefixValueError(f"{path}: expected {expected}, got {matrix.dtype} {matrix.shape}")
+        raise mismatch(path, expected, f"{matrix.dtype} {matrix.shape}")
     values = matrix.astype(np.float64)
     if not np.isfinite(values).all():
         place, query = np.argwhere(~np.isfinite(values))[0]
-        raise SurefixValueError(
-            f"{path}: expected finite numbers, got {values[place, query]} "
-            f"at place {place}, query {query}"
+        raise mismatch(
+            path, "finite numbers", f"{values[place, query]} at place {place}, query {query}"
         )
     return (1 - values if similarity else values).astype(np.float32)

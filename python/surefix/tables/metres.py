@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 
 __all__ = ["centre", "interpolate", "local_metres", "pair_by_position", "subsample"]
 
@@ -55,7 +55,7 @@ def local_metres(
         )
     if origin is None:
         if not len(lat):
-            raise SurefixValueError("latitude: expected at least one point, or an origin, got none")
+            raise mismatch("latitude", "at least one point, or an origin", "none")
         origin = centre(lat, lon)
     lat0 = _degrees([origin[0]], "origin latitude", 90)[0]
     lon0 = _degrees([origin[1]], "origin longitude", 540)[0]
@@ -99,7 +99,7 @@ def subsample(positions: npt.ArrayLike, metres: float) -> Int64:
     """
     points = _points(positions, "positions")
     if not (np.isfinite(metres) and metres >= 0):
-        raise SurefixValueError(f"metres: expected a distance of 0 or more, got {metres}")
+        raise mismatch("metres", "a distance of 0 or more", metres)
     kept: list[int] = []
     last: list[float] = []
     for index, point in enumerate(points.tolist()):
@@ -145,7 +145,7 @@ def pair_by_position(
     references = _points(reference_positions, "reference_positions")
     queries = _points(query_positions, "query_positions")
     if not (np.isfinite(tolerance) and tolerance >= 0):
-        raise SurefixValueError(f"tolerance: expected metres, 0 or more, got {tolerance}")
+        raise mismatch("tolerance", "metres, 0 or more", tolerance)
     truth = np.full(len(queries), -1, dtype=np.int64)
     if not len(references):
         return truth
@@ -186,23 +186,19 @@ def _turned(degrees: Float64) -> Float64:
 def _degrees(values: npt.ArrayLike, what: str, limit: float) -> Float64:
     array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if array.ndim != 1:
-        raise SurefixValueError(f"{what}: expected the shape (n,), got {array.shape}")
+        raise mismatch(what, "the shape (n,)", array.shape)
     wrong = np.flatnonzero(~(np.abs(array) <= limit))
     if len(wrong):
         got = array[wrong[0]]
-        raise SurefixValueError(
-            f"{what}: expected degrees between -{limit} and {limit}, got {got} in row {wrong[0]}"
-        )
+        raise mismatch(what, f"degrees between -{limit} and {limit}", f"{got} in row {wrong[0]}")
     return array
 
 
 def _points(values: npt.ArrayLike, what: str) -> Float64:
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] not in (2, 3):
-        raise SurefixValueError(f"{what}: expected the shape (n, 2) or (n, 3), got {array.shape}")
+        raise mismatch(what, "the shape (n, 2) or (n, 3)", array.shape)
     wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
     if len(wrong):
-        raise SurefixValueError(
-            f"{what}: expected finite metres, got {array[wrong[0]].tolist()} in row {wrong[0]}"
-        )
+        raise mismatch(what, "finite metres", f"{array[wrong[0]].tolist()} in row {wrong[0]}")
     return array

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixValueError, mismatch, refusal
 
 __all__ = ["read_npy"]
 
@@ -18,12 +18,10 @@ def read_npy(path: str | Path, what: str, *, mapped: bool = False) -> npt.NDArra
             path, mmap_mode="r" if mapped else None, allow_pickle=False
         )
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read {what}: {error.strerror or error}") from None
+        raise refusal(path, f"cannot read {what}", error) from None
     except (ValueError, EOFError) as error:
         raise SurefixValueError(f"{path}: not a .npy array, or a truncated one ({error})") from None
     if not isinstance(array, np.ndarray):
         array.close()
-        raise SurefixValueError(
-            f"{path}: expected one array (.npy), got an archive of several (.npz)"
-        )
+        raise mismatch(path, "one array (.npy)", "an archive of several (.npz)")
     return array

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
+from surefix.errors import SurefixError, SurefixValueError, mismatch, refusal
 from surefix.tables.metres import centre, local_metres
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import columns, rows
@@ -49,9 +49,7 @@ def read_positions(path: Path, names: Sequence[str] | None = None) -> Positions:
     else:
         read = Positions(str(path), _bare(path))
     if names is not None and len(read.values) != len(names):
-        raise SurefixValueError(
-            f"{path}: expected a row for each of the {len(names)} images, got {len(read.values)}"
-        )
+        raise mismatch(path, f"a row for each of the {len(names)} images", len(read.values))
     return read
 
 
@@ -72,9 +70,8 @@ def on_one_plane(
     """Both in metres; degrees become metres about the mean of the references."""
     if references.degrees != queries.degrees:
         given, other = (references, queries) if references.degrees else (queries, references)
-        raise SurefixValueError(
-            f"{other.source}: expected latitude,longitude as in {given.source}, got metres: "
-            "they share no plane"
+        raise mismatch(
+            other.source, f"latitude,longitude as in {given.source}", "metres: they share no plane"
         )
     if not references.degrees:
         return references.values, queries.values
@@ -96,9 +93,7 @@ def _bare(path: Path) -> npt.NDArray[np.float64]:
     except SurefixError:
         raise
     except OSError as error:
-        raise SurefixFileError(
-            f"{path}: cannot read the positions: {error.strerror or error}"
-        ) from None
+        raise refusal(path, "cannot read the positions", error) from None
     except ValueError as error:
         raise SurefixValueError(
             f"{path}: expected a row of 2 or 3 numbers a place ({error})"
@@ -138,9 +133,7 @@ def _by_header(path: Path, names: Sequence[str] | None) -> Positions:
         row_of: dict[str, int] = {}
         for index, name in enumerate(given):
             if row_of.setdefault(name, index) != index:
-                raise SurefixValueError(
-                    f"{path}, row {numbers[index]}: expected each image once, got {name} twice"
-                )
+                raise mismatch(f"{path}, row {numbers[index]}", "each image once", f"{name} twice")
         lacking = [name for name in names if name not in row_of]
         if lacking:
             raise SurefixValueError(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixValueError, mismatch, refusal
 
 __all__ = ["ascending", "columns", "decimal", "header_and_rows", "read_text", "rows", "whole"]
 
@@ -17,11 +17,9 @@ def read_text(path: Path, what: str = "the table") -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read {what}: {error.strerror or error}") from None
+        raise refusal(path, f"cannot read {what}", error) from None
     except UnicodeDecodeError as error:
-        raise SurefixValueError(
-            f"{path}: expected a text file in UTF-8, got {error.reason}"
-        ) from None
+        raise mismatch(path, "a text file in UTF-8", error.reason) from None
 
 
 def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
@@ -37,9 +35,7 @@ def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
                 line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
             )
         except csv.Error as error:
-            raise SurefixValueError(
-                f"{path}, row {number}: expected values with commas between, got {error}"
-            ) from None
+            raise mismatch(f"{path}, row {number}", "values with commas between", error) from None
         yield number, [cell.strip() for cell in cells]
 
 
@@ -47,15 +43,11 @@ def header_and_rows(path: Path, expected: str) -> tuple[list[str], list[tuple[in
     """The column names of a CSV, in lower case, and its rows, all of that length."""
     numbered = list(rows(path, ","))
     if len(numbered) < 2:
-        raise SurefixValueError(
-            f"{path}: expected a header ({expected}) and rows, got {len(numbered)} lines"
-        )
+        raise mismatch(path, f"a header ({expected}) and rows", f"{len(numbered)} lines")
     header = [cell.lower() for cell in numbered[0][1]]
     for number, cells in numbered[1:]:
         if len(cells) != len(header):
-            raise SurefixValueError(
-                f"{path}, row {number}: expected {len(header)} values, got {len(cells)}"
-            )
+            raise mismatch(f"{path}, row {number}", f"{len(header)} values", len(cells))
     return header, numbered[1:]
 
 
@@ -70,9 +62,7 @@ def columns(
     header, numbered = header_and_rows(path, expected)
     names = next((names for names in choices if set(names) <= set(header)), None)
     if names is None:
-        raise SurefixValueError(
-            f"{path}, row 1: expected the columns {expected}, got {','.join(header)}"
-        )
+        raise mismatch(f"{path}, row 1", f"the columns {expected}", ",".join(header))
     at = [(header.index(name), name) for name in names]
     values = [[decimal(cells[i], path, row, name) for i, name in at] for row, cells in numbered]
 
@@ -91,7 +81,7 @@ def whole(cell: str, path: Path, row: int, what: str) -> int:
     except ValueError:
         value = 1 << 63
     if not -(1 << 63) <= value < 1 << 63:
-        raise SurefixValueError(f"{path}, row {row}: expected {what}, a whole number, got {cell!r}")
+        raise mismatch(f"{path}, row {row}", f"{what}, a whole number", repr(cell))
     return value
 
 
@@ -104,7 +94,7 @@ def decimal(cell: str, path: Path, row: int, what: str, *, finite: bool = True) 
     except ValueError:
         pass
     if value is None or (finite and not np.isfinite(value)):
-        raise SurefixValueError(f"{path}, row {row}: expected {what}, a {kind}, got {cell!r}")
+        raise mismatch(f"{path}, row {row}", f"{what}, a {kind}", repr(cell))
     return value
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import rows
 
@@ -45,28 +45,24 @@ def read_truth(source: str | Path, places: int, queries: int) -> npt.NDArray[Any
         return _array(path, places, queries)
     if path.suffix == ".csv":
         return _table(path, places, queries)
-    raise SurefixValueError(f'truth: expected "identity", a .npy or a .csv, got {str(source)!r}')
+    raise mismatch("truth", '"identity", a .npy or a .csv', repr(str(source)))
 
 
 def _array(path: Path, places: int, queries: int) -> npt.NDArray[Any]:
     array = read_npy(path, "the truth")
     if array.shape not in ((queries,), (places, queries)) or array.dtype.kind not in "biu":
         expected = f"places, int ({queries},), or a matrix, bool or int ({places}, {queries})"
-        raise SurefixValueError(f"{path}: expected {expected}, got {array.dtype} {array.shape}")
+        raise mismatch(path, expected, f"{array.dtype} {array.shape}")
     truth = array if array.ndim == 2 and array.dtype == np.bool_ else array.astype(np.int64)
     one_a_query = array.ndim == 1
     wrong = np.argwhere((truth < -1) | (truth >= (places if one_a_query else 2)))
     if len(wrong) and one_a_query:
         got = f"{truth[wrong[0, 0]]} in row {wrong[0, 0]}"
-        raise SurefixValueError(
-            f"{path}: expected places from 0 to {places - 1}, or -1 for none, got {got}"
-        )
+        raise mismatch(path, f"places from 0 to {places - 1}, or -1 for none", got)
     if len(wrong):
         place, query = wrong[0]
         got = f"{array[place, query]} in row {place}, column {query}"
-        raise SurefixValueError(
-            f"{path}: expected 1 (the same place), 0 (not) or -1 (ignored), got {got}"
-        )
+        raise mismatch(path, "1 (the same place), 0 (not) or -1 (ignored)", got)
     return truth
 
 
@@ -78,15 +74,11 @@ def _table(path: Path, places: int, queries: int) -> npt.NDArray[np.int64]:
         if count == 0 and not any(_is_whole(cell) for cell in cells):
             header = [cell.lower() for cell in cells]
             if not set(COLUMNS) <= set(header):
-                raise SurefixValueError(
-                    f"{path}, row {row}: expected the columns query,reference, "
-                    f"got {','.join(cells)}"
-                )
+                raise mismatch(f"{path}, row {row}", "the columns query,reference", ",".join(cells))
             continue
         if len(cells) != len(header):
-            raise SurefixValueError(
-                f"{path}, row {row}: expected {len(header)} values, {','.join(header)}, "
-                f"got {len(cells)}"
+            raise mismatch(
+                f"{path}, row {row}", f"{len(header)} values, {','.join(header)}", len(cells)
             )
         given, there = (cells[header.index(column)] for column in COLUMNS)
         query = _cell(path, row, "query", given, 0, queries)
@@ -99,12 +91,12 @@ def _table(path: Path, places: int, queries: int) -> npt.NDArray[np.int64]:
                 f"a .npy ({places}, {queries})"
             )
     if not found:
-        raise SurefixValueError(f"{path}: expected rows of query,reference, got none")
+        raise mismatch(path, "rows of query,reference", "none")
     missing = [query for query in range(queries) if query not in found]
     if missing:
         raise SurefixValueError(
-            f"{path}: expected a row for each of the {queries} queries, got {len(found)}; the first "
-            f"that lacks one is {missing[0]} (reference -1 or empty for none)"
+            f"{path}: expected a row for each of the {queries} queries, got {len(found)}; the "
+            f"first that lacks one is {missing[0]} (reference -1 or empty for none)"
         )
     return np.array([found[query][0] for query in range(queries)], np.int64)
 

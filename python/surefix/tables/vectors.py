@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
+from surefix.errors import SurefixError, SurefixValueError, mismatch, refusal
 from surefix.tables.npy import read_npy
 
 __all__ = ["ENDINGS", "load", "metric_of"]
@@ -64,7 +64,8 @@ def load(path: str | PathLike[str], key: str | None = None) -> Rows:
     Examples
     --------
     >>> from surefix.descriptors import load
-    >>> surefix.Map.from_descriptors(load("netvlad.h5", key="global_descriptor"))               # doctest: +SKIP
+    >>> rows = load("netvlad.h5", key="global_descriptor")   # doctest: +SKIP
+    >>> route = surefix.Map.from_descriptors(rows)   # doctest: +SKIP
     """
     file = Path(path)
     reader = _READERS.get(file.suffix.lower())
@@ -74,9 +75,7 @@ def load(path: str | PathLike[str], key: str | None = None) -> Rows:
         with file.open("rb"):
             pass
     except OSError as error:
-        raise SurefixFileError(
-            f"{file}: cannot read the descriptors: {error.strerror or error}"
-        ) from None
+        raise refusal(file, "cannot read the descriptors", error) from None
     return _checked(file, key, reader(file, key))
 
 
@@ -105,7 +104,7 @@ def _npz(path: Path, key: str | None) -> Rows:
         # Opened here: NumPy leaves a file open that is no archive.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise SurefixValueError(f"{path}: expected an archive (.npz), got one array (.npy)")
+                raise mismatch(path, "an archive (.npz)", "one array (.npy)")
             array: Rows = archive[_one_of(path, key, archive.files)]
     except (ValueError, EOFError, OSError, zipfile.BadZipFile, KeyError) as error:
         if isinstance(error, SurefixError):
@@ -127,9 +126,7 @@ def _safetensors(path: Path, key: str | None) -> Rows:
         ) from None
     except (TypeError, AttributeError) as error:
         # NumPy has no bfloat16, for one.
-        raise SurefixValueError(
-            f"{path}: expected {', '.join(NUMBERS)}, got another type ({error})"
-        ) from None
+        raise mismatch(path, ", ".join(NUMBERS), f"another type ({error})") from None
     return array
 
 
@@ -208,9 +205,7 @@ def _read_index(path: Path) -> tuple[Rows, Literal["cosine", "euclidean"]]:
     if index.metric_type == library.METRIC_L2:
         return rows, "euclidean"
     if index.metric_type != library.METRIC_INNER_PRODUCT:
-        raise SurefixValueError(
-            f"{path}: expected an index of L2 or of inner products, got metric {index.metric_type}"
-        )
+        raise mismatch(path, "an index of L2 or of inner products", f"metric {index.metric_type}")
     lengths = np.linalg.norm(rows.astype(np.float64), axis=1)
     if len(rows) and np.abs(lengths - 1).max() > UNIT:
         raise SurefixValueError(
@@ -234,9 +229,7 @@ ENDINGS = tuple(_READERS)
 
 def _no_key(path: Path, key: str | None) -> None:
     if key is not None:
-        raise SurefixValueError(
-            f"{path}: expected no key, as such a file holds one array, got {key!r}"
-        )
+        raise mismatch(path, "no key, as such a file holds one array", repr(key))
 
 
 def _one_of(path: Path, key: str | None, keys: Sequence[str]) -> str:
@@ -246,18 +239,14 @@ def _one_of(path: Path, key: str | None, keys: Sequence[str]) -> str:
     if key is None:
         raise SurefixValueError(f"{path}: expected a key, as it holds {len(keys)} arrays: {listed}")
     if key not in keys:
-        raise SurefixValueError(f"{path}: expected one of the arrays {listed}, got the key {key!r}")
+        raise mismatch(path, f"one of the arrays {listed}", f"the key {key!r}")
     return key
 
 
 def _checked(path: Path, key: str | None, array: Rows) -> Rows:
     where = os.fspath(path) if key is None else f"{path}, {key}"
     if array.dtype.kind not in "fiu" or array.dtype.name not in (*NUMBERS, "float64"):
-        raise SurefixValueError(
-            f"{where}: expected descriptors of {', '.join(NUMBERS)}, got {array.dtype}"
-        )
+        raise mismatch(where, f"descriptors of {', '.join(NUMBERS)}", array.dtype)
     if array.ndim != 2 or 0 in array.shape:
-        raise SurefixValueError(
-            f"{where}: expected descriptors (n, dim), got the shape {array.shape}"
-        )
+        raise mismatch(where, "descriptors (n, dim)", f"the shape {array.shape}")
     return array.astype(np.float32) if array.dtype.name == "float64" else array

@@ -23,6 +23,9 @@ from html_reader import Reader, read
 from surefix import baselines, cli
 from surefix.report.comparison_report import FILES
 
+# The fixtures draw whole reports.
+pytestmark = pytest.mark.slow
+
 PLACES = 70
 METHODS = ("sequence", "weighted", "single", "masked")
 

@@ -234,6 +234,7 @@ def test_degrees_of_both_drives_become_metres_about_one_origin(tmp_path: Path) -
         read_metres(names[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["matplotlib", "PIL"])
 def test_without_what_draws_one_line_says_how_to_install_it(
     module: str, drives: Path, tmp_path: Path

@@ -173,6 +173,7 @@ def test_a_change_of_size_that_cannot_be_used_is_named_with_both_sizes() -> None
     assert summary.text(None).startswith("3 fixes, ")
 
 
+@pytest.mark.slow
 def test_a_file_that_is_no_image_does_not_end_a_run_that_follows(
     drive: Path, tmp_path: Path
 ) -> None:
@@ -208,6 +209,7 @@ def test_one_fix_is_in_the_singular() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: Path) -> None:
     arguments = ["run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "4"]
     command = [sys.executable, "-m", "surefix", *map(str, arguments)]
@@ -231,6 +233,7 @@ def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: P
     ]
 
 
+@pytest.mark.slow
 def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
     out = tmp_path / "fixes.csv"
     arguments = ["run", drive / "route.safetensors", drive / "images", "--follow", "-o", out]
@@ -251,6 +254,7 @@ def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_terminal_counts_frames_whose_number_nobody_knows(drive: Path) -> None:
     leader, follower = pty.openpty()
     options = ["--every", "0.5", "--gap", "1"]

@@ -214,6 +214,7 @@ def test_a_record_that_the_disk_lost_is_made_again(tmp_path: Path) -> None:
     assert sum(means.batches) == 3
 
 
+@pytest.mark.slow
 def test_several_processes_use_one_cache(folder: Path, tmp_path: Path) -> None:
     cache = tmp_path / "c"
     code = f"""
@@ -235,6 +236,23 @@ def test_several_processes_use_one_cache(folder: Path, tmp_path: Path) -> None:
     assert [process.returncode for process in processes] == [0, 0, 0], said
     means = Means()
     np.testing.assert_array_equal(extract(folder, means, cache=cache, progress=False), EXPECTED)
+    assert means.batches == []
+
+
+def test_a_process_that_begins_with_other_images_meanwhile_is_found_out(tmp_path: Path) -> None:
+    cache = tmp_path / "c"
+
+    class Slow(Means):
+        def describe(self, images: Any) -> Any:
+            if not cache.exists():
+                extract(IMAGES[5:9], Means(), cache=cache, progress=False)
+            return super().describe(images)
+
+    with pytest.raises(surefix.SurefixValueError, match="record 0 is not of 0 as it is now"):
+        extract(IMAGES, Slow(), cache=cache, progress=False)
+    means = Means()
+    rows = extract(IMAGES[5:9], means, cache=cache, progress=False)
+    np.testing.assert_array_equal(rows, EXPECTED[5:9])
     assert means.batches == []
 
 

@@ -107,6 +107,7 @@ def test_a_camera_that_is_not_there_is_named() -> None:
         list(frames_open("http://127.0.0.1:1/x"))
 
 
+@pytest.mark.slow
 def test_a_robot_runs_along_a_route_by_its_camera(address: str, tmp_path: Path) -> None:
     surefix.Map.from_images(IMAGES, progress=False).save(tmp_path / "route.safetensors")
     out = tmp_path / "fixes.csv"
