@@ -41,7 +41,7 @@ from surefix.cli.inputs import (
 )
 from surefix.descriptors import Onnx, extract
 from surefix.descriptors.mapping import sad_map
-from surefix.errors import refusal
+from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
@@ -354,9 +354,8 @@ def eval_(
 
 def _open_map(route: str) -> Map:
     if Path(route).is_dir():
-        raise SurefixValueError(
-            f"{route}: expected a map or a matrix, got a folder; make a map of it: "
-            f"surefix map build {route}"
+        raise mismatch(
+            route, "a map or a matrix", f"a folder; make a map of it: surefix map build {route}"
         )
     return Map.open(route)
 
@@ -393,7 +392,7 @@ def _names(frames: Frames) -> list[str]:
     if bar is not None:
         bar(len(names), len(names))
     if not names:
-        raise SurefixValueError(f"{frames.files[0]}: expected frames, got none")
+        raise mismatch(frames.files[0], "frames", "none")
     return names
 
 
@@ -444,9 +443,8 @@ def _reference_images(place: str, places: int) -> Images:
         )
     images = open_images(Path(place))
     if len(images) != places:
-        raise SurefixValueError(
-            f"--references {place}: expected an image for each of {places} places, "
-            f"got {len(images)}"
+        raise mismatch(
+            f"--references {place}", f"an image for each of {places} places", len(images)
         )
     return images
 
@@ -496,14 +494,10 @@ def _truth(
 
 def _check_positions(option: str, array: npt.NDArray[np.float64], count: int) -> None:
     if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) != count:
-        raise SurefixValueError(
-            f"{option}: expected {count} rows of 2 or 3 metres, got the shape {array.shape}"
-        )
+        raise mismatch(option, f"{count} rows of 2 or 3 metres", f"the shape {array.shape}")
     if not np.isfinite(array).all():
         row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise SurefixValueError(
-            f"{option}: expected finite metres, got {array[row].tolist()} in row {row}"
-        )
+        raise mismatch(option, "finite metres", f"{array[row].tolist()} in row {row}")
 
 
 def _tolerance(given: float | None, truth: Truth) -> float:

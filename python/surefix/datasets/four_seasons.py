@@ -14,16 +14,18 @@ from surefix.datasets.tracks import (
     Track,
     choose_traverses,
     named_folders,
+    pair_of,
     place_images,
 )
-from surefix.errors import SurefixValueError, mismatch
+from surefix.errors import mismatch
 from surefix.frames.images import ImageFiles
-from surefix.tables.metres import pair_by_position
 from surefix.tables.rows import ascending, decimal, read_text, rows, whole
 
 __all__ = ["FOUR_SEASONS", "OFFICE_LOOP", "four_seasons", "recordings"]
 
 FOLDERS = "recording_*"
+# From the local plane (east, north, up) to the Earth-centred frame.
+EARTH = "transform_e_gpsw"
 FOUR_SEASONS = Origin(
     "4Seasons",
     "https://www.4seasons-dataset.com (P. Wenzel et al., TU Munich and Artisense)",
@@ -93,21 +95,13 @@ def four_seasons(
         For a malformed row, timestamps that do not ascend, or no image with a position.
     """
     folders = choose_traverses(FOUR_SEASONS, Path(root), FOLDERS, "recording", reference, query)
-    plane = _Transformations(folders[0]).earth
+    plane = _transform(folders[0], EARTH)
     placing = Placing(spacing, longest_gap, incomplete)
     first, second = (_recording(folder, images, poses, plane, placing) for folder in folders)
     names = [folder.name.removeprefix("recording_") for folder in folders]
-    return Pair(
-        f"4Seasons {names[0]} / {names[1]}",
-        ImageFiles(first.files),
-        ImageFiles(second.files),
-        pair_by_position(first.positions, second.positions, tolerance),
-        first.positions,
-        second.positions,
-        FOUR_SEASONS.source,
-        FOUR_SEASONS.licence,
-        first.notes + second.notes,
-    )
+    images_of = [ImageFiles(placed.files) for placed in (first, second)]
+    title = f"4Seasons {names[0]} / {names[1]}"
+    return pair_of(title, FOUR_SEASONS, images_of, first, second, tolerance)
 
 
 def recordings(root: Path) -> list[str]:
@@ -160,67 +154,34 @@ def _track(folder: Path, poses: str, plane: npt.NDArray[np.float64]) -> Track:
             scaled.append(np.array(pose[:3]) * pose[7])
     if not stamps:
         raise mismatch(path, "a pose a line", "none")
-    to_earth = _Transformations(folder).slam_to_earth
+    world = np.linalg.inv(_transform(folder, "transform_w_gpsw"))
+    to_earth = _transform(folder, EARTH) @ world @ _transform(folder, "transform_S_AS")
     to_plane = np.linalg.inv(plane) @ to_earth
     metres = np.array(scaled) @ to_plane[:3, :3].T + to_plane[:3, 3]
     return Track(path, ascending(stamps, numbers, path), metres[:, :2])
 
 
-class _Transformations:
-    """The transforms of a recording, 4 x 4, by name; there may be empty lines between them."""
-
-    def __init__(self, folder: Path) -> None:
-        self.path = FOUR_SEASONS.file(
-            folder / "Transformations.txt", "the frames that the poses are in"
-        )
-        self.lines = read_text(self.path, "the transformations").splitlines()
-
-    @property
-    def earth(self) -> npt.NDArray[np.float64]:
-        """From the local plane (east, north, up) to the Earth-centred frame."""
-        return self._matrix("transform_e_gpsw")
-
-    @property
-    def slam_to_earth(self) -> npt.NDArray[np.float64]:
-        """From the scaled poses to the Earth-centred frame."""
-        return (
-            self.earth
-            @ np.linalg.inv(self._matrix("transform_w_gpsw"))
-            @ self._matrix("transform_S_AS")
-        )
-
-    def _matrix(self, name: str) -> npt.NDArray[np.float64]:
-        for row, line in enumerate(self.lines, start=1):
-            if line.lstrip("# ").startswith(f"{name}:"):
-                after = [
-                    (at, text)
-                    for at, text in enumerate(self.lines[row:], start=row + 1)
-                    if text.strip()
-                ]
-                number, text = after[0] if after else (row + 1, "")
-                break
-        else:
-            heads = (
-                ", ".join(line.strip() for line in self.lines if line.lstrip().startswith("#"))
-                or "no such line"
-            )
-            raise mismatch(self.path, f"a line '# {name}: ...'", heads)
-        cells = text.split(",")
-        if len(cells) != 7:
-            raise SurefixValueError(
-                f"{self.path}, row {number}: expected 7 values of {name} "
-                f"(x,y,z,q_x,q_y,q_z,w), got {len(cells)}"
-            )
-        values = [decimal(cell.strip(), self.path, number, name) for cell in cells]
-        norm = float(np.linalg.norm(values[3:]))
-        if abs(norm - 1) > 1e-3:
-            raise SurefixValueError(
-                f"{self.path}, row {number}: expected a unit quaternion of {name}, got norm {norm}"
-            )
-        matrix = np.eye(4)
-        matrix[:3, :3] = _rotation(np.array(values[3:]) / norm)
-        matrix[:3, 3] = values[:3]
-        return matrix
+def _transform(folder: Path, name: str) -> npt.NDArray[np.float64]:
+    """A transform of a recording, 4 x 4, by name; there may be empty lines between them."""
+    path = FOUR_SEASONS.file(folder / "Transformations.txt", "the frames that the poses are in")
+    lines = list(enumerate(read_text(path, "the transformations").splitlines(), start=1))
+    heads = [line.strip() for _, line in lines if line.lstrip().startswith("#")]
+    at = next((row for row, line in lines if line.lstrip("# ").startswith(f"{name}:")), None)
+    if at is None:
+        raise mismatch(path, f"a line '# {name}: ...'", ", ".join(heads) or "no such line")
+    row, text = next(((row, line) for row, line in lines[at:] if line.strip()), (at + 1, ""))
+    cells = text.split(",")
+    if len(cells) != 7:
+        expected = f"7 values of {name} (x,y,z,q_x,q_y,q_z,w)"
+        raise mismatch(f"{path}, row {row}", expected, len(cells))
+    values = [decimal(cell.strip(), path, row, name) for cell in cells]
+    norm = float(np.linalg.norm(values[3:]))
+    if abs(norm - 1) > 1e-3:
+        raise mismatch(f"{path}, row {row}", f"a unit quaternion of {name}", f"norm {norm}")
+    matrix = np.eye(4)
+    matrix[:3, :3] = _rotation(np.array(values[3:]) / norm)
+    matrix[:3, 3] = values[:3]
+    return matrix
 
 
 def _rotation(quaternion: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

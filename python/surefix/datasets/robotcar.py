@@ -13,12 +13,12 @@ from surefix.datasets.tracks import (
     Track,
     choose_traverses,
     named_folders,
+    pair_of,
     place_images,
 )
 from surefix.errors import mismatch
 from surefix.frames.bayer import Pattern
 from surefix.frames.images import BayerFiles
-from surefix.tables.metres import pair_by_position
 from surefix.tables.rows import ascending, decimal, header_and_rows, rows, whole
 
 __all__ = ["ROBOTCAR", "drives", "robotcar"]
@@ -111,17 +111,9 @@ def robotcar(
         _traverse(folder, camera, track, placing)
         for folder, (track, _) in zip(folders, tracks, strict=True)
     )
-    return Pair(
-        f"RobotCar {folders[0].name} / {folders[1].name}",
-        BayerFiles(first.files, CAMERAS[camera]),
-        BayerFiles(second.files, CAMERAS[camera]),
-        pair_by_position(first.positions, second.positions, tolerance),
-        first.positions,
-        second.positions,
-        ROBOTCAR.source,
-        ROBOTCAR.licence,
-        first.notes + second.notes,
-    )
+    images_of = [BayerFiles(placed.files, CAMERAS[camera]) for placed in (first, second)]
+    title = f"RobotCar {folders[0].name} / {folders[1].name}"
+    return pair_of(title, ROBOTCAR, images_of, first, second, tolerance)
 
 
 def drives(root: Path) -> list[str]:

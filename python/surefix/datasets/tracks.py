@@ -8,11 +8,20 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from surefix.datasets.pair import Origin
+from surefix.datasets.pair import Origin, Pair
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch
-from surefix.tables.metres import interpolate, subsample
+from surefix.frames.images import Images
+from surefix.tables.metres import interpolate, pair_by_position, subsample
 
-__all__ = ["Placed", "Placing", "Track", "choose_traverses", "named_folders", "place_images"]
+__all__ = [
+    "Placed",
+    "Placing",
+    "Track",
+    "choose_traverses",
+    "named_folders",
+    "pair_of",
+    "place_images",
+]
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,28 @@ def place_images(
     if placing.spacing is not None:
         kept = kept[subsample(positions[kept], placing.spacing)]
     return Placed([files[i] for i in kept.tolist()], positions[kept], tuple(notes))
+
+
+def pair_of(
+    name: str,
+    origin: Origin,
+    images: Sequence[Images],
+    first: Placed,
+    second: Placed,
+    tolerance: float,
+) -> Pair:
+    """Two traverses paired by position: the truth is the nearest reference within ``tolerance``."""
+    return Pair(
+        name,
+        images[0],
+        images[1],
+        pair_by_position(first.positions, second.positions, tolerance),
+        first.positions,
+        second.positions,
+        origin.source,
+        origin.licence,
+        first.notes + second.notes,
+    )
 
 
 def named_folders(root: Path, pattern: str) -> list[str]:

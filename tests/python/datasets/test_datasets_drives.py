@@ -616,9 +616,9 @@ class TestFourSeasons:
                 "4172814.292643,857504.007380,4731704.606937,0.225469,0.276513,0.724007,0.590354",
             ),
         )
-        from surefix.datasets.four_seasons import _Transformations
+        from surefix.datasets.four_seasons import EARTH, _transform
 
-        earth = _Transformations(munich / SPRING).earth
+        earth = _transform(munich / SPRING, EARTH)
         up = earth[:3, 2]
         assert math.degrees(math.asin(up[2])) == pytest.approx(48.194, abs=1e-3)
         assert math.degrees(math.atan2(up[1], up[0])) == pytest.approx(11.612, abs=1e-3)
