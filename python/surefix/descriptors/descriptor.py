@@ -1,7 +1,7 @@
 """The protocol of a descriptor: images in, vectors out, a name, and a recipe."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -11,9 +11,10 @@ from surefix.errors import SurefixValueError, mismatch
 
 __all__ = [
     "Descriptor",
-    "as_images",
+    "checked_batch",
     "checked_image",
     "checked_rows",
+    "in_batches",
     "recipe_of",
     "require_descriptor",
     "same_vectors",
@@ -74,17 +75,26 @@ def require_descriptor(thing: object) -> Descriptor:
     return thing
 
 
-def as_images(images: Any) -> list[Image]:
-    """One image, an array of images, or a sequence of them, as a list of at least one."""
+def in_batches(images: Any, size: int, run: Callable[[list[Image], int], Rows]) -> Rows:
+    """Describes one image, an array of images, or a sequence of them, ``size`` at a time. ``run``
+    takes images and the index of the first.
+    """
     alone = isinstance(images, np.ndarray) and (
         images.ndim == 2 or (images.ndim == 3 and images.shape[2] == 3)
     )
     several = [images] if alone else list(images)
     if not several:
-        raise mismatch("images", "at least one", "none")
-    return [
-        checked_image(image, f"image {index} of the call") for index, image in enumerate(several)
-    ]
+        raise SurefixValueError("images: expected at least one, got none")
+    checked = [checked_image(image, f"image {i} of the call") for i, image in enumerate(several)]
+    parts = [run(checked[start : start + size], start) for start in range(0, len(checked), size)]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def checked_batch(batch: object) -> int:
+    """A number of images, at least 1."""
+    if not isinstance(batch, int) or batch < 1:
+        raise mismatch("batch", "a whole number of at least 1", repr(batch))
+    return batch
 
 
 def checked_image(image: Any, what: str) -> Image:

@@ -18,6 +18,7 @@ from surefix._progress import terminal_bar
 from surefix.descriptors.cache import ANEW, Cache
 from surefix.descriptors.descriptor import (
     Descriptor,
+    checked_batch,
     checked_image,
     checked_rows,
     require_descriptor,
@@ -108,9 +109,7 @@ def described(
 ) -> tuple[Rows, list[Shot]]:
     """As ``extract``; and the shots that were described, each without its image."""
     descriptor = require_descriptor(descriptor)
-    size = batch if batch is not None else getattr(descriptor, "batch", BATCH)
-    if not isinstance(size, int) or size < 1:
-        raise mismatch("batch", "a whole number of at least 1", repr(size))
+    size = checked_batch(batch if batch is not None else getattr(descriptor, "batch", BATCH))
     bar = _Bar(terminal_bar("Describing") if progress is None else progress or None, frames)
     seen: list[Shot] = []
     with closing(_shots(frames, seen)) as shots:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.descriptors.descriptor import as_images, checked_rows
+from surefix.descriptors.descriptor import checked_batch, checked_rows, in_batches
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixValueError, mismatch, refusal
 
@@ -85,8 +85,7 @@ class Onnx:
         threads: int | None = None,
     ) -> None:
         self.path = Path(path)
-        if not isinstance(batch, int) or batch < 1:
-            raise mismatch("batch", "a whole number of at least 1", repr(batch))
+        batch = checked_batch(batch)
         self._sha256 = _sha256(self.path)
         self._session = _open(self.path, providers, threads)
         node = self._only_input()
@@ -137,12 +136,7 @@ class Onnx:
             If an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an
             image.
         """
-        several = as_images(images)
-        runs = [
-            self._run(several[start : start + self.batch], start)
-            for start in range(0, len(several), self.batch)
-        ]
-        return runs[0] if len(runs) == 1 else np.concatenate(runs)
+        return in_batches(images, self.batch, self._run)
 
     def __repr__(self) -> str:
         return f"Onnx({str(self.path)!r}, output={self.output!r}, size={self.size})"
@@ -163,18 +157,13 @@ class Onnx:
             ) from None
         what = f"{self.path}, output {self.output}"
         if not isinstance(output, np.ndarray) or output.ndim < 2 or output.shape[0] != len(images):
-            got = (
-                f"the shape {output.shape}"
-                if isinstance(output, np.ndarray)
-                else type(output).__name__
-            )
-            raise mismatch(
-                what, f"a vector an image, ({len(images)}, ...) for {len(images)} images", got
-            )
+            array = isinstance(output, np.ndarray)
+            expected = f"a vector an image, ({len(images)}, ...) for {len(images)} images"
+            got = f"the shape {output.shape}" if array else type(output).__name__
+            raise mismatch(what, expected, got)
         rows = output.reshape(len(images), -1)[:count]
-        return checked_rows(
-            rows, count, what, [f"image {start + index} of the call" for index in range(count)]
-        )
+        names = [f"image {start + index} of the call" for index in range(count)]
+        return checked_rows(rows, count, what, names)
 
     def _only_input(self) -> Any:
         inputs = self._session.get_inputs()

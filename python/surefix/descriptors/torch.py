@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.descriptors.descriptor import as_images, checked_rows
+from surefix.descriptors.descriptor import checked_batch, checked_rows, in_batches
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixError, SurefixValueError, mismatch
 
@@ -86,13 +86,12 @@ class Torch:
         library = require("torch", "a PyTorch module", "PyTorch", "torch")
         if not isinstance(module, library.nn.Module):
             raise mismatch("module", "a torch.nn.Module", type(module).__name__)
-        if not isinstance(batch, int) or batch < 1:
-            raise mismatch("batch", "a whole number of at least 1", repr(batch))
         if transform is not None and (size is not None or not callable(transform)):
             raise SurefixValueError(
                 "transform: expected something to call with an image, and then no size"
             )
-        self.module, self.transform, self.batch, self.autocast = module, transform, batch, autocast
+        self.module, self.transform, self.autocast = module, transform, autocast
+        self.batch = checked_batch(batch)
         self.name = name or f"torch:{type(module).__name__}"
         self._torch = library
         self._input = NetworkInput(size, mean, std, resample)
@@ -129,13 +128,8 @@ class Torch:
             If an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an
             image.
         """
-        several = as_images(images)
         with _evaluating(self.module):
-            runs = [
-                self._run(several[start : start + self.batch], start)
-                for start in range(0, len(several), self.batch)
-            ]
-        return runs[0] if len(runs) == 1 else np.concatenate(runs)
+            return in_batches(images, self.batch, self._run)
 
     def __repr__(self) -> str:
         return (

@@ -336,7 +336,7 @@ def test_metres_are_not_the_tolerance_of_the_calibration(
     capsys.readouterr()
 
 
-def test_a_line_warns_of_similarities_and_of_queries_that_nobody_judged(
+def test_a_line_warns_of_similarities_and_of_queries_that_were_not_judged(
     drives: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

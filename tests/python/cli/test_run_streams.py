@@ -255,7 +255,7 @@ def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_terminal_counts_frames_whose_number_nobody_knows(drive: Path) -> None:
+def test_a_terminal_counts_frames_of_an_unknown_number(drive: Path) -> None:
     leader, follower = pty.openpty()
     options = ["--every", "0.5", "--gap", "1"]
     command = [

@@ -195,6 +195,16 @@ class TestFolders:
         assert datasets.folders(two_folders, truth="truth.csv").truth.tolist() == [10, -1, -1]  # type: ignore[union-attr]
 
     @pytest.mark.parametrize(
+        "text",
+        ["reference,note,query\n10,clear,0\n-1,,1\n4,fog,2\n", "0,10\n1,\n2,4\n2,4\n"],
+    )
+    def test_columns_come_in_any_order_and_a_header_may_be_left_out(
+        self, two_folders: Path, text: str
+    ) -> None:
+        (two_folders / "truth.csv").write_text(text)
+        assert datasets.folders(two_folders, truth="truth.csv").truth.tolist() == [10, -1, 4]  # type: ignore[union-attr]
+
+    @pytest.mark.parametrize(
         ("text", "said"),
         [
             (
@@ -421,6 +431,24 @@ class TestRegistry:
     def test_the_seasons_of_the_images_are_listed(self, railway: Path, inside: str) -> None:
         (railway / "Dataset_images/test/fall_images_test").rename(railway / "elsewhere")
         assert datasets.traverses("nordland", railway / inside) == ["summer", "winter", "spring"]
+
+    def test_a_data_set_is_known_by_its_signs(self, gardens: Path, railway: Path) -> None:
+        def looks_like(folder: Path) -> list[str]:
+            return [
+                name
+                for name, dataset in datasets.DATASETS.items()
+                if any(path for sign in dataset.signs for path in folder.glob(sign))
+            ]
+
+        # Both fixtures are trees in one folder.
+        assert looks_like(gardens) == ["gardens_point", "nordland"]
+        (railway / "Dataset_images").rename(railway / "elsewhere")
+        (railway / "reference").mkdir()
+        (railway / "recording_2020-03-24_17-36-22").mkdir()
+        (railway / "2014-12-09-13-21-02").mkdir()
+        for walk in ("day_left", "day_right", "night_right"):
+            (railway / walk).rename(railway / f"a {walk}")
+        assert looks_like(railway) == ["four_seasons", "robotcar", "folders"]
 
     def test_unknown_names_and_options_list_the_known_ones(self, gardens: Path) -> None:
         with pytest.raises(surefix.SurefixValueError, match=r"gardens_point, nordland.*'kitti'"):

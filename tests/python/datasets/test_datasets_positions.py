@@ -1,4 +1,4 @@
-"""Metres on a plane, a frame every so many metres, the nearest place: against formulae written
+"""Metres on a plane, a frame every few metres, the nearest place: against formulae written
 another way.
 """
 

@@ -1,4 +1,4 @@
-"""Describing a drive: in batches, a few images at a time, and going on where it was interrupted."""
+"""Describing a drive: in batches, a few images at a time, and resuming after an interruption."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""A frame every so many metres."""
+"""A frame every few metres."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +26,7 @@ def taken(times: Float64, odometry: Odometry, metres: float) -> list[int]:
 
 
 def every_metres(distance: Float64, metres: float) -> list[int]:
-    """Of frames at these distances along a line: the first of each stretch of so many metres."""
+    """Of frames at these distances along a line: the first of each stretch."""
     stretch = np.floor((distance - distance[0]) / metres)
     return np.unique(stretch, return_index=True)[1].tolist()  # type: ignore[no-any-return]
 
