@@ -28,8 +28,10 @@ from surefix._words import counted
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
 from surefix.cli.inputs import (
+    Cache,
     Every,
     Metres,
+    Model,
     Odometry,
     Stride,
     Topic,
@@ -101,16 +103,8 @@ def eval_(
             "queries, if any, for the pictures."
         ),
     ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(help="The ONNX file that the map was made with: describe the images by it."),
-    ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(
-            help="--model: keep the vectors in this file, and resume from it after an interruption."
-        ),
-    ] = None,
+    model: Model = None,
+    cache: Cache = None,
     truth: Annotated[
         str | None,
         typer.Option(

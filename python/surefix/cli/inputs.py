@@ -14,8 +14,10 @@ from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.vectors import ENDINGS
 
 __all__ = [
+    "Cache",
     "Every",
     "Metres",
+    "Model",
     "Odometry",
     "Stride",
     "Topic",
@@ -44,6 +46,17 @@ Odometry = Annotated[
     str | None,
     typer.Option(
         help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."
+    ),
+]
+
+Model = Annotated[
+    Path | None,
+    typer.Option(help="The ONNX file that the map was made with: describe the images by it."),
+]
+Cache = Annotated[
+    Path | None,
+    typer.Option(
+        help="--model: keep the vectors in this file, and resume from it after an interruption."
     ),
 ]
 

@@ -14,8 +14,10 @@ from rich.text import Text
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix._words import counted
 from surefix.cli.inputs import (
+    Cache,
     Every,
     Metres,
+    Model,
     Odometry,
     Stride,
     Topic,
@@ -130,12 +132,7 @@ def build(
             "normalize."
         ),
     ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(
-            help="--model: keep the vectors in this file, and resume from it after an interruption."
-        ),
-    ] = None,
+    cache: Cache = None,
     positions: Annotated[
         Path | None,
         typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres."),
@@ -204,16 +201,8 @@ def append(
         Path | None,
         typer.Option(help="A .npy or .csv of each new place's position, if the map has positions."),
     ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(help="The ONNX file that the map was made with: describe the images by it."),
-    ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(
-            help="--model: keep the vectors in this file, and resume from it after an interruption."
-        ),
-    ] = None,
+    model: Model = None,
+    cache: Cache = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.
