@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import find_images, read_image
-from surefix.errors import SurefixFileError, SurefixValueError
-from surefix.streams.stream import Shot, Stream
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
+from surefix.frames.frame import Frames, Shot
 
-__all__ = ["FollowStream"]
+__all__ = ["FollowFrames"]
 
 # In the error of find_images for a folder or a pattern that is right and matches nothing.
 NONE_YET = "found none"
@@ -24,47 +24,45 @@ NONE_YET = "found none"
 LOG = logging.getLogger("surefix")
 
 
-class FollowStream(Stream):
-    """The images of a folder or a pattern, those that are there and those that come, in the order
-    of their names.
+class FollowFrames(Frames):
+    """The images of a folder or a pattern, present and future, in the order of their names.
 
-    A file is taken once it is whole: its size and its time of writing stay as they are for
-    ``settle`` seconds, and it can be decoded. Those after it wait for it. The time of a frame is
-    when its file was last written.
+    A file is taken once it is whole: its size and its time of writing do not change for ``settle``
+    seconds, and it can be decoded. Those after it wait for it. The time of a frame is the time of
+    its file's last change.
 
     A file that cannot be decoded and has not changed for 5 seconds is passed over: the logger
     ``surefix`` says so, on stderr by default, and it counts as dropped before the next.
 
-    A file that comes after one with a later name was taken is taken when it comes; it says ``gap``,
-    as does the one after it. One that is gone before it was read counts as dropped.
+    A file that comes late, after one with a later name, is taken when it comes; it has ``gap`` set,
+    as has the one after it. A file that is removed before it was read counts as dropped.
 
-    The folder is listed again and again rather than watched: that works on network drives too, and
-    in containers, where notices of changes do not reach.
+    The folder is listed periodically rather than watched: that works on network drives and in
+    containers too, which notices of changes do not reach.
 
     Parameters
     ----------
     place : str or path
         A folder, or a pattern like ``drive/*.jpg``.
     idle : float, optional
-        The stream ends when no new file has come for so many seconds; None waits for ever.
+        The frames end when no new file has come for this many seconds; None waits for ever.
     settle : float
-        In seconds. 0 where files appear whole, by renaming.
+        In seconds. 0 if files appear whole, by renaming.
     poll : float
-        How often to look, in seconds.
+        Seconds between two listings.
 
     Raises
     ------
     SurefixFileError
-        Where there is no such folder.
+        If there is no such folder.
     SurefixValueError
         For seconds below 0.
     """
 
     timed = True
     live = True
-    # How long a file that cannot be decoded may still become whole, in seconds: a writer that is
-    # interrupted.
-    PATIENCE = 5.0
+    # In seconds: the time that a file which cannot be decoded has to become whole.
+    UNREADABLE_AFTER = 5.0
 
     def __init__(
         self,
@@ -75,13 +73,9 @@ class FollowStream(Stream):
         poll: float = 0.1,
     ) -> None:
         self.place = fspath(place)
-        for name, value in (
-            ("idle", 0.0 if idle is None else idle),
-            ("settle", settle),
-            ("poll", poll),
-        ):
+        for name, value in (("idle", idle or 0.0), ("settle", settle), ("poll", poll)):
             if not (math.isfinite(value) and value >= 0):
-                raise SurefixValueError(f"{name}: expected seconds, 0 or more, got {value}")
+                raise mismatch(name, "seconds, 0 or more", value)
         folder = Path(self.place)
         if not folder.is_dir() and not any(mark in self.place for mark in "*?["):
             raise SurefixFileError(f"{place}: cannot follow the folder: there is no such folder")
@@ -90,11 +84,11 @@ class FollowStream(Stream):
 
     @property
     def files(self) -> list[str]:
-        """Those that are there."""
+        """The present ones."""
         return self._listed()
 
     def close(self) -> None:
-        """Ends the waiting: the iteration under way ends."""
+        """Ends the iteration."""
         self._ended.set()
 
     def shots(self) -> Generator[Shot, None, None]:
@@ -106,7 +100,7 @@ class FollowStream(Stream):
         while not self._ended.is_set():
             begin = time.monotonic()
             listed = self._listed()
-            # What is gone from the folder need not be remembered.
+            # Removed files need not be remembered.
             taken.intersection_update(listed)
             new = [path for path in listed if path not in taken]
             order.rank = {path: index for index, path in enumerate(listed)} if new else {}
@@ -119,33 +113,26 @@ class FollowStream(Stream):
                     lost += 1
                 else:
                     written, image = whole
-                    yield Shot(
-                        written,
-                        Path(path).name,
-                        partial(np.asarray, image),
-                        lost,
-                        order.breaks(path),
-                    )
+                    read = partial(np.asarray, image)
+                    yield Shot(written, Path(path).name, read, lost, order.breaks(path))
                     lost = 0
                 news = time.monotonic()
             if self.idle is not None and time.monotonic() - news >= self.idle:
                 return
-            # Most of the time is the matcher's, even where listing takes long.
+            # The matcher gets most of the time, even if listing takes long.
             self._pause(max(self.poll, 0.0 if new else 4 * (time.monotonic() - begin)))
 
     def _pause(self, seconds: float) -> None:
-        """Sleeps for so long, or until the end.
-
-        Not by waiting for the event: where Ctrl-C comes in the middle of that, its lock can be left
-        as it must not be.
+        """Sleeps, or until the end. Not by waiting for the event: Ctrl-C in the middle of a wait
+        can leave its lock in a wrong state.
         """
         until = time.monotonic() + seconds
         while not self._ended.is_set() and (left := until - time.monotonic()) > 0:
             time.sleep(min(left, 0.05))
 
     def _when_whole(self, path: str) -> tuple[float, npt.NDArray[np.uint8]] | None:
-        """When a file was last written, and its image, once it is whole; None where it is gone or
-        never becomes one.
+        """The time of a file's last change and its image, once it is whole; None if it is removed,
+        or never is an image.
         """
         before, since = None, time.monotonic()
         while not self._ended.is_set():
@@ -165,7 +152,7 @@ class FollowStream(Stream):
                         return None
                     raise
                 except SurefixValueError as error:
-                    if unchanged >= self.PATIENCE:
+                    if unchanged >= self.UNREADABLE_AFTER:
                         LOG.warning("Passed over: %s", error)
                         return None
             self._pause(max(self.poll, 0.001))
@@ -189,11 +176,9 @@ class _Order:
         self.furthest: str | None = None
 
     def breaks(self, path: str) -> bool:
-        """Whether a file does not follow on the one before, as a late one does not, nor what comes
-        after it.
-        """
+        """Whether a file does not follow on the one before: it, or the one before, is late."""
         here = self.rank[path]
-        # One that is gone from the folder has no rank: nothing can be said.
+        # A removed file has no rank.
         last = self.rank.get(self.last or "", -1)
         furthest = self.rank.get(self.furthest or "", -1)
         self.last = path

@@ -1,6 +1,4 @@
-"""Frames from a ROS 1 bag, a ROS 2 bag or an MCAP file, by rosbags: no ROS installation is
-needed.
-"""
+"""Frames from a ROS 1 bag, a ROS 2 bag or an MCAP file, by rosbags, without ROS."""
 
 from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager
@@ -9,33 +7,39 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
-from surefix._extra import needed
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
-from surefix.streams.ros_image import IMAGE, image_of
-from surefix.streams.stream import Shot, Stream
+from surefix._extra import require
+from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mismatch
+from surefix.frames.frame import Frames, Shot
+from surefix.frames.ros_image import IMAGE, image_of
 
-__all__ = ["BAG_ENDINGS", "BagStream", "is_bag", "messages", "open_bag", "stamp_of"]
+__all__ = ["BAG_ENDINGS", "BagFrames", "is_bag", "messages", "open_bag", "stamp_of"]
 
 BAG_ENDINGS = frozenset({".bag", ".db3", ".mcap"})
 
 
-class BagStream(Stream):
-    """The images of one topic, raw or compressed, in the order that they were recorded.
+class BagFrames(Frames):
+    """The images of one topic, raw or compressed, in the order in which they were recorded.
 
-    The time is the message's own stamp, in seconds, or when it was recorded where it has none. See
-    ``surefix.streams.image_of`` for the encodings.
+    The time is the message's own stamp, in seconds, or the time of recording if it has none. See
+    ``surefix.frames.image_of`` for the encodings.
 
     Parameters
     ----------
     path : str or path
         A ``.bag`` of ROS 1, the folder of a ROS 2 bag, a ``.mcap`` or a ``.db3``.
     topic : str, optional
-        The image topic; not needed where there is only one.
+        The image topic; not needed if there is only one.
 
-    Raises ------ SurefixError Where rosbags is missing: ``pip install "surefix[bags]"``.
-    SurefixFileError Where there is no such file. SurefixValueError Where it is no bag, or a damaged
-    one, or has no such topic (the error lists those there are); while it is read, for an image that
-    cannot be decoded: the error names the topic and the message.
+    Raises
+    ------
+    SurefixError
+        If rosbags is missing: ``pip install "surefix[bags]"``.
+    SurefixFileError
+        If there is no such file.
+    SurefixValueError
+        If it is no bag, or a damaged one, or has no such topic (the error lists those there are);
+        while it is read, for an image that cannot be decoded: the error names the topic and the
+        message.
     """
 
     timed = True
@@ -49,12 +53,12 @@ class BagStream(Stream):
 
     @property
     def count(self) -> int:
-        """How many images the topic has."""
+        """The number of images on the topic."""
         return self._count
 
     @property
     def files(self) -> list[str]:
-        """The bag; of a ROS 2 bag's folder, what lies in it."""
+        """The bag; or the files in a ROS 2 bag's folder."""
         folder = Path(self.path)
         return [str(path) for path in folder.iterdir()] if folder.is_dir() else [self.path]
 
@@ -72,29 +76,22 @@ def is_bag(place: Path) -> bool:
 
 @contextmanager
 def open_bag(path: str) -> Iterator[Any]:
-    """A bag's reader, open.
-
-    Raises
-    ------
-    SurefixError
-        As ``BagStream`` does.
-    """
-    highlevel = needed("rosbags.highlevel", "a bag", "rosbags", "surefix[bags]")
-    typesys = needed("rosbags.typesys", "a bag", "rosbags", "surefix[bags]")
+    """The open reader of a bag."""
+    highlevel = require("rosbags.highlevel", "a bag", "rosbags", "surefix[bags]")
+    typesys = require("rosbags.typesys", "a bag", "rosbags", "surefix[bags]")
     if not Path(path).exists():
         raise SurefixFileError(f"{path}: cannot read the bag: there is no such file or folder")
-    # Bags of ROS 2 before Iron do not say what their messages look like; those taken here have
-    # never changed.
+    # Bags of ROS 2 before Iron do not define their messages; those used here never changed.
     usual = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     try:
         bag = highlevel.AnyReader([Path(path)], default_typestore=usual)
         bag.open()
     except PermissionError as error:
         raise SurefixFileError(f"{path}: cannot read the bag: {error.strerror}") from None
-    except Exception as error:  # What a damaged file raises depends on which bytes of it are.
+    except Exception as error:  # It depends on the damaged bytes.
         raise SurefixValueError(
-            f"{path}: expected a bag of ROS 1 or 2, or an MCAP file with ROS messages, got none, or a damaged one "
-            f"({_reason(error)})"
+            f"{path}: expected a bag of ROS 1 or 2, or an MCAP file with ROS messages, got none, "
+            f"or a damaged one ({_reason(error)})"
         ) from None
     try:
         yield bag
@@ -103,13 +100,7 @@ def open_bag(path: str) -> Iterator[Any]:
 
 
 def messages(bag: Any, path: str, topic: str) -> Generator[tuple[float, Any, str], None, None]:
-    """Each message of a topic: its time in seconds, itself, and what an error calls it.
-
-    Raises
-    ------
-    SurefixValueError
-        Where the bag is damaged: the error names the topic and the message.
-    """
+    """Each message of a topic: its time in seconds, itself, and its name in an error."""
     connections = [connection for connection in bag.connections if connection.topic == topic]
     index = 0
     with closing(bag.messages(connections=connections)) as found:
@@ -130,7 +121,7 @@ def messages(bag: Any, path: str, topic: str) -> Generator[tuple[float, Any, str
 
 
 def stamp_of(message: Any) -> float | None:
-    """When a message says that it was made, in seconds; None where it does not say."""
+    """The stamp of a message in seconds; None if it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is None or not (stamp.sec or stamp.nanosec):
         return None
@@ -148,14 +139,12 @@ def _chosen(path: str, topics: dict[str, tuple[str | None, int]], topic: str | N
     if topic is not None and topic in images:
         return topic
     if not images:
-        raise SurefixValueError(
-            f"{path}: expected a topic of images, got {listed or 'a bag without topics'}"
-        )
+        raise mismatch(path, "a topic of images", listed or "a bag without topics")
     if topic is None:
         raise SurefixValueError(
             f"{path}: expected the topic of the images, as there are several: {listed}"
         )
-    raise SurefixValueError(f"{path}: expected an image topic, one of {listed}, got {topic!r}")
+    raise mismatch(path, f"an image topic, one of {listed}", repr(topic))
 
 
 def _reason(error: Exception) -> str:

@@ -1,6 +1,4 @@
-"""From images and a track, each with its own times, to images with positions, a frame every so many
-metres.
-"""
+"""Images and a track, each with its own times: images with positions, one every few metres."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,18 +8,44 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from surefix.datasets.origin import Origin
-from surefix.datasets.positions import interpolate, subsample
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.datasets.pair import Origin, Pair
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
+from surefix.frames.images import Images
+from surefix.tables.metres import interpolate, pair_by_position, subsample
 
-__all__ = ["Placed", "Track", "choose_traverses", "named_folders", "place_images"]
+__all__ = [
+    "Placed",
+    "Placing",
+    "Track",
+    "choose_traverses",
+    "named_folders",
+    "pair_of",
+    "place_images",
+]
+
+
+@dataclass(frozen=True)
+class Placing:
+    """The options of ``place_images``: metres between images; the longest gap of a track, in
+    seconds; and what to do with an image without a file or a position.
+    """
+
+    spacing: float | None
+    longest_gap: float
+    incomplete: Literal["drop", "error"]
+
+    def __post_init__(self) -> None:
+        if self.incomplete not in ("drop", "error"):
+            raise mismatch("incomplete", "'drop' or 'error'", repr(self.incomplete))
+        if not self.longest_gap > 0:
+            raise mismatch("longest_gap", "seconds, more than 0", self.longest_gap)
+        if self.spacing is not None and not (np.isfinite(self.spacing) and self.spacing > 0):
+            raise mismatch("spacing", "metres, more than 0, or None for every image", self.spacing)
 
 
 @dataclass(frozen=True)
 class Track:
-    """Where the vehicle was, and when: ``stamps`` (n,) ascending, ``positions`` (n, d) in
-    metres.
-    """
+    """The positions of a vehicle, (n, d) in metres, at ascending ``stamps`` (n,)."""
 
     path: Path
     stamps: npt.NDArray[np.int64]
@@ -30,7 +54,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Placed:
-    """The images that are kept, in the order of their times, and where each was taken."""
+    """The images that are kept, in the order of their times, and the position of each."""
 
     files: list[Path]
     positions: npt.NDArray[np.float64]
@@ -41,35 +65,17 @@ def place_images(
     files: Sequence[Path],
     stamps: npt.NDArray[np.int64],
     track: Track,
+    placing: Placing,
     *,
     origin: Origin,
     listed_in: Path,
     ticks_a_second: int,
-    longest_gap: float,
-    spacing: float | None,
-    incomplete: Literal["drop", "error"],
 ) -> Placed:
     """Gives each image the position of its time, and keeps one every ``spacing`` metres.
 
     An image that is listed but not on the disk, or whose time is outside the track or in a gap of
-    it longer than ``longest_gap`` seconds, is left out and counted in the notes; or it is an error,
-    where ``incomplete`` says so.
-
-    Raises
-    ------
-    SurefixFileError
-        Where no image is on the disk, or one is not that must be.
-    SurefixValueError
-        Where no image has a position, or one has none that must.
+    it longer than ``longest_gap``, is left out and counted in the notes, or it is an error.
     """
-    if incomplete not in ("drop", "error"):
-        raise SurefixValueError(f"incomplete: expected 'drop' or 'error', got {incomplete!r}")
-    if not longest_gap > 0:
-        raise SurefixValueError(f"longest_gap: expected seconds, more than 0, got {longest_gap}")
-    if spacing is not None and not (np.isfinite(spacing) and spacing > 0):
-        raise SurefixValueError(
-            f"spacing: expected metres, more than 0, or None for every image, got {spacing}"
-        )
     try:
         present = {
             path.name for folder in {file.parent for file in files} for path in folder.iterdir()
@@ -79,27 +85,51 @@ def place_images(
             f"{error.filename}: cannot list the images: {error.strerror}"
         ) from None
     on_disk = np.array([file.name in present for file in files], dtype=np.bool_)
-    gap = int(min(longest_gap * ticks_a_second, 2.0**62))
+    gap = int(min(placing.longest_gap * ticks_a_second, 2.0**62))
     positions, known = interpolate(stamps, track.stamps, track.positions, gap)
     notes = []
     if not on_disk.all():
         first = files[int(np.argmin(on_disk))]
-        counted = f"{int((~on_disk).sum())} of the {len(files)} images that {listed_in} lists are not there"
-        if incomplete == "error" or not on_disk.any():
+        missing = f"{int((~on_disk).sum())} of the {len(files)} images"
+        counted = f"{missing} that {listed_in} lists are not there"
+        if placing.incomplete == "error" or not on_disk.any():
             raise origin.missing(first, "no such image", counted)
         notes.append(f"Left out: {counted}, the first is {first.name}")
     placeless = on_disk & ~known
     if placeless.any():
         first = files[int(np.argmax(placeless))]
-        counted = f"{int(placeless.sum())} of the {int(on_disk.sum())} images in {first.parent} have no position"
+        missing = f"{int(placeless.sum())} of the {int(on_disk.sum())} images"
+        counted = f"{missing} in {first.parent} have no position"
         where = f"in {track.path} around their time, the first is {first.name}"
-        if incomplete == "error" or not known[on_disk].any():
+        if placing.incomplete == "error" or not known[on_disk].any():
             raise SurefixValueError(f"{counted} {where}")
         notes.append(f"Left out: {counted} {where}")
     kept = np.flatnonzero(on_disk & known)
-    if spacing is not None:
-        kept = kept[subsample(positions[kept], spacing)]
+    if placing.spacing is not None:
+        kept = kept[subsample(positions[kept], placing.spacing)]
     return Placed([files[i] for i in kept.tolist()], positions[kept], tuple(notes))
+
+
+def pair_of(
+    name: str,
+    origin: Origin,
+    images: Sequence[Images],
+    first: Placed,
+    second: Placed,
+    tolerance: float,
+) -> Pair:
+    """Two traverses paired by position: the truth is the nearest reference within ``tolerance``."""
+    return Pair(
+        name,
+        images[0],
+        images[1],
+        pair_by_position(first.positions, second.positions, tolerance),
+        first.positions,
+        second.positions,
+        origin.source,
+        origin.licence,
+        first.notes + second.notes,
+    )
 
 
 def named_folders(root: Path, pattern: str) -> list[str]:
@@ -110,15 +140,8 @@ def named_folders(root: Path, pattern: str) -> list[str]:
 def choose_traverses(
     origin: Origin, root: Path, pattern: str, what: str, reference: str | None, query: str | None
 ) -> tuple[Path, Path]:
-    """The folders of two traverses: as named, or of exactly two that are there, the older as the
+    """The folders of two traverses: as named; or the only two that exist, the older as the
     reference.
-
-    Raises
-    ------
-    SurefixFileError
-        For a traverse that is not there, or where there is none.
-    SurefixValueError
-        Where one is not named and there are not exactly two.
     """
     origin.folder(root, f"with a folder for each {what}")
     if reference is None or query is None:
@@ -128,9 +151,9 @@ def choose_traverses(
                 raise origin.missing(
                     root / pattern, "no such folder", f"at least two of them, each a {what}"
                 )
-            listed = ", ".join(found)
             raise SurefixValueError(
-                f"{root}: expected reference and query, each a {what} by name, or exactly two of them; found {listed}"
+                f"{root}: expected reference and query, each a {what} by name, or exactly two of "
+                f"them; found {', '.join(found)}"
             )
         reference, query = found
     first = origin.folder(root / reference, f"the {what} of the references")

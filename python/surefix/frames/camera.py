@@ -6,17 +6,17 @@ from functools import partial
 
 import numpy as np
 
-from surefix._extra import needed
+from surefix._extra import require
 from surefix.errors import SurefixFileError
-from surefix.streams.stream import Shot, Stream
+from surefix.frames.frame import Frames, Shot
 
-__all__ = ["CameraStream", "is_camera"]
+__all__ = ["CameraFrames", "is_camera"]
 
 SCHEMES = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://")
 
 
-class CameraStream(Stream):
-    """What a camera sees, as RGB, each frame with the time of its arrival.
+class CameraFrames(Frames):
+    """The images of a camera, as RGB, with the times of their arrival.
 
     Parameters
     ----------
@@ -26,9 +26,9 @@ class CameraStream(Stream):
     Raises
     ------
     SurefixError
-        Where OpenCV is missing: ``pip install "surefix[camera]"``.
+        If OpenCV is missing: ``pip install "surefix[camera]"``.
     SurefixFileError
-        When it is read: where the camera cannot be opened, or gives no frame any more.
+        While it is read: if the camera cannot be opened, or gives no frame any more.
     """
 
     timed = True
@@ -36,11 +36,11 @@ class CameraStream(Stream):
 
     def __init__(self, device: int | str) -> None:
         self.device = int(device) if isinstance(device, str) and device.isdecimal() else device
-        self._cv2 = needed("cv2", "a camera", "OpenCV", "surefix[camera]")
+        self._cv2 = require("cv2", "a camera", "OpenCV", "surefix[camera]")
         self._closed = False
 
     def close(self) -> None:
-        """Ends the iteration under way, after the frame that is awaited."""
+        """Ends the iteration, after the frame that it waits for."""
         self._closed = True
 
     def shots(self) -> Generator[Shot, None, None]:

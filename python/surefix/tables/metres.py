@@ -1,13 +1,11 @@
-"""Positions in planar metres: from latitude and longitude, along a path, at a time, and the place
-nearest to each.
-"""
+"""Positions in planar metres: from degrees, along a path, at a time, and the nearest place."""
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 
-__all__ = ["interpolate", "local_metres", "pair_by_position", "subsample"]
+__all__ = ["centre", "interpolate", "local_metres", "pair_by_position", "subsample"]
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -38,8 +36,11 @@ def local_metres(
     -------
     array of float64, shape (n, 2): east, north
 
-    Raises ------ SurefixValueError For two lengths, no point, or a value that is not finite or not
-    on the globe (the error names its row).
+    Raises
+    ------
+    SurefixValueError
+        For two lengths, no point, or a value that is not finite or not on the globe: the error
+        names its row.
 
     Examples
     --------
@@ -54,12 +55,10 @@ def local_metres(
         )
     if origin is None:
         if not len(lat):
-            raise SurefixValueError("latitude: expected at least one point, or an origin, got none")
-        origin = (float(lat.mean()), float(lon[0] + _turned(lon - lon[0]).mean()))
-    lat0, lon0 = (
-        _degrees([origin[0]], "origin latitude", 90)[0],
-        _degrees([origin[1]], "origin longitude", 540)[0],
-    )
+            raise mismatch("latitude", "at least one point, or an origin", "none")
+        origin = centre(lat, lon)
+    lat0 = _degrees([origin[0]], "origin latitude", 90)[0]
+    lon0 = _degrees([origin[1]], "origin longitude", 540)[0]
     eccentricity2 = _FLATTENING * (2 - _FLATTENING)
     denominator = 1 - eccentricity2 * np.sin(np.radians(lat0)) ** 2
     meridian = _SEMI_MAJOR * (1 - eccentricity2) / denominator**1.5
@@ -69,9 +68,14 @@ def local_metres(
     return np.stack([east, north], axis=1)
 
 
+def centre(latitude: Float64, longitude: Float64) -> tuple[float, float]:
+    """The mean of some points, in degrees; they may lie on both sides of the date line."""
+    turned = _turned(longitude - longitude[0])
+    return float(latitude.mean()), float(longitude[0] + turned.mean())
+
+
 def subsample(positions: npt.ArrayLike, metres: float) -> Int64:
-    """The indices of a frame every so many metres: the first, then each that is at least ``metres``
-    from the last kept.
+    """The indices of the first frame, and of each at least ``metres`` from the last one kept.
 
     The distance is straight from the last kept frame, not summed over the frames between, so that a
     receiver's noise does not add up to a path while the vehicle stands still.
@@ -95,7 +99,7 @@ def subsample(positions: npt.ArrayLike, metres: float) -> Int64:
     """
     points = _points(positions, "positions")
     if not (np.isfinite(metres) and metres >= 0):
-        raise SurefixValueError(f"metres: expected a distance of 0 or more, got {metres}")
+        raise mismatch("metres", "a distance of 0 or more", metres)
     kept: list[int] = []
     last: list[float] = []
     for index, point in enumerate(points.tolist()):
@@ -108,15 +112,20 @@ def subsample(positions: npt.ArrayLike, metres: float) -> Int64:
 def pair_by_position(
     reference_positions: npt.ArrayLike, query_positions: npt.ArrayLike, tolerance: float
 ) -> Int64:
-    """For each query, the nearest reference within a tolerance in metres; -1 where there is none.
-    Ties: the lowest.
+    """For each query, the nearest reference within a tolerance in metres; -1 for none. Ties: the
+    lowest.
 
-    Only the position counts: where a route crosses itself or comes back along the same road, the
+    Only the position counts: if a route crosses itself or comes back along the same road, the
     nearest may be of the other pass.
 
-    Parameters ---------- reference_positions : array, shape (n, 2) or (n, 3) query_positions :
-    array, shape (m, 2) or (m, 3) In planar metres, on the same plane. Where either has no height,
-    heights are left out of the distance. tolerance : float In metres.
+    Parameters
+    ----------
+    reference_positions : array, shape (n, 2) or (n, 3)
+    query_positions : array, shape (m, 2) or (m, 3)
+        In planar metres, on the same plane. If either has no height, heights are left out of the
+        distance.
+    tolerance : float
+        In metres.
 
     Returns
     -------
@@ -136,7 +145,7 @@ def pair_by_position(
     references = _points(reference_positions, "reference_positions")
     queries = _points(query_positions, "query_positions")
     if not (np.isfinite(tolerance) and tolerance >= 0):
-        raise SurefixValueError(f"tolerance: expected metres, 0 or more, got {tolerance}")
+        raise mismatch("tolerance", "metres, 0 or more", tolerance)
     truth = np.full(len(queries), -1, dtype=np.int64)
     if not len(references):
         return truth
@@ -156,27 +165,14 @@ def pair_by_position(
 def interpolate(
     at: Int64, stamps: Int64, positions: Float64, longest_gap: int
 ) -> tuple[Float64, npt.NDArray[np.bool_]]:
-    """Positions at some times, linear between the two known ones around each, and whether there are
-    two such.
-
-    Parameters
-    ----------
-    at : array of int64, shape (k,)
-    stamps : array of int64, shape (n,), ascending
-    positions : array, shape (n, d)
-    longest_gap : int
-        Of the two around a time: how far apart they may be. In the unit of the stamps.
-
-    Returns
-    -------
-    positions : array of float64, shape (k, d), and known : array of bool, shape (k,)
+    """Positions at some times, linear between the known ones around each, shape (k, d), and whether
+    there are two such that are at most ``longest_gap`` apart, in the unit of the ascending stamps.
     """
     after = np.clip(np.searchsorted(stamps, at, side="left"), 0, len(stamps) - 1)
     exact = stamps[after] == at
     before = np.where(exact, after, np.maximum(after - 1, 0))
-    gap = (
-        stamps[after] - stamps[before]
-    )  # in integers: a float64 has no room for nanoseconds since 1970
+    # In integers: a float64 has no room for nanoseconds since 1970.
+    gap = stamps[after] - stamps[before]
     known = exact | ((stamps[before] < at) & (at < stamps[after]) & (gap <= longest_gap))
     fraction = np.where(known, (at - stamps[before]) / np.maximum(gap, 1), 0.0)[:, None]
     return positions[before] + fraction * (positions[after] - positions[before]), known
@@ -190,23 +186,19 @@ def _turned(degrees: Float64) -> Float64:
 def _degrees(values: npt.ArrayLike, what: str, limit: float) -> Float64:
     array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if array.ndim != 1:
-        raise SurefixValueError(f"{what}: expected the shape (n,), got {array.shape}")
+        raise mismatch(what, "the shape (n,)", array.shape)
     wrong = np.flatnonzero(~(np.abs(array) <= limit))
     if len(wrong):
         got = array[wrong[0]]
-        raise SurefixValueError(
-            f"{what}: expected degrees between -{limit} and {limit}, got {got} in row {wrong[0]}"
-        )
+        raise mismatch(what, f"degrees between -{limit} and {limit}", f"{got} in row {wrong[0]}")
     return array
 
 
 def _points(values: npt.ArrayLike, what: str) -> Float64:
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] not in (2, 3):
-        raise SurefixValueError(f"{what}: expected the shape (n, 2) or (n, 3), got {array.shape}")
+        raise mismatch(what, "the shape (n, 2) or (n, 3)", array.shape)
     wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
     if len(wrong):
-        raise SurefixValueError(
-            f"{what}: expected finite metres, got {array[wrong[0]].tolist()} in row {wrong[0]}"
-        )
+        raise mismatch(what, "finite metres", f"{array[wrong[0]].tolist()} in row {wrong[0]}")
     return array

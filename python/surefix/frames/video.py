@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._extra import needed
-from surefix.errors import SurefixFileError, SurefixValueError
-from surefix.streams.stream import Shot, Stream
+from surefix._extra import require
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
+from surefix.frames.frame import Frames, Shot
 
-__all__ = ["VIDEO_ENDINGS", "VideoStream", "is_video"]
+__all__ = ["VIDEO_ENDINGS", "VideoFrames", "is_video"]
 
-# What counts as a video by its name; VideoStream itself takes any file.
+# A video is known by its name; VideoFrames itself takes any file.
 VIDEO_ENDINGS = frozenset(
-    {
+    [
         ".3gp",
         ".asf",
         ".avi",
@@ -33,31 +33,38 @@ VIDEO_ENDINGS = frozenset(
         ".mpg",
         ".mts",
         ".ogv",
-    }
-    | {".ts", ".webm", ".wmv"}
+        ".ts",
+        ".webm",
+        ".wmv",
+    ]
 )
 
 
-class VideoStream(Stream):
-    """The frames of a video's first picture track, upright, as RGB; the time is the frame's own, in
-    seconds.
+class VideoFrames(Frames):
+    """The frames of a video's first picture track, upright, as RGB, with times in seconds.
 
     Parameters
     ----------
     path : str or path
-        Anything that FFmpeg reads.
+        Any file that FFmpeg reads.
 
-    Raises ------ SurefixError Where PyAV is missing: ``pip install "surefix[video]"``.
-    SurefixFileError Where there is no such file. SurefixValueError Where it is no video. While it
-    is read: where it is damaged, or ends before it should; the error names the frame, and those
-    before it have been given. (A MPEG transport stream does not say where it should end.)
+    Raises
+    ------
+    SurefixError
+        If PyAV is missing: ``pip install "surefix[video]"``.
+    SurefixFileError
+        If there is no such file.
+    SurefixValueError
+        If it is no video. While it is read: if it is damaged, or ends before it should. The error
+        names the frame, and those before it have been given. (An MPEG transport stream does not say
+        where it should end.)
     """
 
     timed = True
 
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path = fspath(path)
-        self._av = needed("av", "a video", "PyAV", "surefix[video]")
+        self._av = require("av", "a video", "PyAV", "surefix[video]")
         with self._open() as container:
             self._frames = int(container.streams.video[0].frames)
             ends, rate = _end(container), container.streams.video[0].average_rate
@@ -66,19 +73,19 @@ class VideoStream(Stream):
 
     @property
     def estimate(self) -> int | None:
-        """What the file says of itself."""
+        """As the file says."""
         return self._frames or None
 
     @property
     def files(self) -> list[str]:
-        """The one that was named."""
+        """The video file."""
         return [self.path]
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each frame, by its number from 0."""
         with self._open() as container:
             track = container.streams.video[0]
-            # Else what is missing in a damaged frame is made up of the frame before.
+            # Otherwise FFmpeg fills a damaged frame up from the frame before.
             track.codec_context.options = {"err_detect": "explode"}
             index, end = 0, 0.0
             with closing(container.decode(track)) as frames:
@@ -99,7 +106,7 @@ class VideoStream(Stream):
             self._check_whole(container, index, end)
 
     def _open(self) -> Any:
-        # FFmpeg would take much that is no file: a URL, a device, a list of files.
+        # FFmpeg also takes URLs, devices and lists of files.
         if not Path(self.path).is_file():
             raise SurefixFileError(f"{self.path}: cannot read the video: there is no such file")
         try:
@@ -118,9 +125,7 @@ class VideoStream(Stream):
         return container
 
     def _check_whole(self, container: Any, count: int, end: float) -> None:
-        """A reader meets the end of a Matroska or AVI file that was cut short as if it were the end
-        of the video.
-        """
+        """Refuses a Matroska or AVI file that was cut short: FFmpeg takes that for the end."""
         expected = _end(container)
         track = container.streams.video[0]
         period = 1 / float(track.average_rate) if track.average_rate else 0.1
@@ -132,9 +137,7 @@ class VideoStream(Stream):
             raise self._damaged(0, "the file ends before the first frame")
 
     def _no_video(self, reason: str) -> SurefixValueError:
-        return SurefixValueError(
-            f"{self.path}: expected a video, got a file that is none, or a damaged one ({reason})"
-        )
+        return mismatch(self.path, "a video", f"a file that is none, or a damaged one ({reason})")
 
     def _damaged(self, index: int, reason: str) -> SurefixValueError:
         return SurefixValueError(f"{self.path}, frame {index}: a damaged video: {reason}")
@@ -150,20 +153,17 @@ def is_video(place: Path) -> bool:
 
 
 def _end(container: Any) -> float | None:
-    """When the picture track ends, in seconds, as the file's head says; None where it does not say
-    it of this track.
-    """
+    """The end of the picture track in seconds, by the file's header; None if it has none."""
     track = container.streams.video[0]
     if container.format.name == "avi":
-        # Its duration is made up from the size of the file; the number of frames is what was
-        # written.
+        # Its duration is made up from the size of the file; the number of frames is right.
         return (
             float(track.frames / track.average_rate)
             if track.frames and track.average_rate
             else None
         )
     if container.format.name == "asf":
-        return None  # That of the longest track stands with each.
+        return None  # Each track has the duration of the longest.
     if track.duration is not None:
         return float((track.duration + (track.start_time or 0)) * track.time_base)
     tagged = track.metadata.get("DURATION", "").split(":")
@@ -172,7 +172,7 @@ def _end(container: Any) -> float | None:
         return 3600 * hours + 60 * minutes + seconds
     except ValueError:
         pass
-    # The container's own is that of its longest track.
+    # The container's duration is that of its longest track.
     alone = len(container.streams) == 1 and container.duration is not None
     return (container.duration + (container.start_time or 0)) / 1e6 if alone else None
 
@@ -182,7 +182,7 @@ def _end_of(frame: Any, track: Any) -> float:
 
 
 def _upright(frame: Any) -> npt.NDArray[np.uint8]:
-    """RGB, turned as the file says that it is to be shown."""
+    """RGB, turned by the rotation that the file gives."""
     image: npt.NDArray[np.uint8] = frame.to_ndarray(format="rgb24")
     quarters = round(frame.rotation / 90) % 4
     return np.ascontiguousarray(np.rot90(image, quarters)) if quarters else image

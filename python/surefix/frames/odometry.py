@@ -1,4 +1,4 @@
-"""Where the robot was when, by its own account."""
+"""Positions of the robot at times, by its own account."""
 
 from os import PathLike, fspath
 from pathlib import Path
@@ -7,22 +7,24 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from surefix.datasets.positions import local_metres
-from surefix.datasets.rows import decimal, header_and_rows
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
+from surefix.frames.bag import messages, open_bag
+from surefix.tables.metres import local_metres
+from surefix.tables.rows import columns
 
 __all__ = ["Odometry"]
 
 Float64 = npt.NDArray[np.float64]
 
 COLUMNS = "time in seconds, and x,y[,z] or distance in metres"
-ODOMETRY, POSE, POSE_WITH_COVARIANCE, NAV_SAT_FIX = (
+CHOICES = (("time", "x", "y", "z"), ("time", "x", "y"), ("time", "distance"))
+POSE, NAV_SAT_FIX = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/NavSatFix"
+TOPICS = (
     "nav_msgs/msg/Odometry",
-    "geometry_msgs/msg/PoseStamped",
+    POSE,
     "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "sensor_msgs/msg/NavSatFix",
+    NAV_SAT_FIX,
 )
-TOPICS = (ODOMETRY, POSE, POSE_WITH_COVARIANCE, NAV_SAT_FIX)
 
 
 class Odometry:
@@ -35,14 +37,17 @@ class Odometry:
     positions : array, shape (n, d)
         Metres: (x, y) or (x, y, z); or (n, 1), the distance driven so far.
     source : str
-        What an error calls it.
+        Its name in an error.
 
-    Raises ------ SurefixValueError For no rows, another shape, numbers that are not finite, or
-    times that do not ascend; the error names the row.
+    Raises
+    ------
+    SurefixValueError
+        For no rows, another shape, numbers that are not finite, or times that do not ascend: the
+        error names the row.
 
     Examples
     --------
-    >>> from surefix.streams import Odometry
+    >>> from surefix.frames import Odometry
     >>> wheels = Odometry([0, 1, 2], [[0.0, 0.0], [2.0, 0.0], [2.0, 4.0]])
     >>> wheels.at(1.5).tolist()
     [2.0, 2.0]
@@ -62,24 +67,20 @@ class Odometry:
             or self.positions.shape[1] not in (1, 2, 3)
         ):
             got = f"{self.times.shape} and {self.positions.shape}"
-            raise SurefixValueError(
-                f"{source}: expected times (n,) and positions (n, 1), (n, 2) or (n, 3), got {got}"
-            )
+            raise mismatch(source, "times (n,) and positions (n, 1), (n, 2) or (n, 3)", got)
         if len(self.times) != len(self.positions) or not len(self.times):
             got = f"{len(self.times)} times and {len(self.positions)} positions"
-            raise SurefixValueError(
-                f"{source}: expected as many positions as times, one or more, got {got}"
-            )
+            raise mismatch(source, "a position for each time, one or more", got)
         whole = np.isfinite(self.times) & np.isfinite(self.positions).all(axis=1)
         if not whole.all():
             row = int(np.argmin(whole))
             got = f"{self.times[row]}, {self.positions[row].tolist()}"
-            raise SurefixValueError(f"{source}: expected finite numbers, got {got} in row {row}")
+            raise mismatch(source, "finite numbers", f"{got} in row {row}")
         late = np.flatnonzero(np.diff(self.times) <= 0)
         if len(late):
             row = int(late[0]) + 1
             got = f"{self.times[row]} after {self.times[row - 1]}"
-            raise SurefixValueError(f"{source}: expected ascending times, got {got} in row {row}")
+            raise mismatch(source, "ascending times", f"{got} in row {row}")
 
     def at(self, time: float) -> Float64 | None:
         """The position at a time, shape (d,); None before the first and after the last."""
@@ -104,35 +105,17 @@ class Odometry:
         Raises
         ------
         SurefixFileError
-            Where the file cannot be read.
+            If the file cannot be read.
         SurefixValueError
-            Where it lacks a column, or as ``Odometry`` does; the error names the row.
+            If it lacks a column, or as ``Odometry`` does: the error names the row.
         """
         file = Path(path)
-        header, numbered = header_and_rows(file, COLUMNS)
-        choices = (("x", "y", "z"), ("x", "y"), ("distance",))
-        columns = next((names for names in choices if set(names) <= set(header)), None)
-        if "time" not in header or columns is None:
-            raise SurefixValueError(
-                f"{file}, row 1: expected the columns {COLUMNS}, got {','.join(header)}"
-            )
-        at = [header.index(column) for column in ("time", *columns)]
-        values = np.array(
-            [
-                [
-                    decimal(cells[i], file, row, column)
-                    for i, column in zip(at, ("time", *columns), strict=True)
-                ]
-                for row, cells in numbered
-            ]
-        )
+        _, values, rows, _ = columns(file, CHOICES, COLUMNS)
         late = np.flatnonzero(np.diff(values[:, 0]) <= 0)
         if len(late):
             row = int(late[0]) + 1
             got = f"{values[row, 0]} after {values[row - 1, 0]}"
-            raise SurefixValueError(
-                f"{file}, row {numbered[row][0]}: expected ascending times, got {got}"
-            )
+            raise mismatch(f"{file}, row {rows[row]}", "ascending times", got)
         return cls(values[:, 0], values[:, 1:], str(file))
 
     @classmethod
@@ -140,15 +123,16 @@ class Odometry:
         """From a topic of nav_msgs Odometry, geometry_msgs PoseStamped or
         PoseWithCovarianceStamped, or NavSatFix.
 
-        Times are those of the messages' stamps, as with ``BagStream``. Of a NavSatFix, latitude and
-        longitude become metres about their mean; those without a fix are left out, as are messages
+        Times are those of the messages' stamps, as with ``BagFrames``. Latitude and longitude of a
+        NavSatFix become metres about their mean; those without a fix are left out, as are messages
         no later than the one before.
 
-        Raises ------ SurefixError As ``BagStream`` does; a SurefixValueError where there is no such
-        topic: it lists those there are.
+        Raises
+        ------
+        SurefixError
+            As ``BagFrames`` does; a SurefixValueError if there is no such topic: it lists those
+            there are.
         """
-        from surefix.streams.bag import messages, open_bag
-
         place = fspath(path)
         with open_bag(place) as bag:
             kinds = {name: info.msgtype for name, info in bag.topics.items()}
@@ -160,9 +144,7 @@ class Odometry:
                     or "no topics"
                 )
                 got = f"{topic!r} ({kind or 'not there'}); there are {listed}"
-                raise SurefixValueError(
-                    f"{place}: expected a topic of poses ({', '.join(TOPICS)}), got {got}"
-                )
+                raise mismatch(place, f"a topic of poses ({', '.join(TOPICS)})", got)
             times: list[float] = []
             positions: list[tuple[float, ...]] = []
             for time, message, where in messages(bag, place, topic):
@@ -170,19 +152,19 @@ class Odometry:
                 if position is None or (times and time <= times[-1]):
                     continue
                 if not np.isfinite(position).all():
-                    raise SurefixValueError(f"{where}: expected finite numbers, got {position}")
+                    raise mismatch(where, "finite numbers", position)
                 times.append(time)
                 positions.append(position)
         source = f"{place}, {topic}"
         if not times:
-            raise SurefixValueError(f"{source}: expected positions, got none")
+            raise mismatch(source, "positions", "none")
         if kind == NAV_SAT_FIX:
             return cls(times, local_metres(*np.array(positions).T), source)
         return cls(times, np.array(positions), source)
 
 
 def _position(kind: str, message: Any) -> tuple[float, ...] | None:
-    """Metres, or degrees of latitude and longitude; None where a receiver has no fix."""
+    """Metres, or degrees of latitude and longitude; None if a receiver has no fix."""
     if kind == NAV_SAT_FIX:
         return None if message.status.status < 0 else (message.latitude, message.longitude)
     pose = message.pose if kind == POSE else message.pose.pose
