@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from surefix import Localizer, Map, Sad, SurefixError, SurefixFileError, match_distances
+from surefix.live import TerminalView
 from surefix.simulate import Route, Traverse
 
 if TYPE_CHECKING:
@@ -102,22 +103,22 @@ def _localize(
     sequence_length: int,
 ) -> "Drive":
     """Drives a second time: pushes each frame when it is there, as a robot would."""
-    from surefix.cli.dashboard import Dashboard
     from surefix.report.drive import Drive
 
     localizer = Localizer(known, sequence_length=sequence_length)
-    truth = revisit.truth(reference)
     distances = np.empty((len(known), len(revisit)), np.float32, order="F")
     latency = np.empty(len(revisit))
-    with Dashboard(reference, len(revisit)) as dashboard:
-        for query, true_place in enumerate(truth.tolist()):
+    console = Console(stderr=True, force_terminal=sys.stderr.isatty())
+    with TerminalView(known, total=len(revisit), references=reference, console=console) as view:
+        for query in range(len(revisit)):
             image = revisit[query]
             start = time.perf_counter()
             fix = localizer.push(image)
             latency[query] = time.perf_counter() - start
             distances[:, query] = localizer.distances
-            right = true_place >= 0 and abs(fix.place - true_place) <= TOLERANCE
-            dashboard.show(image, fix, true_place, right, latency[query])
+            # Drawn on a terminal only: a line a fix would bury what the demo says.
+            if console.is_terminal:
+                view.update(image, fix, localizer, 1e6 * latency[query])
     # The same fixes again, to the bit, as arrays; and what they would be without the weighting.
     run = match_distances(distances, floor="running", sequence_length=sequence_length)
     baseline = match_distances(

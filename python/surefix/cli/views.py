@@ -9,7 +9,7 @@ from rich.console import Console
 
 from surefix import Map
 from surefix.live import RerunView, TerminalView, View
-from surefix.live.rerun_viewer import viewer_obstacle
+from surefix.live.viewer import viewer_obstacle
 
 __all__ = ["open_views"]
 

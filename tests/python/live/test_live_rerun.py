@@ -19,7 +19,7 @@ import surefix
 from commands import surefix_
 from rerun_reader import Recording
 from surefix.live import RerunView
-from surefix.live.pictures import PALETTE
+from surefix.live.rerun import PALETTE
 from surefix.simulate import Route
 from surefix.streams import Frame
 

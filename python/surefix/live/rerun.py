@@ -1,57 +1,85 @@
 """A drive in rerun: its viewer, a recording to open later, or both."""
 
+import io
 import os
 import sys
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Fix, Localizer, Map, SurefixError, SurefixFileError
-from surefix.live.colours import FAINT, HERE, MINIMUM, PEAK, TRUSTED, UNTRUSTED
-from surefix.live.columns import Columns
-from surefix.live.pictures import heat, shrunk_jpeg
-from surefix.live.references import References
-from surefix.live.rerun_layout import layout
-from surefix.live.rerun_viewer import load_rerun, open_viewer
-from surefix.live.thinning import Thinning
-from surefix.live.view import Seen
+from surefix.live.binning import Bins, Columns
+from surefix.live.view import (
+    FAINT,
+    HERE,
+    MINIMUM,
+    PEAK,
+    TRUSTED,
+    UNTRUSTED,
+    Closing,
+    Image,
+    Images,
+    References,
+    Seen,
+)
+from surefix.live.viewer import layout, load_rerun, open_viewer
 
 __all__ = ["RerunView"]
 
-Image = NDArray[np.uint8]
-
-# From the epoch, and not from the start of a video: 2001 and later.
+# Times from here on, 2001, count from the epoch; smaller ones from the start of a video.
 EPOCH = 1e9
 
+# A tone for each level of ``Columns.levels``: the viewer's own dark for none, then from far to near.
+_STOPS = (1, 150, 225, 255)
+_TONES = ((22, 42, 120, 255), (27, 82, 170, 250), (36, 118, 190, 225))
+PALETTE = np.stack([np.interp(np.arange(256), _STOPS, tones) for tones in _TONES], axis=1)
+PALETTE = PALETTE.round().astype(np.uint8)
+PALETTE[0] = 13, 16, 20
 
-class RerunView:
-    """A drive in the rerun viewer, and in a recording: what the camera sees and the place it is
-    matched to, the distances with their minimum and gradient peak, the newest columns of their
-    matrix, the trusted track, the score.
 
-    Each query is a row on the timeline ``frame``, and on ``time`` where frames have one. The entity
-    ``fix`` has the fix itself, number by number, for whoever reads a recording back. Distances of
-    more places than ``places_drawn`` are thinned, their minima kept, and the matrix has the newest
-    queries only: what a query costs does not grow.
+class RerunView(Closing):
+    """A drive in the rerun viewer, and in a recording: the camera's image and that of the matched
+    place, the distances with their minimum and gradient peak, the newest columns of their matrix,
+    the trusted track, the score.
 
-    Parameters ---------- map : Map The localizer's map. Its positions, where it has any, become the
-    track's ground. save : path, optional Write a recording, to be opened by ``rerun FILE.rrd``. A
-    file of that name is replaced. spawn : bool, optional Open the viewer, or use the one that is
-    open. By default, where nothing is saved. references : path, optional The folder of the map's
-    images, as for ``References``. port : int Where the viewer listens. memory : str How much the
-    viewer and its server may keep each, as "2GB" or "50%", before they forget what is oldest.
-    columns : int, optional How many of the newest queries the matrix has; by default as many as
-    fill its view. places_drawn : int How many distances are drawn.
+    Each query is a row on the timeline ``frame``, and on ``time`` if frames have one. The entity
+    ``fix`` has the fix itself, number by number, for a program that reads a recording back. More
+    distances than ``places_drawn`` are binned, with their minima kept, and the matrix has the
+    newest queries only: the cost of a query does not grow.
 
-    Raises ------ SurefixError Where rerun is not installed, the viewer cannot be opened, or the
-    recording cannot be written.
+    Parameters
+    ----------
+    map : Map
+        The localizer's map. Its positions, if it has any, become the track's ground.
+    save : path, optional
+        Write a recording, to be opened by ``rerun FILE.rrd``. A file of that name is replaced.
+    spawn : bool, optional
+        Open the viewer, or use the one that is open. By default, if nothing is saved.
+    references : path or sequence of images, optional
+        The folder of the map's images, or the images themselves. By default they are looked for by
+        the names that the map has for its places.
+    port : int
+        The port at which the viewer listens.
+    memory : str
+        How much the viewer and its server may keep each, as "2GB" or "50%", before they forget the
+        oldest.
+    columns : int, optional
+        The number of newest queries in the matrix; by default enough to fill its view.
+    places_drawn : int
+        The most bars of distances.
 
-    Notes ----- Positions are drawn from the map's first, which keeps metres of a national grid
-    exact; of two coordinates, the second is drawn upwards. On a map with a screen, the view asks
-    for all distances, which the push was spared.
+    Raises
+    ------
+    SurefixError
+        If rerun is not installed, the viewer cannot be opened, or the recording cannot be written.
+
+    Notes
+    -----
+    Positions are drawn from the map's first, which keeps metres of a national grid exact; of two
+    coordinates, the second is drawn upwards. On a map with a screen, the view asks for all
+    distances, which the push was spared.
 
     Examples
     --------
@@ -70,7 +98,7 @@ class RerunView:
         save: str | os.PathLike[str] | None = None,
         *,
         spawn: bool | None = None,
-        references: str | Path | None = None,
+        references: str | Path | Images | None = None,
         port: int = 9876,
         memory: str = "2GB",
         columns: int | None = None,
@@ -82,7 +110,7 @@ class RerunView:
         self.references = References(map, references)
         rows = min(len(map), self.ROWS)
         self.columns = Columns(len(map), columns or max(60, 3 * rows // 2), rows)
-        self.thinning = Thinning(len(map), places_drawn)
+        self.bins = Bins(len(map), places_drawn)
         self.rr = load_rerun()
         self.recording = self.rr.RecordingStream("surefix")
         if not self.rr.is_enabled(self.recording):
@@ -100,17 +128,6 @@ class RerunView:
         except RuntimeError as error:
             raise SurefixFileError(f"{self.save}: cannot write the recording: {error}") from None
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
     def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
         """Log one frame and its fix; as ``View.update``."""
         seen = Seen.of(frame, fix)
@@ -126,12 +143,12 @@ class RerunView:
         self._log_numbers(seen, fix, latency_us)
 
     def close(self) -> None:
-        """Send what is left, and finish the file. The viewer stays open.
+        """Send the rest, and finish the file. The viewer stays open.
 
         Raises
         ------
         SurefixFileError
-            Where there is no recording in the end.
+            If there is no recording in the end.
         """
         if self.recording is None:
             return
@@ -155,7 +172,7 @@ class RerunView:
         return sinks
 
     def _start(self, seen: Seen) -> None:
-        """What stays for the whole drive: the layout, the styles, the route."""
+        """Log the layout, the styles and the route, which stay for the whole drive."""
         rr, log = self.rr, self.recording.log
         self.recording.send_blueprint(
             layout(
@@ -202,23 +219,20 @@ class RerunView:
             )
 
     def _jpeg(self, image: Image) -> Any:
+        picture = _pillow(image)
+        # Means of whole blocks: a finer resize takes longer than the rest of a view.
+        picture = picture.reduce(max(1, -(-max(picture.size) // self.WIDEST)))
         return self.rr.EncodedImage(
-            contents=shrunk_jpeg(image, self.WIDEST), media_type="image/jpeg"
+            contents=_file(picture, "JPEG", quality=85), media_type="image/jpeg"
         )
 
     def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
         """All distances as bars, those of the minimum and of the gradient peak in colours."""
         chart, log = self.rr.BarChart, self.recording.log
-        places = self.thinning.smallest(distances)
-        wide = float(self.thinning.width)
-        values = distances[places]
-        middles = (places // self.thinning.width + 0.5) * wide - 0.5
-        log(
-            "distances/all",
-            chart(
-                values, abscissa=middles, widths=np.full(len(values), wide), color=_rgb(UNTRUSTED)
-            ),
-        )
+        values, wide = self.bins.smallest(distances), float(self.bins.width)
+        middles, widths = self.bins.first + (wide - 1) / 2, np.full(len(values), wide)
+        bars = chart(values, abscissa=middles, widths=widths, color=_rgb(UNTRUSTED))
+        log("distances/all", bars)
         # On a long route, one bar would be too thin to see.
         thick = max(wide, len(distances) / 150)
         for name, place, colour in (
@@ -233,8 +247,12 @@ class RerunView:
     def _log_matrix(self, distances: NDArray[np.float32], fix: Fix) -> None:
         rr = self.rr
         self.columns.add(distances, fix)
-        picture = rr.EncodedImage(contents=heat(self.columns.levels()), media_type="image/png")
-        self.recording.log("matrix/distances", picture)
+        levels = _pillow(self.columns.levels())
+        levels.putpalette(PALETTE.tobytes())
+        file = _file(levels, "PNG", compress_level=1)
+        self.recording.log(
+            "matrix/distances", rr.EncodedImage(contents=file, media_type="image/png")
+        )
         for name, trusted, colour, size in (
             ("untrusted", False, UNTRUSTED, 1.5),
             ("trusted", True, TRUSTED, 3.0),
@@ -293,3 +311,15 @@ class RerunView:
 
 def _rgb(colour: str) -> list[int]:
     return list(bytes.fromhex(colour[1:]))
+
+
+def _pillow(image: Image) -> Any:
+    from PIL import Image as Pillow
+
+    return Pillow.fromarray(np.ascontiguousarray(image))
+
+
+def _file(picture: Any, form: str, **options: int) -> bytes:
+    file = io.BytesIO()
+    picture.save(file, form, **options)
+    return file.getvalue()

@@ -1,8 +1,79 @@
-"""How the rerun viewer is laid out when a drive is opened."""
+"""Rerun itself: the package, its viewer, and the layout of a drive in it."""
 
+import os
+import shutil
+import socket
+import sys
+import sysconfig
+from importlib.util import find_spec
 from typing import Any
 
-__all__ = ["layout"]
+from surefix import SurefixError
+from surefix._extra import needed
+
+__all__ = ["layout", "load_rerun", "open_viewer", "viewer_obstacle"]
+
+
+def load_rerun() -> Any:
+    """The package rerun.
+
+    Raises
+    ------
+    SurefixError
+        If it is not installed: the error says which extra to install.
+    """
+    return needed("rerun", "the live view", "rerun", "surefix[live]")
+
+
+def viewer_obstacle() -> str | None:
+    """Why rerun's viewer cannot be opened here, in a few words; None if it can."""
+    if find_spec("rerun") is None:
+        return 'rerun is not installed: pip install "surefix[live]"'
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        return "rerun's viewer needs a screen, and DISPLAY names none"
+    return None
+
+
+def open_viewer(recording: Any, port: int, memory: str) -> None:
+    """Open rerun's viewer in a window of its own, or find the one that listens at ``port``. It
+    outlives the process.
+
+    Raises
+    ------
+    SurefixError
+        If there is no screen to open it on, or it does not start.
+    """
+    if obstacle := viewer_obstacle():
+        raise SurefixError(obstacle)
+    chosen = os.environ.get("RUST_LOG")
+    # The viewer logs to this terminal, on which the drive is drawn.
+    os.environ.setdefault("RUST_LOG", "error")
+    try:
+        load_rerun().spawn(
+            # Without a recording, rerun takes itself for turned off, and opens nothing.
+            recording=recording,
+            port=port,
+            connect=False,
+            memory_limit=memory,
+            server_memory_limit=memory,
+            hide_welcome_screen=True,
+            # A virtual environment that is not activated is not on the shell's path.
+            executable_path=shutil.which("rerun", path=sysconfig.get_path("scripts")),
+        )
+    except (RuntimeError, OSError) as error:
+        raise SurefixError(f"rerun's viewer did not open: {error}") from None
+    finally:
+        if chosen is None:
+            del os.environ["RUST_LOG"]
+    # Rerun does not say whether it worked.
+    try:
+        socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+    except OSError as error:
+        raise SurefixError(
+            f"rerun's viewer did not open: nothing answers at port {port} ({error})"
+        ) from None
 
 
 def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int, int]) -> Any:
@@ -32,8 +103,7 @@ def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int
             if dimensions == 3
             else (rrb.Spatial2DView, rr.Points2D)
         )
-        # What the drive left behind stays, up to where the cursor is; of all else there is only the
-        # newest.
+        # The trail stays, up to the cursor; of all else there is only the newest.
         start, now = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
         so_far = rrb.VisibleTimeRanges(
             [rrb.VisibleTimeRange(name, start=start, end=now) for name in ("frame", "time")]
