@@ -16,12 +16,11 @@ def enhance_contrast(D: Distances, window: int = 10) -> Distances:
 
     ``(D[i, j] - mean) / std`` over the places ``i - window // 2`` to ``i + window // 2`` of the
     same query, so that a place must stand out from the places around it: the contrast enhancement
-    of Milford and Wyeth, *SeqSLAM*, ICRA
-    2012. As in OpenSeqSLAM, the place itself belongs to its neighbourhood, the neighbourhood is cut
-          off at both ends of the route, and the standard deviation is the sample's (over one less
-          than the places). OpenSeqSLAM then shifts the matrix so that its least value is 0, which
-          changes no match and no curve and is left out here. Where all distances of a neighbourhood
-          are equal, the result is 0: the place does not stand out.
+    of Milford and Wyeth, *SeqSLAM*, ICRA 2012. As in OpenSeqSLAM, the place itself belongs to its
+    neighbourhood, the neighbourhood is cut off at both ends of the route, and the standard
+    deviation is the sample's (over one less than the places). OpenSeqSLAM then shifts the matrix so
+    that its least value is 0, which changes no match and no curve and is left out here. Where all
+    distances of a neighbourhood are equal, the result is 0: the place does not stand out.
 
     Parameters
     ----------
@@ -29,8 +28,11 @@ def enhance_contrast(D: Distances, window: int = 10) -> Distances:
     window : int
         In places, 2 or more; 10 in OpenSeqSLAM.
 
-    Returns ------- array of float32, shape (n, m) No unit; negative where a place is more alike
-    than those around it. The same for ``a * D + b``, ``a > 0``.
+    Returns
+    -------
+    array of float32, shape (n, m)
+        No unit; negative where a place is more alike than those around it. The same for ``a * D +
+        b``, ``a > 0``.
 
     Raises
     ------

@@ -27,16 +27,27 @@ SEQSLAM_SPEEDS = (0.8, 0.9, 1.0, 1.1, 1.2)
 class Context:
     """What methods may need beside the distances. Each takes what concerns it.
 
-    Parameters ---------- sequence_length, weight, floor, tolerance, smoothing, gradient As for
-    ``surefix.match_distances``. speeds : sequence of float, optional Slopes that a sequence may
-    have, in places a query. By default 1, and 0.8 to 1.2 for ``seqslam``. contrast : int The window
-    of ``seqslam``'s contrast enhancement, in places. exclude : int Places this near the best are
-    not what ``ratio`` compares it to. top : int How many places ``spread`` looks at. positions :
-    array, shape (n,) or (n, k), optional Where the places are, in planar metres, for ``spread``; by
-    default their index. truth, truth_tolerance As for ``surefix.evaluate``, for the perfect
-    predictor. calibration : (distances, truth), optional A pair of drives with known truth, for the
-    supervised predictor. calibration_tolerance : int That truth's, in places; in metres where it is
-    positions.
+    Parameters
+    ----------
+    sequence_length, weight, floor, tolerance, smoothing, gradient
+        As for ``surefix.match_distances``.
+    speeds : sequence of float, optional
+        Slopes that a sequence may have, in places a query. By default 1, and 0.8 to 1.2 for
+        ``seqslam``.
+    contrast : int
+        The window of ``seqslam``'s contrast enhancement, in places.
+    exclude : int
+        Places this near the best are not what ``ratio`` compares it to.
+    top : int
+        How many places ``spread`` looks at.
+    positions : array, shape (n,) or (n, k), optional
+        Where the places are, in planar metres, for ``spread``; by default their index.
+    truth, truth_tolerance
+        As for ``surefix.evaluate``, for the perfect predictor.
+    calibration : (distances, truth), optional
+        A pair of drives with known truth, for the supervised predictor.
+    calibration_tolerance : int
+        That truth's, in places; in metres where it is positions.
     """
 
     sequence_length: int = 2

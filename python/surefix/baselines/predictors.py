@@ -14,10 +14,14 @@ def perfect_predictor(D: Distances, truth: Truth, tolerance: float = 1) -> Flags
     """Is each single-frame match right? The bound on what any predictor can do, as a mask or as
     weights.
 
-    Parameters ---------- D : array of float32, shape (n, m) truth : array or pair of arrays As for
-    ``surefix.evaluate``: a place a query, -1 where there is none; a matrix (n, m); or a pair of
-    positions. tolerance : float How far from the truth is still right: places, or metres where the
-    truth is positions.
+    Parameters
+    ----------
+    D : array of float32, shape (n, m)
+    truth : array or pair of arrays
+        As for ``surefix.evaluate``: a place a query, -1 where there is none; a matrix (n, m); or a
+        pair of positions.
+    tolerance : float
+        How far from the truth is still right: places, or metres where the truth is positions.
 
     Returns
     -------

@@ -20,11 +20,18 @@ def ratio_test(D: Distances, *, exclude: int = 1) -> Matches:
     similarity, or a cosine distance rounded below 0), its least value is subtracted from all of it
     first: such scores depend on the whole matrix.
 
-    Parameters ---------- D : array of float32, shape (n, m) exclude : int Places within this many
-    of the best are not elsewhere: 1 by default, the usual tolerance; 0 is the PA-score.
+    Parameters
+    ----------
+    D : array of float32, shape (n, m)
+    exclude : int
+        Places within this many of the best are not elsewhere: 1 by default, the usual tolerance; 0
+        is the PA-score.
 
-    Returns ------- Matches Scored from 0 (nothing else is near) to 1 (another place is as good;
-    also where both distances are 0).
+    Returns
+    -------
+    Matches
+        Scored from 0 (nothing else is near) to 1 (another place is as good; also where both
+        distances are 0).
 
     Raises
     ------

@@ -27,14 +27,23 @@ def plain_sequence(
     line ends at the current query, and the score is the line's mean distance, not its ratio to the
     best line elsewhere.
 
-    Parameters ---------- D : array of float32, shape (n, m) sequence_length : int In queries; 1 is
-    the single frame. contrast : int, optional The window of ``enhance_contrast``, in places; 10 in
-    OpenSeqSLAM. None by default: the distances as they are. speeds : sequence of float Slopes to
-    search, in places a query.
+    Parameters
+    ----------
+    D : array of float32, shape (n, m)
+    sequence_length : int
+        In queries; 1 is the single frame.
+    contrast : int, optional
+        The window of ``enhance_contrast``, in places; 10 in OpenSeqSLAM. None by default: the
+        distances as they are.
+    speeds : sequence of float
+        Slopes to search, in places a query.
 
-    Returns ------- Matches Scored by the mean distance along the line, in the unit of the distances
-    (none with ``contrast``). Not ``ready`` in the first ``sequence_length - 1`` queries, where
-    place and score are the single frame's.
+    Returns
+    -------
+    Matches
+        Scored by the mean distance along the line, in the unit of the distances (none with
+        ``contrast``). Not ``ready`` in the first ``sequence_length - 1`` queries, where place and
+        score are the single frame's.
 
     Raises
     ------
@@ -76,8 +85,11 @@ def weighted_sequence(
     trusted : array of bool, shape (m,), optional
         Another predictor's words in place of the consensus.
 
-    Returns ------- Matches Scored by the mean weighted distance along the diagonal, in the unit of
-    the distances. Not ``ready`` in the first ``sequence_length - 1`` queries.
+    Returns
+    -------
+    Matches
+        Scored by the mean weighted distance along the diagonal, in the unit of the distances. Not
+        ``ready`` in the first ``sequence_length - 1`` queries.
 
     Raises
     ------

@@ -10,16 +10,22 @@ __all__ = ["masked_single_frame", "maximum_gradient", "single_frame"]
 def single_frame(D: Distances) -> Matches:
     """The place of least distance; the paper's single-frame baseline.
 
-    Parameters ---------- D : array of float32, shape (n, m) ``D[i, j]`` is the distance between
-    place ``i`` and query ``j``; less is more alike. As in every method here.
+    Parameters
+    ----------
+    D : array of float32, shape (n, m)
+        ``D[i, j]`` is the distance between place ``i`` and query ``j``; less is more alike. As in
+        every method here.
 
     Returns
     -------
     Matches
         Scored by the least distance, in its own unit. Ties go to the lowest place.
 
-    Raises ------ SurefixValueError For another shape or type, a NaN or an infinity (the error says
-    where), or fewer than two places.
+    Raises
+    ------
+    SurefixValueError
+        For another shape or type, a NaN or an infinity (the error says where), or fewer than two
+        places.
 
     Examples
     --------
@@ -58,8 +64,11 @@ def masked_single_frame(
     Matches
         Those of ``single_frame``; ``accepted`` are the trusted ones.
 
-    Raises ------ SurefixValueError As for ``single_frame``, and for an option outside its range or
-    flags of another length or type.
+    Raises
+    ------
+    SurefixValueError
+        As for ``single_frame``, and for an option outside its range or flags of another length or
+        type.
 
     Examples
     --------

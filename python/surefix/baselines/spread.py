@@ -50,8 +50,11 @@ def spread(
     Matches
         Scored by the spread in the unit of ``positions``.
 
-    Raises ------ SurefixValueError As for ``single_frame``, for positions of another length or that
-    are not finite, and for an option outside its range.
+    Raises
+    ------
+    SurefixValueError
+        As for ``single_frame``, for positions of another length or that are not finite, and for an
+        option outside its range.
 
     Examples
     --------

@@ -21,14 +21,20 @@ def integrity_factors(D: Distances, *, exclude: int = 0, gradient: str = "unhalv
     Carson, Ford and Milford, *Predicting to Improve: Integrity Measures for Assessing Visual
     Localization Performance*, RA-L 2022; the defaults are those of the authors' code.
 
-    Parameters ---------- D : array of float32, shape (n, m) exclude : int The second best is looked
-    for more than this many places from the best. 0 by default: anywhere but at the best. gradient :
-    {"unhalved", "halved"} The gradient at the minimum, as for ``surefix.Matcher`` and without
-    smoothing.
+    Parameters
+    ----------
+    D : array of float32, shape (n, m)
+    exclude : int
+        The second best is looked for more than this many places from the best. 0 by default:
+        anywhere but at the best.
+    gradient : {"unhalved", "halved"}
+        The gradient at the minimum, as for ``surefix.Matcher`` and without smoothing.
 
-    Returns ------- array of float64, shape (m, 2) (second best - best) / (worst - best), without a
-    unit and 0 where all distances are equal; and the gradient at the minimum, in the unit of the
-    distances.
+    Returns
+    -------
+    array of float64, shape (m, 2)
+        (second best - best) / (worst - best), without a unit and 0 where all distances are equal;
+        and the gradient at the minimum, in the unit of the distances.
 
     Raises
     ------
@@ -109,17 +115,23 @@ class SupervisedPredictor:
     def fit(self, D: Distances, truth: Truth, tolerance: float = 1) -> Self:
         """Learn from a calibration pair.
 
-        Parameters ---------- D : array of float32, shape (n, m) truth, tolerance As for
-        ``perfect_predictor``. A query that the truth ignores is left out; one that has no true
-        place is a mistake to learn from.
+        Parameters
+        ----------
+        D : array of float32, shape (n, m)
+        truth, tolerance
+            As for ``perfect_predictor``. A query that the truth ignores is left out; one that has
+            no true place is a mistake to learn from.
 
         Returns
         -------
         SupervisedPredictor
             Itself.
 
-        Raises ------ SurefixValueError As for ``perfect_predictor``, for fewer than 10 queries, and
-        where all matches are right or all are wrong.
+        Raises
+        ------
+        SurefixValueError
+            As for ``perfect_predictor``, for fewer than 10 queries, and where all matches are right
+            or all are wrong.
         """
         run = match_distances(D, sequence_length=1, weight=0.0, smoothing=1)
         right, known = right_matches(run.single_place, len(np.asarray(D)), truth, tolerance)

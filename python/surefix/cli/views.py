@@ -24,8 +24,11 @@ def open_views(
     error is one, so that fixes can go into a pipe. Where rerun's viewer cannot be opened, a line
     says so, and the terminal has to do.
 
-    Raises ------ SurefixError Where a recording is asked for and rerun is not installed, or it
-    cannot be written; where ``references`` is no folder of the map's images.
+    Raises
+    ------
+    SurefixError
+        Where a recording is asked for and rerun is not installed, or it cannot be written; where
+        ``references`` is no folder of the map's images.
     """
     obstacle = viewer_obstacle() if live else None
     spawn = live and obstacle is None

@@ -39,16 +39,27 @@ def distance_matrix(
 ) -> Axes:
     """Draws the distances, dark where a query looks like a place, and the match of each query.
 
-    Parameters ---------- distances : array of float32, shape (n, m) ``distances[i, j]`` is the
-    distance between place ``i`` and query ``j``. place, trusted : arrays, shape (m,) The matches,
-    as of a ``surefix.Run``. right : array of bool, shape (m,) Which of them are right, as of
-    ``is_right``. truth : array of int, shape (m,), optional Where each query really was, -1 where
-    it was off the map: the true path, a line in a close-up. judged : array of bool, shape (m,),
-    optional False for queries of which the truth is not known: their matches are not drawn. All by
-    default. queries, places : (first, count), optional A close-up of these rather than the whole
-    matrix, with larger marks and a line for the true path. outline : (queries, places), optional
-    Draws a frame around these: where a close-up was taken. label : str What the distances are, and
-    their unit; for the scale of a close-up.
+    Parameters
+    ----------
+    distances : array of float32, shape (n, m)
+        ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
+    place, trusted : arrays, shape (m,)
+        The matches, as of a ``surefix.Run``.
+    right : array of bool, shape (m,)
+        Which of them are right, as of ``is_right``.
+    truth : array of int, shape (m,), optional
+        Where each query really was, -1 where it was off the map: the true path, a line in a
+        close-up.
+    judged : array of bool, shape (m,), optional
+        False for queries of which the truth is not known: their matches are not drawn. All by
+        default.
+    queries, places : (first, count), optional
+        A close-up of these rather than the whole matrix, with larger marks and a line for the true
+        path.
+    outline : (queries, places), optional
+        Draws a frame around these: where a close-up was taken.
+    label : str
+        What the distances are, and their unit; for the scale of a close-up.
     """
     close = queries is not None or places is not None
     first_query, query_count = queries or (0, distances.shape[1])

@@ -21,7 +21,7 @@ from surefix import (
 )
 from surefix.baselines import METHODS, Context, run_method
 from surefix.baselines.truth import Truth, by_metres, right_matches
-from surefix.plot.intervals import Estimate
+from surefix.plot.bars import Estimate
 
 __all__ = ["BASELINE", "KS", "UPTO", "Comparison", "Result", "compare"]
 
@@ -35,10 +35,14 @@ KS = (1, 5, 10)
 class Result:
     """What one method made of the drive.
 
-    Attributes ---------- matches : Matches right, judged : arrays of bool, shape (m,) Which matches
-    are right; and which were judged at all: ready, and not ignored by the truth. area, difference :
-    (value, low, high) The area under the curve up to recall 0.2, and how far it lies above the
-    plain sequence's, with the 95 % intervals of a bootstrap over blocks of queries.
+    Attributes
+    ----------
+    matches : Matches
+    right, judged : arrays of bool, shape (m,)
+        Which matches are right; and which were judged at all: ready, and not ignored by the truth.
+    area, difference : (value, low, high)
+        The area under the curve up to recall 0.2, and how far it lies above the plain sequence's,
+        with the 95 % intervals of a bootstrap over blocks of queries.
     """
 
     name: str

@@ -9,17 +9,12 @@ from numpy.typing import NDArray
 
 from surefix import Evaluation
 from surefix._words import counted
-from surefix.plot.bars import false_positives
+from surefix.plot.bars import auc_intervals, false_positives, route_strip, trust_table
 from surefix.plot.curves import precision_recall
-from surefix.plot.examples import Example, examples, examples_height
-from surefix.plot.intervals import auc_intervals
-from surefix.plot.lines import LOOKS
+from surefix.plot.images import Example, Image, examples, examples_height
 from surefix.plot.matrix import busiest_window, distance_matrix
-from surefix.plot.montage import Image
 from surefix.plot.outcome import longest_gap
-from surefix.plot.strip import route_strip
-from surefix.plot.theme import DARK, LIGHT, Theme, png
-from surefix.plot.trust import trust_table
+from surefix.plot.theme import DARK, LIGHT, LOOKS, Theme, png
 from surefix.report.comparison import UPTO, Comparison
 from surefix.report.page import Picture
 

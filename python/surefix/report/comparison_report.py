@@ -51,10 +51,15 @@ def write_comparison(
 ) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page.
 
-    Parameters ---------- command : str What makes this comparison again. queries, references :
-    sequences of uint8 images, or those of the mistakes by their numbers, optional For the pictures
-    side by side. query_names, place_names : sequences of str, optional along : array of float64,
-    shape (m,), optional How far along the drive each query was taken, in metres, ascending.
+    Parameters
+    ----------
+    command : str
+        What makes this comparison again.
+    queries, references : sequences of uint8 images, or those of the mistakes by their numbers, optional
+        For the pictures side by side.
+    query_names, place_names : sequences of str, optional
+    along : array of float64, shape (m,), optional
+        How far along the drive each query was taken, in metres, ascending.
 
     Raises
     ------

@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.image import imsave
 
+from surefix.plot.bars import route_strip
 from surefix.plot.curves import precision_recall
+from surefix.plot.images import Column, Image, Pair, montage, montage_height, spread
 from surefix.plot.matrix import busiest_window, distance_matrix
-from surefix.plot.montage import Column, Image, Pair, montage, montage_height, spread
 from surefix.plot.outcome import Outcome
-from surefix.plot.strip import route_strip
 from surefix.plot.theme import DARK, LIGHT, Theme, png
 from surefix.report.drive import Drive
 from surefix.report.page import Picture

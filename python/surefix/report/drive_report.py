@@ -7,7 +7,7 @@ import numpy as np
 
 from surefix import __version__
 from surefix.machine import machine
-from surefix.plot.montage import spread
+from surefix.plot.images import spread
 from surefix.plot.outcome import Outcome
 from surefix.report import drive_pictures as pictures
 from surefix.report import drive_sections as sections

@@ -21,8 +21,12 @@ def staged(folder: Path, old: Iterable[str] = ()) -> Iterator[Path]:
     Where something stops the writing, the earlier report stays whole. Where something stops the
     moving, there is no page, and nothing of the earlier report.
 
-    Parameters ---------- folder : Path old : iterable of str Names of files that an earlier report
-    may have and this one has not. All others stay as they are.
+    Parameters
+    ----------
+    folder : Path
+    old : iterable of str
+        Names of files that an earlier report may have and this one has not. All others stay as they
+        are.
 
     Raises
     ------

@@ -17,10 +17,14 @@ __all__ = ["as_distances", "matrix_case", "read_matrix"]
 def matrix_case(text: str, *, similarity: bool = False) -> Case:
     """A case from ``NAME=FILE.npy`` or ``NAME=FILE.npy,TRUTH.npy``.
 
-    Parameters ---------- text : str ``NAME`` is ``DATASET/TECHNIQUE``, or a technique alone. The
-    matrix has a row a place and a column a query. The truth is as for ``surefix.evaluate``, (m,) or
-    (n, m); without one, and as many queries as places, query ``i`` shows place ``i``. similarity :
-    bool More is more alike: the distance is 1 minus that.
+    Parameters
+    ----------
+    text : str
+        ``NAME`` is ``DATASET/TECHNIQUE``, or a technique alone. The matrix has a row a place and a
+        column a query. The truth is as for ``surefix.evaluate``, (m,) or (n, m); without one, and
+        as many queries as places, query ``i`` shows place ``i``.
+    similarity : bool
+        More is more alike: the distance is 1 minus that.
 
     Raises
     ------

@@ -15,10 +15,10 @@ from matplotlib.axes import Axes
 
 from html_reader import read
 from surefix.plot import Outcome, outcomes
+from surefix.plot.bars import _spans
 from surefix.plot.curves import precision_recall
-from surefix.plot.montage import spread
+from surefix.plot.images import spread
 from surefix.plot.outcome import longest_gap
-from surefix.plot.strip import _spans
 from surefix.report import drive_pictures
 from surefix.report.drive import Drive
 from surefix.report.drive_report import write_report
