@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from surefix.bench.line import Result, Row
 from surefix.bench.table import factor
 from surefix.plot.theme import LIGHT, Theme
-from surefix.report.page import Picture
-from surefix.reproduce.comparison import drawn
+from surefix.report.page import Picture, drawn
 
 if TYPE_CHECKING:
     # Not before surefix.plot, which says what to install where there is no matplotlib.
@@ -24,7 +23,7 @@ def picture(results: Sequence[Result]) -> Picture:
 
     met, asked = sum(row.met is True for row in rows), sum(row.met is not None for row in rows)
     alt = f"How many times faster surefix is than each of {len(rows)} rivals; {met} of {asked} marks are reached."
-    return drawn(lambda ax, theme: draw(ax, results, theme), alt, size=size)
+    return drawn(lambda ax, theme: draw(ax, results, theme), size, alt, small=True)
 
 
 def _shown(results: Sequence[Result]) -> list[Row]:

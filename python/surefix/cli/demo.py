@@ -11,12 +11,14 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from surefix import Localizer, Map, Sad, SurefixError, SurefixFileError, match_distances
+from surefix import Localizer, Map, Sad, SurefixError, SurefixFileError
+from surefix.baselines import Context
 from surefix.live import TerminalView
 from surefix.simulate import Route, Traverse
+from surefix.study import UPTO, Study
 
 if TYPE_CHECKING:
-    from surefix.report.drive import Drive
+    from surefix.report.demo import Demo
 
 __all__ = ["demo"]
 
@@ -48,7 +50,7 @@ def demo(
     begin = time.perf_counter()
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.drive_report import write_report
+        from surefix.report.demo import write_report
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
     try:
@@ -69,9 +71,9 @@ def demo(
     print(
         f"Mapped on a summer noon: {len(known)} places x {known.dim} {known.dtype}, in {mapped - start:.1f} s"
     )
-    drive = _localize(known, reference, revisit, (width, height), seed, sequence_length)
+    demo_ = _localize(known, reference, revisit, seed, sequence_length)
     localized = time.perf_counter()
-    for line in _account(drive):
+    for line in _account(demo_):
         print(line)
 
     options = f"--places {places} --width {width} --height {height} --seed {seed}"
@@ -82,7 +84,7 @@ def demo(
     )
     try:
         with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
-            report = write_report(drive, out, command, seconds)
+            report = write_report(demo_, out, command, seconds)
     except SurefixError:
         raise
     except OSError as error:
@@ -98,12 +100,11 @@ def _localize(
     known: Map,
     reference: Traverse,
     revisit: Traverse,
-    size: tuple[int, int],
     seed: int,
     sequence_length: int,
-) -> "Drive":
+) -> "Demo":
     """Drives a second time: pushes each frame when it is there, as a robot would."""
-    from surefix.report.drive import Drive
+    from surefix.report.demo import Demo
 
     localizer = Localizer(known, sequence_length=sequence_length)
     distances = np.empty((len(known), len(revisit)), np.float32, order="F")
@@ -119,34 +120,28 @@ def _localize(
             # Drawn on a terminal only: a line a fix would bury what the demo says.
             if console.is_terminal:
                 view.update(image, fix, localizer, 1e6 * latency[query])
-    # The same fixes again, to the bit, as arrays; and what they would be without the weighting.
-    run = match_distances(distances, floor="running", sequence_length=sequence_length)
-    baseline = match_distances(
-        distances, floor="running", sequence_length=sequence_length, weight=0.0
+    # The same fixes again, to the bit, and beside them those without weighting.
+    context = Context(
+        sequence_length=sequence_length,
+        floor="running",
+        truth=revisit.truth(reference),
+        truth_tolerance=TOLERANCE,
     )
-    return Drive(
-        reference,
-        revisit,
-        size,
-        seed,
-        sequence_length,
-        distances,
-        run,
-        baseline,
-        latency,
-        TOLERANCE,
-    )
+    return Demo(Study(distances, context), reference, revisit, seed, latency)
 
 
-def _account(drive: "Drive") -> list[str]:
-    """What came of it, in plain lines."""
-    m, trusted, right = len(drive.run), drive.run.trusted, drive.right
-    median, p99 = np.quantile(drive.latency, (0.5, 0.99)) * 1000
-    weighted, baseline = drive.weighted_curve.auc(0.2), drive.baseline_curve.auc(0.2)
+def _account(demo: "Demo") -> list[str]:
+    """The result in plain lines."""
+    study = demo.study
+    trusted, right = study.run.trusted, demo.right
+    median, p99 = np.quantile(demo.latency, (0.5, 0.99)) * 1000
+    weighted, plain = (result.curve.auc(UPTO) for result in (study.shown, study.baseline))
     return [
-        f"Localized on a winter afternoon: {m} fixes, {median:.2f} ms each (median; p99 {p99:.2f} ms)",
-        f"All fixes: {int(right.sum())} of {m} right",
+        f"Localized on a winter afternoon: {len(study)} fixes, {median:.2f} ms each (median; p99 "
+        f"{p99:.2f} ms)",
+        f"All fixes: {int(right.sum())} of {len(study)} right",
         f"Trusted fixes: {int((trusted & right).sum())} of {int(trusted.sum())} right, "
         f"{int((trusted & ~right).sum())} wrong",
-        f"Area under the precision-recall curve up to recall 0.2: {weighted:.2f}, without weighting {baseline:.2f}",
+        f"Area under the precision-recall curve up to recall {UPTO:g}: {weighted:.2f}, without "
+        f"weighting {plain:.2f}",
     ]

@@ -23,7 +23,7 @@ from surefix.cli.taking import Every, Metres, Odometry, Stride, Taking, Topic
 from surefix.cli.truth import read_truth, truth_by_position
 
 if TYPE_CHECKING:
-    from surefix.report.comparison import Comparison, Result
+    from surefix.study import Result, Study
 
 __all__ = ["eval_"]
 
@@ -204,9 +204,9 @@ def eval_(
     )
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.comparison import compare
-        from surefix.report.comparison_pictures import MISTAKES
-        from surefix.report.comparison_report import write_comparison
+        from surefix.report.eval import write_report
+        from surefix.report.figures import MISTAKES
+        from surefix.study import compare
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
     drives = open_drives(route, queries, similarity, taking, model, cache)
@@ -256,7 +256,7 @@ def eval_(
     try:
         with console.status("Drawing the report"):
             mistakes = {*comparison.mistakes(MISTAKES), *comparison.trusted_mistakes(MISTAKES)}
-            report = write_comparison(
+            report = write_report(
                 comparison,
                 out,
                 shlex.join(["surefix", *sys.argv[1:]]),
@@ -360,7 +360,7 @@ def _account(result: "Result") -> str:
     return f"{result.name}: area up to recall 0.2 is {area:.3f} ({low:.3f} to {high:.3f}), {right}"
 
 
-def _trust(comparison: "Comparison") -> str:
+def _trust(comparison: "Study") -> str:
     t = comparison.trust
     trusted = t.true_positives + t.false_positives
     return (
@@ -383,7 +383,7 @@ def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
         )
 
 
-def _warn_of_none_judged(comparison: "Comparison") -> None:
+def _warn_of_none_judged(comparison: "Study") -> None:
     """A line where no query of a method could be held against the truth."""
     names = [result.name for result in comparison.results if not result.judged.any()]
     if not names:

@@ -21,7 +21,7 @@ __all__ = ["reproduce"]
 
 
 class Recall(StrEnum):
-    """What recall is a share of."""
+    """The convention of recall."""
 
     correct = "correct"
     place_exists = "place_exists"
@@ -77,7 +77,7 @@ def reproduce(
         ),
     ] = None,
     recall: Annotated[
-        Recall, typer.Option("--recall", help="What recall is a share of.")
+        Recall, typer.Option("--recall", help="The convention of recall.")
     ] = Recall.correct,
     quick: Annotated[
         bool, typer.Option("--quick", help="Few samples and steps: to see that it works.")
@@ -87,7 +87,7 @@ def reproduce(
     begin = time.perf_counter()
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.reproduce import Settings, comparisons, read_pairs, read_paper, write_report
+        from surefix.reproduce import Settings, exhibits, read_pairs, read_paper, write_report
         from surefix.reproduce.report import STEPS
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
@@ -115,10 +115,10 @@ def reproduce(
                 f"{out}: cannot make the output folder: {error.strerror or error}"
             ) from None
         made = []
-        progress.update(task, description="Comparing")
-        for step, comparison in enumerate(comparisons(cases, settings, numbers), 1):
-            print(f"{step} of {STEPS}: {comparison.title}", flush=True)
-            made.append(comparison)
+        progress.update(task, description="Making the exhibits")
+        for step, exhibit in enumerate(exhibits(cases, settings, numbers), 1):
+            print(f"{step} of {STEPS}: {exhibit.title}", flush=True)
+            made.append(exhibit)
             progress.update(task, completed=step)
         progress.update(task, description="Writing the report")
         try:
@@ -131,7 +131,7 @@ def reproduce(
             ) from None
     for point in made[0].points:
         print(point)
-    pictures = sum(len(comparison.pictures) for comparison in made)
+    pictures = sum(len(exhibit.pictures) for exhibit in made)
     print(
         f"Made {report}, with {pictures} pictures and {len(made)} tables beside it, from {len(cases)} cases, "
         f"in {time.perf_counter() - begin:.1f} s"
@@ -146,7 +146,7 @@ def _cases(
     settings: "Settings",
     say: Callable[[str], None],
 ) -> tuple[list["Case"], list[str]]:
-    """What there is to compare, and what could not be used; each is said as it comes."""
+    """The cases, and the reasons why some data could not be used; each is printed as it comes."""
     from surefix.reproduce import (
         check_pairs,
         find_datasets,

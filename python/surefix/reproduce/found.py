@@ -1,33 +1,31 @@
-"""What of the paper's data lies in a folder, and what is wrong with what does not load."""
+"""The paper's data sets in a folder, their cases, and the reasons why some do not load."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from surefix import datasets
-from surefix.baselines.distances import Distances
 from surefix.baselines.truth import Truth
 from surefix.datasets.folders import read_truth
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.reproduce.case import Case
-from surefix.reproduce.comparison import stem
-from surefix.reproduce.images import SAD, sad_distances
-from surefix.reproduce.matrices import as_distances, kind, read_matrix
+from surefix.reproduce.exhibit import stem
+from surefix.reproduce.sources import IDENTITY, SAD, kind, matrix_distances, sad_distances
 
 __all__ = ["METRES", "Found", "check_pairs", "find_datasets", "load_cases", "read_pairs"]
 
-# How near is correct where a data set has positions; its loader's own tolerance.
+# The tolerance if a data set has positions; its loader's own.
 METRES = 10.0
 
 # A folder of ready matrices, without images.
 MATRICES = "matrices"
 
-# Whose traverses correspond by position only, not image by image.
+# Their traverses correspond by position only, not image by image.
 BY_POSITION = ("four_seasons", "robotcar")
 
-# What a data set's folder has in it: any of these patterns.
+# The signs of a data set: its folder has any of these.
 SIGNS = {
     "gardens_point": ("day_left", "day_right", "night_right"),
     "nordland": (
@@ -63,12 +61,12 @@ class Found:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The title, and what else the paper's own numbers may call it."""
+        """The title, and other names that the paper's own numbers may use."""
         return (self.title,) if self._own else (self.title, self.dataset + self.label)
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
-        """The first of its traverses against each other; none where it has no choice, or not two
+        """The first of its traverses against each other; none if it has no choice, or not two
         traverses.
         """
         if self._own:
@@ -162,7 +160,7 @@ def find_datasets(folder: Path) -> list[Found]:
     Raises
     ------
     SurefixFileError
-        Where the folder is not there.
+        If the folder does not exist.
     """
     if not folder.is_dir():
         raise SurefixFileError(f"{folder}: no such folder (--data: the folder with the data sets)")
@@ -184,8 +182,8 @@ def find_datasets(folder: Path) -> list[Found]:
 
 
 def _told_apart(candidates: Sequence[Found]) -> list[Found]:
-    """With a title of its own for each, from its folder's name, and a number where that does not
-    tell.
+    """With a title of its own for each, from its folder's name, and a number if that is not
+    enough.
     """
     titles = [stem(found.title) for found in candidates]
     told: list[Found] = []
@@ -203,8 +201,8 @@ def _told_apart(candidates: Sequence[Found]) -> list[Found]:
 def load_cases(
     found: Found, chosen: Sequence[tuple[str, str]] = ()
 ) -> tuple[Sequence[Case], Sequence[str]]:
-    """The cases of each pair of its traverses, SAD first and then its ready matrices; and what
-    could not be used, why.
+    """The cases of each pair of its traverses, SAD first and then its ready matrices; and the
+    reasons why some could not be used.
 
     Matrices are in ``matrices/``, or those of one of several pairs in
     ``matrices/REFERENCE_to_QUERY/``.
@@ -251,7 +249,7 @@ def _load(
     ready: Sequence[Path],
     first_notes: tuple[str, ...] = (),
 ) -> tuple[list[Case], list[str]]:
-    """The cases of one pair. Where its images fail, its matrices need a truth of their own."""
+    """The cases of one pair. If its images fail, its matrices need a truth of their own."""
     cases: list[Case] = []
     problems: list[str] = []
     known: tuple[Truth, float] | None = None
@@ -304,9 +302,9 @@ def _matrix(
                     f"{path}: expected names that differ in letters or digits, got another such"
                 )
             similarity = word == "similarity"
-            D = as_distances(read_matrix(path), similarity, path)
+            D = matrix_distances(path, similarity)
             if known is None:
-                beside, assumed = _truth_beside(found, path, D)
+                beside, assumed = _truth_beside(found, path, *D.shape)
                 known, notes = (beside, 1), notes + assumed
             truth, tolerance = known
             source = f"ready {kind(similarity)}, {path}"
@@ -316,11 +314,12 @@ def _matrix(
     )
 
 
-def _truth_beside(found: Found, path: Path, D: Distances) -> tuple[Truth, tuple[str, ...]]:
-    """The truth of a matrix without images: of ``ground_truth.csv``, or the identity where it is
+def _truth_beside(
+    found: Found, path: Path, places: int, queries: int
+) -> tuple[Truth, tuple[str, ...]]:
+    """The truth of a matrix without images: of ``ground_truth.csv``, or the identity if it is
     square.
     """
-    places, queries = D.shape
     file = found.folder / "ground_truth.csv"
     if file.is_file():
         return read_truth(file, places, queries), ()
@@ -330,11 +329,10 @@ def _truth_beside(found: Found, path: Path, D: Distances) -> tuple[Truth, tuple[
         )
     if places != queries:
         raise SurefixFileError(
-            f"{path}: expected {file}, as {places} places and {queries} queries cannot be paired one to one"
+            f"{path}: expected {file}, as {places} places and {queries} queries cannot be paired "
+            "one to one"
         )
-    return np.arange(queries, dtype=np.int64), (
-        "No truth was given: query i is taken to show place i.",
-    )
+    return np.arange(queries, dtype=np.int64), (IDENTITY,)
 
 
 def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
@@ -351,11 +349,6 @@ def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
 
 def _looks_like(folder: Path) -> Found | None:
     for dataset, patterns in SIGNS.items():
-        if any(_there(folder, patterns)):
+        if any(any(folder.glob(pattern)) for pattern in patterns):
             return Found(dataset, folder)
     return None
-
-
-def _there(folder: Path, patterns: Sequence[str]) -> Iterator[Path]:
-    for pattern in patterns:
-        yield from folder.glob(pattern)

@@ -1,4 +1,4 @@
-"""The paper's own numbers, as a user gives them: surefix has none, and makes none up."""
+"""The paper's own numbers, as a user gives them: surefix has none."""
 
 import csv
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ COLUMNS = ("dataset", "technique", "baseline", "weighted")
 
 @dataclass(frozen=True)
 class PaperRow:
-    """A row of the paper's Table I; None where it has no number."""
+    """A row of the paper's Table I; None for a missing number."""
 
     dataset: str
     technique: str
@@ -34,9 +34,9 @@ def read_paper(path: Path) -> list[PaperRow]:
     Raises
     ------
     SurefixFileError
-        Where it cannot be read.
+        If it cannot be read.
     SurefixValueError
-        For other columns, or a number that is none or not from 0 to 1.
+        For other columns, text that is no number, or a number outside 0 to 1.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:

@@ -20,7 +20,7 @@ pytest.importorskip("matplotlib")
 from PIL import Image
 
 from html_reader import read
-from surefix.report.drive_report import FILES
+from surefix.report.demo import FILES
 
 PLACES, SIZE, SEED = 120, (96, 48), 3
 PICTURES = [name for name in FILES if name.endswith(".png")]

@@ -21,7 +21,7 @@ from PIL import Image
 
 from html_reader import Reader, read
 from surefix import baselines, cli
-from surefix.report.comparison_report import FILES
+from surefix.report.eval import FILES
 
 PLACES = 70
 METHODS = ("sequence", "weighted", "single", "masked")
