@@ -172,12 +172,10 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "single": Method("single frames by their distance", lambda D, _: single_frame(D)),
         "masked": Method("single frames, refused if the prediction does not trust them", _masked),
         "gradient": Method(
-            "single frames by the greatest gradient",
-            lambda D, c: maximum_gradient(D, **c.options),
+            "single frames by the greatest gradient", lambda D, c: maximum_gradient(D, **c.options)
         ),
         "sequence": Method(
-            "unweighted sequences",
-            lambda D, c: weighted_sequence(D, **c.options | {"weight": 0.0}),
+            "unweighted sequences", lambda D, c: weighted_sequence(D, **c.options | {"weight": 0.0})
         ),
         "weighted": Method("sequences weighted by the prediction: the paper", _weighted),
         "supervised-masked": Method(

@@ -97,11 +97,7 @@ def demo(
 
 
 def _localize(
-    known: Map,
-    reference: Traverse,
-    revisit: Traverse,
-    seed: int,
-    sequence_length: int,
+    known: Map, reference: Traverse, revisit: Traverse, seed: int, sequence_length: int
 ) -> "Demo":
     """Drives a second time: pushes each frame when it is there, as a robot would."""
     from surefix.report.demo import Demo

@@ -106,10 +106,7 @@ def write_report(
                     "Distances",
                     f"{counted(n, 'place')} by {counted(m, 'query', 'queries')}, float32",
                 ),
-                (
-                    "Sequences",
-                    f"length {c.sequence_length}, weight {c.weight:g}, floor {c.floor}",
-                ),
+                ("Sequences", f"length {c.sequence_length}, weight {c.weight:g}, floor {c.floor}"),
                 (
                     "Trusted means",
                     f"within {c.tolerance} of each other, gradients of {c.smoothing} queries "

@@ -72,13 +72,7 @@ def _curves(
     recall: str,
 ) -> Axes:
     return precision_recall(
-        ax,
-        named,
-        trusted=trusted,
-        trusted_name=trusted_name,
-        upto=UPTO,
-        recall=recall,
-        theme=theme,
+        ax, named, trusted=trusted, trusted_name=trusted_name, upto=UPTO, recall=recall, theme=theme
     )
 
 
@@ -226,11 +220,7 @@ def trusted_mistakes(study: Study, queries: Images, references: Images) -> Pictu
 
 
 def _side_by_side(
-    study: Study,
-    chosen: Sequence[tuple[int, int]],
-    queries: Images,
-    references: Images,
-    title: str,
+    study: Study, chosen: Sequence[tuple[int, int]], queries: Images, references: Images, title: str
 ) -> Picture | None:
     if not chosen or (queries is None and references is None):
         return None

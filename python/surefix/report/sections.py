@@ -75,10 +75,7 @@ def tiles(study: Study) -> Sequence[Tile]:
             f"95 %: {below:+.3f} to {above:+.3f}: {shown.outcome}",
         ),
         Tile(
-            "false",
-            false,
-            f"false positives at recall {UPTO:g}",
-            f"plain sequence: {plain_false}",
+            "false", false, f"false positives at recall {UPTO:g}", f"plain sequence: {plain_false}"
         ),
         Tile(
             "trusted-right",

@@ -89,10 +89,7 @@ def measure(case: Case, settings: Settings) -> BreakEven:
 
     def area(rate: float, seed: int) -> float:
         trusted = noisy_predictor(
-            right,
-            true_positive_rate=trust.recall,
-            false_positive_rate=min(rate, 1.0),
-            seed=seed,
+            right, true_positive_rate=trust.recall, false_positive_rate=min(rate, 1.0), seed=seed
         )
         return study.at(trusted=trusted).shown.curve.auc(UPTO)
 

@@ -164,10 +164,7 @@ def _data(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
         rows.append((case.name, ". ".join(word.rstrip(".") for word in words) + "."))
     missing = [f"Not used: {problem}" for problem in problems]
     return Section(
-        "The data",
-        ("All data that was found, used or not.",),
-        rows=rows,
-        points=missing,
+        "The data", ("All data that was found, used or not.",), rows=rows, points=missing
     )
 
 

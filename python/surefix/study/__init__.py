@@ -5,14 +5,4 @@ reproduce`` are made of studies.
 from surefix.study.study import BASELINE, KS, UPTO, Estimate, Recall, Result, Study, compare
 from surefix.study.verdict import verdict
 
-__all__ = [
-    "BASELINE",
-    "KS",
-    "UPTO",
-    "Estimate",
-    "Recall",
-    "Result",
-    "Study",
-    "compare",
-    "verdict",
-]
+__all__ = ["BASELINE", "KS", "UPTO", "Estimate", "Recall", "Result", "Study", "compare", "verdict"]
