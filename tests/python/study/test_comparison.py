@@ -48,6 +48,7 @@ CORNERS: dict[str, tuple[np.ndarray, np.ndarray]] = {
 
 
 @pytest.mark.filterwarnings("error")
+@pytest.mark.usefixtures("light_only")
 @pytest.mark.parametrize("name", CORNERS)
 def test_at_a_corner_the_report_holds_no_nan(name: str, tmp_path: Path) -> None:
     page = written(tmp_path / "report", *CORNERS[name])
@@ -63,6 +64,7 @@ def test_at_a_corner_the_report_holds_no_nan(name: str, tmp_path: Path) -> None:
         assert page.ids["trusted"] == "0.0 %"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_older_report_in_the_folder_leaves_nothing_that_looks_new(tmp_path: Path) -> None:
     for name in ("mistakes.png", "precision_recall_2.png", "mine.png"):
         (tmp_path / name).write_bytes(b"old")
@@ -76,6 +78,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("where", ["curves", "strip"])
 def test_a_report_that_was_stopped_leaves_the_older_one_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
@@ -93,6 +96,7 @@ def test_a_report_that_was_stopped_leaves_the_older_one_whole(
     assert before["precision_recall_mine.png"] == b"mine"
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("moved", [0, 1, 5])
 def test_a_report_stopped_while_it_is_moved_is_no_mixture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int

@@ -45,6 +45,7 @@ def written(given: Demo, folder: Path) -> Reader:
     return read(write_report(given, folder, "command", []).read_text(encoding="utf-8"))
 
 
+@pytest.mark.usefixtures("light_only")
 @pytest.mark.parametrize("trusted", [False, True])
 def test_a_drive_that_trusts_no_fix_or_every_fix_has_its_report_too(
     drives: tuple[Traverse, Traverse], tmp_path: Path, trusted: bool
@@ -56,6 +57,7 @@ def test_a_drive_that_trusts_no_fix_or_every_fix_has_its_report_too(
     assert (shown["trusted-right"] == "none") == (not trusted)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_of_a_kind_is_in_the_singular(
     drives: tuple[Traverse, Traverse], tmp_path: Path
 ) -> None:
@@ -76,6 +78,7 @@ def test_one_of_a_kind_is_in_the_singular(
     assert "1 of the 2 untrusted ones is right." in text
 
 
+@pytest.mark.usefixtures("light_only")
 @pytest.mark.parametrize("length", [1, 2])
 def test_star_and_page_say_which_fixes_they_count(
     drives: tuple[Traverse, Traverse],

@@ -3,7 +3,6 @@ computes.
 """
 
 import csv
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +18,7 @@ from PIL import Image
 
 import oracle
 import real_data
+from commands import surefix_, surefix_process
 from html_reader import read
 from surefix.baselines import SupervisedPredictor, noisy_predictor
 from surefix.reproduce import (
@@ -52,18 +52,9 @@ FIGURES = {
 }
 
 
-def reproduce(*options: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def reproduce(*options: object) -> subprocess.CompletedProcess[str]:
     """Runs the command in a pipe."""
-    command = [sys.executable, "-W", "error", "-m", "surefix", "reproduce", *options]
-    inherited = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "TTY_COMPATIBLE")}
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        env=inherited | environment,
-        check=False,
-    )
+    return surefix_("reproduce", *options, code=None)
 
 
 def rows(folder: Path, name: str) -> list[dict[str, str]]:
@@ -91,7 +82,7 @@ def report(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[Path, subprocess.CompletedProcess[str]]:
     folder = tmp_path_factory.mktemp("reproduce") / "not" / "yet there"
-    return folder, reproduce("--quick", "-o", str(folder))
+    return folder, surefix_process("reproduce", "--quick", "-o", folder)
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +90,7 @@ def generated() -> list[Case]:
     return list(generated_cases(QUICK))
 
 
+@pytest.mark.slow
 def test_a_pipe_gets_plain_lines_and_the_last_says_what_was_made_and_where(report) -> None:
     folder, said = report
     assert said.returncode == 0, said.stderr
@@ -108,6 +100,7 @@ def test_a_pipe_gets_plain_lines_and_the_last_says_what_was_made_and_where(repor
     assert said.stdout.splitlines()[-1].startswith(f"Made {folder / 'report.html'}, with ")
 
 
+@pytest.mark.slow
 def test_the_page_is_whole_and_says_that_it_is_generated_and_that_the_papers_numbers_are_missing(
     report,
 ) -> None:
@@ -129,6 +122,7 @@ def test_the_page_is_whole_and_says_that_it_is_generated_and_that_the_papers_num
     assert len(reader.images) == len(list(folder.glob("*.png")))
 
 
+@pytest.mark.slow
 def test_every_comparison_has_its_numbers_and_every_picture_something_on_it(report) -> None:
     folder, _ = report
     assert {path.stem for path in folder.glob("*.csv")} == NAMES
@@ -140,6 +134,7 @@ def test_every_comparison_has_its_numbers_and_every_picture_something_on_it(repo
         assert (np.abs(picture - picture[0, 0]).max(axis=2) > 8).mean() > 0.02, path.name
 
 
+@pytest.mark.slow
 def test_the_table_is_what_the_oracle_computes(report, generated: list[Case]) -> None:
     lines = rows(report[0], "table_1")
     assert [line["dataset"] for line in lines] == [case.dataset for case in generated]
@@ -152,6 +147,7 @@ def test_the_table_is_what_the_oracle_computes(report, generated: list[Case]) ->
         assert (line["verdict"], line["paper_baseline"]) == (expected, "")
 
 
+@pytest.mark.slow
 def test_the_lengths_the_false_positives_and_the_curves_agree_with_the_table(report) -> None:
     folder, _ = report
     for line in rows(folder, "table_1"):
@@ -178,6 +174,7 @@ def test_the_lengths_the_false_positives_and_the_curves_agree_with_the_table(rep
         assert float(consensus["auc"]) == float(line["weighted"])
 
 
+@pytest.mark.slow
 def test_the_two_contributions_make_up_the_time(report) -> None:
     for line in rows(report[0], "execution_time"):
         for which, sequence in (("median", "sequence_us"), ("mean", "sequence_mean_us")):
@@ -238,6 +235,8 @@ def two_drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return data
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_ready_matrices_and_folders_fill_their_rows_beside_the_papers_numbers_and_what_is_wrong_is_said(
     tmp_path: Path, two_drives: Path, generated: list[Case]
 ) -> None:
