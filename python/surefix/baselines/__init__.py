@@ -4,6 +4,9 @@ distances.
 Each takes distances ``D``, float32 of shape (n places, m queries), less is more alike, and gives a
 ``surefix.Matches``, which ``surefix.evaluate`` turns into a curve. ``METHODS`` has them all by
 name.
+
+All raise ``SurefixValueError`` for distances of another shape or type, a NaN or an infinity (the
+error says at which place and query), fewer than two places, and an option outside its range.
 """
 
 from surefix.baselines.matching import (

@@ -31,12 +31,6 @@ def single_frame(D: Distances) -> Matches:
     Matches
         Scored by the least distance, in its own unit. Ties go to the lowest place.
 
-    Raises
-    ------
-    SurefixValueError
-        For another shape or type, a NaN or an infinity (the error says at which place and query),
-        or fewer than two places.
-
     Examples
     --------
     >>> import numpy as np
@@ -67,12 +61,6 @@ def masked_single_frame(
     Matches
         Those of ``single_frame``; ``accepted`` are the trusted ones.
 
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for an option outside its range or flags of another length or
-        type.
-
     Examples
     --------
     >>> import numpy as np
@@ -99,11 +87,6 @@ def maximum_gradient(D: Distances, **options: Any) -> Matches:
     -------
     Matches
         Scored by minus the gradient there, in the unit of the distances.
-
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for an option outside its range.
 
     Examples
     --------
@@ -149,11 +132,6 @@ def plain_sequence(
         ``contrast``). Not ``ready`` in the first ``sequence_length - 1`` queries, whose place and
         score are the single frame's.
 
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for an option outside its range.
-
     Examples
     --------
     >>> import numpy as np
@@ -185,11 +163,6 @@ def weighted_sequence(
     Matches
         Scored by the mean weighted distance along the diagonal, in the unit of the distances. Not
         ``ready`` in the first ``sequence_length - 1`` queries.
-
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for an option outside its range.
 
     Examples
     --------

@@ -33,20 +33,15 @@ def perfect_predictor(D: Distances, truth: Truth, tolerance: float = 1) -> Flags
     ----------
     D : array of float32, shape (n, m)
     truth : array or pair of arrays
-        As for ``surefix.evaluate``: a place a query, -1 where there is none; a matrix (n, m); or a
+        As for ``surefix.evaluate``: a place a query, -1 for none; a matrix (n, m); or a
         pair of positions.
     tolerance : float
-        How far from the truth is still right: places, or metres where the truth is positions.
+        The distance from the truth that is still right: places, or metres if the truth is positions.
 
     Returns
     -------
     array of bool, shape (m,)
         False also if the truth does not say.
-
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for a truth of another shape or type.
 
     Examples
     --------
@@ -138,11 +133,6 @@ def integrity_factors(D: Distances, *, exclude: int = 0, gradient: str = "unhalv
         (second best - best) / (worst - best), without a unit and 0 if all distances are equal;
         and the gradient at the minimum, in the unit of the distances.
 
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for an option outside its range.
-
     Examples
     --------
     >>> import numpy as np
@@ -232,7 +222,7 @@ class SupervisedPredictor:
         Raises
         ------
         SurefixValueError
-            As for ``perfect_predictor``, for fewer than 10 queries, and where all matches are right
+            As for ``perfect_predictor``, for fewer than 10 queries, and if all matches are right
             or all are wrong.
         """
         place, _ = nearest(D)
@@ -266,8 +256,6 @@ class SupervisedPredictor:
         ------
         SurefixError
             Before ``fit``.
-        SurefixValueError
-            As for ``single_frame``.
         """
         if self.factors is None:
             raise SurefixError("SupervisedPredictor: expected fit(distances, truth) before predict")

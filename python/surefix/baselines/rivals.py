@@ -41,13 +41,8 @@ def enhance_contrast(D: Distances, window: int = 10) -> Distances:
     Returns
     -------
     array of float32, shape (n, m)
-        No unit; negative where a place is more alike than those around it. The same for ``a * D +
+        No unit; negative if a place is more alike than those around it. The same for ``a * D +
         b``, ``a > 0``.
-
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for a window of fewer than 2 places.
 
     Examples
     --------
@@ -121,13 +116,8 @@ def ratio_test(D: Distances, *, exclude: int = 1) -> Matches:
     Returns
     -------
     Matches
-        Scored from 0 (nothing else is near) to 1 (another place is as good; also where both
+        Scored from 0 (nothing else is near) to 1 (another place is as good; also if both
         distances are 0).
-
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for a window that leaves nothing elsewhere on the map.
 
     Examples
     --------
@@ -174,7 +164,7 @@ def spread(
     ----------
     D : array of float32, shape (n, m)
     positions : array, shape (n,) or (n, k), optional
-        Where each place is, in planar metres, not degrees. By default its index on the route.
+        Of the places, in planar metres, not degrees. By default their index on the route.
     top : int
         How many places, 2 or more; all of them if the map has fewer.
     slope : float

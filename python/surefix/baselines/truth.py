@@ -50,7 +50,7 @@ def _whole_float(tolerance: float) -> int:
     """A tolerance in places that came as a float, as from the command line."""
     if not tolerance.is_integer():
         raise SurefixValueError(
-            "option `tolerance`: expected a whole number of places, 0 or more (metres only where the truth is "
+            "option `tolerance`: expected a whole number of places, 0 or more (metres only if the truth is "
             f"positions), got {tolerance}"
         )
     return whole("tolerance", int(tolerance), 0)
@@ -61,10 +61,10 @@ def _by_place(place: Places, places: int, truth: Places, tolerance: int) -> tupl
     if (truth < -1).any():
         query = int(np.argmax(truth < -1))
         got = f"got {truth[query]} for query {query}"
-        raise SurefixValueError(f"truth: expected a place, or -1 where there is none, {got}")
+        raise SurefixValueError(f"truth: expected a place, or -1 for none, {got}")
     if (truth >= places).any():
         query = int(np.argmax(truth >= places))
-        expected = f"places from 0 to {places - 1}, or -1 where there is none"
+        expected = f"places from 0 to {places - 1}, or -1 for none"
         raise SurefixValueError(f"truth: expected {expected}, got {truth[query]} for query {query}")
     return (truth >= 0) & (np.abs(place - truth) <= tolerance), np.ones(len(place), bool)
 

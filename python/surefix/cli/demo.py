@@ -11,7 +11,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from surefix import Localizer, Map, Sad, SurefixError, SurefixFileError
+from surefix import Localizer, Map, Sad, SurefixError
 from surefix.baselines import Context
 from surefix.live import TerminalView
 from surefix.simulate import Route, Traverse
@@ -51,14 +51,10 @@ def demo(
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
         from surefix.report.demo import write_report
+        from surefix.report.page import output_folder
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SurefixFileError(
-            f"{out}: cannot make the output folder: {error.strerror or error}"
-        ) from None
+    output_folder(out)
     route = Route(places=places, size=(width, height), seed=seed)
     reference, revisit = route.reference(), route.revisit()
     kilometres = float(reference.positions[-1]) / 1000
@@ -68,9 +64,8 @@ def demo(
     start = time.perf_counter()
     known = Map.from_images(reference, Sad())
     mapped = time.perf_counter()
-    print(
-        f"Mapped on a summer noon: {len(known)} places x {known.dim} {known.dtype}, in {mapped - start:.1f} s"
-    )
+    rows = f"{len(known)} places x {known.dim} {known.dtype}"
+    print(f"Mapped on a summer noon: {rows}, in {mapped - start:.1f} s")
     demo_ = _localize(known, reference, revisit, seed, sequence_length)
     localized = time.perf_counter()
     for line in _account(demo_):
@@ -82,18 +77,10 @@ def demo(
         ("mapping", mapped - start),
         ("the second drive, drawn and localized", localized - mapped),
     )
-    try:
-        with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
-            report = write_report(demo_, out, command, seconds)
-    except SurefixError:
-        raise
-    except OSError as error:
-        raise SurefixFileError(
-            f"{out}: cannot write the report: {error.strerror or error}"
-        ) from None
-    print(
-        f"Made {report}, with its pictures and the fixes beside it, in {time.perf_counter() - begin:.1f} s"
-    )
+    with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
+        report = write_report(demo_, out, command, seconds)
+    took = time.perf_counter() - begin
+    print(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
 
 
 def _localize(

@@ -84,7 +84,7 @@ def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int
     camera, references : bool
         Whether there are images of the queries, and of the map's places.
     dimensions : int
-        Coordinates of the map's positions, 2 or 3; 0 where it has none.
+        Coordinates of the map's positions, 2 or 3; 0 if it has none.
     matrix : (int, int)
         Rows and columns of the picture of the matrix.
     """

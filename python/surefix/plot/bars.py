@@ -1,6 +1,7 @@
 """Bars, dots and cells: counts and areas by method, right and wrong along the route."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,33 +34,23 @@ def false_positives(
     Parameters
     ----------
     counts : mapping of a name to a count
-        As of ``Evaluation.false_positives_at``; None where the recall is never reached, which is
+        As of ``Evaluation.false_positives_at``; None if the recall is never reached, which is
         said in place of the bar.
     recall : float
-        Where they were counted.
+        The recall at which they were counted.
     """
     longest = max((count for count in counts.values() if count is not None), default=0)
     for row, (name, count) in enumerate(counts.items()):
         if count is None:
-            ax.text(
-                0.01 * max(longest, 1),
-                row,
-                f"never reaches recall {recall:g}",
-                va="center",
-                color=theme.muted,
-            )
+            text = f"never reaches recall {recall:g}"
+            ax.text(0.01 * max(longest, 1), row, text, va="center", color=theme.muted)
             continue
         ax.barh(row, count, height=0.62, color=theme.trusted_wrong, label=name)
         ax.text(count + 0.01 * max(longest, 1), row, str(count), va="center")
-    ax.set_yticks(range(len(counts)), labels=list(counts))
-    ax.set_ylim(len(counts) - 0.5, -0.5)
     ax.set_xlim(0, 1.12 * max(longest, 1))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.tick_params(axis="y", length=0, labelcolor=theme.ink)
     ax.set_xlabel(f"false positives at recall {recall:g} (wrong matches accepted)")
-    ax.grid(axis="x", linewidth=0.8)
-    ax.set_axisbelow(True)
-    return ax
+    return _rows(ax, list(counts), theme)
 
 
 def auc_intervals(
@@ -85,44 +76,33 @@ def auc_intervals(
     """
     for row, (name, (area, low, high)) in enumerate(estimates.items()):
         first = name == baseline
-        colour = theme.muted if first else theme.trusted_right
-        ax.plot(
-            [low, high],
-            [row, row],
-            color=colour,
-            linewidth=2.6,
-            solid_capstyle="butt",
-            zorder=3,
-            clip_on=False,
-        )
-        ax.plot(
-            area,
-            row,
-            linestyle="none",
-            marker="s" if first else "o",
-            markersize=8,
-            color=colour,
-            markeredgecolor=theme.paper,
-            zorder=4,
-            clip_on=False,
-        )
+        colour, mark = (theme.muted, "s") if first else (theme.trusted_right, "o")
+        line: Any = {"linewidth": 2.6, "solid_capstyle": "butt", "zorder": 3}
+        ax.plot([low, high], [row, row], color=colour, clip_on=False, **line)
+        dot: Any = {"markersize": 8, "markeredgecolor": theme.paper, "zorder": 4}
+        ax.plot(area, row, mark, color=colour, clip_on=False, **dot)
         # To the right of all of them, as a column.
         ax.text(1.03, row, f"{area:.2f}  ({low:.2f} to {high:.2f})", va="center", clip_on=False)
         if first:
             ax.axvline(area, color=theme.muted, linewidth=1.0, linestyle=(0, (4, 3)), zorder=2)
-    ax.set_yticks(range(len(estimates)), labels=list(estimates))
-    ax.set_ylim(len(estimates) - 0.5, -0.5)
     ax.set_xlim(0, 1)
-    ax.tick_params(axis="y", length=0, labelcolor=theme.ink)
     ax.set_xlabel(f"area under the curve up to recall {upto:g}, and its {100 * level:g} % interval")
+    return _rows(ax, list(estimates), theme)
+
+
+def _rows(ax: Axes, names: list[str], theme: Theme) -> Axes:
+    """A row for each name, from the top down."""
+    ax.set_yticks(range(len(names)), labels=names)
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.tick_params(axis="y", length=0, labelcolor=theme.ink)
     ax.grid(axis="x", linewidth=0.8)
     ax.set_axisbelow(True)
     return ax
 
 
 def trust_table(ax: Axes, trust: Trust, *, theme: Theme = LIGHT) -> Axes:
-    """Draws four cells, trusted or not by right or wrong: how many single matches, and their share
-    of all.
+    """Draws four cells, trusted or not by right or wrong: the number of single matches, and their
+    share.
 
     Parameters
     ----------
@@ -138,24 +118,14 @@ def trust_table(ax: Axes, trust: Trust, *, theme: Theme = LIGHT) -> Axes:
     total = max(1, sum(count for _, _, count in cells.values()))
     for outcome, (column, row, count) in cells.items():
         colour = theme.trusted_right if outcome.right else theme.trusted_wrong
-        box = (column, row), 1, 1
-        ax.add_patch(
-            Rectangle(*box, facecolor=colour, alpha=0.06 + 0.34 * count / total, linewidth=0)
-        )
+        box, depth = ((column, row), 1, 1), 0.06 + 0.34 * count / total
+        ax.add_patch(Rectangle(*box, facecolor=colour, alpha=depth, linewidth=0))
         ax.add_patch(Rectangle(*box, fill=False, edgecolor=theme.grid, linewidth=1.2))
-        ax.text(
-            column + 0.5,
-            row + 0.44,
-            str(count),
-            ha="center",
-            va="center",
-            fontsize=17,
-            fontweight="bold",
-        )
+        middle: Any = {"ha": "center", "va": "center"}
+        at = column + 0.5
+        ax.text(at, row + 0.44, str(count), fontsize=17, fontweight="bold", **middle)
         share = f"{100 * count / total:.1f} %"
-        ax.text(
-            column + 0.5, row + 0.74, share, ha="center", va="center", color=theme.ink, fontsize=9.5
-        )
+        ax.text(at, row + 0.74, share, color=theme.ink, fontsize=9.5, **middle)
     ax.set_xlim(0, 2)
     ax.set_ylim(2, 0)
     ax.set_xticks([0.5, 1.5], labels=["right", "wrong"])
@@ -181,19 +151,19 @@ def route_strip(
     unit: str = "m",
     theme: Theme = LIGHT,
 ) -> Axes:
-    """Draws a band for each way of matching: right upwards, wrong downwards, nothing where none is
-    shown.
+    """Draws a band for each way of matching: right upwards, wrong downwards, nothing for a query
+    that is not shown.
 
     Parameters
     ----------
     positions : array of float, shape (m,)
-        How far along the route each query was taken, ascending.
+        The way along the route at which each query was taken, ascending.
     bands : sequence of (name, right, shown)
         From the top down.
     gap : (from, to), optional
         A stretch to bracket under the last band: the longest without a right fix in it.
     along, unit : str
-        What ``positions`` are, the name of the axis; and the unit of the stretch.
+        The name of the axis, and the unit of the stretch.
     """
     middles = (positions[:-1] + positions[1:]) / 2
     edges = np.concatenate((positions[:1], middles, positions[-1:]))
@@ -211,36 +181,17 @@ def route_strip(
             ax.broken_barh(spans, (middle, height), facecolors=colour, linewidth=0)
         ax.axhline(middle, color=theme.muted, linewidth=0.7)
         share = f"{int((right & shown).sum())} right, {int((~right & shown).sum())} wrong"
-        ax.text(
-            first,
-            middle + 0.42,
-            f"{name}: {share}",
-            va="bottom",
-            ha="left",
-            fontsize=9.5,
-            color=theme.ink,
-        )
+        text = f"{name}: {share}"
+        ax.text(first, middle + 0.42, text, va="bottom", fontsize=9.5, color=theme.ink)
     bottom = -(len(bands) - 1) * PITCH - 0.5
     if gap is not None:
         start, stop = gap
         level = bottom - 0.05
-        bracket = {
-            "arrowstyle": "|-|,widthA=0.25,widthB=0.25",
-            "color": theme.ink,
-            "shrinkA": 0,
-            "shrinkB": 0,
-        }
-        ax.annotate("", (start, level), (stop, level), arrowprops=bracket)
-        left = (start + stop) / 2 < (first + last) / 2
-        ax.text(
-            start if left else stop,
-            level - 0.1,
-            f"longest stretch without a right one: {stop - start:.0f} {unit}",
-            ha="left" if left else "right",
-            va="top",
-            fontsize=8.5,
-            color=theme.ink,
-        )
+        style = {"arrowstyle": "|-|,widthA=0.25,widthB=0.25", "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", (start, level), (stop, level), arrowprops=style | {"color": theme.ink})
+        at, side = (start, "left") if start + stop < first + last else (stop, "right")
+        text = f"longest stretch without a right one: {stop - start:.0f} {unit}"
+        ax.text(at, level - 0.1, text, ha=side, va="top", fontsize=8.5, color=theme.ink)
         bottom -= 0.45
     ax.set_xlim(first, last)
     ax.set_ylim(bottom, 0.66)

@@ -50,7 +50,7 @@ class Column:
 
 
 def spread(queries: NDArray[np.int64], count: int) -> list[int]:
-    """``count`` of the ``queries``, evenly spread over them; all of them where they are fewer."""
+    """``count`` of the ``queries``, evenly spread over them; all of them if there are fewer."""
     if len(queries) <= count:
         return [int(query) for query in queries]
     # The middle of each of `count` equal parts.
@@ -103,7 +103,7 @@ def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme 
 
 
 def montage_height(size: tuple[int, int], width: float, *, columns: int, rows: int) -> float:
-    """How high ``montage`` is where it is ``width`` wide, for images of ``size`` (width,
+    """The height of ``montage`` at a width, for images of ``size`` (width,
     height).
     """
     return width / _width(columns) * (rows * _step(size[1] / size[0]) + HEADER)
@@ -125,7 +125,7 @@ BESIDE, APART, TITLE, BELOW = 0.03, 0.16, 0.1, 0.15
 
 @dataclass(frozen=True)
 class Example:
-    """Some images of one query, each with its title or None where there is no image, and a line
+    """Some images of one query, each with its title or None for no image, and a line
     about them all.
     """
 
@@ -186,7 +186,7 @@ def examples(ax: Axes, shown: Sequence[Example], *, across: int = 2, theme: Them
 
 
 def examples_height(shown: Sequence[Example], width: float, *, across: int = 2) -> float:
-    """How high ``examples`` is where it is ``width`` wide."""
+    """The height of ``examples`` at a width."""
     unit = width / (across * (_wide(_images(shown)) + APART) - APART + 0.02)
     return unit * (max(1, -(-len(shown) // across)) * (_height(shown) + TITLE + BELOW) + 0.01)
 

@@ -37,7 +37,7 @@ def distance_matrix(
     label: str = "distance",
     theme: Theme = LIGHT,
 ) -> Axes:
-    """Draws the distances, dark where a query looks like a place, and the match of each query.
+    """Draws the distances, dark if a query looks like a place, and the match of each query.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def distance_matrix(
     right : array of bool, shape (m,)
         Which of them are right, as of ``is_right``.
     truth : array of int, shape (m,), optional
-        Where each query really was, -1 where it was off the map: the true path, a line in a
+        The true place of each query, -1 off the map: the true path, a line in a
         close-up.
     judged : array of bool, shape (m,), optional
         False for queries of which the truth is not known: their matches are not drawn. All by
@@ -57,7 +57,7 @@ def distance_matrix(
         A close-up of these rather than the whole matrix, with larger marks and a line for the true
         path.
     outline : (queries, places), optional
-        Draws a frame around these: where a close-up was taken.
+        Draws a frame around these: the part of a close-up.
     label : str
         What the distances are, and their unit; for the scale of a close-up.
     """
@@ -74,7 +74,7 @@ def distance_matrix(
         vmin=float(nearest),
         vmax=float(furthest),
         origin="lower",
-        # A square cell says that queries and places are counted alike, where there is room for it.
+        # A square cell says that queries and places are counted alike, if there is room for it.
         aspect="equal" if 1 / 3 < query_count / place_count < 3 else "auto",
         interpolation="nearest" if close else "antialiased",
     )

@@ -114,11 +114,6 @@ def write_report(
         The command that makes this drive again.
     seconds : sequence of (name, float)
         The parts of the demo, and the time that each took.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written.
     """
     study, run = demo.study, demo.study.run
     full = "" if run.ready.all() else " of full windows"

@@ -60,11 +60,6 @@ def write_report(
     query_names, place_names : sequences of str, optional
     along : array of float64, shape (m,), optional
         The way along the drive at which each query was taken, in metres, ascending.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written.
     """
     curves = figures.curves(study)
     drawn: dict[str, Picture | None] = {

@@ -22,9 +22,21 @@ from numpy.typing import NDArray
 # Pillow comes with matplotlib.
 from PIL import Image
 
+from surefix.errors import SurefixFileError
 from surefix.plot.theme import DARK, LIGHT, Theme, png
 
-__all__ = ["PAGE", "Picture", "Section", "Table", "Tile", "drawn", "page", "photograph", "write"]
+__all__ = [
+    "PAGE",
+    "Picture",
+    "Section",
+    "Table",
+    "Tile",
+    "drawn",
+    "output_folder",
+    "page",
+    "photograph",
+    "write",
+]
 
 PAGE = "report.html"
 
@@ -267,19 +279,40 @@ def write(
 
     Raises
     ------
-    OSError
+    SurefixFileError
         If a file cannot be written.
     """
-    inside = Path(mkdtemp(prefix=".surefix-", dir=folder))
     try:
-        tables(inside)
-        for name, picture in pictures.items():
-            (inside / name).write_bytes(picture.light)
-        (inside / PAGE).write_text(text, encoding="utf-8")
-        _move(inside, folder, old)
-    finally:
-        shutil.rmtree(inside, ignore_errors=True)
+        inside = Path(mkdtemp(prefix=".surefix-", dir=folder))
+        try:
+            tables(inside)
+            for name, picture in pictures.items():
+                (inside / name).write_bytes(picture.light)
+            (inside / PAGE).write_text(text, encoding="utf-8")
+            _move(inside, folder, old)
+        finally:
+            shutil.rmtree(inside, ignore_errors=True)
+    except OSError as error:
+        raise SurefixFileError(
+            f"{folder}: cannot write the report: {error.strerror or error}"
+        ) from None
     return folder / PAGE
+
+
+def output_folder(folder: Path) -> None:
+    """Makes the folder, before the slow part of a command.
+
+    Raises
+    ------
+    SurefixFileError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SurefixFileError(
+            f"{folder}: cannot make the output folder: {error.strerror or error}"
+        ) from None
 
 
 def _move(inside: Path, folder: Path, old: Iterable[str]) -> None:

@@ -28,10 +28,10 @@ __all__ = [
 ]
 
 RECALLS = {
-    "correct": "the share of the queries with a correct match that are accepted, so each method "
-    "is measured by its own",
-    "place_exists": "the share of the queries that have a true place",
-    "rejected": "true positives over true positives and all rejected queries, as in the authors' "
+    "correct": "accepted correct matches over all correct matches of the same method, the paper's "
+    "wording",
+    "place_exists": "accepted correct matches over all queries that have a true place",
+    "rejected": "accepted correct matches over these and all rejected queries, as in the authors' "
     "earlier code",
 }
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from surefix import __version__
 from surefix.errors import SurefixValueError
 from surefix.machine import machine
+from surefix.report import sections
 from surefix.report.page import Section, Tile, page, write
 from surefix.report.tables import write_csv
 from surefix.reproduce.break_even import break_even
@@ -20,21 +21,6 @@ from surefix.reproduce.timing import execution_time
 __all__ = ["STEPS", "exhibits", "write_report"]
 
 STEPS = 9
-
-RECALLS = (
-    (
-        "recall \u201ccorrect\u201d",
-        "accepted correct matches / all correct matches of the same method. The paper's wording, the default here.",
-    ),
-    (
-        "recall \u201cplace_exists\u201d",
-        "accepted correct matches / all queries that have a true place.",
-    ),
-    (
-        "recall \u201crejected\u201d",
-        "accepted correct matches / (those and all rejected queries). The authors' earlier code.",
-    ),
-)
 
 
 def exhibits(
@@ -73,11 +59,6 @@ def write_report(
 ) -> Path:
     """Writes the page, a PNG of each picture and a CSV of each exhibit; returns the path of the
     page.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written.
     """
 
     def tables(inside: Path) -> None:
@@ -170,8 +151,8 @@ def _data(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
 
 def _made(settings: Settings, command: str) -> Section:
     rows = (
-        *RECALLS,
-        ("recall on this page", f"\u201c{settings.recall}\u201d, except where a label says otherwise"),
+        *((f"recall \u201c{name}\u201d", words) for name, words in sections.RECALLS.items()),
+        ("recall on this page", f"\u201c{settings.recall}\u201d, unless a label says otherwise"),
         ("area", "trapezoids through the lowest precision at each recall, the first held back to recall 0, "
          "divided by the recall it goes up to; a sequence's warm-up is left out"),
         ("intervals", f"block bootstrap over queries, blocks of the root of their number, {settings.samples} samples"),
