@@ -31,6 +31,9 @@ __all__ = ["RerunView"]
 # Times from here on, 2001, count from the epoch; smaller ones from the start of a video.
 EPOCH = 1e9
 
+# Names, colours and sizes of the matched places and cells.
+MARKS = ("untrusted", UNTRUSTED, 1.5), ("trusted", TRUSTED, 3.0)
+
 # A tone for each level of ``Columns.levels``: the viewer's own dark for none, then from far to near.
 _STOPS = (1, 150, 225, 255)
 _TONES = ((22, 42, 120, 255), (27, 82, 170, 250), (36, 118, 190, 225))
@@ -122,7 +125,12 @@ class RerunView(Closing):
         self.started = False
         self.shown: int | None = None
         self.dropped = 0
-        sinks = self._sinks(spawn if spawn is not None else save is None, port, memory)
+        sinks: list[Any] = []
+        if spawn if spawn is not None else save is None:
+            open_viewer(self.recording, port, memory)
+            sinks.append(self.rr.GrpcSink(f"rerun+http://127.0.0.1:{port}/proxy"))
+        if self.save is not None:
+            sinks.append(self.rr.FileSink(self.save))
         try:
             self.recording.set_sinks(*sinks)
         except RuntimeError as error:
@@ -162,15 +170,6 @@ class RerunView(Closing):
         if self.save is not None and not self.save.is_file():
             raise SurefixFileError(f"{self.save}: the recording is not there any more")
 
-    def _sinks(self, spawn: bool, port: int, memory: str) -> list[Any]:
-        sinks = []
-        if spawn:
-            open_viewer(self.recording, port, memory)
-            sinks.append(self.rr.GrpcSink(f"rerun+http://127.0.0.1:{port}/proxy"))
-        if self.save is not None:
-            sinks.append(self.rr.FileSink(self.save))
-        return sinks
-
     def _start(self, seen: Seen) -> None:
         """Log the layout, the styles and the route, which stay for the whole drive."""
         rr, log = self.rr, self.recording.log
@@ -182,18 +181,16 @@ class RerunView(Closing):
                 matrix=self.columns.values.shape,
             )
         )
-        points = {"trusted": (TRUSTED, 3.0), "untrusted": (UNTRUSTED, 1.5)}
-        for name, (colour, size) in points.items():
-            style = rr.SeriesPoints(
-                colors=_rgb(colour), names=name, markers="circle", marker_sizes=size
-            )
-            log(f"place/{name}", style, static=True)
-        log("score", rr.SeriesLines(colors=_rgb(MINIMUM), names="score", widths=1.5), static=True)
-        log(
-            "latency_us",
-            rr.SeriesLines(colors=_rgb(PEAK), names="push, microseconds", widths=1.5),
-            static=True,
-        )
+        for name, colour, size in MARKS:
+            style = {"markers": "circle", "marker_sizes": size}
+            series = rr.SeriesPoints(colors=_rgb(colour), names=name, **style)
+            log(f"place/{name}", series, static=True)
+        for entity, name, colour in (
+            ("score", "score", MINIMUM),
+            ("latency_us", "push, microseconds", PEAK),
+        ):
+            series = rr.SeriesLines(colors=_rgb(colour), names=name, widths=1.5)
+            log(entity, series, static=True)
         if self.positions is not None:
             step = -(-len(self.positions) // self.PLACES_ON_ROUTE)
             log("route/places", self._points(self.positions[::step], FAINT, 1.5), static=True)
@@ -213,18 +210,15 @@ class RerunView(Closing):
         if self.references and fix.place != self.shown:
             self.shown = fix.place
             reference = self.references.image(fix.place)
-            self.recording.log(
-                "matched",
-                self.rr.Clear(recursive=False) if reference is None else self._jpeg(reference),
-            )
+            clear = self.rr.Clear(recursive=False)
+            self.recording.log("matched", clear if reference is None else self._jpeg(reference))
 
     def _jpeg(self, image: Image) -> Any:
         picture = _pillow(image)
         # Means of whole blocks: a finer resize takes longer than the rest of a view.
         picture = picture.reduce(max(1, -(-max(picture.size) // self.WIDEST)))
-        return self.rr.EncodedImage(
-            contents=_file(picture, "JPEG", quality=85), media_type="image/jpeg"
-        )
+        file = _file(picture, "JPEG", quality=85)
+        return self.rr.EncodedImage(contents=file, media_type="image/jpeg")
 
     def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
         """All distances as bars, those of the minimum and of the gradient peak in colours."""
@@ -239,10 +233,8 @@ class RerunView(Closing):
             ("minimum", fix.single.place, MINIMUM),
             ("gradient_peak", fix.gradient.place, PEAK),
         ):
-            bar = chart(
-                distances[[place]], abscissa=[float(place)], widths=[thick], color=_rgb(colour)
-            )
-            log(f"distances/{name}", bar)
+            at = {"abscissa": [float(place)], "widths": [thick]}
+            log(f"distances/{name}", chart(distances[[place]], color=_rgb(colour), **at))
 
     def _log_matrix(self, distances: NDArray[np.float32], fix: Fix) -> None:
         rr = self.rr
@@ -250,23 +242,16 @@ class RerunView(Closing):
         levels = _pillow(self.columns.levels())
         levels.putpalette(PALETTE.tobytes())
         file = _file(levels, "PNG", compress_level=1)
-        self.recording.log(
-            "matrix/distances", rr.EncodedImage(contents=file, media_type="image/png")
-        )
-        for name, trusted, colour, size in (
-            ("untrusted", False, UNTRUSTED, 1.5),
-            ("trusted", True, TRUSTED, 3.0),
-        ):
-            radius = rr.Radius.ui_points(size)
-            self.recording.log(
-                f"matrix/{name}",
-                rr.Points2D(self.columns.cells(trusted), colors=_rgb(colour), radii=radius),
-            )
+        picture = rr.EncodedImage(contents=file, media_type="image/png")
+        self.recording.log("matrix/distances", picture)
+        for name, colour, size in MARKS:
+            cells = self.columns.cells(name == "trusted")
+            points = rr.Points2D(cells, colors=_rgb(colour), radii=rr.Radius.ui_points(size))
+            self.recording.log(f"matrix/{name}", points)
 
     def _log_track(self, fix: Fix) -> None:
-        name, colour, size = (
-            ("trusted", TRUSTED, 5.0) if fix.trusted else ("untrusted", UNTRUSTED, 2.0)
-        )
+        marks = ("trusted", TRUSTED, 5.0), ("untrusted", UNTRUSTED, 2.0)
+        name, colour, size = marks[0] if fix.trusted else marks[1]
         self.recording.log(f"place/{name}", self.rr.Scalars(fix.place))
         if self.positions is not None:
             at = self.positions[[fix.place]]
@@ -289,24 +274,22 @@ class RerunView(Closing):
         log("score", rr.Scalars(fix.score))
         log("latency_us", rr.Scalars(latency_us))
         self.dropped += seen.dropped
-        log(
-            "fix",
-            rr.AnyValues(
-                query=seen.name,
-                place=fix.place,
-                score=fix.score,
-                trusted=fix.trusted,
-                ready=sequence is not None,
-                anchors=-1 if sequence is None else sequence.anchors,
-                speed=float("nan") if sequence is None else sequence.speed,
-                single_place=fix.single.place,
-                single_distance=fix.single.distance,
-                gradient_place=fix.gradient.place,
-                gradient_value=fix.gradient.value,
-                latency_us=latency_us,
-                dropped=self.dropped,
-            ),
+        numbers = rr.AnyValues(
+            query=seen.name,
+            place=fix.place,
+            score=fix.score,
+            trusted=fix.trusted,
+            ready=sequence is not None,
+            anchors=-1 if sequence is None else sequence.anchors,
+            speed=float("nan") if sequence is None else sequence.speed,
+            single_place=fix.single.place,
+            single_distance=fix.single.distance,
+            gradient_place=fix.gradient.place,
+            gradient_value=fix.gradient.value,
+            latency_us=latency_us,
+            dropped=self.dropped,
         )
+        log("fix", numbers)
 
 
 def _rgb(colour: str) -> list[int]:

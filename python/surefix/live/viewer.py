@@ -77,40 +77,31 @@ def open_viewer(recording: Any, port: int, memory: str) -> None:
 
 
 def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int, int]) -> Any:
-    """The blueprint of a drive.
-
-    Parameters
-    ----------
-    camera, references : bool
-        Whether there are images of the queries, and of the map's places.
-    dimensions : int
-        Coordinates of the map's positions, 2 or 3; 0 if it has none.
-    matrix : (int, int)
-        Rows and columns of the picture of the matrix.
+    """The blueprint of a drive: with images of the queries and of the map's places or without, for
+    positions of 2 or 3 ``dimensions``, 0 for none, and for a matrix of these rows and columns.
     """
     import rerun as rr
     import rerun.blueprint as rrb
 
-    images = []
-    if camera:
-        images.append(rrb.Spatial2DView(origin="camera", name="Camera"))
-    if references:
-        images.append(rrb.Spatial2DView(origin="matched", name="Matched place"))
+    def image(origin: str, name: str, **options: Any) -> Any:
+        return rrb.Spatial2DView(origin=origin, name=name, **options)
+
+    def series(origin: str, name: str, legend: Any) -> Any:
+        return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
+
+    images = [image("camera", "Camera")] if camera else []
+    images += [image("matched", "Matched place")] if references else []
     ground = []
     if dimensions:
-        view, points = (
-            (rrb.Spatial3DView, rr.Points3D)
-            if dimensions == 3
-            else (rrb.Spatial2DView, rr.Points2D)
-        )
         # The trail stays, up to the cursor; of all else there is only the newest.
         start, now = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
         so_far = rrb.VisibleTimeRanges(
             [rrb.VisibleTimeRange(name, start=start, end=now) for name in ("frame", "time")]
         )
-        trail: Any = {
-            f"route/{name}": [so_far, points.from_fields()] for name in ("trusted", "untrusted")
-        }
+        flat: Any = rrb.Spatial2DView, rr.Points2D
+        view, points = flat if dimensions == 2 else (rrb.Spatial3DView, rr.Points3D)
+        names = "route/trusted", "route/untrusted"
+        trail: Any = {name: [so_far, points.from_fields()] for name in names}
         ground.append(view(origin="route", name="Route", overrides=trail))
     legend = rrb.PlotLegend(rrb.Corner2D.LeftBottom)
     distances = rrb.BarChartView(
@@ -118,17 +109,11 @@ def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int
     )
     rows, columns = matrix
     bounds = rrb.VisualBounds2D(x_range=(0, columns), y_range=(0, rows))
-    newest = rrb.Spatial2DView(
-        origin="matrix", name="Newest columns of the matrix", visual_bounds=bounds
-    )
-    place = rrb.TimeSeriesView(
-        origin="place", name="Place", plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop)
-    )
+    newest = image("matrix", "Newest columns of the matrix", visual_bounds=bounds)
+    place = series("place", "Place", rrb.PlotLegend(rrb.Corner2D.LeftTop))
     bare = rrb.PlotLegend(visible=False)
-    score = rrb.TimeSeriesView(origin="score", name="Score", plot_legend=bare)
-    latency = rrb.TimeSeriesView(
-        origin="latency_us", name="Latency, microseconds", plot_legend=bare
-    )
+    score = series("score", "Score", bare)
+    latency = series("latency_us", "Latency, microseconds", bare)
     views = [
         rrb.Vertical(distances, newest),
         rrb.Vertical(*ground, place, rrb.Horizontal(score, latency)),

@@ -42,7 +42,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Column:
-    """Some pairs of one outcome, and how often there were such."""
+    """Some pairs of one outcome, and the number of all."""
 
     outcome: Outcome
     count: int
@@ -64,6 +64,17 @@ def photo(ax: Axes, image: Image, box: Box) -> None:
     )
 
 
+def _note(ax: Axes, x: float, y: float, text: str, theme: Theme) -> None:
+    ax.text(x, y, text, ha="center", va="center", color=theme.muted)
+
+
+def _bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
+    """Units as long across as up, and no axes."""
+    ax.set(xlim=x, ylim=y, aspect="equal")
+    ax.set_axis_off()
+    return ax
+
+
 def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme = LIGHT) -> Axes:
     """Draws a column for each outcome: the query above, the matched place below, ``rows`` pairs in
     each.
@@ -76,14 +87,8 @@ def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme 
     for c, column in enumerate(columns):
         left, colour = c * (1 + ACROSS), theme.colour(column.outcome)
         ax.add_patch(Rectangle((left, 0.07), 1, 0.045, color=colour, linewidth=0))
-        ax.text(
-            left,
-            0.16,
-            f"{column.outcome.value} ({column.count})",
-            fontsize=10,
-            fontweight="bold",
-            va="bottom",
-        )
+        title = f"{column.outcome.value} ({column.count})"
+        ax.text(left, 0.16, title, fontsize=10, fontweight="bold", va="bottom")
         for r, pair in enumerate(column.pairs[:rows]):
             top = -r * step
             middle = top - height - BETWEEN
@@ -92,20 +97,12 @@ def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme 
             text = top - 2 * height - BETWEEN - 0.035
             ax.text(left, text, pair.caption, fontsize=8, va="top", color=theme.muted)
         if not column.pairs:
-            ax.text(
-                left + 0.5, -height, "none in this run", ha="center", va="center", color=theme.muted
-            )
-    ax.set_xlim(-0.01, _width(len(columns)) - 0.01)
-    ax.set_ylim(-rows * step, HEADER)
-    ax.set_aspect("equal")
-    ax.set_axis_off()
-    return ax
+            _note(ax, left + 0.5, -height, "none in this run", theme)
+    return _bare(ax, (-0.01, _width(len(columns)) - 0.01), (-rows * step, HEADER))
 
 
 def montage_height(size: tuple[int, int], width: float, *, columns: int, rows: int) -> float:
-    """The height of ``montage`` at a width, for images of ``size`` (width,
-    height).
-    """
+    """The height of ``montage`` at a width, for images of ``size`` (width, height)."""
     return width / _width(columns) * (rows * _step(size[1] / size[0]) + HEADER)
 
 
@@ -156,33 +153,19 @@ def examples(ax: Axes, shown: Sequence[Example], *, across: int = 2, theme: Them
         for k, (title, image) in enumerate(example.images):
             at = left + k * (1 + BESIDE)
             ax.text(at, top + 0.02, title, fontsize=8, va="bottom", color=theme.ink)
+            box = (at, top - height), 1, height
             if image is None:
-                ax.add_patch(
-                    Rectangle((at, top - height), 1, height, fill=False, edgecolor=theme.grid)
-                )
-                ax.text(
-                    at + 0.5,
-                    top - height / 2,
-                    "no image",
-                    ha="center",
-                    va="center",
-                    color=theme.muted,
-                )
+                ax.add_patch(Rectangle(*box, fill=False, edgecolor=theme.grid))
+                _note(ax, at + 0.5, top - height / 2, "no image", theme)
                 continue
             rows, columns = image.shape[:2]
             w, h = min(1.0, height * columns / rows), min(height, rows / columns)
-            ax.add_patch(
-                Rectangle((at, top - height), 1, height, facecolor=theme.grid, linewidth=0)
-            )
+            ax.add_patch(Rectangle(*box, facecolor=theme.grid, linewidth=0))
             x, y = at + (1 - w) / 2, top - (height + h) / 2
             photo(ax, image, (x, x + w, y, y + h))
         ax.text(left, top - height - 0.02, example.caption, fontsize=8, va="top", color=theme.muted)
-    rows_ = -(-len(shown) // across)
-    ax.set_xlim(-0.01, across * (wide + APART) - APART + 0.01)
-    ax.set_ylim(-max(rows_, 1) * step, 0.01)
-    ax.set_aspect("equal")
-    ax.set_axis_off()
-    return ax
+    rows = max(1, -(-len(shown) // across))
+    return _bare(ax, (-0.01, across * (wide + APART) - APART + 0.01), (-rows * step, 0.01))
 
 
 def examples_height(shown: Sequence[Example], width: float, *, across: int = 2) -> float:

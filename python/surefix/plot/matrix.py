@@ -59,7 +59,7 @@ def distance_matrix(
     outline : (queries, places), optional
         Draws a frame around these: the part of a close-up.
     label : str
-        What the distances are, and their unit; for the scale of a close-up.
+        The distances and their unit, for the scale of a close-up.
     """
     close = queries is not None or places is not None
     first_query, query_count = queries or (0, distances.shape[1])
@@ -110,33 +110,24 @@ def distance_matrix(
             ax.plot(shown, known, color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
         figure = ax.get_figure(root=True)
         if figure is not None:
-            bar = figure.colorbar(
-                tones, ax=ax, location="top", shrink=0.6, aspect=32, pad=0.02, extend="both"
-            )
+            shape: Any = {"location": "top", "shrink": 0.6, "aspect": 32, "pad": 0.02}
+            bar = figure.colorbar(tones, ax=ax, extend="both", **shape)
             bar.set_label(label)
             bar.outline.set_visible(False)
     if outline is not None:
         (x, width), (y, height) = outline
-        frame = Rectangle(
-            (x - cell, y - cell), width, height, fill=False, edgecolor=theme.ink, linewidth=1.1
-        )
-        ax.add_patch(frame).set_zorder(10)
+        corner = x - cell, y - cell
+        style: Any = {"edgecolor": theme.ink, "linewidth": 1.1}
+        ax.add_patch(Rectangle(corner, width, height, fill=False, zorder=10, **style))
     ax.set_xlim(first_query - cell, first_query + query_count - cell)
     ax.set_ylim(first_place - cell, first_place + place_count - cell)
     ax.set_xlabel("query (frame of the second drive)")
     ax.set_ylabel("place (frame of the map)")
     if not close:
-        ax.legend(
-            handles=[
-                _legend_entry(outcome, int((masks[outcome] & seen).sum()), theme)
-                for outcome in Outcome
-            ],
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.0),
-            ncols=2,
-            handletextpad=0.4,
-            columnspacing=1.6,
-        )
+        counts = {outcome: int((masks[outcome] & seen).sum()) for outcome in Outcome}
+        entries = [_legend_entry(outcome, count, theme) for outcome, count in counts.items()]
+        spacing: Any = {"ncols": 2, "handletextpad": 0.4, "columnspacing": 1.6}
+        ax.legend(handles=entries, loc="lower center", bbox_to_anchor=(0.5, 1.0), **spacing)
     return ax
 
 

@@ -1,6 +1,6 @@
 """The paper's data sets in a folder, their cases, and the reasons why some do not load."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ METRES = 10.0
 
 # A folder of ready matrices, without images.
 MATRICES = "matrices"
+TRUTH = "ground_truth.csv"
 
 # Their traverses correspond by position only, not image by image.
 BY_POSITION = ("four_seasons", "robotcar")
@@ -134,23 +135,21 @@ def check_pairs(
     for dataset, pairs in chosen.items():
         places = [found for found in there if found.dataset == dataset]
         if not places:
-            listed = ", ".join(
-                dict.fromkeys(
-                    found.dataset for found in there if found.dataset in datasets.DATASETS
-                )
-            )
+            known = [found.dataset for found in there if found.dataset in datasets.DATASETS]
+            listed = ", ".join(dict.fromkeys(known)) or "none"
             raise SurefixValueError(
-                f"--pair: expected a data set that is there ({listed or 'none'} in {folder}), got {dataset}"
+                f"--pair: expected a data set that is there ({listed} in {folder}), got {dataset}"
             )
         for pair in pairs:
             if not any(found.has(pair) for found in places):
-                named = [
-                    (", ".join(datasets.traverses(dataset, found.folder)), found.folder)
+                named = {
+                    found.folder: ", ".join(datasets.traverses(dataset, found.folder)) or "none"
                     for found in places
-                ]
-                listed = "; ".join(f"{names or 'none'} in {where}" for names, where in named)
+                }
+                listed = "; ".join(f"{names} in {place}" for place, names in named.items())
                 raise SurefixValueError(
-                    f"--pair {dataset}: expected traverses that are there ({listed}), got {'/'.join(pair)}"
+                    f"--pair {dataset}: expected traverses that are there ({listed}), got "
+                    f"{'/'.join(pair)}"
                 )
 
 
@@ -213,30 +212,27 @@ def load_cases(
     chosen : sequence of (reference, query)
         These pairs alone; by default the first traverse against each other.
     """
+    matrices = found.folder / MATRICES
     try:
         pairs = list(chosen) or found.pairs
     except OSError as error:
         return [], [str(error)]
     if not pairs:
         # Its loader says what is missing, if anything is.
-        return _load(found, found.names, {}, [found.folder / "matrices"])
+        return _load(found, found.names, {}, {matrices: ()})
     cases: list[Case] = []
     problems: list[str] = []
     for number, (reference, query) in enumerate(pairs):
         which = f"{reference.removeprefix('recording_')} to {query.removeprefix('recording_')}"
         names = tuple(f"{name}, {which}" for name in found.names)
+        ready: dict[Path, tuple[str, ...]] = {}
+        if number == 0:
+            ready[matrices] = (f"The matrix lies in matrices/ itself: taken to be of {which}.",)
         if len(pairs) == 1:
             names = names + found.names if chosen else found.names + names
-        ready = [found.folder / "matrices" / f"{reference}_to_{query}"]
-        notes: tuple[str, ...] = ()
-        if number == 0:
-            ready.insert(0, found.folder / "matrices")
-            notes = (
-                ()
-                if len(pairs) == 1
-                else (f"The matrix lies in matrices/ itself: taken to be of {which}.",)
-            )
-        loaded, wrong = _load(found, names, {"reference": reference, "query": query}, ready, notes)
+            ready[matrices] = ()
+        ready[matrices / f"{reference}_to_{query}"] = ()
+        loaded, wrong = _load(found, names, {"reference": reference, "query": query}, ready)
         cases += loaded
         problems += wrong
     return cases, problems
@@ -246,39 +242,32 @@ def _load(
     found: Found,
     names: tuple[str, ...],
     options: dict[str, str],
-    ready: Sequence[Path],
-    first_notes: tuple[str, ...] = (),
+    ready: Mapping[Path, tuple[str, ...]],
 ) -> tuple[list[Case], list[str]]:
-    """The cases of one pair. If its images fail, its matrices need a truth of their own."""
+    """The cases of one pair: of its images, and of the matrices in folders, each with its notes.
+    If the images fail, matrices need a truth of their own.
+    """
     cases: list[Case] = []
     problems: list[str] = []
     known: tuple[Truth, float] | None = None
     if found.dataset == "folders":
-        options = {
-            "truth": "ground_truth.csv"
-            if (found.folder / "ground_truth.csv").is_file()
-            else "identity"
-        }
+        there = (found.folder / TRUTH).is_file()
+        options = {"truth": TRUTH if there else "identity"}
     if found.dataset != MATRICES:
         try:
             pair = datasets.load(found.dataset, found.folder, **options)
             truth, tolerance = known = _truth(pair)
             D = sad_distances(pair.references, pair.queries)
-            source = f"images in {found.folder}"
-            cases.append(
-                Case(
-                    names[0], SAD, D, truth, tolerance, source, tuple(pair.notes), aliases=names[1:]
-                )
-            )
+            source, notes = f"images in {found.folder}", tuple(pair.notes)
+            case = Case(names[0], SAD, D, truth, tolerance, source, notes, aliases=names[1:])
+            cases.append(case)
         except SurefixError as error:
             problems.append(str(error))
-    for number, place in enumerate(ready):
-        for path in sorted(place.glob("*.npy")):
-            notes = () if number else first_notes
+    for folder, notes in ready.items():
+        for path in sorted(folder.glob("*.npy")):
+            taken = [stem(case.technique) for case in cases]
             try:
-                cases.append(
-                    _matrix(found, path, names, known, notes, [case.technique for case in cases])
-                )
+                cases.append(_matrix(found, path, names, known, notes, taken))
             except SurefixError as error:
                 problems.append(str(error))
     return cases, list(dict.fromkeys(problems))
@@ -292,26 +281,26 @@ def _matrix(
     notes: tuple[str, ...],
     taken: Sequence[str],
 ) -> Case:
-    for word in ("similarity", "distance"):
-        technique, separator, _ = path.stem.partition(f"_{word}")
-        if separator:
-            if stem(technique) in map(stem, taken):
-                technique = path.stem
-            if stem(technique) in map(stem, taken):
-                raise SurefixValueError(
-                    f"{path}: expected names that differ in letters or digits, got another such"
-                )
-            similarity = word == "similarity"
-            D = matrix_distances(path, similarity)
-            if known is None:
-                beside, assumed = _truth_beside(found, path, *D.shape)
-                known, notes = (beside, 1), notes + assumed
-            truth, tolerance = known
-            source = f"ready {kind(similarity)}, {path}"
-            return Case(names[0], technique, D, truth, tolerance, source, notes, aliases=names[1:])
-    raise SurefixFileError(
-        f"{path}: expected NAME_similarity*.npy or NAME_distance*.npy, to tell which it holds"
-    )
+    word = next((word for word in ("similarity", "distance") if f"_{word}" in path.stem), None)
+    if word is None:
+        raise SurefixFileError(
+            f"{path}: expected NAME_similarity*.npy or NAME_distance*.npy, to tell which it holds"
+        )
+    technique = path.stem.partition(f"_{word}")[0]
+    if stem(technique) in taken:
+        technique = path.stem
+    if stem(technique) in taken:
+        raise SurefixValueError(
+            f"{path}: expected names that differ in letters or digits, got another such"
+        )
+    similarity = word == "similarity"
+    D = matrix_distances(path, similarity)
+    if known is None:
+        beside, assumed = _truth_beside(found, path, *D.shape)
+        known, notes = (beside, 1), notes + assumed
+    truth, tolerance = known
+    source = f"ready {kind(similarity)}, {path}"
+    return Case(names[0], technique, D, truth, tolerance, source, notes, aliases=names[1:])
 
 
 def _truth_beside(
@@ -320,19 +309,15 @@ def _truth_beside(
     """The truth of a matrix without images: of ``ground_truth.csv``, or the identity if it is
     square.
     """
-    file = found.folder / "ground_truth.csv"
+    file = found.folder / TRUTH
     if file.is_file():
         return read_truth(file, places, queries), ()
+    if found.dataset not in BY_POSITION and places == queries:
+        return np.arange(queries, dtype=np.int64), (IDENTITY,)
+    why = f"{places} places and {queries} queries cannot be paired one to one"
     if found.dataset in BY_POSITION:
-        raise SurefixFileError(
-            f"{path}: expected {file}, as without the images' positions there is no truth"
-        )
-    if places != queries:
-        raise SurefixFileError(
-            f"{path}: expected {file}, as {places} places and {queries} queries cannot be paired "
-            "one to one"
-        )
-    return np.arange(queries, dtype=np.int64), (IDENTITY,)
+        why = "without the images' positions there is no truth"
+    raise SurefixFileError(f"{path}: expected {file}, as {why}")
 
 
 def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
