@@ -1,4 +1,4 @@
-"""The paper's methods on ready distances: single frames and sequences, plain or by the prediction."""
+"""The paper's methods on ready distances: single frames and sequences, with or without trust."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -100,7 +100,8 @@ class Method:
 
 NEEDS = {
     "truth": "the truth of the queries: Context(truth=...)",
-    "calibration": "a pair of drives with known truth to learn from: Context(calibration=(distances, truth))",
+    "calibration": "a pair of drives with known truth to learn from: "
+    "Context(calibration=(distances, truth))",
 }
 
 

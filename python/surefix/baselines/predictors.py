@@ -26,8 +26,7 @@ SHORTEST_CALIBRATION = 10
 
 
 def perfect_predictor(D: Distances, truth: Truth, tolerance: float = 1) -> Flags:
-    """Is each single-frame match right? The bound on what any predictor can do, as a mask or as
-    weights.
+    """Is each single-frame match right? The bound of any predictor, as a mask or as weights.
 
     Parameters
     ----------
@@ -36,7 +35,8 @@ def perfect_predictor(D: Distances, truth: Truth, tolerance: float = 1) -> Flags
         As for ``surefix.evaluate``: a place a query, -1 for none; a matrix (n, m); or a
         pair of positions.
     tolerance : float
-        The distance from the truth that is still right: places, or metres if the truth is positions.
+        The distance from the truth that is still right: places, or metres if the truth is
+        positions.
 
     Returns
     -------
@@ -234,7 +234,8 @@ class SupervisedPredictor:
         if right.all() or not right.any():
             got = f"{int(right.sum())} right and {int((~right).sum())} wrong"
             raise SurefixValueError(
-                f"calibration: expected right and wrong single-frame matches to learn from, got {got}"
+                "calibration: expected right and wrong single-frame matches to learn from, got "
+                f"{got}"
             )
         self._machine = _machine().fit(factors, right)
         self.factors, self.right = factors, right
@@ -279,7 +280,8 @@ def _machine() -> Any:
         if (error.name or "").partition(".")[0] != "sklearn":
             raise
         raise SurefixError(
-            "the supervised predictor needs scikit-learn, which is not installed: pip install 'surefix[eval]'"
+            "the supervised predictor needs scikit-learn, which is not installed: pip install "
+            "'surefix[eval]'"
         ) from None
     return make_pipeline(
         StandardScaler(), SVC(kernel="rbf", C=1.0, gamma="scale", class_weight="balanced")

@@ -157,7 +157,7 @@ def spread(
     ``top`` is 10, ``slope`` 350, and no place counts as further than ``reach`` from the mean on an
     axis. Their code limits only the one direction of an axis; here it is both, as its comment says.
 
-    The slope is per unit of distance, and what it does depends on that unit: near 0 all ``top``
+    The slope is per unit of distance, and its effect depends on that unit: near 0 all ``top``
     places weigh the same, and with a large one only the best counts, so that every score is 0.
 
     Parameters

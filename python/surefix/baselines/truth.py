@@ -50,7 +50,8 @@ def _whole_float(tolerance: float) -> int:
     """A tolerance in places that came as a float, as from the command line."""
     if not tolerance.is_integer():
         raise SurefixValueError(
-            "option `tolerance`: expected a whole number of places, 0 or more (metres only if the truth is "
+            "option `tolerance`: expected a whole number of places, 0 or more (metres only if the "
+            "truth is "
             f"positions), got {tolerance}"
         )
     return whole("tolerance", int(tolerance), 0)

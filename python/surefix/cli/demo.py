@@ -100,7 +100,7 @@ def _localize(
             fix = localizer.push(image)
             latency[query] = time.perf_counter() - start
             distances[:, query] = localizer.distances
-            # Drawn on a terminal only: a line a fix would bury what the demo says.
+            # Drawn on a terminal only: a line a fix would bury the demo's own.
             if console.is_terminal:
                 view.update(image, fix, localizer, 1e6 * latency[query])
     # The same fixes again, to the bit, and beside them those without weighting.

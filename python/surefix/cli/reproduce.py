@@ -40,8 +40,10 @@ def reproduce(
         Path | None,
         typer.Option(
             "--data",
-            help="A folder with data sets as their publishers ship them: Gardens Point, Nordland, 4Seasons, RobotCar, "
-            "or reference/ and query/ with ground_truth.csv and matrices/. Each is run on every pair that is there: "
+            help="A folder with data sets as their publishers ship them: Gardens Point, Nordland, "
+            "4Seasons, RobotCar, "
+            "or reference/ and query/ with ground_truth.csv and matrices/. Each is run on every "
+            "pair that is there: "
             "its first traverse against each other.",
         ),
     ] = None,
@@ -50,7 +52,8 @@ def reproduce(
         typer.Option(
             "--pair",
             metavar="DATASET=REFERENCE/QUERY",
-            help="Of a data set in --data only this pair of traverses, as gardens_point=day_left/night_right. "
+            help="Of a data set in --data only this pair of traverses, as "
+            "gardens_point=day_left/night_right. "
             "May be given again.",
         ),
     ] = None,
@@ -59,7 +62,8 @@ def reproduce(
         typer.Option(
             "--matrix",
             metavar="NAME=FILE.npy[,TRUTH.npy]",
-            help="Ready distances of any technique, a row a place and a column a query; NAME as DATASET/TECHNIQUE. "
+            help="Ready distances of any technique, a row a place and a column a query; NAME as "
+            "DATASET/TECHNIQUE. "
             "May be given again.",
         ),
     ] = None,
@@ -73,7 +77,8 @@ def reproduce(
         Path | None,
         typer.Option(
             "--paper",
-            help="The paper's own numbers, for the table: a CSV with dataset,technique,baseline,weighted; dataset as "
+            help="The paper's own numbers, for the table: a CSV with "
+            "dataset,technique,baseline,weighted; dataset as "
             "the table names it, or gardens_point, nordland, four_seasons, robotcar.",
         ),
     ] = None,

@@ -34,7 +34,7 @@ EPOCH = 1e9
 # Names, colours and sizes of the matched places and cells.
 MARKS = ("untrusted", UNTRUSTED, 1.5), ("trusted", TRUSTED, 3.0)
 
-# A tone for each level of ``Columns.levels``: the viewer's own dark for none, then from far to near.
+# A tone for each level of ``Columns.levels``: the viewer's dark for none, then from far to near.
 _STOPS = (1, 150, 225, 255)
 _TONES = ((22, 42, 120, 255), (27, 82, 170, 250), (36, 118, 190, 225))
 PALETTE = np.stack([np.interp(np.arange(256), _STOPS, tones) for tones in _TONES], axis=1)

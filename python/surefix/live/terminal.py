@@ -184,7 +184,7 @@ class PacedLive:
         return self.on and time.perf_counter() >= self.due
 
     def draw(self, picture: Callable[[], RenderableType]) -> None:
-        """Draw ``picture()`` now if it is time to, and else when it is, unless a newer one comes."""
+        """Draw ``picture()`` if it is time to, and else when it is, unless a newer one comes."""
         if not self.on:
             return
         with self.lock:

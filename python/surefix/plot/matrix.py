@@ -14,7 +14,7 @@ from surefix.plot.theme import LIGHT, MARKS, Theme
 __all__ = ["Window", "busiest_window", "distance_matrix"]
 
 Window = tuple[int, int]
-"""The first of some consecutive places or queries, and how many they are."""
+"""The first of some consecutive places or queries, and their number."""
 
 # Nine of ten distances are nearly alike; the tones are spent on the near ones.
 TONES = (0.1, 60.0)

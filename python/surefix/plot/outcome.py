@@ -1,4 +1,4 @@
-"""How a fix turned out: right or wrong, trusted or not. Four outcomes, and what each looks like."""
+"""The outcome of a fix: right or wrong, trusted or not."""
 
 from dataclasses import dataclass
 from enum import Enum

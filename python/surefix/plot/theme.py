@@ -138,9 +138,7 @@ class Look:
     mark: str
 
     def line(self, points: int, layer: int) -> dict[str, Any]:
-        """What ``Axes.plot`` has to be told for a line of so many points, with a few marks on
-        it.
-        """
+        """The options of ``Axes.plot`` for a line of these points, with a few marks on it."""
         # Each line's marks begin elsewhere, so that lines on top of each other show both.
         every = (0.02 + 0.017 * layer, 0.14) if points > 12 else None
         return {

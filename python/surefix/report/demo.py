@@ -241,7 +241,8 @@ def _route(demo: Demo, strip: Picture) -> Section:
     return Section(
         "Along the route",
         (
-            f"A robot that acts on every fix is sent to a wrong place {counted(bad + held, 'time')} "
+            "A robot that acts on every fix is sent to a wrong place "
+            f"{counted(bad + held, 'time')} "
             f"in {len(demo.study)}. One that acts on the trusted fixes only, "
             f"{counted(bad, 'time')}. The price: {counted(right, 'right fix', 'right fixes')} "
             f"{are(right)} held back together with the {counted(held, 'wrong one')}, and the "

@@ -1,7 +1,7 @@
 """The pictures of a study, each for light and for dark paper."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,30 +50,22 @@ def curves(
     others = {result.name: result.curve for result in study.results if result.name not in always}
     count = max(1, -(-len(others) // (LOOKS - len(always))))
     rows = len(always) + -(-len(others) // count) + (trusted is not None)
-    pictures = []
-    for part in range(count):
-        named = always | {name: others[name] for name in list(others)[part::count]}
+    star: Any = {"trusted": trusted, "trusted_name": trusted_name}
+
+    def picture(named: Mapping[str, Evaluation]) -> Picture:
         areas = ", ".join(f"{name} {curve.auc(UPTO):.2f}" for name, curve in named.items())
-        draw = partial(
-            _curves, named, trusted=trusted, trusted_name=trusted_name, recall=study.recall
+        return drawn(
+            lambda ax, theme: precision_recall(
+                ax, named, upto=UPTO, recall=study.recall, theme=theme, **star
+            ),
+            (7.4, 4.4 + 0.22 * rows),
+            f"Precision-recall curves. Area under the curve up to recall {UPTO:g}: {areas}.",
         )
-        text = f"Precision-recall curves. Area under the curve up to recall {UPTO:g}: {areas}."
-        pictures.append(drawn(draw, (7.4, 4.4 + 0.22 * rows), text))
-    return pictures
 
-
-def _curves(
-    named: Mapping[str, Evaluation],
-    ax: Axes,
-    theme: Theme,
-    *,
-    trusted: tuple[float, float] | None,
-    trusted_name: str,
-    recall: str,
-) -> Axes:
-    return precision_recall(
-        ax, named, trusted=trusted, trusted_name=trusted_name, upto=UPTO, recall=recall, theme=theme
-    )
+    return [
+        picture(always | {name: others[name] for name in list(others)[part::count]})
+        for part in range(count)
+    ]
 
 
 def intervals(study: Study) -> Picture:

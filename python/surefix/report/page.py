@@ -190,7 +190,8 @@ def _tile(tile: Tile) -> str:
     note = f'<span class="note">{escape(tile.note)}</span>' if tile.note else ""
     return (
         f'<div class="tile"><dt>{escape(tile.label)}</dt>'
-        f'<dd><span class="value" id="{escape(tile.name)}">{escape(tile.value)}</span>{note}</dd></div>\n'
+        f'<dd><span class="value" id="{escape(tile.name)}">{escape(tile.value)}</span>{note}</dd>'
+        "</div>\n"
     )
 
 
@@ -200,7 +201,8 @@ def _section(section: Section) -> str:
     points = "".join(f"<li>{escape(text)}</li>\n" for text in section.points)
     points = f"<ul>\n{points}</ul>\n" if points else ""
     tables = "".join(map(_numbers, section.tables)) + _table(section.rows)
-    return f"<section>\n<h2>{escape(section.title)}</h2>\n{paragraphs}\n{points}{pictures}{tables}</section>\n"
+    title = escape(section.title)
+    return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{points}{pictures}{tables}</section>\n"
 
 
 def _pictures(pictures: Sequence[Picture], kind: str) -> str:
@@ -222,25 +224,26 @@ def _picture(picture: Picture) -> str:
     )
 
 
-def _table(rows: Sequence[tuple[str, str]]) -> str:
-    if not rows:
-        return ""
-    body = "".join(
-        f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>\n'
-        for name, value in rows
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    return f"<table>\n<tbody>\n{_rows(rows)}</tbody>\n</table>\n" if rows else ""
+
+
+def _rows(rows: Sequence[Sequence[str]]) -> str:
+    """The rows of a table; the first cell names its row."""
+    cells = (
+        f'<th scope="row">{escape(name)}</th>'
+        + "".join(f"<td>{escape(cell)}</td>" for cell in others)
+        for name, *others in rows
     )
-    return f"<table>\n<tbody>\n{body}</tbody>\n</table>\n"
+    return "".join(f"<tr>{row}</tr>\n" for row in cells)
 
 
 def _numbers(table: Table) -> str:
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
-    body = "".join(
-        f'<tr><th scope="row">{escape(row[0])}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in row[1:])}</tr>\n'
-        for row in table.rows
-    )
     return (
-        f'<div class="numbers"><table id="{escape(table.name)}">\n<caption>{escape(table.caption)}</caption>\n'
-        f"<thead>\n<tr>{header}</tr>\n</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+        f'<div class="numbers"><table id="{escape(table.name)}">\n'
+        f"<caption>{escape(table.caption)}</caption>\n"
+        f"<thead>\n<tr>{header}</tr>\n</thead>\n<tbody>\n{_rows(table.rows)}</tbody>\n</table></div>\n"
     )
 
 

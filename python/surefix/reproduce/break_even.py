@@ -1,6 +1,4 @@
-"""The break-even: how often a predictor may trust wrong matches before weighting by it costs more
-than it gains.
-"""
+"""The break-even: the share of wrong matches that a predictor may trust before weighting costs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -137,7 +135,8 @@ def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
         (
             f"Weight {WEIGHT:g}, L = {LENGTH}. Predictors are drawn that trust as large a share of "
             "the right matches as the consensus does, and a growing share of the wrong ones, "
-            f"{settings.draws} draws each. The break-even is the rate at which the line falls below "
+            f"{settings.draws} draws each. The break-even is the rate at which the line falls "
+            "below "
             "the unweighted sequence: trust wrong matches more often than that, and weighting "
             "costs. It moves with the data, so a rate that is fine on one route is not on another.",
             "The consensus is the mark. It need not lie on the line: it errs at places that look "

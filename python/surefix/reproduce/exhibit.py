@@ -1,4 +1,4 @@
-"""An exhibit, a table or figure of the paper made again: rows for a CSV file, pictures, sentences."""
+"""An exhibit, a table or figure of the paper: rows for a CSV file, pictures, sentences."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence

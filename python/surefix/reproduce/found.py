@@ -218,7 +218,7 @@ def load_cases(
     except OSError as error:
         return [], [str(error)]
     if not pairs:
-        # Its loader says what is missing, if anything is.
+        # Its loader names the missing folder, if any.
         return _load(found, found.names, {}, {matrices: ()})
     cases: list[Case] = []
     problems: list[str] = []

@@ -56,20 +56,15 @@ def read_paper(path: Path) -> list[PaperRow]:
     for number, line in enumerate(lines[1:], 2):
         if not any(line):
             continue
+        here = f"{path}, row {number}"
         if len(line) != len(header):
-            raise SurefixValueError(
-                f"{path}, row {number}: expected {len(header)} cells, got {len(line)}"
-            )
+            raise SurefixValueError(f"{here}: expected {len(header)} cells, got {len(line)}")
         cells = dict(zip(header, line, strict=True))
-        areas = [
-            _area(cells[name], f"{path}, row {number}, {name}") for name in ("baseline", "weighted")
-        ]
+        areas = [_area(cells[name], f"{here}, {name}") for name in ("baseline", "weighted")]
         row = PaperRow(cells["dataset"], cells["technique"], *areas)
         if any(row.is_for(other.technique, other.dataset) for other in rows):
             name = f"{row.dataset}, {row.technique}"
-            raise SurefixValueError(
-                f"{path}, row {number}: expected each case once, got {name} twice"
-            )
+            raise SurefixValueError(f"{here}: expected each case once, got {name} twice")
         rows.append(row)
     return rows
 

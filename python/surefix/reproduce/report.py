@@ -95,20 +95,25 @@ def _check_distinct(cases: Sequence[Case]) -> None:
 def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) -> Sequence[str]:
     drawn = [case for case in cases if case.generated]
     if len(drawn) == len(cases):
-        what = (
-            "None of the paper's data was given, so all of this is on a generated route: a drawn world, not a real "
-            "one. It shows what the method does and that it works; its numbers are not the paper's, and no real "
+        data = (
+            "None of the paper's data was given, so all of this is on a generated route: a drawn "
+            "world, not a real "
+            "one. It shows what the method does and that it works; its numbers are not the "
+            "paper's, and no real "
             "route's. Give the data sets with --data."
         )
     elif drawn:
-        what = f"{len(drawn)} of the {len(cases)} cases are generated: a drawn world. Their names say so."
+        count = f"{len(drawn)} of the {len(cases)}"
+        data = f"{count} cases are generated: a drawn world. Their names say so."
     else:
-        what = f"On {len(cases)} cases of recorded data, none of it generated."
+        data = f"On {len(cases)} cases of recorded data, none of it generated."
     lead = [
-        "Carson, Ford and Milford, \u201cUnsupervised Quality Prediction for Improved Single-Frame and Weighted "
-        "Sequential Visual Place Recognition\u201d, ICRA 2023 (arXiv 2307.01464): its table and its figures, computed "
+        "Carson, Ford and Milford, \u201cUnsupervised Quality Prediction for Improved Single-Frame "
+        "and Weighted "
+        "Sequential Visual Place Recognition\u201d, ICRA 2023 (arXiv 2307.01464): its table and "
+        "its figures, computed "
         "anew by surefix, on the data that is here.",
-        what,
+        data,
     ]
     if problems:
         lead.append(
@@ -116,7 +121,8 @@ def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
         )
     if settings.quick:
         lead.append(
-            "Made with --quick: few bootstrap samples, few steps. To see that it works, not to quote."
+            "Made with --quick: few bootstrap samples, few steps. To see that it works, not to "
+            "quote."
         )
     return lead
 
@@ -138,11 +144,10 @@ def _data(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
     rows = []
     for case in cases:
         places, queries = case.D.shape
-        words = (
-            f"{places} places, {queries} queries; correct is {case.study(settings).correct_means}; {case.source}",
-            *case.notes,
-        )
-        rows.append((case.name, ". ".join(word.rstrip(".") for word in words) + "."))
+        correct = case.study(settings).correct_means
+        words = f"{places} places, {queries} queries; correct is {correct}; {case.source}"
+        parts = (words, *case.notes)
+        rows.append((case.name, ". ".join(part.rstrip(".") for part in parts) + "."))
     missing = [f"Not used: {problem}" for problem in problems]
     return Section(
         "The data", ("All data that was found, used or not.",), rows=rows, points=missing
@@ -153,13 +158,24 @@ def _made(settings: Settings, command: str) -> Section:
     rows = (
         *((f"recall \u201c{name}\u201d", words) for name, words in sections.RECALLS.items()),
         ("recall on this page", f"\u201c{settings.recall}\u201d, unless a label says otherwise"),
-        ("area", "trapezoids through the lowest precision at each recall, the first held back to recall 0, "
-         "divided by the recall it goes up to; a sequence's warm-up is left out"),
-        ("intervals", f"block bootstrap over queries, blocks of the root of their number, {settings.samples} samples"),
-        ("SAD", "grey, 64 x 32 pixels, normalized in patches of 8 x 8, a byte each; mean absolute difference"),
+        (
+            "area",
+            "trapezoids through the lowest precision at each recall, the first held back to recall "
+            "0, divided by the recall it goes up to; a sequence's warm-up is left out",
+        ),
+        (
+            "intervals",
+            "block bootstrap over queries, blocks of the root of their number, "
+            f"{settings.samples} samples",
+        ),
+        (
+            "SAD",
+            "grey, 64 x 32 pixels, normalized in patches of 8 x 8, a byte each; mean absolute "
+            "difference",
+        ),
         ("made with", f"surefix {__version__}: {command}"),
         ("on", machine()),
-    )  # fmt: skip
+    )
     return Section(
         "How this was made",
         ("Beside this page: a PNG of each picture, a CSV of each section.",),

@@ -135,11 +135,11 @@ def kind(similarity: bool) -> str:
     return "similarities" if similarity else "distances"
 
 
-def _load(path: Path, what: str) -> npt.NDArray[Any]:
+def _load(path: Path, kind: str) -> npt.NDArray[Any]:
     try:
         array: npt.NDArray[Any] = np.load(path, allow_pickle=False)
     except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read {what}: {error.strerror or error}") from None
+        raise SurefixFileError(f"{path}: cannot read {kind}: {error.strerror or error}") from None
     except (ValueError, EOFError) as error:
         raise SurefixValueError(
             f"{path}: not a .npy array of numbers, or a truncated one ({error})"
