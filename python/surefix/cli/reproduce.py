@@ -39,32 +39,25 @@ def reproduce(
     data: Annotated[
         Path | None,
         typer.Option(
-            "--data",
             help="A folder with data sets as their publishers ship them: Gardens Point, Nordland, "
-            "4Seasons, RobotCar, "
-            "or reference/ and query/ with ground_truth.csv and matrices/. Each is run on every "
-            "pair that is there: "
-            "its first traverse against each other.",
+            "4Seasons, RobotCar, or reference/ and query/ with ground_truth.csv and matrices/. "
+            "Each is run on every pair that is there: its first traverse against each other."
         ),
     ] = None,
     pair: Annotated[
         list[str] | None,
         typer.Option(
-            "--pair",
             metavar="DATASET=REFERENCE/QUERY",
             help="Of a data set in --data only this pair of traverses, as "
-            "gardens_point=day_left/night_right. "
-            "May be given again.",
+            "gardens_point=day_left/night_right. May be given again.",
         ),
     ] = None,
     matrix: Annotated[
         list[str] | None,
         typer.Option(
-            "--matrix",
             metavar="NAME=FILE.npy[,TRUTH.npy]",
             help="Ready distances of any technique, a row a place and a column a query; NAME as "
-            "DATASET/TECHNIQUE. "
-            "May be given again.",
+            "DATASET/TECHNIQUE. May be given again.",
         ),
     ] = None,
     similarity: Annotated[
@@ -76,15 +69,12 @@ def reproduce(
     paper: Annotated[
         Path | None,
         typer.Option(
-            "--paper",
             help="The paper's own numbers, for the table: a CSV with "
-            "dataset,technique,baseline,weighted; dataset as "
-            "the table names it, or gardens_point, nordland, four_seasons, robotcar.",
+            "dataset,technique,baseline,weighted; dataset as the table names it, or "
+            "gardens_point, nordland, four_seasons, robotcar."
         ),
     ] = None,
-    recall: Annotated[
-        Recall, typer.Option("--recall", help="The convention of recall.")
-    ] = Recall.correct,
+    recall: Annotated[Recall, typer.Option(help="The convention of recall.")] = Recall.correct,
     quick: Annotated[
         bool, typer.Option("--quick", help="Few samples and steps: to see that it works.")
     ] = False,

@@ -86,13 +86,13 @@ class Case:
     def __post_init__(self) -> None:
         places, queries = self.D.shape
         if places < 10 or queries < 10:
-            raise SurefixValueError(
-                f"{self.name}: expected at least 10 places and 10 queries, got {places} and "
-                f"{queries}"
-            )
-        _check_places(self.name, self.truth, places)
-        # Says at once whether the distances are numbers and the truth fits them.
-        _ = self.study(Settings()).baseline.curve
+            expected = "at least 10 places and 10 queries"
+            raise SurefixValueError(f"{self.name}: expected {expected}, got {places} and {queries}")
+        study = self.study(Settings())
+        try:
+            _ = study.baseline.curve, study.single_right
+        except SurefixValueError as error:
+            raise SurefixValueError(f"{self.name}, {error}") from None
 
     @property
     def name(self) -> str:
@@ -110,21 +110,6 @@ class Case:
             )
             self._studies[settings] = Study(self.D, context, settings.recall, settings.samples)
         return self._studies[settings]
-
-
-def _check_places(name: str, truth: Truth, places: int) -> None:
-    """A pair of positions or a matrix has a row a place; a place a query must be one of them."""
-    array: npt.NDArray[np.int64] = np.asarray(truth[0] if by_metres(truth) else truth)
-    if (by_metres(truth) or array.ndim == 2) and len(array) != places:
-        raise SurefixValueError(
-            f"{name}, truth: expected a row for each of the {places} places, got {len(array)}"
-        )
-    if not by_metres(truth) and array.ndim == 1 and (array >= places).any():
-        query = int(np.argmax(array >= places))
-        raise SurefixValueError(
-            f"{name}, truth: expected places from 0 to {places - 1}, or -1, got {array[query]} "
-            f"for query {query}"
-        )
 
 
 def sliced(truth: Truth, queries: slice) -> Truth:

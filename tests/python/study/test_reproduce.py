@@ -378,10 +378,13 @@ def test_matrices_need_no_images(tmp_path: Path) -> None:
 def test_a_truth_of_another_map_is_refused() -> None:
     D = np.random.default_rng(0).random((12, 12), np.float32)
     with pytest.raises(
-        surefix.SurefixValueError, match="expected places from 0 to 11, or -1, got 12 for query 11"
+        surefix.SurefixValueError,
+        match="expected places from 0 to 11, or -1 for none, got 12 for query 11",
     ):
         Case("here", "Net", D, np.arange(12) + 1)
-    with pytest.raises(surefix.SurefixValueError, match="a row for each of the 12 places, got 13"):
+    with pytest.raises(
+        surefix.SurefixValueError, match="12 positions of places and 12 of queries, got 13 and 12"
+    ):
         Case("here", "Net", D, (np.zeros((13, 2)), np.zeros((12, 2))))
 
 
