@@ -4,16 +4,26 @@ distances.
 Each takes distances ``D``, float32 of shape (n places, m queries), less is more alike, and gives a
 ``surefix.Matches``, which ``surefix.evaluate`` turns into a curve. ``METHODS`` has them all by
 name.
+
+All raise ``SurefixValueError`` for distances of another shape or type, a NaN or an infinity (the
+error says at which place and query), fewer than two places, and an option outside its range.
 """
 
-from surefix.baselines.contrast import enhance_contrast
+from surefix.baselines.matching import (
+    masked_single_frame,
+    maximum_gradient,
+    plain_sequence,
+    single_frame,
+    weighted_sequence,
+)
 from surefix.baselines.methods import METHODS, Context, Method, run_method
-from surefix.baselines.predictors import noisy_predictor, perfect_predictor
-from surefix.baselines.ratio import ratio_test
-from surefix.baselines.sequence import plain_sequence, weighted_sequence
-from surefix.baselines.single import masked_single_frame, maximum_gradient, single_frame
-from surefix.baselines.spread import spread
-from surefix.baselines.supervised import SupervisedPredictor, integrity_factors
+from surefix.baselines.predictors import (
+    SupervisedPredictor,
+    integrity_factors,
+    noisy_predictor,
+    perfect_predictor,
+)
+from surefix.baselines.rivals import enhance_contrast, ratio_test, spread
 
 __all__ = [
     "METHODS",

@@ -1,12 +1,14 @@
-"""What the methods read from ready distances: the nearest place, and the nearest elsewhere."""
+"""Reading ready distances: the nearest place, the nearest elsewhere; and checks of options."""
 
-from typing import TypeAlias
+from numbers import Real
+from operator import index
+from typing import SupportsFloat, SupportsIndex, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Run, match_distances
-from surefix.baselines.options import whole
+from surefix._core import match_distances
+from surefix.errors import SurefixValueError
 
 __all__ = [
     "Distances",
@@ -16,6 +18,8 @@ __all__ = [
     "checked_window",
     "nearest",
     "nearest_elsewhere",
+    "number",
+    "whole",
 ]
 
 Distances: TypeAlias = npt.NDArray[np.float32]
@@ -28,19 +32,8 @@ def nearest(D: Distances) -> tuple[Places, Distances]:
     """Each query's place of least distance and that distance; the errors are those of
     ``surefix.match_distances``.
     """
-    run: Run = match_distances(D, sequence_length=1, weight=0.0, smoothing=1)
+    run = match_distances(D, sequence_length=1, weight=0.0, smoothing=1)
     return run.single_place, run.single_distance
-
-
-def checked_window(exclude: int, places: int) -> int:
-    """``exclude``, if its window leaves a place elsewhere wherever on the map it lies."""
-    return whole(
-        "exclude",
-        exclude,
-        0,
-        (places - 2) // 2,
-        f" (less than half of the other {places - 1} places)",
-    )
 
 
 def nearest_elsewhere(D: Distances, place: Places, exclude: int) -> Floats:
@@ -53,3 +46,37 @@ def nearest_elsewhere(D: Distances, place: Places, exclude: int) -> Floats:
         elsewhere[np.clip(place + step, 0, len(D) - 1), queries] = np.inf
     least: Floats = elsewhere.min(axis=0).astype(np.float64)
     return least
+
+
+def checked_window(exclude: int, places: int) -> int:
+    """``exclude``, if its window leaves a place elsewhere wherever on the map it lies."""
+    why = f" (less than half of the other {places - 1} places)"
+    return whole("exclude", exclude, 0, (places - 2) // 2, why)
+
+
+def whole(name: str, value: SupportsIndex, low: int, high: int | None = None, why: str = "") -> int:
+    """A whole number from ``low`` to ``high``, if that is given; ``why`` tells the reason for
+    ``high``.
+    """
+    expected = f"from {low} to {high}{why}" if high is not None else f"of {low} or more"
+    got: object = value
+    try:
+        got = index(value)
+        if low <= got and (high is None or got <= high):
+            return got
+    except TypeError:
+        pass
+    raise SurefixValueError(f"option `{name}`: expected a whole number {expected}, got {got!r}")
+
+
+def number(name: str, value: SupportsFloat, low: float, high: float | None = None) -> float:
+    """A finite number from ``low`` to ``high``, if that is given."""
+    expected = (
+        f"a finite number of {low:g} or more"
+        if high is None
+        else f"a number from {low:g} to {high:g}"
+    )
+    got = float(value) if isinstance(value, Real) else float("nan")
+    if not (low <= got < float("inf")) or (high is not None and got > high):
+        raise SurefixValueError(f"option `{name}`: expected {expected}, got {value!r}")
+    return got

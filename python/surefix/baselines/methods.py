@@ -1,18 +1,22 @@
 """Every method by its name, as the command line and the report choose them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy.typing as npt
 
 from surefix.baselines.distances import Distances, Flags
-from surefix.baselines.predictors import perfect_predictor
-from surefix.baselines.ratio import ratio_test
-from surefix.baselines.sequence import plain_sequence, weighted_sequence
-from surefix.baselines.single import masked_single_frame, maximum_gradient, single_frame
-from surefix.baselines.spread import spread
-from surefix.baselines.supervised import SupervisedPredictor
+from surefix.baselines.matching import (
+    masked_single_frame,
+    maximum_gradient,
+    plain_sequence,
+    single_frame,
+    weighted_sequence,
+)
+from surefix.baselines.predictors import SupervisedPredictor, perfect_predictor
+from surefix.baselines.rivals import ratio_test, spread
 from surefix.baselines.truth import Truth
 from surefix.errors import SurefixError, SurefixValueError
 from surefix.matches import Matches
@@ -25,18 +29,31 @@ SEQSLAM_SPEEDS = (0.8, 0.9, 1.0, 1.1, 1.2)
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What methods may need beside the distances. Each takes what concerns it.
+    """All that methods may need beside the distances. Each takes its own part.
 
-    Parameters ---------- sequence_length, weight, floor, tolerance, smoothing, gradient As for
-    ``surefix.match_distances``. speeds : sequence of float, optional Slopes that a sequence may
-    have, in places a query. By default 1, and 0.8 to 1.2 for ``seqslam``. contrast : int The window
-    of ``seqslam``'s contrast enhancement, in places. exclude : int Places this near the best are
-    not what ``ratio`` compares it to. top : int How many places ``spread`` looks at. positions :
-    array, shape (n,) or (n, k), optional Where the places are, in planar metres, for ``spread``; by
-    default their index. truth, truth_tolerance As for ``surefix.evaluate``, for the perfect
-    predictor. calibration : (distances, truth), optional A pair of drives with known truth, for the
-    supervised predictor. calibration_tolerance : int That truth's, in places; in metres where it is
-    positions.
+    Parameters
+    ----------
+    sequence_length, weight, floor, tolerance, smoothing, gradient
+        As for ``surefix.match_distances``.
+    speeds : sequence of float, optional
+        Slopes that a sequence may have, in places a query. By default 1, and 0.8 to 1.2 for
+        ``seqslam``.
+    contrast : int
+        The window of ``seqslam``'s contrast enhancement, in places.
+    exclude : int
+        ``ratio`` compares the best place to those further from it than this.
+    top : int
+        The number of places that ``spread`` looks at.
+    positions : array, shape (n,) or (n, k), optional
+        The places' positions, in planar metres, for ``spread``; by default their index.
+    truth, truth_tolerance
+        As for ``surefix.evaluate``, for the perfect predictor.
+    calibration : (distances, truth), optional
+        A pair of drives with known truth, for the supervised predictor.
+    calibration_tolerance : int
+        That truth's, in places; in metres if it is positions.
+    trusted : array of bool, shape (m,), optional
+        Another predictor's flags in place of the consensus, for ``masked`` and ``weighted``.
     """
 
     sequence_length: int = 2
@@ -54,11 +71,25 @@ class Context:
     truth_tolerance: float = 1
     calibration: tuple[Distances, Truth] | None = None
     calibration_tolerance: int = 1
+    trusted: Flags | None = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options of ``surefix.match_distances``."""
+        return {
+            "sequence_length": self.sequence_length,
+            "weight": self.weight,
+            "floor": self.floor,
+            "tolerance": self.tolerance,
+            "smoothing": self.smoothing,
+            "gradient": self.gradient,
+            "speeds": [1.0] if self.speeds is None else list(self.speeds),
+        }
 
 
 @dataclass(frozen=True)
 class Method:
-    """A method in one line, how to call it, and which field of the ``Context`` it cannot do
+    """A method in one line, how to call it, and the field of the ``Context`` that it cannot do
     without.
     """
 
@@ -69,7 +100,8 @@ class Method:
 
 NEEDS = {
     "truth": "the truth of the queries: Context(truth=...)",
-    "calibration": "a pair of drives with known truth to learn from: Context(calibration=(distances, truth))",
+    "calibration": "a pair of drives with known truth to learn from: "
+    "Context(calibration=(distances, truth))",
 }
 
 
@@ -89,9 +121,9 @@ def run_method(name: str, D: Distances, context: Context | None = None) -> Match
     Raises
     ------
     SurefixValueError
-        For a name that is none, and what the method itself raises.
+        For an unknown name, and the method's own errors.
     SurefixError
-        Where the context lacks what the method needs.
+        If the context lacks a field that the method needs.
 
     Examples
     --------
@@ -110,82 +142,61 @@ def run_method(name: str, D: Distances, context: Context | None = None) -> Match
     return method.call(D, context)
 
 
-def _masked(D: Distances, context: Context, trusted: Flags | None = None) -> Matches:
-    return masked_single_frame(
-        D,
-        tolerance=context.tolerance,
-        smoothing=context.smoothing,
-        gradient=context.gradient,
-        trusted=trusted,
-    )
+def _masked(D: Distances, c: Context) -> Matches:
+    return masked_single_frame(D, trusted=c.trusted, **c.options)
 
 
-def _weighted(D: Distances, context: Context, trusted: Flags | None = None) -> Matches:
-    return weighted_sequence(
-        D,
-        sequence_length=context.sequence_length,
-        weight=context.weight,
-        floor=context.floor,
-        trusted=trusted,
-        tolerance=context.tolerance,
-        smoothing=context.smoothing,
-        gradient=context.gradient,
-        speeds=(1.0,) if context.speeds is None else context.speeds,
-    )
+def _weighted(D: Distances, c: Context) -> Matches:
+    return weighted_sequence(D, trusted=c.trusted, **c.options)
 
 
-def _sequence(D: Distances, context: Context) -> Matches:
-    speeds = (1.0,) if context.speeds is None else context.speeds
-    return plain_sequence(D, sequence_length=context.sequence_length, speeds=speeds)
+def _seqslam(D: Distances, c: Context) -> Matches:
+    speeds = SEQSLAM_SPEEDS if c.speeds is None else c.speeds
+    return plain_sequence(D, sequence_length=c.sequence_length, contrast=c.contrast, speeds=speeds)
 
 
-def _seqslam(D: Distances, context: Context) -> Matches:
-    speeds = SEQSLAM_SPEEDS if context.speeds is None else context.speeds
-    return plain_sequence(
-        D, sequence_length=context.sequence_length, contrast=context.contrast, speeds=speeds
-    )
+def _perfect(D: Distances, c: Context) -> Context:
+    """With the flags of the perfect predictor."""
+    assert c.truth is not None
+    return replace(c, trusted=perfect_predictor(D, c.truth, c.truth_tolerance))
 
 
-def _perfect(D: Distances, context: Context) -> Flags:
-    assert context.truth is not None
-    return perfect_predictor(D, context.truth, context.truth_tolerance)
-
-
-def _supervised(D: Distances, context: Context) -> Flags:
-    assert context.calibration is not None
-    return SupervisedPredictor().fit(*context.calibration, context.calibration_tolerance).predict(D)
+def _supervised(D: Distances, c: Context) -> Context:
+    """With the flags of the supervised predictor."""
+    assert c.calibration is not None
+    predictor = SupervisedPredictor().fit(*c.calibration, c.calibration_tolerance)
+    return replace(c, trusted=predictor.predict(D))
 
 
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
         "single": Method("single frames by their distance", lambda D, _: single_frame(D)),
-        "masked": Method(
-            "single frames, refused where the prediction does not trust them", _masked
-        ),
+        "masked": Method("single frames, refused if the prediction does not trust them", _masked),
         "gradient": Method(
-            "single frames by the greatest gradient",
-            lambda D, c: maximum_gradient(D, smoothing=c.smoothing, gradient=c.gradient),
+            "single frames by the greatest gradient", lambda D, c: maximum_gradient(D, **c.options)
         ),
-        "sequence": Method("unweighted sequences", _sequence),
+        "sequence": Method(
+            "unweighted sequences", lambda D, c: weighted_sequence(D, **c.options | {"weight": 0.0})
+        ),
         "weighted": Method("sequences weighted by the prediction: the paper", _weighted),
         "supervised-masked": Method(
             "single frames, masked by a support vector machine that learned from another drive",
-            lambda D, c: _masked(D, c, _supervised(D, c)),
+            lambda D, c: _masked(D, _supervised(D, c)),
             needs="calibration",
         ),
         "supervised-weighted": Method(
             "sequences weighted by a support vector machine that learned from another drive",
-            lambda D, c: _weighted(D, c, _supervised(D, c)),
+            lambda D, c: _weighted(D, _supervised(D, c)),
             needs="calibration",
         ),
         "perfect-masked": Method(
             "single frames, masked by the truth: the bound for a mask",
-            lambda D, c: _masked(D, c, _perfect(D, c)),
+            lambda D, c: _masked(D, _perfect(D, c)),
             needs="truth",
         ),
         "perfect-weighted": Method(
             "sequences weighted by the truth: the bound for weights",
-            lambda D, c: _weighted(D, c, _perfect(D, c)),
+            lambda D, c: _weighted(D, _perfect(D, c)),
             needs="truth",
         ),
         "ratio": Method(

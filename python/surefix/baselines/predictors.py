@@ -1,33 +1,47 @@
-"""Predictors that know the answer: the best there can be, and one with set rates of error."""
+"""Predictors of which matches to trust: the perfect one, one with set rates of error, and the
+supervised one that the paper compares itself to.
+"""
+
+from typing import Any, Self
 
 import numpy as np
 
-from surefix.baselines.distances import Distances, Flags, nearest
-from surefix.baselines.options import number
+from surefix._core import match_distances
+from surefix.baselines.distances import (
+    Distances,
+    Flags,
+    Floats,
+    checked_window,
+    nearest,
+    nearest_elsewhere,
+    number,
+)
 from surefix.baselines.truth import Truth, right_matches
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixError, SurefixValueError
 
-__all__ = ["noisy_predictor", "perfect_predictor"]
+__all__ = ["SupervisedPredictor", "integrity_factors", "noisy_predictor", "perfect_predictor"]
+
+# Fewer queries tell nothing about the rest of a route.
+SHORTEST_CALIBRATION = 10
 
 
 def perfect_predictor(D: Distances, truth: Truth, tolerance: float = 1) -> Flags:
-    """Is each single-frame match right? The bound on what any predictor can do, as a mask or as
-    weights.
+    """Is each single-frame match right? The bound of any predictor, as a mask or as weights.
 
-    Parameters ---------- D : array of float32, shape (n, m) truth : array or pair of arrays As for
-    ``surefix.evaluate``: a place a query, -1 where there is none; a matrix (n, m); or a pair of
-    positions. tolerance : float How far from the truth is still right: places, or metres where the
-    truth is positions.
+    Parameters
+    ----------
+    D : array of float32, shape (n, m)
+    truth : array or pair of arrays
+        As for ``surefix.evaluate``: a place a query, -1 for none; a matrix (n, m); or a
+        pair of positions.
+    tolerance : float
+        The distance from the truth that is still right: places, or metres if the truth is
+        positions.
 
     Returns
     -------
     array of bool, shape (m,)
-        False also where the truth does not say.
-
-    Raises
-    ------
-    SurefixValueError
-        As for ``single_frame``, and for a truth of another shape or type.
+        False also if the truth does not say.
 
     Examples
     --------
@@ -96,3 +110,179 @@ def noisy_predictor(
         queries = order[flags[order] == kind]
         trusted[queries[: round(rate * len(queries))]] = True
     return trusted
+
+
+def integrity_factors(D: Distances, *, exclude: int = 0, gradient: str = "unhalved") -> Floats:
+    """How sharp each query's minimum is, in two numbers.
+
+    Carson, Ford and Milford, *Predicting to Improve: Integrity Measures for Assessing Visual
+    Localization Performance*, RA-L 2022; the defaults are those of the authors' code.
+
+    Parameters
+    ----------
+    D : array of float32, shape (n, m)
+    exclude : int
+        The second best is looked for more than this many places from the best. 0 by default:
+        anywhere but at the best.
+    gradient : {"unhalved", "halved"}
+        The gradient at the minimum, as for ``surefix.Matcher`` and without smoothing.
+
+    Returns
+    -------
+    array of float64, shape (m, 2)
+        (second best - best) / (worst - best), without a unit and 0 if all distances are equal;
+        and the gradient at the minimum, in the unit of the distances.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix import baselines
+    >>> baselines.integrity_factors(np.array([[4], [2], [3], [6]], np.float32))
+    array([[0.25, 3.  ]])
+    """
+    run = match_distances(D, sequence_length=1, weight=0.0, smoothing=1, gradient=gradient)
+    D, place = np.asarray(D), run.single_place
+    best = run.single_distance.astype(np.float64)
+    exclude = checked_window(exclude, len(D))
+
+    range_ = D.max(axis=0).astype(np.float64) - best
+    lead = nearest_elsewhere(D, place, exclude) - best
+    sharpness = np.divide(lead, range_, out=np.zeros_like(best), where=range_ > 0)
+
+    last, queries = len(D) - 1, np.arange(D.shape[1])
+    before = D[np.maximum(place - 1, 0), queries] - best
+    after = D[np.minimum(place + 1, last), queries] - best
+    inside = (place > 0) & (place < last)
+    # At an end of the route, one side is the place itself and adds 0.
+    slope = (before + after) * np.where(inside & (gradient == "halved"), 0.5, 1.0)
+    return np.stack([sharpness, slope], axis=1)
+
+
+class SupervisedPredictor:
+    """A support vector machine that learns from a drive with ground truth which single-frame
+    matches to trust.
+
+    Carson, Ford and Milford, RA-L 2022: the two ``integrity_factors``, standardised by the
+    calibration's mean and standard deviation, and a support vector machine with a radial kernel (C
+    = 1, gamma = 1 / (2 variance), scikit-learn's "scale") and balanced classes. Calibrate with the
+    descriptor that is used: the gradient has the unit of its distances. Needs scikit-learn: ``pip
+    install 'surefix[eval]'``.
+
+    Parameters
+    ----------
+    exclude, gradient
+        As for ``integrity_factors``.
+
+    Attributes
+    ----------
+    factors : array of float64, shape (q, 2), or None
+        The factors of the calibration's queries, once fitted.
+    right : array of bool, shape (q,), or None
+        Whether their single-frame matches were right.
+
+    Raises
+    ------
+    SurefixError
+        If scikit-learn is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix import baselines
+    >>> rng = np.random.default_rng(0)
+    >>> D = rng.random((60, 60), np.float32) + 0.5
+    >>> D[np.arange(40), np.arange(40)] = 0.1
+    >>> predictor = baselines.SupervisedPredictor().fit(D, np.arange(60))
+    >>> bool(predictor.predict(D)[:40].all())
+    True
+    """
+
+    def __init__(self, *, exclude: int = 0, gradient: str = "unhalved") -> None:
+        self._exclude = exclude
+        self._gradient = gradient
+        self._machine: Any = _machine()
+        self.factors: Floats | None = None
+        self.right: Flags | None = None
+
+    def fit(self, D: Distances, truth: Truth, tolerance: float = 1) -> Self:
+        """Learn from a calibration pair.
+
+        Parameters
+        ----------
+        D : array of float32, shape (n, m)
+        truth, tolerance
+            As for ``perfect_predictor``. A query that the truth ignores is left out; one that has
+            no true place is a mistake to learn from.
+
+        Returns
+        -------
+        SupervisedPredictor
+            Itself.
+
+        Raises
+        ------
+        SurefixValueError
+            As for ``perfect_predictor``, for fewer than 10 queries, and if all matches are right
+            or all are wrong.
+        """
+        place, _ = nearest(D)
+        right, known = right_matches(place, len(np.asarray(D)), truth, tolerance)
+        factors, right = self._factors_of(D)[known], right[known]
+        if len(right) < SHORTEST_CALIBRATION:
+            expected = f"at least {SHORTEST_CALIBRATION} queries with a known truth"
+            raise SurefixValueError(f"calibration: expected {expected}, got {len(right)}")
+        if right.all() or not right.any():
+            got = f"{int(right.sum())} right and {int((~right).sum())} wrong"
+            raise SurefixValueError(
+                "calibration: expected right and wrong single-frame matches to learn from, got "
+                f"{got}"
+            )
+        self._machine = _machine().fit(factors, right)
+        self.factors, self.right = factors, right
+        return self
+
+    def predict(self, D: Distances) -> Flags:
+        """Which single-frame matches to trust, as for ``masked_single_frame`` and
+        ``weighted_sequence``.
+
+        Parameters
+        ----------
+        D : array of float32, shape (n, m)
+
+        Returns
+        -------
+        array of bool, shape (m,)
+
+        Raises
+        ------
+        SurefixError
+            Before ``fit``.
+        """
+        if self.factors is None:
+            raise SurefixError("SupervisedPredictor: expected fit(distances, truth) before predict")
+        factors = self._factors_of(D)
+        if not len(factors):
+            return np.zeros(0, bool)
+        trusted: Flags = self._machine.predict(factors)
+        return trusted
+
+    def _factors_of(self, D: Distances) -> Floats:
+        return integrity_factors(D, exclude=self._exclude, gradient=self._gradient)
+
+
+def _machine() -> Any:
+    """The support vector machine, not yet fitted."""
+    try:
+        from sklearn.pipeline import make_pipeline
+        from sklearn.preprocessing import StandardScaler
+        from sklearn.svm import SVC
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "sklearn":
+            raise
+        raise SurefixError(
+            "the supervised predictor needs scikit-learn, which is not installed: pip install "
+            "'surefix[eval]'"
+        ) from None
+    return make_pipeline(
+        StandardScaler(), SVC(kernel="rbf", C=1.0, gamma="scale", class_weight="balanced")
+    )

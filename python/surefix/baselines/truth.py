@@ -5,8 +5,7 @@ from typing import Any, TypeAlias, TypeGuard
 import numpy as np
 import numpy.typing as npt
 
-from surefix.baselines.distances import Flags, Places
-from surefix.baselines.options import number, whole
+from surefix.baselines.distances import Flags, Places, number, whole
 from surefix.errors import SurefixValueError
 
 __all__ = ["Truth", "by_metres", "right_matches"]
@@ -17,15 +16,15 @@ Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.Array
 def right_matches(
     place: Places, places: int, truth: Truth, tolerance: float
 ) -> tuple[Flags, Flags]:
-    """Is each match right, (m,), and does the truth say, (m,)? Where it does not, the match is not
+    """Is each match right, (m,), and does the truth say, (m,)? If not, the match is not
     right.
     """
     if by_metres(truth):
-        return by_position(place, places, truth, number("tolerance", tolerance, 0.0))
+        return _by_position(place, places, truth, number("tolerance", tolerance, 0.0))
     frames = (
         whole("tolerance", tolerance, 0)
         if not isinstance(tolerance, float)
-        else whole_float(tolerance)
+        else _whole_float(tolerance)
     )
     array = np.asarray(truth)
     kinds = (
@@ -34,9 +33,9 @@ def right_matches(
     if array.size == 0:
         array = array.astype(np.int64)
     if array.shape == place.shape and array.dtype.kind in "iu":
-        return by_place(place, places, array.astype(np.int64), frames)
+        return _by_place(place, places, array.astype(np.int64), frames)
     if array.shape == (places, len(place)) and array.dtype.kind in "biu":
-        return by_cell(place, array, frames)
+        return _by_cell(place, array, frames)
     raise SurefixValueError(f"truth: expected {kinds}, got {array.dtype} {array.shape}")
 
 
@@ -47,30 +46,31 @@ def by_metres(truth: Truth) -> TypeGuard[tuple[npt.ArrayLike, npt.ArrayLike]]:
     return isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
 
 
-def whole_float(tolerance: float) -> int:
+def _whole_float(tolerance: float) -> int:
     """A tolerance in places that came as a float, as from the command line."""
     if not tolerance.is_integer():
         raise SurefixValueError(
-            "option `tolerance`: expected a whole number of places, 0 or more (metres only where the truth is "
+            "option `tolerance`: expected a whole number of places, 0 or more (metres only if the "
+            "truth is "
             f"positions), got {tolerance}"
         )
     return whole("tolerance", int(tolerance), 0)
 
 
-def by_place(place: Places, places: int, truth: Places, tolerance: int) -> tuple[Flags, Flags]:
-    """The true place, or -1 where there is none and every match is wrong."""
+def _by_place(place: Places, places: int, truth: Places, tolerance: int) -> tuple[Flags, Flags]:
+    """The true place, or -1 if there is none and every match is wrong."""
     if (truth < -1).any():
         query = int(np.argmax(truth < -1))
         got = f"got {truth[query]} for query {query}"
-        raise SurefixValueError(f"truth: expected a place, or -1 where there is none, {got}")
+        raise SurefixValueError(f"truth: expected a place, or -1 for none, {got}")
     if (truth >= places).any():
         query = int(np.argmax(truth >= places))
-        expected = f"places from 0 to {places - 1}, or -1 where there is none"
+        expected = f"places from 0 to {places - 1}, or -1 for none"
         raise SurefixValueError(f"truth: expected {expected}, got {truth[query]} for query {query}")
     return (truth >= 0) & (np.abs(place - truth) <= tolerance), np.ones(len(place), bool)
 
 
-def by_cell(place: Places, cells: npt.NDArray[Any], tolerance: int) -> tuple[Flags, Flags]:
+def _by_cell(place: Places, cells: npt.NDArray[Any], tolerance: int) -> tuple[Flags, Flags]:
     """A matrix of 1 (the same place), 0 (not) and -1 (ignored): right within the tolerance of a
     1.
     """
@@ -88,10 +88,10 @@ def by_cell(place: Places, cells: npt.NDArray[Any], tolerance: int) -> tuple[Fla
     return right, right | (cells[place, queries] != -1)
 
 
-def by_position(
+def _by_position(
     place: Places, places: int, truth: tuple[npt.ArrayLike, npt.ArrayLike], metres: float
 ) -> tuple[Flags, Flags]:
-    """A pair of positions, of the places and of the queries: right within so many metres."""
+    """A pair of positions, of the places and of the queries: right within ``metres``."""
     there, here = (np.asarray(positions, np.float64) for positions in truth)
     if there.ndim != 2 or here.ndim != 2 or there.shape[1] != here.shape[1]:
         raise SurefixValueError(

@@ -11,11 +11,14 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from surefix import Localizer, Map, Sad, SurefixError, SurefixFileError, match_distances
+from surefix import Localizer, Map, Sad, SurefixError
+from surefix.baselines import Context
+from surefix.live import TerminalView
 from surefix.simulate import Route, Traverse
+from surefix.study import UPTO, Study
 
 if TYPE_CHECKING:
-    from surefix.report.drive import Drive
+    from surefix.report.demo import Demo
 
 __all__ = ["demo"]
 
@@ -47,15 +50,11 @@ def demo(
     begin = time.perf_counter()
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.drive_report import write_report
+        from surefix.report.demo import write_report
+        from surefix.report.page import output_folder
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SurefixFileError(
-            f"{out}: cannot make the output folder: {error.strerror or error}"
-        ) from None
+    output_folder(out)
     route = Route(places=places, size=(width, height), seed=seed)
     reference, revisit = route.reference(), route.revisit()
     kilometres = float(reference.positions[-1]) / 1000
@@ -65,12 +64,11 @@ def demo(
     start = time.perf_counter()
     known = Map.from_images(reference, Sad())
     mapped = time.perf_counter()
-    print(
-        f"Mapped on a summer noon: {len(known)} places x {known.dim} {known.dtype}, in {mapped - start:.1f} s"
-    )
-    drive = _localize(known, reference, revisit, (width, height), seed, sequence_length)
+    rows = f"{len(known)} places x {known.dim} {known.dtype}"
+    print(f"Mapped on a summer noon: {rows}, in {mapped - start:.1f} s")
+    demo_ = _localize(known, reference, revisit, seed, sequence_length)
     localized = time.perf_counter()
-    for line in _account(drive):
+    for line in _account(demo_):
         print(line)
 
     options = f"--places {places} --width {width} --height {height} --seed {seed}"
@@ -79,73 +77,54 @@ def demo(
         ("mapping", mapped - start),
         ("the second drive, drawn and localized", localized - mapped),
     )
-    try:
-        with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
-            report = write_report(drive, out, command, seconds)
-    except SurefixError:
-        raise
-    except OSError as error:
-        raise SurefixFileError(
-            f"{out}: cannot write the report: {error.strerror or error}"
-        ) from None
-    print(
-        f"Made {report}, with its pictures and the fixes beside it, in {time.perf_counter() - begin:.1f} s"
-    )
+    with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
+        report = write_report(demo_, out, command, seconds)
+    took = time.perf_counter() - begin
+    print(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
 
 
 def _localize(
-    known: Map,
-    reference: Traverse,
-    revisit: Traverse,
-    size: tuple[int, int],
-    seed: int,
-    sequence_length: int,
-) -> "Drive":
+    known: Map, reference: Traverse, revisit: Traverse, seed: int, sequence_length: int
+) -> "Demo":
     """Drives a second time: pushes each frame when it is there, as a robot would."""
-    from surefix.cli.dashboard import Dashboard
-    from surefix.report.drive import Drive
+    from surefix.report.demo import Demo
 
     localizer = Localizer(known, sequence_length=sequence_length)
-    truth = revisit.truth(reference)
     distances = np.empty((len(known), len(revisit)), np.float32, order="F")
     latency = np.empty(len(revisit))
-    with Dashboard(reference, len(revisit)) as dashboard:
-        for query, true_place in enumerate(truth.tolist()):
+    console = Console(stderr=True, force_terminal=sys.stderr.isatty())
+    with TerminalView(known, total=len(revisit), references=reference, console=console) as view:
+        for query in range(len(revisit)):
             image = revisit[query]
             start = time.perf_counter()
             fix = localizer.push(image)
             latency[query] = time.perf_counter() - start
             distances[:, query] = localizer.distances
-            right = true_place >= 0 and abs(fix.place - true_place) <= TOLERANCE
-            dashboard.show(image, fix, true_place, right, latency[query])
-    # The same fixes again, to the bit, as arrays; and what they would be without the weighting.
-    run = match_distances(distances, floor="running", sequence_length=sequence_length)
-    baseline = match_distances(
-        distances, floor="running", sequence_length=sequence_length, weight=0.0
+            # Drawn on a terminal only: a line a fix would bury the demo's own.
+            if console.is_terminal:
+                view.update(image, fix, localizer, 1e6 * latency[query])
+    # The same fixes again, to the bit, and beside them those without weighting.
+    context = Context(
+        sequence_length=sequence_length,
+        floor="running",
+        truth=revisit.truth(reference),
+        truth_tolerance=TOLERANCE,
     )
-    return Drive(
-        reference,
-        revisit,
-        size,
-        seed,
-        sequence_length,
-        distances,
-        run,
-        baseline,
-        latency,
-        TOLERANCE,
-    )
+    return Demo(Study(distances, context), reference, revisit, seed, latency)
 
 
-def _account(drive: "Drive") -> list[str]:
-    """What came of it, in plain lines."""
-    m, trusted, right = len(drive.run), drive.run.trusted, drive.right
-    median, p99 = np.quantile(drive.latency, (0.5, 0.99)) * 1000
-    weighted, baseline = drive.weighted_curve.auc(0.2), drive.baseline_curve.auc(0.2)
+def _account(demo: "Demo") -> list[str]:
+    """The result in plain lines."""
+    study = demo.study
+    trusted, right = study.run.trusted, demo.right
+    median, p99 = np.quantile(demo.latency, (0.5, 0.99)) * 1000
+    weighted, plain = (result.curve.auc(UPTO) for result in (study.shown, study.baseline))
     return [
-        f"Localized on a winter afternoon: {m} fixes, {median:.2f} ms each (median; p99 {p99:.2f} ms)",
-        f"All fixes: {int(right.sum())} of {m} right",
+        f"Localized on a winter afternoon: {len(study)} fixes, {median:.2f} ms each (median; p99 "
+        f"{p99:.2f} ms)",
+        f"All fixes: {int(right.sum())} of {len(study)} right",
         f"Trusted fixes: {int((trusted & right).sum())} of {int(trusted.sum())} right, "
         f"{int((trusted & ~right).sum())} wrong",
-        f"Area under the precision-recall curve up to recall 0.2: {weighted:.2f}, without weighting {baseline:.2f}",
+        f"Area under the precision-recall curve up to recall {UPTO:g}: {weighted:.2f}, without "
+        f"weighting {plain:.2f}",
     ]

@@ -53,7 +53,7 @@ from surefix.tables.positions import Positions, on_one_plane, read_positions
 from surefix.tables.truth import read_truth
 
 if TYPE_CHECKING:
-    from surefix.report.comparison import Comparison, Result
+    from surefix.study import Result, Study
 
 __all__ = ["eval_"]
 
@@ -212,9 +212,9 @@ def eval_(
         )
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.comparison import compare
-        from surefix.report.comparison_pictures import MISTAKES
-        from surefix.report.comparison_report import write_comparison
+        from surefix.report.eval import write_report
+        from surefix.report.figures import MISTAKES
+        from surefix.study import compare
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
     D, place_map, network = None, None, None
@@ -292,7 +292,7 @@ def eval_(
     try:
         with console.status("Drawing the report"):
             mistakes = {*comparison.mistakes(MISTAKES), *comparison.trusted_mistakes(MISTAKES)}
-            report = write_comparison(
+            report = write_report(
                 comparison,
                 out,
                 shlex.join(["surefix", *sys.argv[1:]]),
@@ -467,7 +467,7 @@ def _account(result: "Result") -> str:
     return f"{result.name}: area up to recall 0.2 is {area:.3f} ({low:.3f} to {high:.3f}), {right}"
 
 
-def _trust(comparison: "Comparison") -> str:
+def _trust(comparison: "Study") -> str:
     t = comparison.trust
     trusted = t.true_positives + t.false_positives
     return (
@@ -490,7 +490,7 @@ def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
         )
 
 
-def _warn_of_none_judged(comparison: "Comparison") -> None:
+def _warn_of_none_judged(comparison: "Study") -> None:
     """Says so if no query of a method could be judged by the truth."""
     names = [result.name for result in comparison.results if not result.judged.any()]
     if not names:

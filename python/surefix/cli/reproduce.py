@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
-from surefix import SurefixError, SurefixFileError, SurefixValueError
+from surefix import SurefixError, SurefixValueError
 
 if TYPE_CHECKING:
     from surefix.reproduce import Case, Settings
@@ -21,7 +22,7 @@ __all__ = ["reproduce"]
 
 
 class Recall(StrEnum):
-    """What recall is a share of."""
+    """The convention of recall."""
 
     correct = "correct"
     place_exists = "place_exists"
@@ -38,28 +39,25 @@ def reproduce(
     data: Annotated[
         Path | None,
         typer.Option(
-            "--data",
-            help="A folder with data sets as their publishers ship them: Gardens Point, Nordland, 4Seasons, RobotCar, "
-            "or reference/ and query/ with ground_truth.csv and matrices/. Each is run on every pair that is there: "
-            "its first traverse against each other.",
+            help="A folder with data sets as their publishers ship them: Gardens Point, Nordland, "
+            "4Seasons, RobotCar, or reference/ and query/ with ground_truth.csv and matrices/. "
+            "Each is run on every pair that is there: its first traverse against each other."
         ),
     ] = None,
     pair: Annotated[
         list[str] | None,
         typer.Option(
-            "--pair",
             metavar="DATASET=REFERENCE/QUERY",
-            help="Of a data set in --data only this pair of traverses, as gardens_point=day_left/night_right. "
-            "May be given again.",
+            help="Of a data set in --data only this pair of traverses, as "
+            "gardens_point=day_left/night_right. May be given again.",
         ),
     ] = None,
     matrix: Annotated[
         list[str] | None,
         typer.Option(
-            "--matrix",
             metavar="NAME=FILE.npy[,TRUTH.npy]",
-            help="Ready distances of any technique, a row a place and a column a query; NAME as DATASET/TECHNIQUE. "
-            "May be given again.",
+            help="Ready distances of any technique, a row a place and a column a query; NAME as "
+            "DATASET/TECHNIQUE. May be given again.",
         ),
     ] = None,
     similarity: Annotated[
@@ -71,14 +69,12 @@ def reproduce(
     paper: Annotated[
         Path | None,
         typer.Option(
-            "--paper",
-            help="The paper's own numbers, for the table: a CSV with dataset,technique,baseline,weighted; dataset as "
-            "the table names it, or gardens_point, nordland, four_seasons, robotcar.",
+            help="The paper's own numbers, for the table: a CSV with "
+            "dataset,technique,baseline,weighted; dataset as the table names it, or "
+            "gardens_point, nordland, four_seasons, robotcar."
         ),
     ] = None,
-    recall: Annotated[
-        Recall, typer.Option("--recall", help="What recall is a share of.")
-    ] = Recall.correct,
+    recall: Annotated[Recall, typer.Option(help="The convention of recall.")] = Recall.correct,
     quick: Annotated[
         bool, typer.Option("--quick", help="Few samples and steps: to see that it works.")
     ] = False,
@@ -87,7 +83,8 @@ def reproduce(
     begin = time.perf_counter()
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.reproduce import Settings, comparisons, read_pairs, read_paper, write_report
+        from surefix.report.page import output_folder
+        from surefix.reproduce import Settings, exhibits, read_pairs, read_paper, write_report
         from surefix.reproduce.report import STEPS
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
@@ -100,41 +97,24 @@ def reproduce(
         )
     with _progress() as progress:
         task = progress.add_task("Looking for data", total=STEPS)
-        cases, problems = _cases(
-            data,
-            pairs,
-            matrix or [],
-            similarity,
-            settings,
-            lambda text: progress.update(task, description=text),
-        )
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise SurefixFileError(
-                f"{out}: cannot make the output folder: {error.strerror or error}"
-            ) from None
+        say = partial(progress.update, task)
+        cases, problems = _cases(data, pairs, matrix or [], similarity, settings, say)
+        output_folder(out)
         made = []
-        progress.update(task, description="Comparing")
-        for step, comparison in enumerate(comparisons(cases, settings, numbers), 1):
-            print(f"{step} of {STEPS}: {comparison.title}", flush=True)
-            made.append(comparison)
-            progress.update(task, completed=step)
-        progress.update(task, description="Writing the report")
-        try:
-            report = write_report(out, made, cases, settings, problems=problems, command=_command())
-        except OSError as error:
-            if isinstance(error, SurefixError):
-                raise
-            raise SurefixFileError(
-                f"{out}: cannot write the report: {error.strerror or error}"
-            ) from None
+        say(description="Making the exhibits")
+        for step, exhibit in enumerate(exhibits(cases, settings, numbers), 1):
+            print(f"{step} of {STEPS}: {exhibit.title}", flush=True)
+            made.append(exhibit)
+            say(completed=step)
+        say(description="Writing the report")
+        command = shlex.join(["surefix", *sys.argv[1:]])
+        report = write_report(out, made, cases, settings, problems=problems, command=command)
     for point in made[0].points:
         print(point)
-    pictures = sum(len(comparison.pictures) for comparison in made)
+    pictures = sum(len(exhibit.pictures) for exhibit in made)
     print(
-        f"Made {report}, with {pictures} pictures and {len(made)} tables beside it, from {len(cases)} cases, "
-        f"in {time.perf_counter() - begin:.1f} s"
+        f"Made {report}, with {pictures} pictures and {len(made)} tables beside it, from "
+        f"{len(cases)} cases, in {time.perf_counter() - begin:.1f} s"
     )
 
 
@@ -144,9 +124,9 @@ def _cases(
     matrices: list[str],
     similarity: bool,
     settings: "Settings",
-    say: Callable[[str], None],
+    say: Callable[..., None],
 ) -> tuple[list["Case"], list[str]]:
-    """What there is to compare, and what could not be used; each is said as it comes."""
+    """The cases, and the reasons why some data could not be used; each is printed as it comes."""
     from surefix.reproduce import (
         check_pairs,
         find_datasets,
@@ -169,7 +149,7 @@ def _cases(
                 f"{data}: no data set of the paper in it, nor a folder with reference/ and query/"
             )
         for one in found:
-            say(f"{one.title}: reading {one.folder}")
+            say(description=f"{one.title}: reading {one.folder}")
             wanted = pairs.get(one.dataset, [])
             chosen = [pair for pair in wanted if one.has(pair)]
             # Of another folder of the same data set.
@@ -186,7 +166,7 @@ def _cases(
     for problem in problems:
         print(f"Not used: {problem}", file=sys.stderr)
     if not cases:
-        say("Driving the generated route")
+        say(description="Driving the generated route")
         cases += generated_cases(settings)
         print("No real data: this is the generated route, a drawn world", flush=True)
     for case in cases:
@@ -198,18 +178,10 @@ def _cases(
 def _progress() -> Progress:
     """A bar on a terminal, nothing in a pipe."""
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-    )
+    text = TextColumn("{task.description}", markup=False)
+    columns = SpinnerColumn(), text, BarColumn(), MofNCompleteColumn()
     # Lines printed meanwhile go above the bar, unless they go elsewhere.
     above, silent = sys.stdout.isatty(), not console.is_terminal
     return Progress(
         *columns, console=console, transient=True, redirect_stdout=above, disable=silent
     )
-
-
-def _command() -> str:
-    return shlex.join(["surefix", *sys.argv[1:]])

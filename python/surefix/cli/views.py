@@ -1,4 +1,4 @@
-"""Where ``surefix run`` shows a drive: on the terminal, in rerun's viewer, in a recording."""
+"""The views of ``surefix run``: on the terminal, in rerun's viewer, in a recording."""
 
 import sys
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from rich.console import Console
 
 from surefix import Map
 from surefix.live import RerunView, TerminalView, View
-from surefix.live.rerun_viewer import viewer_obstacle
+from surefix.live.viewer import viewer_obstacle
 
 __all__ = ["open_views"]
 
@@ -20,12 +20,15 @@ def open_views(
 ) -> Iterator[list[View]]:
     """The views that were asked for, and that of the terminal; closed in the end, whatever comes.
 
-    A terminal gets its view where standard output is one. With ``live`` it is enough that standard
-    error is one, so that fixes can go into a pipe. Where rerun's viewer cannot be opened, a line
+    A terminal gets its view if standard output is one. With ``live`` it is enough that standard
+    error is one, so that fixes can go into a pipe. If rerun's viewer cannot be opened, a line
     says so, and the terminal has to do.
 
-    Raises ------ SurefixError Where a recording is asked for and rerun is not installed, or it
-    cannot be written; where ``references`` is no folder of the map's images.
+    Raises
+    ------
+    SurefixError
+        If a recording is asked for and rerun is not installed, or it cannot be written; if
+        ``references`` is no folder of the map's images.
     """
     obstacle = viewer_obstacle() if live else None
     spawn = live and obstacle is None

@@ -1,6 +1,6 @@
 """Seeing a drive as it goes: in the rerun viewer, in a recording for later, or on the terminal.
 
-A view is given each frame with its fix, between two pushes::
+A view takes each frame with its fix, between two pushes::
 
     with TerminalView(route) as view:
         for frame in frames:
@@ -11,7 +11,7 @@ A view is given each frame with its fix, between two pushes::
 ``RerunView`` needs rerun, ``pip install "surefix[live]"``; ``TerminalView`` needs nothing more.
 """
 
-from surefix.live.rerun_view import RerunView
+from surefix.live.rerun import RerunView
 from surefix.live.terminal import TerminalView
 from surefix.live.view import View
 

@@ -2,42 +2,42 @@
 
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from threading import Lock, Timer
+from typing import Any
 
 import numpy as np
 from rich.console import Console, RenderableType
+from rich.live import Live
 
 from surefix import Fix, Localizer, Map
-from surefix.live.paced import PacedLive
-from surefix.live.references import References
-from surefix.live.route_bar import RouteBar
-from surefix.live.terminal_panel import Row, Scene, panel
-from surefix.live.totals import Totals
-from surefix.live.view import Seen
+from surefix._words import counted
+from surefix.live.panel import RouteBar, Row, Scene, panel
+from surefix.live.view import Closing, Images, References, Seen
 
 __all__ = ["TerminalView"]
 
 
-class TerminalView:
-    """Where on the route the drive is, the distances with their minimum and gradient peak, the
-    newest fixes, how many are trusted, latency and dropped frames; on a large terminal, also what
-    the camera sees and what it is matched to.
+class TerminalView(Closing):
+    """The place on the route, the distances with their minimum and gradient peak, the newest
+    fixes, the share that is trusted, latency and dropped frames; on a large terminal, also the
+    camera's image and that of the matched place.
 
     It is drawn a few times a second, however fast the fixes come, and takes the room that the
-    terminal has. Where there is no terminal, it writes a plain line a fix.
+    terminal has. If the output is no terminal, it writes a plain line a fix.
 
     Parameters
     ----------
     map : Map
         The localizer's map.
     total : int, optional
-        How many frames there will be, where that is known.
-    references : path, optional
-        The folder of the map's images, as for ``References``.
+        The number of frames, if it is known.
+    references : path or sequence of images, optional
+        The folder of the map's images, or the images themselves. By default they are looked for by
+        the names that the map has for its places.
     console : rich.console.Console, optional
-        Where to draw: standard output by default.
+        The output; standard output by default.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class TerminalView:
         map: Map,
         *,
         total: int | None = None,
-        references: str | Path | None = None,
+        references: str | Path | Images | None = None,
         console: Console | None = None,
     ) -> None:
         self.console = console or Console()
@@ -67,24 +67,12 @@ class TerminalView:
         self.total = total
         self.references = References(map, references)
         self.route = RouteBar(len(map))
-        self.places = len(map)
         self.totals = Totals()
         self.rows: deque[Row] = deque(maxlen=self.KEPT)
         self.newest: tuple[Seen, Fix] | None = None
         self.distances = np.zeros(len(map), np.float32)
         self.paced = PacedLive(self.console, self.PAUSE)
         self.paced.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
         """Take one frame and its fix, and draw them if it is time to; as ``View.update``."""
@@ -98,17 +86,17 @@ class TerminalView:
             self.route.add(fix)
             self.rows.append(row)
             self.newest = seen, fix
-            # Those that a screen spares the push are asked for only where they are drawn at once.
+            # A screen spares the push most of them: then ask only for those that are drawn now.
             if localizer.map.screen is None or self.paced.is_due:
                 self.distances = localizer.distances
         self.paced.draw(self._picture)
 
     def close(self) -> None:
-        """Draw for the last time, and give the terminal back. Once more does nothing."""
+        """Draw for the last time, and give the terminal back. Calling it again does nothing."""
         self.paced.stop(None if self.newest is None else self._picture)
 
     def _name(self, place: int) -> str:
-        """What the map calls a place, where that says more than its number."""
+        """The map's name of a place, if it says more than the number."""
         name = self.names[place] if self.names else ""
         return "" if name == str(place) else name
 
@@ -116,7 +104,7 @@ class TerminalView:
         assert self.newest is not None
         seen, fix = self.newest
         scene = Scene(
-            places=self.places,
+            places=len(self.distances),
             total=self.total,
             fix=fix,
             image=seen.image,
@@ -124,6 +112,120 @@ class TerminalView:
             distances=self.distances,
             route=self.route,
             rows=list(self.rows),
-            totals=self.totals,
+            totals=str(self.totals),
         )
         return panel(scene, self.console)
+
+
+class Totals:
+    """Counts since the start; latency and pace of the newest pushes. Its memory does not grow."""
+
+    NEWEST = 1000
+
+    def __init__(self) -> None:
+        self.fixes = self.trusted = self.dropped = self.gaps = self.since_trusted = 0
+        self.latency: deque[float] = deque(maxlen=self.NEWEST)
+        self.times: deque[float] = deque(maxlen=61)
+
+    def add(self, seen: Seen, fix: Fix, latency_us: float, now: float) -> None:
+        """Take one frame and its fix; ``now`` in seconds, of any clock."""
+        self.fixes += 1
+        self.trusted += fix.trusted
+        self.dropped += seen.dropped
+        self.gaps += seen.gap
+        self.since_trusted = 0 if fix.trusted else self.since_trusted + 1
+        self.latency.append(latency_us)
+        self.times.append(now)
+
+    def __str__(self) -> str:
+        """In words, with points between the parts."""
+        p50, p99 = np.percentile(self.latency, (50, 99))
+        parts = [f"{self.trusted / self.fixes:.0%} trusted ({self.trusted} of {self.fixes})"]
+        if self.trusted and self.since_trusted:
+            parts.append(f"the last {counted(self.since_trusted, 'frame')} ago")
+        elapsed = self.times[-1] - self.times[0]
+        if elapsed > 0:
+            parts.append(f"{(len(self.times) - 1) / elapsed:.0f} frames a second")
+        parts.append(f"{p50:.0f} us a push, p99 {p99:.0f}")
+        gaps = f", {counted(self.gaps, 'gap')}" if self.gaps else ""
+        return " · ".join([*parts, f"{self.dropped} dropped{gaps}"])
+
+
+class PacedLive:
+    """A picture on a terminal, drawn between two pushes so that it does not slow the drive; if no
+    push follows, a little later.
+
+    Anything that ``picture`` reads may change under ``lock`` only.
+
+    Parameters
+    ----------
+    console : Console
+        If it is no terminal, nothing is drawn.
+    pause : float
+        The fewest seconds between two drawings.
+    """
+
+    def __init__(self, console: Console, pause: float) -> None:
+        self.on = console.is_terminal and not console.is_dumb_terminal
+        self.live = Live(console=console, auto_refresh=False)
+        self.pause = pause
+        self.due = 0.0
+        self.lock = Lock()
+        self.late: Timer | None = None
+
+    def start(self) -> None:
+        """Take the terminal."""
+        if self.on:
+            self.live.start()
+
+    @property
+    def is_due(self) -> bool:
+        """Whether ``draw`` would draw now."""
+        return self.on and time.perf_counter() >= self.due
+
+    def draw(self, picture: Callable[[], RenderableType]) -> None:
+        """Draw ``picture()`` if it is time to, and else when it is, unless a newer one comes."""
+        if not self.on:
+            return
+        with self.lock:
+            wait = self.due - time.perf_counter()
+            if wait <= 0:
+                self._draw(picture)
+            elif self.late is None:
+                self.late = Timer(wait, self._catch_up, (picture,))
+                self.late.daemon = True
+                self.late.start()
+
+    def _catch_up(self, picture: Callable[[], RenderableType]) -> None:
+        with self.lock:
+            # While this waited for the lock, a newer picture may have been drawn, or all stopped.
+            if self.late is not None:
+                self._draw(picture)
+
+    def _draw(self, picture: Callable[[], RenderableType]) -> None:
+        start = time.perf_counter()
+        self.live.update(picture(), refresh=True)
+        end = time.perf_counter()
+        # On a slow terminal, the drive has most of the time.
+        self.due = end + max(self.pause, 2 * (end - start))
+        self._nothing_late()
+
+    def _nothing_late(self) -> None:
+        if self.late is not None:
+            self.late.cancel()
+            self.late = None
+
+    def stop(self, picture: Callable[[], RenderableType] | None) -> None:
+        """Draw for the last time, and give the terminal back: the picture stays, and the cursor
+        stands below it.
+        """
+        if not self.on or not self.live.is_started:
+            return
+        with self.lock:
+            self._nothing_late()
+            try:
+                if picture is not None:
+                    self.live.update(picture())
+            finally:
+                # This draws it.
+                self.live.stop()

@@ -1,14 +1,29 @@
-"""What a view is: something that is shown each frame with its fix."""
+"""What both views share: the protocol, a frame as it is shown, the map's images, the colours."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surefix import Fix, Localizer
+from surefix import Fix, Localizer, Map, SurefixError, SurefixValueError, read_image
 
-__all__ = ["Seen", "View"]
+__all__ = ["Closing", "Image", "Images", "References", "Seen", "View"]
+
+Image = NDArray[np.uint8]
+
+# Hue says what a mark is, and its shape or place says it again.
+TRUSTED, UNTRUSTED = "#2fbf95", "#8a96a3"
+MINIMUM, PEAK = "#56b4e9", "#e69f00"
+FAINT, HERE = "#5b6672", "#f4f7fa"
+
+
+class Images(Protocol):
+    """Images by their number."""
+
+    def __getitem__(self, index: int, /) -> Image: ...
 
 
 @runtime_checkable
@@ -21,36 +36,47 @@ class View(Protocol):
         Parameters
         ----------
         frame : array or surefix.frames.Frame
-            What was pushed: an image, a descriptor, or a stream's frame.
+            The image, the descriptor or the stream's frame that was pushed.
         fix : Fix
-            What the push gave.
+            The push's answer.
         localizer : Localizer
-            What was pushed to. Its newest distances are those of this frame.
+            Its newest distances are those of this frame.
         latency_us : float
-            How long the push took, in microseconds.
+            The duration of the push in microseconds.
         """
 
     def close(self) -> None:
-        """Finish: what was shown stays, files are complete, the terminal is as it was. Once more
-        does nothing.
+        """Finish: what was shown stays, files are complete, the terminal is as it was. Calling it
+        again does nothing.
         """
+
+
+class Closing:
+    """A view as a context that closes it."""
+
+    def close(self) -> None:
+        """As ``View.close``."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What there is to show of a frame, be it a plain array or a stream's frame."""
+    """The parts of a frame that are shown, be it a plain array or a stream's frame."""
 
     name: str
-    image: NDArray[np.uint8] | None
+    image: Image | None
     time: float | None
     dropped: int
     gap: bool
 
     @classmethod
     def of(cls, frame: Any, fix: Fix) -> "Seen":
-        """Look at a frame. A descriptor has no image; a frame without a name is called by its
-        number.
-        """
+        """A descriptor has no image; a frame without a name is called by its number."""
         pixels = getattr(frame, "image", frame)
         is_image = isinstance(pixels, np.ndarray) and pixels.dtype == np.uint8 and pixels.ndim >= 2
         return cls(
@@ -60,3 +86,61 @@ class Seen:
             dropped=getattr(frame, "dropped", 0),
             gap=getattr(frame, "gap", False),
         )
+
+
+class References:
+    """The image of each place of a map.
+
+    Parameters
+    ----------
+    map : Map
+        Its ``names`` are file names.
+    source : path or sequence of images, optional
+        The folder of those files, or the images themselves. By default names are looked for as
+        they are: a path, or a file in the working folder.
+
+    Raises
+    ------
+    SurefixValueError
+        If the given folder does not exist or has none of the map's images.
+    """
+
+    # A robot that stands or moves slowly asks for the same few places again and again.
+    KEPT = 32
+
+    def __init__(self, map: Map, source: str | Path | Images | None = None) -> None:
+        self.names = map.names
+        self.images = None if source is None or isinstance(source, str | Path) else source
+        self.folder = Path(source) if isinstance(source, str | Path) else Path()
+        self.image = lru_cache(maxsize=self.KEPT)(self._image)
+        if not isinstance(source, str | Path):
+            return
+        if not self.folder.is_dir():
+            raise SurefixValueError(
+                f"references: expected the folder of the map's images, got {self.folder}"
+            )
+        if not self:
+            first = f"its first is {self.names[0]}" if self.names else "it has no names"
+            raise SurefixValueError(
+                f"references: expected images of the map in {self.folder}, got none: {first}"
+            )
+
+    def __bool__(self) -> bool:
+        """Whether there are any, going by the first and the last place."""
+        return self.images is not None or (
+            self.names is not None
+            and any((self.folder / self.names[place]).is_file() for place in (0, -1))
+        )
+
+    def _image(self, place: int) -> Image | None:
+        """The image of a place; None if there is none or it cannot be read."""
+        if self.images is not None:
+            return self.images[place]
+        if not self.names:
+            return None
+        file = self.folder / self.names[place]
+        try:
+            return read_image(file) if file.is_file() else None
+        except SurefixError:
+            # A picture beside the answer is no reason to stop a robot.
+            return None

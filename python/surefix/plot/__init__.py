@@ -18,18 +18,27 @@ except ModuleNotFoundError as error:
     message = f"surefix.plot draws with matplotlib, {missing}: pip install 'surefix[plot]'"
     raise ModuleNotFoundError(message, name=error.name) from None
 
-from surefix.plot.bars import false_positives
-from surefix.plot.curves import precision_recall
-from surefix.plot.examples import Example, examples, examples_height
-from surefix.plot.intervals import Estimate, auc_intervals
+from surefix.plot.bars import (
+    Band,
+    Estimate,
+    auc_intervals,
+    false_positives,
+    route_strip,
+    trust_table,
+)
+from surefix.plot.curves import ablation, execution_time, precision_recall, weight_sweep
+from surefix.plot.images import (
+    Column,
+    Example,
+    Pair,
+    examples,
+    examples_height,
+    montage,
+    montage_height,
+)
 from surefix.plot.matrix import busiest_window, distance_matrix
-from surefix.plot.montage import Column, Pair, montage, montage_height
 from surefix.plot.outcome import Outcome, is_right, outcomes
-from surefix.plot.strip import Band, route_strip
-from surefix.plot.sweep import ablation, weight_sweep
 from surefix.plot.theme import DARK, LIGHT, Theme, png
-from surefix.plot.timing import execution_time
-from surefix.plot.trust import trust_table
 
 __all__ = [
     "DARK",

@@ -1,15 +1,19 @@
-"""Precision-recall curves as a picture."""
+"""Lines: precision over recall, the area over an option, the time over the size of the map."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from surefix import Evaluation
-from surefix.plot.lines import looks
-from surefix.plot.theme import LIGHT, Theme
+from surefix.plot.theme import LIGHT, Theme, looks
 
-__all__ = ["precision_recall"]
+__all__ = ["Swept", "ablation", "execution_time", "finish", "precision_recall", "weight_sweep"]
+
+Swept = npt.ArrayLike | tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]
+"""An area for each value of the option; or three: the areas, the low and the high ends of their
+intervals."""
 
 
 def precision_recall(
@@ -31,7 +35,7 @@ def precision_recall(
     trusted : (recall, precision), optional
         The point that accepts just the trusted fixes: a star.
     trusted_name : str
-        What the legend calls it.
+        The star's name in the legend.
     upto : float
         The areas named in the legend are up to this recall; it is shaded.
     recall : {"correct", "place_exists", "rejected"}
@@ -54,7 +58,7 @@ def precision_recall(
         label = f"{name}: area up to recall {upto:g} is {curve.auc(upto):.2f}"
         if curve.max_recall < upto:
             label += f", it ends at recall {curve.max_recall:.2f}"
-        # Where nothing was accepted there is no line, but its name stays in the legend.
+        # If nothing was accepted there is no line, but its name stays in the legend.
         ax.plot(
             np.concatenate(([0.0], curve.recall)) if len(curve.recall) else [],
             np.concatenate((curve.precision[:1], curve.precision)),
@@ -62,22 +66,128 @@ def precision_recall(
             **look.line(len(curve.recall) + 1, layer),
         )
     if trusted is not None:
-        ax.plot(
-            *trusted,
-            linestyle="none",
-            marker="*",
-            markersize=15,
-            color=theme.ink,
-            markeredgecolor=theme.paper,
-            zorder=6,
-            clip_on=False,
-            label=f"{trusted_name}: precision {trusted[1]:.3f}, recall {trusted[0]:.2f}",
-        )
+        label = f"{trusted_name}: precision {trusted[1]:.3f}, recall {trusted[0]:.2f}"
+        star(ax, trusted, theme.ink, label, theme)
     ax.set_xlim(0, 1)
     ax.set_ylim(0, 1)
     ax.set_xlabel(f"recall ({share})")
     ax.set_ylabel("precision (share of the accepted that are correct)")
+    return finish(ax, handlelength=2.6)
+
+
+def weight_sweep(
+    ax: Axes,
+    weights: npt.ArrayLike,
+    areas: Mapping[str, Swept],
+    *,
+    upto: float = 0.2,
+    theme: Theme = LIGHT,
+) -> Axes:
+    """Draws the area under the curve against the weight ``w``, a line for each predictor.
+
+    Parameters
+    ----------
+    weights : array of float, shape (k,)
+        From 0, the unweighted sequence, to 1.
+    areas : mapping of a name to an array (k,), or to three: the areas, their low and high ends
+        Up to eight; an interval is drawn as a band.
+    upto : float
+        The areas are up to this recall.
+    """
+    ax.set_xlim(0, 1)
+    ax.set_xlabel("weight w (0: unweighted, 1: a trusted match is drawn down to the floor)")
+    return _areas(ax, weights, areas, upto, theme)
+
+
+def ablation(
+    ax: Axes,
+    lengths: Sequence[int],
+    areas: Mapping[str, Swept],
+    *,
+    upto: float = 0.2,
+    theme: Theme = LIGHT,
+) -> Axes:
+    """Draws the area under the curve against the sequence length ``L``, a line for each method.
+
+    Parameters
+    ----------
+    lengths : sequence of int, k of them
+        In queries.
+    areas : mapping of a name to an array (k,), or to three: the areas, their low and high ends
+        Up to eight; an interval is drawn as a band.
+    upto : float
+        The areas are up to this recall.
+    """
+    ax.set_xticks(list(lengths))
+    ax.set_xlabel("sequence length L (queries)")
+    return _areas(ax, lengths, areas, upto, theme)
+
+
+def execution_time(
+    ax: Axes,
+    places: npt.ArrayLike,
+    microseconds: Mapping[str, npt.ArrayLike],
+    *,
+    theme: Theme = LIGHT,
+) -> Axes:
+    """Draws the time of a query against the number of places, both on logarithmic scales.
+
+    Parameters
+    ----------
+    places : array of int, shape (k,)
+        The sizes of the map.
+    microseconds : mapping of a name to an array of float, shape (k,)
+        The mean time of a query, more than 0; up to eight.
+    """
+    _lines(ax, places, microseconds, theme)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlabel("places on the map")
+    ax.set_ylabel("mean time for a query (microseconds)")
+    return finish(ax, handlelength=3.2)
+
+
+def star(ax: Axes, at: tuple[float, float], colour: str, label: str, theme: Theme) -> None:
+    """One point that stands out."""
+    ax.plot(
+        *at,
+        linestyle="none",
+        marker="*",
+        markersize=15,
+        color=colour,
+        markeredgecolor=theme.paper,
+        zorder=6,
+        clip_on=False,
+        label=label,
+    )
+
+
+def finish(ax: Axes, **legend: float) -> Axes:
+    """A grid below the lines, and the legend above the axes."""
     ax.grid(linewidth=0.8)
     ax.set_axisbelow(True)
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left", handlelength=2.6)
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left", **legend)
     return ax
+
+
+def _areas(
+    ax: Axes, at: npt.ArrayLike, areas: Mapping[str, Swept], upto: float, theme: Theme
+) -> Axes:
+    _lines(ax, at, areas, theme)
+    ax.set_ylim(0, 1)
+    ax.set_ylabel(f"area under the precision-recall curve up to recall {upto:g}")
+    columns = 2 if len(areas) > 4 and max(map(len, areas)) <= 24 else 1
+    return finish(ax, handlelength=3.2, ncols=columns)
+
+
+def _lines(ax: Axes, at: npt.ArrayLike, lines: Mapping[str, Swept], theme: Theme) -> None:
+    at = np.asarray(at, np.float64)
+    for layer, ((name, values), look) in enumerate(
+        zip(lines.items(), looks(theme, len(lines)), strict=True)
+    ):
+        middle, low, high = values if isinstance(values, tuple) else (values, None, None)
+        marks = {"marker": look.mark or "o", "markevery": None, "markersize": 4.5}
+        ax.plot(at, np.asarray(middle, np.float64), label=name, **look.line(len(at), layer) | marks)
+        if low is not None and high is not None:
+            ends = np.asarray(low), np.asarray(high)
+            ax.fill_between(at, *ends, color=look.colour, alpha=0.13, linewidth=0)

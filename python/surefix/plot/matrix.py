@@ -14,7 +14,7 @@ from surefix.plot.theme import LIGHT, MARKS, Theme
 __all__ = ["Window", "busiest_window", "distance_matrix"]
 
 Window = tuple[int, int]
-"""The first of some consecutive places or queries, and how many they are."""
+"""The first of some consecutive places or queries, and their number."""
 
 # Nine of ten distances are nearly alike; the tones are spent on the near ones.
 TONES = (0.1, 60.0)
@@ -37,18 +37,29 @@ def distance_matrix(
     label: str = "distance",
     theme: Theme = LIGHT,
 ) -> Axes:
-    """Draws the distances, dark where a query looks like a place, and the match of each query.
+    """Draws the distances, dark if a query looks like a place, and the match of each query.
 
-    Parameters ---------- distances : array of float32, shape (n, m) ``distances[i, j]`` is the
-    distance between place ``i`` and query ``j``. place, trusted : arrays, shape (m,) The matches,
-    as of a ``surefix.Run``. right : array of bool, shape (m,) Which of them are right, as of
-    ``is_right``. truth : array of int, shape (m,), optional Where each query really was, -1 where
-    it was off the map: the true path, a line in a close-up. judged : array of bool, shape (m,),
-    optional False for queries of which the truth is not known: their matches are not drawn. All by
-    default. queries, places : (first, count), optional A close-up of these rather than the whole
-    matrix, with larger marks and a line for the true path. outline : (queries, places), optional
-    Draws a frame around these: where a close-up was taken. label : str What the distances are, and
-    their unit; for the scale of a close-up.
+    Parameters
+    ----------
+    distances : array of float32, shape (n, m)
+        ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
+    place, trusted : arrays, shape (m,)
+        The matches, as of a ``surefix.Run``.
+    right : array of bool, shape (m,)
+        Which of them are right, as of ``is_right``.
+    truth : array of int, shape (m,), optional
+        The true place of each query, -1 off the map: the true path, a line in a
+        close-up.
+    judged : array of bool, shape (m,), optional
+        False for queries of which the truth is not known: their matches are not drawn. All by
+        default.
+    queries, places : (first, count), optional
+        A close-up of these rather than the whole matrix, with larger marks and a line for the true
+        path.
+    outline : (queries, places), optional
+        Draws a frame around these: the part of a close-up.
+    label : str
+        The distances and their unit, for the scale of a close-up.
     """
     close = queries is not None or places is not None
     first_query, query_count = queries or (0, distances.shape[1])
@@ -63,7 +74,7 @@ def distance_matrix(
         vmin=float(nearest),
         vmax=float(furthest),
         origin="lower",
-        # A square cell says that queries and places are counted alike, where there is room for it.
+        # A square cell says that queries and places are counted alike, if there is room for it.
         aspect="equal" if 1 / 3 < query_count / place_count < 3 else "auto",
         interpolation="nearest" if close else "antialiased",
     )
@@ -99,33 +110,24 @@ def distance_matrix(
             ax.plot(shown, known, color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
         figure = ax.get_figure(root=True)
         if figure is not None:
-            bar = figure.colorbar(
-                tones, ax=ax, location="top", shrink=0.6, aspect=32, pad=0.02, extend="both"
-            )
+            shape: Any = {"location": "top", "shrink": 0.6, "aspect": 32, "pad": 0.02}
+            bar = figure.colorbar(tones, ax=ax, extend="both", **shape)
             bar.set_label(label)
             bar.outline.set_visible(False)
     if outline is not None:
         (x, width), (y, height) = outline
-        frame = Rectangle(
-            (x - cell, y - cell), width, height, fill=False, edgecolor=theme.ink, linewidth=1.1
-        )
-        ax.add_patch(frame).set_zorder(10)
+        corner = x - cell, y - cell
+        style: Any = {"edgecolor": theme.ink, "linewidth": 1.1}
+        ax.add_patch(Rectangle(corner, width, height, fill=False, zorder=10, **style))
     ax.set_xlim(first_query - cell, first_query + query_count - cell)
     ax.set_ylim(first_place - cell, first_place + place_count - cell)
     ax.set_xlabel("query (frame of the second drive)")
     ax.set_ylabel("place (frame of the map)")
     if not close:
-        ax.legend(
-            handles=[
-                _legend_entry(outcome, int((masks[outcome] & seen).sum()), theme)
-                for outcome in Outcome
-            ],
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.0),
-            ncols=2,
-            handletextpad=0.4,
-            columnspacing=1.6,
-        )
+        counts = {outcome: int((masks[outcome] & seen).sum()) for outcome in Outcome}
+        entries = [_legend_entry(outcome, count, theme) for outcome, count in counts.items()]
+        spacing: Any = {"ncols": 2, "handletextpad": 0.4, "columnspacing": 1.6}
+        ax.legend(handles=entries, loc="lower center", bbox_to_anchor=(0.5, 1.0), **spacing)
     return ax
 
 

@@ -1,4 +1,4 @@
-"""How a fix turned out: right or wrong, trusted or not. Four outcomes, and what each looks like."""
+"""The outcome of a fix: right or wrong, trusted or not."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -10,7 +10,7 @@ __all__ = ["Gap", "Outcome", "is_right", "longest_gap", "outcomes"]
 
 
 class Outcome(Enum):
-    """What became of a fix. The order is the order of every legend and table."""
+    """The outcome of a fix. The order is the order of every legend and table."""
 
     TRUSTED_RIGHT = "trusted, right"
     TRUSTED_WRONG = "trusted, wrong"
@@ -38,7 +38,7 @@ class Outcome(Enum):
 def is_right(
     place: NDArray[np.int64], truth: NDArray[np.int64], tolerance: int = 1
 ) -> NDArray[np.bool_]:
-    """Which matches are within ``tolerance`` places of the truth; none where the truth is -1, off
+    """Which matches are within ``tolerance`` places of the truth; none if the truth is -1, off
     the map.
     """
     near: NDArray[np.bool_] = np.abs(place - truth) <= tolerance
@@ -64,7 +64,7 @@ class Gap:
 
 
 def longest_gap(fixed: NDArray[np.bool_]) -> Gap:
-    """The longest stretch of queries of which none is ``fixed``; the first, where two are as
+    """The longest stretch of queries of which none is ``fixed``; the first, if two are as
     long.
     """
     edges = np.flatnonzero(np.concatenate(([True], fixed, [True])))

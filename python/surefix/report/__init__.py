@@ -1,9 +1,7 @@
-"""Pages of results, with pictures of ``surefix.plot`` inside: the drive of the demo, and the
-comparison of methods.
-"""
+"""Pages of results, with pictures of ``surefix.plot`` inside: of the demo, and of studies."""
 
-# First, for what it says where matplotlib is missing.
+# First, as it says which extra to install if matplotlib is missing.
 import surefix.plot  # noqa: F401
-from surefix.report.page import Picture, Section, Table, Tile, page
+from surefix.report.page import Picture, Section, Table, Tile, drawn, page
 
-__all__ = ["Picture", "Section", "Table", "Tile", "page"]
+__all__ = ["Picture", "Section", "Table", "Tile", "drawn", "page"]

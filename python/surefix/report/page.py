@@ -1,18 +1,44 @@
-"""One page of HTML that needs no other file: pictures inside, light and dark, on a desk and on a
-phone.
+"""One page of HTML that needs no other file, with pictures for light and for dark paper; and the
+folder that it is written to.
 """
 
 import base64
+import errno
 import io
-from collections.abc import Sequence
+import os
+import shutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from importlib.resources import files
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 # Pillow comes with matplotlib.
 from PIL import Image
 
-__all__ = ["Picture", "Section", "Table", "Tile", "page"]
+from surefix.errors import SurefixFileError
+from surefix.plot.theme import DARK, LIGHT, Theme, png
+
+__all__ = [
+    "PAGE",
+    "Picture",
+    "Section",
+    "Table",
+    "Tile",
+    "drawn",
+    "output_folder",
+    "page",
+    "photograph",
+    "write",
+]
+
+PAGE = "report.html"
 
 
 @dataclass(frozen=True)
@@ -25,25 +51,75 @@ class Tile:
     note: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture as PNG bytes, on light and on dark paper, and what it shows for those who cannot
-    see it.
+    """A picture for light and for dark paper, with a text for readers who cannot see it.
 
-    A ``textured`` one is embedded as JPEG, at a fraction of its size.
+    Attributes
+    ----------
+    paint : function of a ``Theme``
+        Gives the bytes of a PNG file; it is called when the picture is first needed.
+    alt, caption : str
+    wide : bool
+        Takes the page's whole width.
+    textured : bool
+        Embedded as JPEG, at a fraction of its size.
     """
 
-    light: bytes
-    dark: bytes
+    paint: Callable[[Theme], bytes]
     alt: str
     caption: str = ""
     wide: bool = False
     textured: bool = False
 
+    @cached_property
+    def light(self) -> bytes:
+        """On light paper."""
+        return self.paint(LIGHT)
+
+    @cached_property
+    def dark(self) -> bytes:
+        """On dark paper."""
+        return self.paint(DARK)
+
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels, from the header of the PNG."""
         return int.from_bytes(self.light[16:20]), int.from_bytes(self.light[20:24])
+
+
+def drawn(
+    draw: Callable[[Axes, Theme], object],
+    size: tuple[float, float],
+    alt: str,
+    caption: str = "",
+    *,
+    textured: bool = False,
+    small: bool = False,
+) -> Picture:
+    """A figure of ``surefix.plot`` as a picture; one of more than 8 inches is wide.
+
+    A ``small`` one has few colours, and a third of the bytes.
+    """
+
+    def paint(theme: Theme) -> bytes:
+        picture = png(draw, size, theme)
+        if not small:
+            return picture
+        file = io.BytesIO()
+        image = Image.open(io.BytesIO(picture)).convert("RGB")
+        image = image.quantize(128, dither=Image.Dither.NONE)
+        image.save(file, "PNG", optimize=True)
+        return file.getvalue()
+
+    return Picture(paint, alt, caption, wide=size[0] > 8, textured=textured)
+
+
+def photograph(image: NDArray[np.uint8], alt: str, caption: str) -> Picture:
+    """A camera image as it is, the same on any paper."""
+    file = io.BytesIO()
+    Image.fromarray(image).save(file, "PNG")
+    return Picture(lambda theme: file.getvalue(), alt, caption, textured=True)
 
 
 @dataclass(frozen=True)
@@ -63,7 +139,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, some paragraphs, pictures below them, side by side where there is room, and
+    """A heading, some paragraphs, pictures below them, side by side if there is room, and
     tables.
     """
 
@@ -114,7 +190,8 @@ def _tile(tile: Tile) -> str:
     note = f'<span class="note">{escape(tile.note)}</span>' if tile.note else ""
     return (
         f'<div class="tile"><dt>{escape(tile.label)}</dt>'
-        f'<dd><span class="value" id="{escape(tile.name)}">{escape(tile.value)}</span>{note}</dd></div>\n'
+        f'<dd><span class="value" id="{escape(tile.name)}">{escape(tile.value)}</span>{note}</dd>'
+        "</div>\n"
     )
 
 
@@ -124,7 +201,8 @@ def _section(section: Section) -> str:
     points = "".join(f"<li>{escape(text)}</li>\n" for text in section.points)
     points = f"<ul>\n{points}</ul>\n" if points else ""
     tables = "".join(map(_numbers, section.tables)) + _table(section.rows)
-    return f"<section>\n<h2>{escape(section.title)}</h2>\n{paragraphs}\n{points}{pictures}{tables}</section>\n"
+    title = escape(section.title)
+    return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{points}{pictures}{tables}</section>\n"
 
 
 def _pictures(pictures: Sequence[Picture], kind: str) -> str:
@@ -146,25 +224,26 @@ def _picture(picture: Picture) -> str:
     )
 
 
-def _table(rows: Sequence[tuple[str, str]]) -> str:
-    if not rows:
-        return ""
-    body = "".join(
-        f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>\n'
-        for name, value in rows
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    return f"<table>\n<tbody>\n{_rows(rows)}</tbody>\n</table>\n" if rows else ""
+
+
+def _rows(rows: Sequence[Sequence[str]]) -> str:
+    """The rows of a table; the first cell names its row."""
+    cells = (
+        f'<th scope="row">{escape(name)}</th>'
+        + "".join(f"<td>{escape(cell)}</td>" for cell in others)
+        for name, *others in rows
     )
-    return f"<table>\n<tbody>\n{body}</tbody>\n</table>\n"
+    return "".join(f"<tr>{row}</tr>\n" for row in cells)
 
 
 def _numbers(table: Table) -> str:
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
-    body = "".join(
-        f'<tr><th scope="row">{escape(row[0])}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in row[1:])}</tr>\n'
-        for row in table.rows
-    )
     return (
-        f'<div class="numbers"><table id="{escape(table.name)}">\n<caption>{escape(table.caption)}</caption>\n'
-        f"<thead>\n<tr>{header}</tr>\n</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+        f'<div class="numbers"><table id="{escape(table.name)}">\n'
+        f"<caption>{escape(table.caption)}</caption>\n"
+        f"<thead>\n<tr>{header}</tr>\n</thead>\n<tbody>\n{_rows(table.rows)}</tbody>\n</table></div>\n"
     )
 
 
@@ -175,3 +254,78 @@ def _embedded(image: bytes, textured: bool) -> str:
         Image.open(io.BytesIO(image)).convert("RGB").save(file, "JPEG", quality=88, subsampling=0)
         kind, image = "jpeg", file.getvalue()
     return f"data:image/{kind};base64,{base64.b64encode(image).decode('ascii')}"
+
+
+def write(
+    folder: Path,
+    text: str,
+    pictures: Mapping[str, Picture],
+    tables: Callable[[Path], object],
+    old: Iterable[str] = (),
+) -> Path:
+    """Writes a page, its pictures on light paper, and its tables; returns the path of the page.
+
+    All files come to the folder at once, in place of an earlier report. If the writing is stopped,
+    the earlier report stays whole; if the moving is stopped, there is no page, and nothing of the
+    earlier report.
+
+    Parameters
+    ----------
+    folder : Path
+    text : str
+        As of ``page``.
+    pictures : mapping of a file's name to a ``Picture``
+    tables : function of a folder
+        Writes the other files into it.
+    old : iterable of str
+        Names of files that an earlier report may have and this one lacks. All others stay.
+
+    Raises
+    ------
+    SurefixFileError
+        If a file cannot be written.
+    """
+    try:
+        inside = Path(mkdtemp(prefix=".surefix-", dir=folder))
+        try:
+            tables(inside)
+            for name, picture in pictures.items():
+                (inside / name).write_bytes(picture.light)
+            (inside / PAGE).write_text(text, encoding="utf-8")
+            _move(inside, folder, old)
+        finally:
+            shutil.rmtree(inside, ignore_errors=True)
+    except OSError as error:
+        raise SurefixFileError(
+            f"{folder}: cannot write the report: {error.strerror or error}"
+        ) from None
+    return folder / PAGE
+
+
+def output_folder(folder: Path) -> None:
+    """Makes the folder, before the slow part of a command.
+
+    Raises
+    ------
+    SurefixFileError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SurefixFileError(
+            f"{folder}: cannot make the output folder: {error.strerror or error}"
+        ) from None
+
+
+def _move(inside: Path, folder: Path, old: Iterable[str]) -> None:
+    """The page goes first and comes last."""
+    new = {path.name for path in inside.iterdir()}
+    gone = sorted({*old, *new}, key=lambda name: (name != PAGE, name))
+    for path in (folder / name for name in gone):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    for name in gone:
+        (folder / name).unlink(missing_ok=True)
+    for name in sorted(new, key=lambda name: (name == PAGE, name)):
+        (inside / name).replace(folder / name)

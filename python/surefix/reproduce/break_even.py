@@ -1,7 +1,8 @@
-"""How often may a predictor trust wrong matches before weighting by it costs more than it gains?"""
+"""The break-even: the share of wrong matches that a predictor may trust before weighting costs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,14 +10,14 @@ from matplotlib.axes import Axes
 from surefix._core import Trust
 from surefix.baselines import noisy_predictor
 from surefix.baselines.distances import Floats
+from surefix.plot.curves import finish, star
 from surefix.plot.theme import Theme
-from surefix.report.page import Picture, Table
-from surefix.reproduce.case import UPTO, WEIGHT, Case, Settings
-from surefix.reproduce.comparison import Cell, Comparison, drawn, shown, stem
+from surefix.report.page import Table, drawn
+from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
+from surefix.reproduce.exhibit import Cell, Exhibit, a_case, shown
+from surefix.study import UPTO
 
-__all__ = ["BreakEven", "compare", "crossing", "measure"]
-
-LENGTH = 2
+__all__ = ["BreakEven", "break_even", "crossing", "measure"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +26,9 @@ class BreakEven:
 
     Attributes
     ----------
+    case : Case
     trust : Trust
-        The consensus, as measured.
+        That of the consensus.
     rates, areas : array of float
     lowest, highest : array of float
         The worst and the best of the drawn predictors at each rate.
@@ -45,7 +47,7 @@ class BreakEven:
 
     @property
     def rate(self) -> float | None:
-        """The false positive rate of the break-even; None where weighting never costs."""
+        """The false positive rate of the break-even; None if weighting never costs."""
         return crossing(self.rates, self.areas, self.baseline)
 
     @property
@@ -74,32 +76,23 @@ def crossing(rates: Floats, areas: Floats, baseline: float) -> float | None:
 
 def measure(case: Case, settings: Settings) -> BreakEven:
     """The break-even of a case."""
-    trust, right = case.trust(), case.right()
-    # Closer where most predictors are.
+    study = case.study(settings)
+    trust, right = study.trust, study.single_right
+    # Closer at low rates, as most predictors have.
     rates = np.array(
         [0, 0.1, 0.5, 1.0]
         if settings.quick
         else [*np.arange(0, 0.2, 0.02), *np.arange(0.2, 1.01, 0.1)]
     )
+
+    def area(rate: float, seed: int) -> float:
+        trusted = noisy_predictor(
+            right, true_positive_rate=trust.recall, false_positive_rate=min(rate, 1.0), seed=seed
+        )
+        return study.at(trusted=trusted).shown.curve.auc(UPTO)
+
     areas = np.array(
-        [
-            [
-                case.evaluate(
-                    case.weighted(
-                        LENGTH,
-                        trusted=noisy_predictor(
-                            right,
-                            true_positive_rate=trust.recall,
-                            false_positive_rate=min(float(rate), 1.0),
-                            seed=seed,
-                        ),
-                    ),
-                    settings,
-                ).auc(UPTO)
-                for seed in range(settings.draws)
-            ]
-            for rate in rates
-        ]
+        [[area(rate, seed) for seed in range(settings.draws)] for rate in rates.tolist()]
     )
     return BreakEven(
         case,
@@ -108,41 +101,48 @@ def measure(case: Case, settings: Settings) -> BreakEven:
         areas.mean(axis=1),
         areas.min(axis=1),
         areas.max(axis=1),
-        case.evaluate(case.unweighted(LENGTH), settings).auc(UPTO),
-        case.evaluate(case.weighted(LENGTH), settings).auc(UPTO),
+        study.baseline.curve.auc(UPTO),
+        study.shown.curve.auc(UPTO),
     )
 
 
-def compare(cases: Sequence[Case], settings: Settings) -> Comparison:
+def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """The break-even of each case."""
     measured = [measure(case, settings) for case in cases]
     rows: list[Sequence[Cell]] = []
+    pictures = {}
     for one in measured:
-        names = one.case.dataset, one.case.technique
-        points = zip(
-            one.rates.tolist(),
-            one.areas.tolist(),
-            one.lowest.tolist(),
-            one.highest.tolist(),
-            strict=True,
+        names, recall = (one.case.dataset, one.case.technique), one.trust.recall
+        columns = (one.rates, one.areas, one.lowest, one.highest)
+        points = zip(*(column.tolist() for column in columns), strict=True)
+        rows += [(*names, "drawn", recall, *point) for point in points]
+        fpr, consensus, baseline = one.trust.false_positive_rate, one.consensus, one.baseline
+        rows.append((*names, "consensus", recall, fpr, consensus, consensus, consensus))
+        rows.append((*names, "unweighted", None, None, baseline, baseline, baseline))
+        rows.append((*names, "break-even", recall, one.rate, baseline, None, None))
+        even = "none" if one.rate is None else f"{one.rate:.3f}"
+        pictures[one.case] = drawn(
+            partial(_draw, one),
+            (6.4, 4.9),
+            f"Area by false positive rate for {one.case.name}: from {one.areas[0]:.2f} at 0 to "
+            f"{one.areas[-1]:.2f} at 1; unweighted {baseline:.2f}; break-even {even}.",
+            one.case.name,
+            small=True,
         )
-        rows += [(*names, "drawn", one.trust.recall, *point) for point in points]
-        fpr, consensus = one.trust.false_positive_rate, one.consensus
-        rows.append((*names, "consensus", one.trust.recall, fpr, consensus, consensus, consensus))
-        rows.append((*names, "unweighted", None, None, one.baseline, one.baseline, one.baseline))
-        rows.append((*names, "break-even", one.trust.recall, one.rate, one.baseline, None, None))
-    return Comparison(
+    return Exhibit(
         "break_even",
         "How good must a predictor be? The break-even",
         (
-            f"Weight {WEIGHT:g}, L = {LENGTH}. Predictors are drawn that trust as large a share of the right matches "
-            f"as the consensus does, and a growing share of the wrong ones, {settings.draws} draws each. Where the "
-            "line falls below the unweighted sequence is the break-even: trust wrong matches more often than that, and "
-            "weighting costs. It moves with the data, so a rate that is fine on one route is not on another.",
-            "The consensus is the mark. It need not lie on the line: it errs where places look alike, and a drawn "
-            "predictor errs anywhere.",
+            f"Weight {WEIGHT:g}, L = {LENGTH}. Predictors are drawn that trust as large a share of "
+            "the right matches as the consensus does, and a growing share of the wrong ones, "
+            f"{settings.draws} draws each. The break-even is the rate at which the line falls "
+            "below "
+            "the unweighted sequence: trust wrong matches more often than that, and weighting "
+            "costs. It moves with the data, so a rate that is fine on one route is not on another.",
+            "The consensus is the mark. It need not lie on the line: it errs at places that look "
+            "alike, and a drawn predictor errs anywhere.",
         ),
-        (
+        [
             "dataset",
             "technique",
             "what",
@@ -151,12 +151,9 @@ def compare(cases: Sequence[Case], settings: Settings) -> Comparison:
             "auc",
             "lowest",
             "highest",
-        ),
+        ],
         rows,
-        {
-            stem("break_even", one.case.dataset, one.case.technique): _picture(one)
-            for one in measured
-        },
+        a_case("break_even", pictures),
         (_table(measured),),
         [_said(one) for one in measured],
     )
@@ -186,80 +183,49 @@ def _table(measured: Sequence[BreakEven]) -> Table:
 
 
 def _said(one: BreakEven) -> str:
-    fpr = one.trust.false_positive_rate
-    name, change = (
-        one.case.name,
-        f"the area goes from {one.baseline:.3f} to {one.consensus:.3f} with it",
-    )
+    name, fpr = one.case.name, one.trust.false_positive_rate
+    change = f"the area goes from {one.baseline:.3f} to {one.consensus:.3f} with it"
     if one.rate is None:
-        return f"{name}: no break-even, trusting every wrong match beside as many right ones still gains; {change}."
+        return (
+            f"{name}: no break-even, trusting every wrong match beside as many right ones still "
+            f"gains; {change}."
+        )
     if one.rate == 0:
-        return f"{name}: weighting costs even where no wrong match is trusted; {change}."
+        return f"{name}: weighting costs even if no wrong match is trusted; {change}."
     side = "below" if fpr < one.rate else "above"
     agrees = (one.consensus >= one.baseline) == (fpr < one.rate)
     luck = "" if agrees else ", the other way round: its errors are not like drawn ones"
     return (
-        f"{name}: break-even at {one.rate:.3f} of the wrong matches trusted. The consensus trusts {fpr:.3f} of them, "
-        f"{side} it; {change}{luck}."
+        f"{name}: break-even at {one.rate:.3f} of the wrong matches trusted. The consensus trusts "
+        f"{fpr:.3f} of them, {side} it; {change}{luck}."
     )
 
 
-def _picture(one: BreakEven) -> Picture:
-    even = "none" if one.rate is None else f"{one.rate:.3f}"
-    return drawn(
-        lambda ax, theme: _draw(ax, one, theme),
-        f"Area by false positive rate for {one.case.name}: from {one.areas[0]:.2f} at 0 to {one.areas[-1]:.2f} at 1; "
-        f"unweighted {one.baseline:.2f}; break-even {even}.",
-        one.case.name,
-    )
-
-
-def _draw(ax: Axes, one: BreakEven, theme: Theme) -> Axes:
-    ax.fill_between(
-        one.rates, one.lowest, one.highest, color=theme.trusted_right, alpha=0.13, linewidth=0
-    )
+def _draw(one: BreakEven, ax: Axes, theme: Theme) -> Axes:
+    colour = theme.trusted_right
+    ax.fill_between(one.rates, one.lowest, one.highest, color=colour, alpha=0.13, linewidth=0)
     ax.plot(
         one.rates,
         one.areas,
-        color=theme.trusted_right,
+        color=colour,
         linewidth=2.2,
         marker="o",
         markersize=4,
         clip_on=False,
-        label=f"drawn predictors that trust {one.trust.recall:.2f} of the right matches (mean, worst to best)",
+        label=f"drawn predictors that trust {one.trust.recall:.2f} of the right matches "
+        "(mean, worst to best)",
     )
-    ax.axhline(
-        one.baseline,
-        color=theme.muted,
-        linestyle=(0, (4, 3)),
-        linewidth=1.4,
-        label="unweighted sequence",
-    )
+    dashes = (0, (4, 3))
+    label = "unweighted sequence"
+    ax.axhline(one.baseline, color=theme.muted, linestyle=dashes, linewidth=1.4, label=label)
     if one.rate is not None:
-        ax.axvline(
-            one.rate,
-            color=theme.muted,
-            linestyle=":",
-            linewidth=1.2,
-            label=f"break-even, {one.rate:.3f}",
-        )
-    ax.plot(
-        one.trust.false_positive_rate,
-        one.consensus,
-        linestyle="none",
-        marker="*",
-        markersize=15,
-        color=theme.trusted_wrong,
-        markeredgecolor=theme.paper,
-        zorder=6,
-        clip_on=False,
-        label=f"the consensus: trusts {one.trust.false_positive_rate:.3f} of the wrong matches",
-    )
+        label = f"break-even, {one.rate:.3f}"
+        ax.axvline(one.rate, color=theme.muted, linestyle=":", linewidth=1.2, label=label)
+    fpr = one.trust.false_positive_rate
+    label = f"the consensus: trusts {fpr:.3f} of the wrong matches"
+    star(ax, (fpr, one.consensus), theme.trusted_wrong, label, theme)
     ax.set_xlim(0, 1)
     ax.set_ylim(0, 1)
     ax.set_xlabel("false positive rate (share of the wrong single matches that are trusted)")
     ax.set_ylabel(f"area under the precision-recall curve up to recall {UPTO:g}")
-    ax.grid(linewidth=0.8)
-    ax.set_axisbelow(True)
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left")
-    return ax
+    return finish(ax)

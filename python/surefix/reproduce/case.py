@@ -1,32 +1,28 @@
-"""A case: the distances of one technique on one data set, with the truth, and how all cases are
-treated.
+"""A case: the distances of one technique on one data set with the truth, and the settings that all
+cases share.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Evaluation, Trust, evaluate, evaluate_trust, match_distances
-from surefix.baselines import perfect_predictor, plain_sequence, weighted_sequence
-from surefix.baselines.distances import Distances, Flags
-from surefix.baselines.truth import Truth
+from surefix.baselines import Context
+from surefix.baselines.distances import Distances
+from surefix.baselines.truth import Truth, by_metres
 from surefix.errors import SurefixValueError
-from surefix.matches import Matches
+from surefix.study import Recall, Study
 
-__all__ = ["UPTO", "WEIGHT", "Case", "Recall", "Settings"]
+__all__ = ["LENGTH", "WEIGHT", "Case", "Settings", "sliced"]
 
-# The paper's weight, and the recall up to which it takes the area.
+# The paper's weight and length.
 WEIGHT = 0.99
-UPTO = 0.2
-
-Recall = Literal["correct", "place_exists", "rejected"]
+LENGTH = 2
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What holds for every comparison.
+    """The settings of every exhibit.
 
     Parameters
     ----------
@@ -51,7 +47,7 @@ class Settings:
 
     @property
     def draws(self) -> int:
-        """How often a predictor with set rates is drawn."""
+        """Draws of a predictor with set rates."""
         return 2 if self.quick else 10
 
 
@@ -67,13 +63,13 @@ class Case:
     truth, tolerance
         As for ``surefix.evaluate``.
     source : str
-        Where the distances come from, in a few words.
+        The origin of the distances, in a few words.
     notes : tuple of str
-        What was left out or assumed.
+        Anything that was left out or assumed.
     generated : bool
         No camera took these images.
     aliases : tuple of str
-        Other names of the data set, as the paper's own numbers may call it.
+        Other names of the data set that the paper's own numbers may use.
     """
 
     dataset: str
@@ -85,79 +81,40 @@ class Case:
     notes: tuple[str, ...] = ()
     generated: bool = False
     aliases: tuple[str, ...] = ()
+    _studies: dict[Settings, Study] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         places, queries = self.D.shape
         if places < 10 or queries < 10:
-            raise SurefixValueError(
-                f"{self.name}: expected at least 10 places and 10 queries, got {places} and {queries}"
-            )
-        _check_places(self.name, self.truth, places)
-        # Says at once whether the distances are numbers and the truth fits them.
-        evaluate(match_distances(self.D), self.truth, self.tolerance)
+            expected = "at least 10 places and 10 queries"
+            raise SurefixValueError(f"{self.name}: expected {expected}, got {places} and {queries}")
+        study = self.study(Settings())
+        try:
+            _ = study.baseline.curve, study.single_right
+        except SurefixValueError as error:
+            raise SurefixValueError(f"{self.name}, {error}") from None
 
     @property
     def name(self) -> str:
         """For titles and legends."""
         return f"{self.dataset}, {self.technique}"
 
-    @property
-    def correct_means(self) -> str:
-        """When a match is correct, in words."""
-        if isinstance(self.truth, tuple):
-            return f"within {self.tolerance:g} m"
-        return f"within {self.tolerance:g} place{'' if self.tolerance == 1 else 's'}"
-
-    def evaluate(self, matches: Matches, settings: Settings) -> Evaluation:
-        """The curve of some matches of this case."""
-        return evaluate(matches, self.truth, self.tolerance, settings.recall)
-
-    def unweighted(self, length: int) -> Matches:
-        """The sequence without weights: the paper's baseline."""
-        return plain_sequence(self.D, sequence_length=length)
-
-    def weighted(
-        self, length: int, *, weight: float = WEIGHT, trusted: Flags | None = None
-    ) -> Matches:
-        """The sequence weighted by the consensus, or by another predictor's words; the floor is the
-        paper's, global.
-        """
-        return weighted_sequence(self.D, sequence_length=length, weight=weight, trusted=trusted)
-
-    def right(self) -> Flags:
-        """Which single-frame matches are right: the perfect prediction."""
-        return perfect_predictor(self.D, self.truth, self.tolerance)
-
-    def trust(self) -> Trust:
-        """The confusion table of the consensus."""
-        return evaluate_trust(match_distances(self.D), self.truth, self.tolerance)
-
-    def truth_from(self, query: int) -> Truth:
-        """The truth of the queries from this one on."""
-        return sliced(self.truth, slice(query, None))
-
-    def truth_before(self, query: int) -> Truth:
-        """The truth of the queries before this one."""
-        return sliced(self.truth, slice(0, query))
-
-
-def _check_places(name: str, truth: Truth, places: int) -> None:
-    """A pair of positions or a matrix has a row a place; a place a query must be one of them."""
-    array: npt.NDArray[np.int64] = np.asarray(truth[0] if isinstance(truth, tuple) else truth)
-    if (isinstance(truth, tuple) or array.ndim == 2) and len(array) != places:
-        raise SurefixValueError(
-            f"{name}, truth: expected a row for each of the {places} places, got {len(array)}"
-        )
-    if not isinstance(truth, tuple) and array.ndim == 1 and (array >= places).any():
-        query = int(np.argmax(array >= places))
-        raise SurefixValueError(
-            f"{name}, truth: expected places from 0 to {places - 1}, or -1, got {array[query]} for query {query}"
-        )
+    def study(self, settings: Settings) -> Study:
+        """The plain and the weighted sequence on these distances: the same study each time."""
+        if settings not in self._studies:
+            context = Context(
+                sequence_length=LENGTH,
+                weight=WEIGHT,
+                truth=self.truth,
+                truth_tolerance=self.tolerance,
+            )
+            self._studies[settings] = Study(self.D, context, settings.recall, settings.samples)
+        return self._studies[settings]
 
 
 def sliced(truth: Truth, queries: slice) -> Truth:
     """The truth of some of the queries."""
-    if isinstance(truth, tuple):
+    if by_metres(truth):
         places, positions = truth
         return places, np.asarray(positions)[queries]
     array: npt.NDArray[np.int64] = np.asarray(truth)

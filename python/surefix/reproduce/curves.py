@@ -14,35 +14,42 @@ from surefix.baselines import (
 )
 from surefix.errors import SurefixError
 from surefix.matches import Matches
-from surefix.report.page import Picture
-from surefix.reproduce.case import UPTO, Case, Settings
-from surefix.reproduce.comparison import Cell, Comparison, drawn, stem
-from surefix.reproduce.table import Row
+from surefix.report.page import Picture, drawn
+from surefix.reproduce.case import Case, Settings, sliced
+from surefix.reproduce.exhibit import Cell, Exhibit, a_case
+from surefix.study import UPTO
 
 __all__ = ["perfect_prediction", "sequences", "single_frames"]
 
-HEADER = ("dataset", "technique", "curve", "recall", "precision", "threshold", "false_positives")
 PERFECT_LENGTH = 3
 
+Curves = Mapping[str, Evaluation]
 
-def sequences(rows: Sequence[Row], settings: Settings) -> Comparison:
+
+def sequences(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """The two curves behind each row of Table I."""
-    curves = [(row.case, {"weighted": row.weighted, "unweighted": row.unweighted}) for row in rows]
-    return _comparison(
+    curves = {}
+    for case in cases:
+        plain, weighted = case.study(settings).results
+        curves[case] = {"weighted": weighted.curve, "unweighted": plain.curve}
+    return _exhibit(
         "precision_recall",
         "Precision and recall of the sequences",
         (
-            "The curves behind Table I: every score is a threshold once. The shaded part is what the areas are taken "
-            "over. Beyond it the two may cross: an area up to recall 0.2 says nothing of that.",
+            "The curves behind Table I: every score is a threshold once. The shaded part is that "
+            "of the areas. Beyond it the two may cross: an area up to recall 0.2 says nothing of "
+            "that.",
         ),
         curves,
         settings,
+        (),
     )
 
 
-def single_frames(cases: Sequence[Case], settings: Settings) -> Comparison:
+def single_frames(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """Single frames: by the distance, by the gradient, and masked by the two predictions."""
-    curves, points = [], []
+    curves: dict[Case, Curves] = {}
+    points = []
     for case in cases:
         begin = case.D.shape[1] // 3
         methods = {
@@ -54,21 +61,21 @@ def single_frames(cases: Sequence[Case], settings: Settings) -> Comparison:
             methods["distance, masked by the supervised predictor"] = _supervised(case, begin)
         except SurefixError as error:
             points.append(f"{case.name}: no supervised curve, {error}.")
-        evaluated = {
+        curves[case] = {
             name: _evaluate_from(case, begin, matches, settings)
             for name, matches in methods.items()
         }
-        curves.append((case, evaluated))
-        points.append(f"{case.name}: {_ranked(evaluated)}.")
-    return _comparison(
+        points.append(f"{case.name}: {_ranked(curves[case])}.")
+    return _exhibit(
         "single_frame",
         "Single frames",
         (
-            "No sequence: one query at a time. By the distance alone; by the greatest gradient alone; and by the "
-            "distance with the matches refused that a prediction does not trust. The unsupervised prediction needs "
-            "nothing. The supervised one (Carson, Ford and Milford, RA-L 2022) learns from the first third of each "
-            "case's queries with their truth, so the curves are of the other two thirds, all of them of the same.",
-            "A mask cannot add correct matches: its curve ends where it refuses the rest.",
+            "No sequence: one query at a time. By the distance alone; by the greatest gradient "
+            "alone; and by the distance with the matches refused that a prediction does not trust. "
+            "The unsupervised prediction needs nothing. The supervised one (Carson, Ford and "
+            "Milford, RA-L 2022) learns from the first third of each case's queries with their "
+            "truth, so all curves are of the other two thirds.",
+            "A mask cannot add correct matches: its curve ends when it refuses the rest.",
         ),
         curves,
         settings,
@@ -76,36 +83,34 @@ def single_frames(cases: Sequence[Case], settings: Settings) -> Comparison:
     )
 
 
-def perfect_prediction(cases: Sequence[Case], settings: Settings) -> Comparison:
+def perfect_prediction(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """Sequences of three, weighted by the prediction and by a perfect one."""
-    curves, points = [], []
+    curves: dict[Case, Curves] = {}
     for case in cases:
-        evaluated = {
-            "weighted by the prediction": case.evaluate(case.weighted(PERFECT_LENGTH), settings),
-            "weighted by a perfect prediction": case.evaluate(
-                case.weighted(PERFECT_LENGTH, trusted=case.right()), settings
-            ),
-            "unweighted": case.evaluate(case.unweighted(PERFECT_LENGTH), settings),
+        study = case.study(settings).at(sequence_length=PERFECT_LENGTH)
+        plain, weighted = study.results
+        curves[case] = {
+            "weighted by the prediction": weighted.curve,
+            "weighted by a perfect prediction": study["perfect-weighted"].curve,
+            "unweighted": plain.curve,
         }
-        curves.append((case, evaluated))
-        points.append(f"{case.name}: {_ranked(evaluated)}.")
-    return _comparison(
+    return _exhibit(
         "perfect_prediction",
         f"Weighted sequences against the perfect prediction, L = {PERFECT_LENGTH}",
         (
-            "The perfect prediction is told the truth: it trusts exactly the single matches that are right. It is the "
-            "most that a better predictor could add. What remains to be gained is the distance between its curve and "
-            "the prediction's.",
+            "The perfect prediction is told the truth: it trusts exactly the single matches that "
+            "are right. It is the most that a better predictor could add. The distance between its "
+            "curve and the prediction's remains to be gained.",
         ),
         curves,
         settings,
-        points,
+        [f"{case.name}: {_ranked(named)}." for case, named in curves.items()],
     )
 
 
 def _supervised(case: Case, begin: int) -> Matches:
     predictor = SupervisedPredictor()
-    predictor.fit(case.D[:, :begin], case.truth_before(begin), case.tolerance)
+    predictor.fit(case.D[:, :begin], sliced(case.truth, slice(0, begin)), case.tolerance)
     return masked_single_frame(case.D, trusted=predictor.predict(case.D))
 
 
@@ -117,10 +122,11 @@ def _evaluate_from(case: Case, begin: int, matches: Matches, settings: Settings)
         None if matches.ready is None else matches.ready[begin:],
         None if matches.accepted is None else matches.accepted[begin:],
     )
-    return evaluate(part, case.truth_from(begin), case.tolerance, settings.recall)
+    truth = sliced(case.truth, slice(begin, None))
+    return evaluate(part, truth, case.tolerance, settings.recall)
 
 
-def _ranked(curves: Mapping[str, Evaluation]) -> str:
+def _ranked(curves: Curves) -> str:
     """The areas, the best first."""
     ranked = sorted(curves.items(), key=lambda item: -item[1].auc(UPTO))
     return ", ".join(f"{name} {_area(curve)}" for name, curve in ranked)
@@ -131,32 +137,38 @@ def _area(curve: Evaluation) -> str:
     return f"{curve.auc(UPTO):.3f}{end}"
 
 
-def _comparison(
+def _exhibit(
     name: str,
     title: str,
     paragraphs: Sequence[str],
-    curves: Sequence[tuple[Case, Mapping[str, Evaluation]]],
+    curves: Mapping[Case, Curves],
     settings: Settings,
-    points: Sequence[str] = (),
-) -> Comparison:
+    points: Sequence[str],
+) -> Exhibit:
     rows: list[Sequence[Cell]] = []
-    for case, evaluated in curves:
-        for method, curve in evaluated.items():
+    for case, named in curves.items():
+        for method, curve in named.items():
             columns = (curve.recall, curve.precision, curve.thresholds, curve.false_positives)
             numbers = zip(*(column.tolist() for column in columns), strict=True)
             rows += [(case.dataset, case.technique, method, *point) for point in numbers]
-    pictures = {
-        stem(name, case.dataset, case.technique): _picture(case, evaluated, settings)
-        for case, evaluated in curves
-    }
-    return Comparison(name, title, paragraphs, HEADER, rows, pictures, points=points)
+    return Exhibit(
+        name,
+        title,
+        paragraphs,
+        ["dataset", "technique", "curve", "recall", "precision", "threshold", "false_positives"],
+        rows,
+        a_case(name, {case: _picture(case, named, settings) for case, named in curves.items()}),
+        points=points,
+    )
 
 
-def _picture(case: Case, curves: Mapping[str, Evaluation], settings: Settings) -> Picture:
+def _picture(case: Case, curves: Curves, settings: Settings) -> Picture:
     return drawn(
         lambda ax, theme: plot.precision_recall(
             ax, curves, upto=UPTO, recall=settings.recall, theme=theme
         ),
+        (6.4, 4.9),
         f"Precision-recall curves of {case.name}. Area up to recall {UPTO:g}: {_ranked(curves)}.",
         case.name,
+        small=True,
     )

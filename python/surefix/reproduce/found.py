@@ -1,33 +1,32 @@
-"""What of the paper's data lies in a folder, and what is wrong with what does not load."""
+"""The paper's data sets in a folder, their cases, and the reasons why some do not load."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from surefix import datasets
-from surefix.baselines.distances import Distances
 from surefix.baselines.truth import Truth
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.reproduce.case import Case
-from surefix.reproduce.comparison import stem
-from surefix.reproduce.images import SAD, sad_distances
-from surefix.reproduce.matrices import as_distances, kind, read_matrix
+from surefix.reproduce.exhibit import stem
+from surefix.reproduce.sources import IDENTITY, SAD, kind, matrix_distances, sad_distances
 from surefix.tables.truth import read_truth
 
 __all__ = ["METRES", "Found", "check_pairs", "find_datasets", "load_cases", "read_pairs"]
 
-# How near is correct where a data set has positions; its loader's own tolerance.
+# The tolerance if a data set has positions; its loader's own.
 METRES = 10.0
 
 # A folder of ready matrices, without images.
 MATRICES = "matrices"
+TRUTH = "ground_truth.csv"
 
-# Whose traverses correspond by position only, not image by image.
+# Their traverses correspond by position only, not image by image.
 BY_POSITION = ("four_seasons", "robotcar")
 
-# What a data set's folder has in it: any of these patterns.
+# The signs of a data set: its folder has any of these.
 SIGNS = {
     "gardens_point": ("day_left", "day_right", "night_right"),
     "nordland": (
@@ -63,12 +62,12 @@ class Found:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The title, and what else the paper's own numbers may call it."""
+        """The title, and other names that the paper's own numbers may use."""
         return (self.title,) if self._own else (self.title, self.dataset + self.label)
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
-        """The first of its traverses against each other; none where it has no choice, or not two
+        """The first of its traverses against each other; none if it has no choice, or not two
         traverses.
         """
         if self._own:
@@ -136,23 +135,21 @@ def check_pairs(
     for dataset, pairs in chosen.items():
         places = [found for found in there if found.dataset == dataset]
         if not places:
-            listed = ", ".join(
-                dict.fromkeys(
-                    found.dataset for found in there if found.dataset in datasets.DATASETS
-                )
-            )
+            known = [found.dataset for found in there if found.dataset in datasets.DATASETS]
+            listed = ", ".join(dict.fromkeys(known)) or "none"
             raise SurefixValueError(
-                f"--pair: expected a data set that is there ({listed or 'none'} in {folder}), got {dataset}"
+                f"--pair: expected a data set that is there ({listed} in {folder}), got {dataset}"
             )
         for pair in pairs:
             if not any(found.has(pair) for found in places):
-                named = [
-                    (", ".join(datasets.traverses(dataset, found.folder)), found.folder)
+                named = {
+                    found.folder: ", ".join(datasets.traverses(dataset, found.folder)) or "none"
                     for found in places
-                ]
-                listed = "; ".join(f"{names or 'none'} in {where}" for names, where in named)
+                }
+                listed = "; ".join(f"{names} in {place}" for place, names in named.items())
                 raise SurefixValueError(
-                    f"--pair {dataset}: expected traverses that are there ({listed}), got {'/'.join(pair)}"
+                    f"--pair {dataset}: expected traverses that are there ({listed}), got "
+                    f"{'/'.join(pair)}"
                 )
 
 
@@ -162,7 +159,7 @@ def find_datasets(folder: Path) -> list[Found]:
     Raises
     ------
     SurefixFileError
-        Where the folder is not there.
+        If the folder does not exist.
     """
     if not folder.is_dir():
         raise SurefixFileError(f"{folder}: no such folder (--data: the folder with the data sets)")
@@ -184,8 +181,8 @@ def find_datasets(folder: Path) -> list[Found]:
 
 
 def _told_apart(candidates: Sequence[Found]) -> list[Found]:
-    """With a title of its own for each, from its folder's name, and a number where that does not
-    tell.
+    """With a title of its own for each, from its folder's name, and a number if that is not
+    enough.
     """
     titles = [stem(found.title) for found in candidates]
     told: list[Found] = []
@@ -203,8 +200,8 @@ def _told_apart(candidates: Sequence[Found]) -> list[Found]:
 def load_cases(
     found: Found, chosen: Sequence[tuple[str, str]] = ()
 ) -> tuple[Sequence[Case], Sequence[str]]:
-    """The cases of each pair of its traverses, SAD first and then its ready matrices; and what
-    could not be used, why.
+    """The cases of each pair of its traverses, SAD first and then its ready matrices; and the
+    reasons why some could not be used.
 
     Matrices are in ``matrices/``, or those of one of several pairs in
     ``matrices/REFERENCE_to_QUERY/``.
@@ -215,30 +212,27 @@ def load_cases(
     chosen : sequence of (reference, query)
         These pairs alone; by default the first traverse against each other.
     """
+    matrices = found.folder / MATRICES
     try:
         pairs = list(chosen) or found.pairs
     except OSError as error:
         return [], [str(error)]
     if not pairs:
-        # Its loader says what is missing, if anything is.
-        return _load(found, found.names, {}, [found.folder / "matrices"])
+        # Its loader names the missing folder, if any.
+        return _load(found, found.names, {}, {matrices: ()})
     cases: list[Case] = []
     problems: list[str] = []
     for number, (reference, query) in enumerate(pairs):
         which = f"{reference.removeprefix('recording_')} to {query.removeprefix('recording_')}"
         names = tuple(f"{name}, {which}" for name in found.names)
+        ready: dict[Path, tuple[str, ...]] = {}
+        if number == 0:
+            ready[matrices] = (f"The matrix lies in matrices/ itself: taken to be of {which}.",)
         if len(pairs) == 1:
             names = names + found.names if chosen else found.names + names
-        ready = [found.folder / "matrices" / f"{reference}_to_{query}"]
-        notes: tuple[str, ...] = ()
-        if number == 0:
-            ready.insert(0, found.folder / "matrices")
-            notes = (
-                ()
-                if len(pairs) == 1
-                else (f"The matrix lies in matrices/ itself: taken to be of {which}.",)
-            )
-        loaded, wrong = _load(found, names, {"reference": reference, "query": query}, ready, notes)
+            ready[matrices] = ()
+        ready[matrices / f"{reference}_to_{query}"] = ()
+        loaded, wrong = _load(found, names, {"reference": reference, "query": query}, ready)
         cases += loaded
         problems += wrong
     return cases, problems
@@ -248,39 +242,32 @@ def _load(
     found: Found,
     names: tuple[str, ...],
     options: dict[str, str],
-    ready: Sequence[Path],
-    first_notes: tuple[str, ...] = (),
+    ready: Mapping[Path, tuple[str, ...]],
 ) -> tuple[list[Case], list[str]]:
-    """The cases of one pair. Where its images fail, its matrices need a truth of their own."""
+    """The cases of one pair: of its images, and of the matrices in folders, each with its notes.
+    If the images fail, matrices need a truth of their own.
+    """
     cases: list[Case] = []
     problems: list[str] = []
     known: tuple[Truth, float] | None = None
     if found.dataset == "folders":
-        options = {
-            "truth": "ground_truth.csv"
-            if (found.folder / "ground_truth.csv").is_file()
-            else "identity"
-        }
+        there = (found.folder / TRUTH).is_file()
+        options = {"truth": TRUTH if there else "identity"}
     if found.dataset != MATRICES:
         try:
             pair = datasets.load(found.dataset, found.folder, **options)
             truth, tolerance = known = _truth(pair)
             D = sad_distances(pair.references, pair.queries)
-            source = f"images in {found.folder}"
-            cases.append(
-                Case(
-                    names[0], SAD, D, truth, tolerance, source, tuple(pair.notes), aliases=names[1:]
-                )
-            )
+            source, notes = f"images in {found.folder}", tuple(pair.notes)
+            case = Case(names[0], SAD, D, truth, tolerance, source, notes, aliases=names[1:])
+            cases.append(case)
         except SurefixError as error:
             problems.append(str(error))
-    for number, place in enumerate(ready):
-        for path in sorted(place.glob("*.npy")):
-            notes = () if number else first_notes
+    for folder, notes in ready.items():
+        for path in sorted(folder.glob("*.npy")):
+            taken = [stem(case.technique) for case in cases]
             try:
-                cases.append(
-                    _matrix(found, path, names, known, notes, [case.technique for case in cases])
-                )
+                cases.append(_matrix(found, path, names, known, notes, taken))
             except SurefixError as error:
                 problems.append(str(error))
     return cases, list(dict.fromkeys(problems))
@@ -294,47 +281,43 @@ def _matrix(
     notes: tuple[str, ...],
     taken: Sequence[str],
 ) -> Case:
-    for word in ("similarity", "distance"):
-        technique, separator, _ = path.stem.partition(f"_{word}")
-        if separator:
-            if stem(technique) in map(stem, taken):
-                technique = path.stem
-            if stem(technique) in map(stem, taken):
-                raise SurefixValueError(
-                    f"{path}: expected names that differ in letters or digits, got another such"
-                )
-            similarity = word == "similarity"
-            D = as_distances(read_matrix(path), similarity, path)
-            if known is None:
-                beside, assumed = _truth_beside(found, path, D)
-                known, notes = (beside, 1), notes + assumed
-            truth, tolerance = known
-            source = f"ready {kind(similarity)}, {path}"
-            return Case(names[0], technique, D, truth, tolerance, source, notes, aliases=names[1:])
-    raise SurefixFileError(
-        f"{path}: expected NAME_similarity*.npy or NAME_distance*.npy, to tell which it holds"
-    )
+    word = next((word for word in ("similarity", "distance") if f"_{word}" in path.stem), None)
+    if word is None:
+        raise SurefixFileError(
+            f"{path}: expected NAME_similarity*.npy or NAME_distance*.npy, to tell which it holds"
+        )
+    technique = path.stem.partition(f"_{word}")[0]
+    if stem(technique) in taken:
+        technique = path.stem
+    if stem(technique) in taken:
+        raise SurefixValueError(
+            f"{path}: expected names that differ in letters or digits, got another such"
+        )
+    similarity = word == "similarity"
+    D = matrix_distances(path, similarity)
+    if known is None:
+        beside, assumed = _truth_beside(found, path, *D.shape)
+        known, notes = (beside, 1), notes + assumed
+    truth, tolerance = known
+    source = f"ready {kind(similarity)}, {path}"
+    return Case(names[0], technique, D, truth, tolerance, source, notes, aliases=names[1:])
 
 
-def _truth_beside(found: Found, path: Path, D: Distances) -> tuple[Truth, tuple[str, ...]]:
-    """The truth of a matrix without images: of ``ground_truth.csv``, or the identity where it is
+def _truth_beside(
+    found: Found, path: Path, places: int, queries: int
+) -> tuple[Truth, tuple[str, ...]]:
+    """The truth of a matrix without images: of ``ground_truth.csv``, or the identity if it is
     square.
     """
-    places, queries = D.shape
-    file = found.folder / "ground_truth.csv"
+    file = found.folder / TRUTH
     if file.is_file():
         return read_truth(file, places, queries), ()
+    if found.dataset not in BY_POSITION and places == queries:
+        return np.arange(queries, dtype=np.int64), (IDENTITY,)
+    why = f"{places} places and {queries} queries cannot be paired one to one"
     if found.dataset in BY_POSITION:
-        raise SurefixFileError(
-            f"{path}: expected {file}, as without the images' positions there is no truth"
-        )
-    if places != queries:
-        raise SurefixFileError(
-            f"{path}: expected {file}, as {places} places and {queries} queries cannot be paired one to one"
-        )
-    return np.arange(queries, dtype=np.int64), (
-        "No truth was given: query i is taken to show place i.",
-    )
+        why = "without the images' positions there is no truth"
+    raise SurefixFileError(f"{path}: expected {file}, as {why}")
 
 
 def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
@@ -351,11 +334,6 @@ def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
 
 def _looks_like(folder: Path) -> Found | None:
     for dataset, patterns in SIGNS.items():
-        if any(_there(folder, patterns)):
+        if any(any(folder.glob(pattern)) for pattern in patterns):
             return Found(dataset, folder)
     return None
-
-
-def _there(folder: Path, patterns: Sequence[str]) -> Iterator[Path]:
-    for pattern in patterns:
-        yield from folder.glob(pattern)

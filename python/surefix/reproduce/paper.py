@@ -1,4 +1,4 @@
-"""The paper's own numbers, as a user gives them: surefix has none, and makes none up."""
+"""The paper's own numbers, as a user gives them: surefix has none."""
 
 import csv
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ COLUMNS = ("dataset", "technique", "baseline", "weighted")
 
 @dataclass(frozen=True)
 class PaperRow:
-    """A row of the paper's Table I; None where it has no number."""
+    """A row of the paper's Table I; None for a missing number."""
 
     dataset: str
     technique: str
@@ -34,9 +34,9 @@ def read_paper(path: Path) -> list[PaperRow]:
     Raises
     ------
     SurefixFileError
-        Where it cannot be read.
+        If it cannot be read.
     SurefixValueError
-        For other columns, or a number that is none or not from 0 to 1.
+        For other columns, text that is no number, or a number outside 0 to 1.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -56,20 +56,15 @@ def read_paper(path: Path) -> list[PaperRow]:
     for number, line in enumerate(lines[1:], 2):
         if not any(line):
             continue
+        here = f"{path}, row {number}"
         if len(line) != len(header):
-            raise SurefixValueError(
-                f"{path}, row {number}: expected {len(header)} cells, got {len(line)}"
-            )
+            raise SurefixValueError(f"{here}: expected {len(header)} cells, got {len(line)}")
         cells = dict(zip(header, line, strict=True))
-        areas = [
-            _area(cells[name], f"{path}, row {number}, {name}") for name in ("baseline", "weighted")
-        ]
+        areas = [_area(cells[name], f"{here}, {name}") for name in ("baseline", "weighted")]
         row = PaperRow(cells["dataset"], cells["technique"], *areas)
         if any(row.is_for(other.technique, other.dataset) for other in rows):
             name = f"{row.dataset}, {row.technique}"
-            raise SurefixValueError(
-                f"{path}, row {number}: expected each case once, got {name} twice"
-            )
+            raise SurefixValueError(f"{here}: expected each case once, got {name} twice")
         rows.append(row)
     return rows
 

@@ -1,4 +1,4 @@
-"""How long a push takes, against the number of places, with the two contributions apart."""
+"""The time of a push against the number of places, with the two contributions apart."""
 
 import gc
 import time
@@ -11,16 +11,15 @@ from surefix import plot
 from surefix._core import Matcher
 from surefix.baselines.distances import Floats
 from surefix.plot.theme import Theme
-from surefix.report.page import Table
-from surefix.reproduce.case import WEIGHT, Settings
-from surefix.reproduce.comparison import Comparison, drawn, shown
+from surefix.report.page import Table, drawn
+from surefix.reproduce.case import LENGTH, WEIGHT, Settings
+from surefix.reproduce.exhibit import Exhibit, shown
 
-__all__ = ["compare", "measure"]
+__all__ = ["execution_time", "measure"]
 
-LENGTH = 2
 COLUMNS = 8
 WARM_UP = 20
-# Pushes on small maps, and at least so many on large ones.
+# Pushes on the smallest and on the largest maps.
 MOST, LEAST = 2000, 200
 
 
@@ -52,7 +51,7 @@ def measure(places: int, pushes: int) -> tuple[Floats, Floats]:
     return prediction, whole
 
 
-def compare(machine: str, settings: Settings) -> Comparison:
+def execution_time(machine: str, settings: Settings) -> Exhibit:
     """The times on this machine."""
     sizes = (
         (100, 1000, 10_000) if settings.quick else (100, 300, 1000, 3000, 10_000, 30_000, 100_000)
@@ -68,35 +67,50 @@ def compare(machine: str, settings: Settings) -> Comparison:
         rows.append(
             (places, pushes, *medians, medians[1] - medians[0], *means, means[1] - means[0])
         )
-    return Comparison(
+    picture = drawn(
+        lambda ax, theme: _draw(ax, rows, theme),
+        (6.4, 4.9),
+        f"Time by number of places. {_said(rows)}",
+        small=True,
+    )
+    return Exhibit(
         "execution_time",
         "Execution time",
         (
-            "What Matcher.push takes from Python, the distances being there already: getting them, from images or "
-            "descriptors, is not in it. Random distances, on one thread of this machine: "
-            f"{machine}. At least {int(min(row[1] for row in rows))} pushes of each, by turns. "
-            "The picture shows medians, which a push that the system interrupted does not move; the table, means too.",
-            "Prediction: a matcher with L = 1 and w = 0, which still finds the nearest place, the gradient and the "
-            f"consensus. Whole: L = {LENGTH} and w = {WEIGHT:g}. Weighted sequence: the difference of the two; where "
-            "that is lost in the noise, or in what a call from Python costs, it has no point in the picture.",
+            "The time of Matcher.push from Python, the distances being there already: getting "
+            "them, from images or descriptors, is not in it. Random distances, on one thread of "
+            f"this machine: {machine}. At least {int(min(row[1] for row in rows))} pushes of each, "
+            "by turns. The picture shows medians, which a push that the system interrupted does "
+            "not move; the table, means too.",
+            "Prediction: a matcher with L = 1 and w = 0, which still finds the nearest place, the "
+            f"gradient and the consensus. Whole: L = {LENGTH} and w = {WEIGHT:g}. Weighted "
+            "sequence: the difference of the two; if that is lost in the noise, or in the cost of "
+            "a call from Python, it has no point in the picture.",
             _said(rows),
         ),
-        (
-            "places", "pushes", "prediction_median_us", "whole_median_us", "sequence_us", "prediction_mean_us",
-            "whole_mean_us", "sequence_mean_us",
-        ),
+        [
+            "places",
+            "pushes",
+            "prediction_median_us",
+            "whole_median_us",
+            "sequence_us",
+            "prediction_mean_us",
+            "whole_mean_us",
+            "sequence_mean_us",
+        ],
         rows,
-        {"execution_time": drawn(lambda ax, theme: _draw(ax, rows, theme), f"Time by number of places. {_said(rows)}")},
+        {"execution_time": picture},
         (_table(rows),),
-    )  # fmt: skip
+    )
 
 
 def _said(rows: Sequence[Sequence[float]]) -> str:
-    last = rows[-1]
+    first, last = rows[0], rows[-1]
     return (
-        f"With {int(last[0]):,} places the whole takes {last[6]:.0f} microseconds in the mean, {last[5]:.0f} of them "
-        f"for the prediction. In the median it is {last[3]:.0f} and {last[2]:.0f}, and "
-        f"{1000 * (last[3] - rows[0][3]) / (last[0] - rows[0][0]):.2f} nanoseconds for each place more."
+        f"With {int(last[0]):,} places the whole takes {last[6]:.0f} microseconds in the mean, "
+        f"{last[5]:.0f} of them for the prediction. In the median it is {last[3]:.0f} and "
+        f"{last[2]:.0f}, and {1000 * (last[3] - first[3]) / (last[0] - first[0]):.2f} nanoseconds "
+        "for each place more."
     )
 
 

@@ -165,11 +165,11 @@ def test_contrast_forgets_the_scale_and_the_level_of_each_query() -> None:
 
 
 def test_contrast_in_blocks_is_contrast_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    from surefix.baselines import contrast
+    from surefix.baselines import rivals
 
     D = MATRICES["random 40 x 30"]
     whole = baselines.enhance_contrast(D)
-    monkeypatch.setattr(contrast, "CELLS_AT_ONCE", 7 * len(D))
+    monkeypatch.setattr(rivals, "CELLS_AT_ONCE", 7 * len(D))
     np.testing.assert_array_equal(baselines.enhance_contrast(D), whole)
 
 

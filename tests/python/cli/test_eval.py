@@ -4,8 +4,6 @@ whole.
 
 import csv
 import re
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,9 +17,10 @@ pytest.importorskip("matplotlib")
 
 from PIL import Image
 
+from commands import surefix_, surefix_process
 from html_reader import Reader, read
-from surefix import baselines, cli
-from surefix.report.comparison_report import FILES
+from surefix import baselines
+from surefix.report.eval import FILES
 
 # The fixtures draw whole reports.
 pytestmark = pytest.mark.slow
@@ -78,21 +77,8 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def report(drives: Path) -> Report:
     """As a user makes one, in a pipe."""
     out = drives / "not" / "yet there"
-    command = [
-        sys.executable,
-        "-W",
-        "error",
-        "-m",
-        "surefix",
-        "eval",
-        "route.safetensors",
-        "winter.npy",
-    ]
-    options = ["--truth", "truth.csv", "--references", "summer.npy", "-o", str(out)]
-    said = subprocess.run(
-        [*command, *options], cwd=drives, capture_output=True, text=True, check=False
-    )
-    assert said.returncode == 0, said.stderr
+    options = ["--truth", drives / "truth.csv", "--references", drives / "summer.npy", "-o", out]
+    said = surefix_process("eval", drives / "route.safetensors", drives / "winter.npy", *options)
     assert said.stderr == ""
     return Report(out, said.stdout)
 
@@ -217,21 +203,17 @@ def test_nothing_on_a_picture_is_cut_off(report: Report) -> None:
         assert (picture != picture[0, 0]).any(axis=2).mean() > 0.02, file.name
 
 
-def run(monkeypatch: pytest.MonkeyPatch, where: Path, *arguments: str) -> int:
-    """The command line in this process; its exit code."""
-    monkeypatch.chdir(where)
-    monkeypatch.setattr(sys, "argv", ["surefix", "eval", *arguments])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    return int(end.value.code or 0)
+@pytest.fixture
+def here(drives: Path, monkeypatch: pytest.MonkeyPatch, undrawn: None) -> None:
+    """Among the drives, and without drawing."""
+    monkeypatch.chdir(drives)
 
 
 def test_each_kind_of_truth_says_the_same(
     drives: Path,
     report: Report,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    here: None,
 ) -> None:
     truth = np.load(drives / "truth.npy")
     matrix = np.zeros((PLACES, PLACES), bool)
@@ -243,22 +225,18 @@ def test_each_kind_of_truth_says_the_same(
         (["S.npy", "--similarity"], ["--truth", "matrix.npy"]),
     ):
         out = tmp_path / given[1]
-        assert (
-            run(monkeypatch, drives, *source, *given, "--method", "weighted", "-o", str(out)) == 0
-        )
+        surefix_("eval", *source, *given, "--method", "weighted", "-o", out)
         made = {row["method"]: row["auc"] for row in Report(out, "").table("methods.csv")}
         assert list(made) == ["sequence", "weighted"]
         assert {name: float(value) for name, value in made.items()} == pytest.approx(
             {name: float(wanted[name]) for name in made}, abs=1e-6
         )
-    capsys.readouterr()
 
 
 def test_positions_are_a_truth_in_metres(
     drives: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    here: None,
 ) -> None:
     options = (
         "--positions",
@@ -268,9 +246,7 @@ def test_positions_are_a_truth_in_metres(
         "--tolerance",
         "4.5",
     )
-    assert (
-        run(monkeypatch, drives, "D.npy", *options, "--method", "single", "-o", str(tmp_path)) == 0
-    )
+    said = surefix_("eval", "D.npy", *options, "--method", "single", "-o", tmp_path)
     where, here = (
         np.loadtxt(drives / f"{name}.csv", delimiter=",") for name in ("reference", "query")
     )
@@ -279,33 +255,27 @@ def test_positions_are_a_truth_in_metres(
     made = Report(tmp_path, "")
     assert made.method("single")["right"].tolist() == right.tolist()
     assert "within 4.5 m of the true position" in made.page.text
-    assert "way along the drive (m)" not in capsys.readouterr().err
+    assert "way along the drive (m)" not in said.stderr
 
 
 def test_the_spread_is_of_the_positions_given(
     drives: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    here: None,
 ) -> None:
     uneven = np.c_[np.cumsum(np.arange(PLACES) % 7), np.zeros(PLACES)].astype(float)
     np.save(drives / "uneven.npy", uneven)
     options = ("--positions", "uneven.npy", "--query-positions", "uneven.npy", "--tolerance", "3")
     want = baselines.spread(np.load(drives / "D.npy"), uneven).score
     for route in (["D.npy"], ["route.safetensors", "winter.npy"]):
-        assert (
-            run(monkeypatch, drives, *route, *options, "--method", "spread", "-o", str(tmp_path))
-            == 0
-        )
+        surefix_("eval", *route, *options, "--method", "spread", "-o", tmp_path)
         np.testing.assert_allclose(Report(tmp_path, "").method("spread")["score"], want, rtol=1e-6)
-    capsys.readouterr()
 
 
 def test_metres_are_not_the_tolerance_of_the_calibration(
     drives: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    here: None,
 ) -> None:
     pytest.importorskip("sklearn")
     D, truth = np.load(drives / "D.npy"), np.load(drives / "truth.npy")
@@ -327,20 +297,18 @@ def test_metres_are_not_the_tolerance_of_the_calibration(
         *learn,
     )
     for places, more in ((1, ()), (5, ("--calibration-tolerance", "5"))):
-        assert run(monkeypatch, drives, "D.npy", *options, *more, "-o", str(tmp_path)) == 0
+        surefix_("eval", "D.npy", *options, *more, "-o", tmp_path)
         trusted = baselines.SupervisedPredictor().fit(D, truth, places).predict(D)
         assert (
             Report(tmp_path, "").method("supervised-masked")["accepted"].tolist()
             == trusted.tolist()
         )
-    capsys.readouterr()
 
 
 def test_a_line_warns_of_similarities_and_of_queries_that_were_not_judged(
     drives: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    here: None,
 ) -> None:
     np.save(drives / "start.npy", np.load(drives / "D.npy")[:, :9])
     np.save(drives / "nine.npy", np.load(drives / "truth.npy")[:9])
@@ -354,7 +322,6 @@ def test_a_line_warns_of_similarities_and_of_queries_that_were_not_judged(
         (("S.npy", "--truth", "truth.npy", "--similarity"), ""),
         (("D.npy", "--truth", "truth.npy"), ""),
     ):
-        assert run(monkeypatch, drives, *arguments, *out) == 0
-        said = capsys.readouterr().err
+        said = surefix_("eval", *arguments, *out).stderr
         assert words in said
         assert said.count("Warning: ") == (words != "")

@@ -20,7 +20,7 @@ from commands import surefix_
 from rerun_reader import Recording
 from surefix.frames import Frame
 from surefix.live import RerunView
-from surefix.live.pictures import PALETTE
+from surefix.live.rerun import PALETTE
 from surefix.simulate import Route
 
 pytest.importorskip("rerun", reason='rerun is not installed: pip install "surefix[live]"')

@@ -26,8 +26,7 @@ from rich.console import Console
 import surefix
 from surefix.frames import Frame
 from surefix.live import TerminalView, View
-from surefix.live.strip import Strip
-from surefix.live.thinning import Thinning
+from surefix.live.binning import Bins
 from surefix.simulate import Route
 
 PLACES = 60
@@ -102,7 +101,7 @@ def test_arrows_point_at_the_place_at_the_minimum_and_at_the_gradient_peak() -> 
     generator = np.random.default_rng(2)
     route = surefix.Map.from_descriptors(generator.normal(size=(500, 8)).astype(np.float32))
     localizer = surefix.Localizer(route, smoothing=1)
-    strip = Strip(500, 76)
+    bins = Bins(500, 76, fill=True)
     agreed = set()
     for place, noise in ((3, 1.0), (120, 0.1), (499, 1.0), (250, 0.3), (251, 0.1)):
         query = route.descriptors[place] + noise * generator.normal(size=8).astype(np.float32)
@@ -113,15 +112,15 @@ def test_arrows_point_at_the_place_at_the_minimum_and_at_the_gradient_peak() -> 
         lines = [line[2:-2] for line in last_picture(console)]
         here, lowest = (k for k, line in enumerate(lines) if line.strip() == "▲")
         (peak,) = (k for k, line in enumerate(lines) if line.strip() == "▼")
-        assert lines[here].index("▲") == strip.column(fix.place)
-        assert lines[lowest].index("▲") == strip.column(fix.single.place)
-        assert lines[peak].index("▼") == strip.column(fix.gradient.place)
+        assert lines[here].index("▲") == bins.of(fix.place)
+        assert lines[lowest].index("▲") == bins.of(fix.single.place)
+        assert lines[peak].index("▼") == bins.of(fix.gradient.place)
         bars = lines[peak + 1 : lowest]
         heights = [sum(" ▁▂▃▄▅▆▇█".index(line[k]) for line in bars) for k in range(76)]
-        assert heights[strip.column(fix.single.place)] == min(heights) == 1
+        assert heights[bins.of(fix.single.place)] == min(heights) == 1
         assert max(heights) == 8 * len(bars)
         smallest = np.array(
-            [group.min() for group in np.split(localizer.distances, strip.first[1:])]
+            [group.min() for group in np.split(localizer.distances, bins.first[1:])]
         )
         assert np.corrcoef(heights, smallest)[0, 1] > 0.99
         agreed.add(fix.trusted)
@@ -190,13 +189,15 @@ def test_marks_differ_without_colours_and_without_unicode(
 
 @pytest.mark.parametrize("places", [2, 3, 7, 76, 77, 1000, 100_003])
 @pytest.mark.parametrize("width", [1, 5, 76])
-def test_a_strip_keeps_every_minimum_and_finds_every_place(places: int, width: int) -> None:
+def test_a_line_of_characters_keeps_every_minimum_and_finds_every_place(
+    places: int, width: int
+) -> None:
     distances = np.random.default_rng(places).normal(size=places).astype(np.float32)
-    strip = Strip(places, width)
-    smallest = strip.smallest(distances)
+    bins = Bins(places, width, fill=True)
+    smallest = bins.smallest(distances)
     assert smallest.shape == (width,)
     assert smallest.min() == distances.min() or places < width
-    columns = [strip.column(place) for place in range(places)]
+    columns = [bins.of(place) for place in range(places)]
     assert columns == sorted(columns)
     assert smallest[columns[int(distances.argmin())]] == distances.min()
     for place in range(0, places, max(1, places // 50)):
@@ -204,16 +205,14 @@ def test_a_strip_keeps_every_minimum_and_finds_every_place(places: int, width: i
 
 
 @pytest.mark.parametrize("places", [2, 5, 999, 1000, 1001, 54_321])
-def test_thinning_keeps_the_lowest_place_of_every_minimum(places: int) -> None:
+def test_bins_of_one_width_keep_every_minimum(places: int) -> None:
     distances = np.random.default_rng(places).integers(0, 9, places).astype(np.float32)
-    thinning = Thinning(places, 1000)
-    assert thinning.groups <= 1000
-    want = [
-        start + int(np.argmin(distances[start : start + thinning.width]))
-        for start in range(0, places, thinning.width)
-    ]
-    assert thinning.smallest(distances).tolist() == want
-    assert thinning.group(places - 1) == thinning.groups - 1
+    bins = Bins(places, 1000)
+    assert len(bins) <= 1000
+    want = [distances[start : start + bins.width].min() for start in range(0, places, bins.width)]
+    assert bins.smallest(distances).tolist() == want
+    assert bins.of(places - 1) == len(bins) - 1
+    assert bins.of(int(distances.argmin())) == int(np.argmin(want))
 
 
 def run_on_a_terminal(

@@ -13,10 +13,9 @@ pytest.importorskip("matplotlib")
 from html_reader import Reader, read
 from real_data import folder as real_data
 from surefix.baselines import Context
-from surefix.report import comparison_pictures
-from surefix.report.comparison import Comparison, compare
-from surefix.report.comparison_report import FILES, write_comparison
-from surefix.report.verdict import outcome, verdict
+from surefix.report import figures
+from surefix.report.eval import FILES, write_report
+from surefix.study import Study, compare, verdict
 
 METHODS = ("sequence", "weighted", "single", "masked")
 
@@ -26,7 +25,7 @@ def written(
 ) -> Reader:
     context = Context(truth=truth, truth_tolerance=tolerance, **options)  # type: ignore[arg-type]
     folder.mkdir(exist_ok=True)
-    write_comparison(compare(D, METHODS, context), folder, "command")
+    write_report(compare(D, METHODS, context), folder, "command")
     for file in folder.glob("*.csv"):
         assert not re.search(r"\b(nan|inf)\b", file.read_text(), re.IGNORECASE), file.name
     page = read((folder / "report.html").read_text(encoding="utf-8"))
@@ -49,6 +48,7 @@ CORNERS: dict[str, tuple[np.ndarray, np.ndarray]] = {
 
 
 @pytest.mark.filterwarnings("error")
+@pytest.mark.usefixtures("light_only")
 @pytest.mark.parametrize("name", CORNERS)
 def test_at_a_corner_the_report_holds_no_nan(name: str, tmp_path: Path) -> None:
     page = written(tmp_path / "report", *CORNERS[name])
@@ -64,6 +64,7 @@ def test_at_a_corner_the_report_holds_no_nan(name: str, tmp_path: Path) -> None:
         assert page.ids["trusted"] == "0.0 %"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_older_report_in_the_folder_leaves_nothing_that_looks_new(tmp_path: Path) -> None:
     for name in ("mistakes.png", "precision_recall_2.png", "mine.png"):
         (tmp_path / name).write_bytes(b"old")
@@ -77,6 +78,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("where", ["curves", "strip"])
 def test_a_report_that_was_stopped_leaves_the_older_one_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
@@ -87,13 +89,14 @@ def test_a_report_that_was_stopped_leaves_the_older_one_whole(
     (tmp_path / "precision_recall_mine.png").write_bytes(b"mine")
     written(tmp_path, RANDOM, np.arange(9))
     before = contents(tmp_path)
-    monkeypatch.setattr(comparison_pictures, where, stop)
+    monkeypatch.setattr(figures, where, stop)
     with pytest.raises(KeyboardInterrupt):
         written(tmp_path, RANDOM, np.arange(9) % 3)
     assert contents(tmp_path) == before
     assert before["precision_recall_mine.png"] == b"mine"
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("moved", [0, 1, 5])
 def test_a_report_stopped_while_it_is_moved_is_no_mixture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
@@ -119,7 +122,7 @@ def test_a_report_stopped_while_it_is_moved_is_no_mixture(
     assert after == {name: new[name] for name in after}
 
 
-def comparison(seed: int, weighted: float) -> Comparison:
+def comparison(seed: int, weighted: float) -> Study:
     """A drive on which the weighted sequence has a predictor of such worth."""
     random = np.random.default_rng(seed)
     D = random.random((60, 200)).astype(np.float32)
@@ -133,14 +136,14 @@ def test_the_verdict_is_that_of_the_interval() -> None:
         given = comparison(seed, worth)
         for result in given.results:
             difference, low, high = result.difference
-            words = verdict(given, result)
-            assert (outcome(result) == "wins") == (low > 0)
-            assert (outcome(result) == "loses") == (high < 0)
+            words = verdict(result)
+            assert (result.outcome == "wins") == (low > 0)
+            assert (result.outcome == "loses") == (high < 0)
+            assert (result.outcome == "level") == (low <= 0 <= high)
             assert ("wins over" in words) == (low > 0)
             assert ("loses to" in words) == (high < 0)
-            assert ("the drive does not tell" in words) == (
-                low <= 0 <= high and (low, high) != (0, 0)
-            )
+            if result is not given.baseline:
+                assert ("is level with" in words) == (low <= 0 <= high)
             assert difference == result.curve.auc(0.2) - given.baseline.curve.auc(0.2)
 
 

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from surefix import plot
-from surefix.plot.lines import LOOKS, looks
+from surefix.plot.theme import LOOKS, looks
 
 M, N = 60, 50
 

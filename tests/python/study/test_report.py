@@ -7,59 +7,68 @@ import numpy as np
 import pytest
 
 import surefix
-from surefix.simulate import Route
+from surefix.simulate import Route, Traverse
 
 pytest.importorskip("matplotlib")
 
 from matplotlib.axes import Axes
 
-from html_reader import read
+from html_reader import Reader, read
+from surefix.baselines import Context
 from surefix.plot import Outcome, outcomes
+from surefix.plot.bars import _spans
 from surefix.plot.curves import precision_recall
-from surefix.plot.montage import spread
+from surefix.plot.images import spread
 from surefix.plot.outcome import longest_gap
-from surefix.plot.strip import _spans
-from surefix.report import drive_pictures
-from surefix.report.drive import Drive
-from surefix.report.drive_report import write_report
+from surefix.report import figures
+from surefix.report.demo import Demo, write_report
 from surefix.report.page import Picture, Section, Tile, page
+from surefix.study import Study
 
 
 @pytest.fixture(scope="module")
-def drive() -> Drive:
+def drives() -> tuple[Traverse, Traverse]:
     route = Route(places=20, size=(32, 16))
-    reference, revisit = route.reference(), route.revisit()
-    places = surefix.Map.from_images(reference, surefix.Sad())
-    D = np.stack([places.distances(surefix.Sad().describe(frame)) for frame in revisit], axis=1)
-    run = surefix.match_distances(D, trusted=[False] * 20)
-    return Drive(reference, revisit, (32, 16), 1, 2, D, run, run, np.full(20, 1e-3))
+    return route.reference(), route.revisit()
 
 
+def demo(
+    drives: tuple[Traverse, Traverse], D: np.ndarray, trusted: np.ndarray, length: int = 2
+) -> Demo:
+    """A demo of these distances, with the trust flags of another predictor."""
+    truth = drives[1].truth(drives[0])
+    context = Context(sequence_length=length, floor="running", truth=truth, trusted=trusted)
+    return Demo(Study(D.astype(np.float32), context), *drives, 1, np.full(20, 1e-3))
+
+
+def written(given: Demo, folder: Path) -> Reader:
+    return read(write_report(given, folder, "command", []).read_text(encoding="utf-8"))
+
+
+@pytest.mark.usefixtures("light_only")
 @pytest.mark.parametrize("trusted", [False, True])
 def test_a_drive_that_trusts_no_fix_or_every_fix_has_its_report_too(
-    drive: Drive, tmp_path: Path, trusted: bool
+    drives: tuple[Traverse, Traverse], tmp_path: Path, trusted: bool
 ) -> None:
-    run = surefix.match_distances(drive.distances, trusted=[trusted] * 20)
-    given = Drive(
-        drive.reference, drive.revisit, drive.size, 1, 2, drive.distances, run, run, drive.latency
-    )
-    shown = read(write_report(given, tmp_path, "command", []).read_text(encoding="utf-8")).ids
+    places, sad = surefix.Map.from_images(drives[0], surefix.Sad()), surefix.Sad()
+    D = np.stack([places.distances(sad.describe(frame)) for frame in drives[1]], axis=1)
+    shown = written(demo(drives, D, np.full(20, trusted)), tmp_path).ids
     assert shown["trusted"] == ("100.0 %" if trusted else "0.0 %")
     assert (shown["trusted-right"] == "none") == (not trusted)
 
 
-def test_one_of_a_kind_is_in_the_singular(drive: Drive, tmp_path: Path) -> None:
-    right = drive.truth.copy()
-    place = right.copy()
-    place[[5, 6]] = (right[[5, 6]] + 10) % 20
-    D = np.ones((20, 20), np.float32)
+@pytest.mark.usefixtures("undrawn")
+def test_one_of_a_kind_is_in_the_singular(
+    drives: tuple[Traverse, Traverse], tmp_path: Path
+) -> None:
+    place = drives[1].truth(drives[0])
+    place[[5, 6]] = (place[[5, 6]] + 10) % 20
+    D = np.ones((20, 20))
     D[place, np.arange(20)] = 0
     # Of two wrong fixes one is trusted, and all but one of the right ones are.
     trusted = np.ones(20, np.bool_)
     trusted[[6, 12]] = False
-    run = surefix.match_distances(D, trusted=trusted, sequence_length=1)
-    given = Drive(drive.reference, drive.revisit, drive.size, 1, 1, D, run, run, drive.latency)
-    text = read(write_report(given, tmp_path, "command", []).read_text(encoding="utf-8")).text
+    text = written(demo(drives, D, trusted, length=1), tmp_path).text
     assert (
         "sent to a wrong place 2 times in 20. One that acts on the trusted fixes only, 1 time."
         in text
@@ -69,20 +78,24 @@ def test_one_of_a_kind_is_in_the_singular(drive: Drive, tmp_path: Path) -> None:
     assert "1 of the 2 untrusted ones is right." in text
 
 
+@pytest.mark.usefixtures("light_only")
 @pytest.mark.parametrize("length", [1, 2])
 def test_star_and_page_say_which_fixes_they_count(
-    drive: Drive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, length: int
+    drives: tuple[Traverse, Traverse],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    length: int,
 ) -> None:
     """A trusted fix that is wrong before the first window is full counts on the page, and not for
     the star.
     """
-    D = np.ones((20, 20), np.float32)
-    place = drive.truth.copy()
+    D = np.ones((20, 20))
+    place = drives[1].truth(drives[0])
     place[0] += 10
     D[place, np.arange(20)] = 0
-    run = surefix.match_distances(D, trusted=np.ones(20, np.bool_), sequence_length=length)
-    given = Drive(drive.reference, drive.revisit, drive.size, 1, length, D, run, run, drive.latency)
-    assert (given.counts[Outcome.TRUSTED_WRONG], run.ready.sum()) == (1, 21 - length)
+    given = demo(drives, D, np.ones(20, np.bool_), length)
+    ready = int(given.study.run.ready.sum())
+    assert (given.counts[Outcome.TRUSTED_WRONG], ready) == (1, 21 - length)
     labels: list[str] = []
 
     def drawn(*arguments: Any, **options: Any) -> Axes:
@@ -90,22 +103,25 @@ def test_star_and_page_say_which_fixes_they_count(
         labels[:] = ax.get_legend_handles_labels()[1]
         return ax
 
-    monkeypatch.setattr(drive_pictures, "precision_recall", drawn)
-    text = read(write_report(given, tmp_path, "command", []).read_text(encoding="utf-8")).text
+    monkeypatch.setattr(figures, "precision_recall", drawn)
+    text = written(given, tmp_path).text
     star = (
         "the trusted fixes of full windows alone: precision 1.000"
         if length == 2
         else "the trusted fixes alone: "
     )
     assert labels[-1].startswith(star)
-    says = "Curves and star leave out 1 fix at the start, whose window is not full yet: 1 trusted, 1 trusted and wrong."
+    says = (
+        "Curves and star leave out 1 fix at the start, whose window is not full yet: 1 trusted, "
+        "1 trusted and wrong."
+    )
     assert (says in text) == (length == 2)
 
 
 def test_what_a_page_is_given_is_text_and_never_markup() -> None:
     evil = '"><script>alert(1)</script>&amp;'
     png = b"\x89PNG\r\n\x1a\n" + b"\0" * 16
-    picture = Picture(png, png, evil, evil)
+    picture = Picture(lambda theme: png, evil, evil)
     text = page(
         evil,
         [evil],

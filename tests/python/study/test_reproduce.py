@@ -3,7 +3,6 @@ computes.
 """
 
 import csv
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -19,24 +18,25 @@ from PIL import Image
 
 import oracle
 import real_data
+from commands import surefix_, surefix_process
 from html_reader import read
 from surefix.baselines import SupervisedPredictor, noisy_predictor
 from surefix.reproduce import (
     Case,
     Settings,
-    ablation,
-    break_even,
     check_pairs,
-    comparisons,
-    curves,
+    exhibits,
     find_datasets,
     generated_cases,
     load_cases,
     matrix_case,
     read_pairs,
     read_paper,
-    table,
 )
+from surefix.reproduce.break_even import crossing, measure
+from surefix.reproduce.curves import single_frames
+from surefix.reproduce.sweeps import ablation
+from surefix.reproduce.table import table_1
 
 QUICK = Settings(quick=True)
 NAMES = {
@@ -52,18 +52,9 @@ FIGURES = {
 }
 
 
-def reproduce(*options: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def reproduce(*options: object) -> subprocess.CompletedProcess[str]:
     """Runs the command in a pipe."""
-    command = [sys.executable, "-W", "error", "-m", "surefix", "reproduce", *options]
-    inherited = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "TTY_COMPATIBLE")}
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        env=inherited | environment,
-        check=False,
-    )
+    return surefix_("reproduce", *options, code=None)
 
 
 def rows(folder: Path, name: str) -> list[dict[str, str]]:
@@ -91,7 +82,7 @@ def report(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[Path, subprocess.CompletedProcess[str]]:
     folder = tmp_path_factory.mktemp("reproduce") / "not" / "yet there"
-    return folder, reproduce("--quick", "-o", str(folder))
+    return folder, surefix_process("reproduce", "--quick", "-o", folder)
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +90,7 @@ def generated() -> list[Case]:
     return list(generated_cases(QUICK))
 
 
+@pytest.mark.slow
 def test_a_pipe_gets_plain_lines_and_the_last_says_what_was_made_and_where(report) -> None:
     folder, said = report
     assert said.returncode == 0, said.stderr
@@ -108,6 +100,7 @@ def test_a_pipe_gets_plain_lines_and_the_last_says_what_was_made_and_where(repor
     assert said.stdout.splitlines()[-1].startswith(f"Made {folder / 'report.html'}, with ")
 
 
+@pytest.mark.slow
 def test_the_page_is_whole_and_says_that_it_is_generated_and_that_the_papers_numbers_are_missing(
     report,
 ) -> None:
@@ -122,13 +115,14 @@ def test_the_page_is_whole_and_says_that_it_is_generated_and_that_the_papers_num
         "surefix does not have them",
         "Weighting loses in",
         "Weighting wins in",
-        "Undecided, the interval holds 0",
+        "Level, the interval holds 0",
         "Made with --quick",
     ):
         assert words in reader.text
     assert len(reader.images) == len(list(folder.glob("*.png")))
 
 
+@pytest.mark.slow
 def test_every_comparison_has_its_numbers_and_every_picture_something_on_it(report) -> None:
     folder, _ = report
     assert {path.stem for path in folder.glob("*.csv")} == NAMES
@@ -140,6 +134,7 @@ def test_every_comparison_has_its_numbers_and_every_picture_something_on_it(repo
         assert (np.abs(picture - picture[0, 0]).max(axis=2) > 8).mean() > 0.02, path.name
 
 
+@pytest.mark.slow
 def test_the_table_is_what_the_oracle_computes(report, generated: list[Case]) -> None:
     lines = rows(report[0], "table_1")
     assert [line["dataset"] for line in lines] == [case.dataset for case in generated]
@@ -148,10 +143,11 @@ def test_the_table_is_what_the_oracle_computes(report, generated: list[Case]) ->
         assert float(line["weighted"]) == pytest.approx(area(case.D, case.truth, 2, 0.99), abs=1e-3)
         low, high = float(line["low"]), float(line["high"])
         assert low <= float(line["difference"]) <= high
-        expected = "wins" if low > 0 else "loses" if high < 0 else "undecided"
+        expected = "wins" if low > 0 else "loses" if high < 0 else "level"
         assert (line["verdict"], line["paper_baseline"]) == (expected, "")
 
 
+@pytest.mark.slow
 def test_the_lengths_the_false_positives_and_the_curves_agree_with_the_table(report) -> None:
     folder, _ = report
     for line in rows(folder, "table_1"):
@@ -178,6 +174,7 @@ def test_the_lengths_the_false_positives_and_the_curves_agree_with_the_table(rep
         assert float(consensus["auc"]) == float(line["weighted"])
 
 
+@pytest.mark.slow
 def test_the_two_contributions_make_up_the_time(report) -> None:
     for line in rows(report[0], "execution_time"):
         for which, sequence in (("median", "sequence_us"), ("mean", "sequence_mean_us")):
@@ -197,9 +194,9 @@ def test_the_two_contributions_make_up_the_time(report) -> None:
 def test_a_drawn_predictor_has_the_consensuss_rate_and_more_wrong_trust_never_helps_in_the_end(
     generated: list[Case],
 ) -> None:
-    one = break_even.measure(generated[0], QUICK)
+    one = measure(generated[0], QUICK)
     assert one.areas[0] >= one.areas[-1]
-    right = generated[0].right()
+    right = generated[0].study(QUICK).single_right
     trusted = noisy_predictor(right, true_positive_rate=one.trust.recall, false_positive_rate=0.0)
     assert trusted.sum() == one.trust.true_positives
 
@@ -216,7 +213,7 @@ def test_a_drawn_predictor_has_the_consensuss_rate_and_more_wrong_trust_never_he
 def test_the_break_even_is_where_the_line_crosses(
     areas: list[float], expected: float | None
 ) -> None:
-    got = break_even.crossing(np.array([0.0, 0.5, 1.0]), np.array(areas), 0.7 if expected else 0.5)
+    got = crossing(np.array([0.0, 0.5, 1.0]), np.array(areas), 0.7 if expected else 0.5)
     assert got == (None if expected is None else pytest.approx(expected))
 
 
@@ -238,6 +235,8 @@ def two_drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return data
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_ready_matrices_and_folders_fill_their_rows_beside_the_papers_numbers_and_what_is_wrong_is_said(
     tmp_path: Path, two_drives: Path, generated: list[Case]
 ) -> None:
@@ -347,7 +346,7 @@ def test_two_folders_of_one_data_set_are_told_apart(tmp_path: Path) -> None:
         f"{GARDENS} (second)",
     ]
     assert cases[2].aliases[0] == "gardens_point (first)"
-    assert next(comparisons(cases, QUICK)).rows
+    assert next(exhibits(cases, QUICK)).rows
 
 
 def test_matrices_need_no_images(tmp_path: Path) -> None:
@@ -379,10 +378,13 @@ def test_matrices_need_no_images(tmp_path: Path) -> None:
 def test_a_truth_of_another_map_is_refused() -> None:
     D = np.random.default_rng(0).random((12, 12), np.float32)
     with pytest.raises(
-        surefix.SurefixValueError, match="expected places from 0 to 11, or -1, got 12 for query 11"
+        surefix.SurefixValueError,
+        match="expected places from 0 to 11, or -1 for none, got 12 for query 11",
     ):
         Case("here", "Net", D, np.arange(12) + 1)
-    with pytest.raises(surefix.SurefixValueError, match="a row for each of the 12 places, got 13"):
+    with pytest.raises(
+        surefix.SurefixValueError, match="12 positions of places and 12 of queries, got 13 and 12"
+    ):
         Case("here", "Net", D, (np.zeros((13, 2)), np.zeros((12, 2))))
 
 
@@ -395,7 +397,7 @@ def test_the_papers_rows_are_found_by_the_registrys_names_and_others_are_told_th
         "dataset,technique,baseline,weighted\nGardens_Point,NET,0.25,0.5\nGardens,Net,0.5,0.75\n",
         encoding="utf-8",
     )
-    comparison = next(comparisons([case], QUICK, read_paper(tmp_path / "paper.csv")))
+    comparison = next(exhibits([case], QUICK, read_paper(tmp_path / "paper.csv")))
     assert [row[-2:] for row in comparison.rows] == [(0.25, 0.5), (0.5, 0.75)]
     said = " ".join(comparison.paragraphs)
     assert (
@@ -431,14 +433,12 @@ def test_a_route_of_positions_is_judged_in_metres(generated: list[Case]) -> None
     case = generated[0]
     places = np.stack([4.0 * np.arange(len(case.D)), np.zeros(len(case.D))], axis=1)
     metres = Case("in metres", "SAD", case.D, (places, places[case.truth]), 4.5)
-    assert metres.correct_means == "within 4.5 m"
-    same, other = table.measure(metres, QUICK), table.measure(case, QUICK)
-    assert (same.baseline_area, same.weighted_area, same.interval) == (
-        other.baseline_area,
-        other.weighted_area,
-        other.interval,
-    )
-    one, another = (curves.single_frames([each], QUICK).rows for each in (metres, case))
+    same, other = metres.study(QUICK), case.study(QUICK)
+    assert same.correct_means == "within 4.5 m"
+    assert same.baseline.area == other.baseline.area
+    assert same.shown.area == other.shown.area
+    assert same.shown.difference == other.shown.difference
+    one, another = (single_frames([each], QUICK).rows for each in (metres, case))
     assert [row[2:] for row in one] == [row[2:] for row in another]
 
 
@@ -449,7 +449,7 @@ def test_without_scikit_learn_the_page_says_which_extra_to_install(
     monkeypatch: pytest.MonkeyPatch, generated: list[Case]
 ) -> None:
     monkeypatch.setitem(sys.modules, "sklearn.pipeline", None)
-    comparison = curves.single_frames(generated[:1], QUICK)
+    comparison = single_frames(generated[:1], QUICK)
     assert {row[2] for row in comparison.rows} == {
         "distance, masked by the prediction",
         "distance",
@@ -463,7 +463,7 @@ def test_the_supervised_curve_is_of_queries_that_it_did_not_learn_from(
 ) -> None:
     pytest.importorskip("sklearn")
     case = generated[0]
-    comparison = curves.single_frames([case], QUICK)
+    comparison = single_frames([case], QUICK)
     predictor = SupervisedPredictor().fit(case.D[:, :50], case.truth[:50])
     trusted = predictor.predict(case.D[:, 50:])
     right = np.abs(case.D[:, 50:].argmin(axis=0) - case.truth[50:]) <= 1
@@ -580,11 +580,9 @@ def test_the_reference_figures_on_real_data(name: str) -> None:
     assert problems == []
     sad = cases[0]
     for length, expected in zip((2, 3, 5, 10), FIGURES[name], strict=True):
-        both = [
-            sad.evaluate(matches, Settings())
-            for matches in (sad.unweighted(length), sad.weighted(length))
-        ]
-        assert [curve.auc(0.2) for curve in both] == pytest.approx(expected, abs=0.002), length
+        both = sad.study(Settings()).at(sequence_length=length).results
+        areas = [result.curve.auc(0.2) for result in both]
+        assert areas == pytest.approx(expected, abs=0.002), length
 
 
 def test_the_other_recall_on_real_data() -> None:
@@ -597,11 +595,8 @@ def test_the_other_recall_on_real_data() -> None:
             found for found in find_datasets(real_data.folder()) if found.folder.name == name
         )
         sad = load_cases(found)[0][0]
-        both = [
-            sad.evaluate(matches, settings)
-            for matches in (sad.unweighted(length), sad.weighted(length))
-        ]
-        assert [curve.auc(0.2) for curve in both] == pytest.approx(expected, abs=0.002)
+        both = sad.study(settings).at(sequence_length=length).results
+        assert [result.curve.auc(0.2) for result in both] == pytest.approx(expected, abs=0.002)
 
 
 def test_the_ten_published_techniques_of_the_corridor_fill_their_rows() -> None:
@@ -610,10 +605,9 @@ def test_the_ten_published_techniques_of_the_corridor_fill_their_rows() -> None:
     )
     cases, _ = load_cases(found)
     assert len(cases) == 11
-    measured = [table.measure(case, QUICK) for case in cases]
-    comparison = table.compare(measured, None, QUICK)
+    comparison = table_1(cases, None, QUICK)
     assert [row[1] for row in comparison.rows] == [case.technique for case in cases]
     said = " ".join(comparison.points)
     assert all(case.name in said for case in cases)
-    lengths = ablation.compare(cases[:1], QUICK).rows
+    lengths = ablation(cases[:1], QUICK).rows
     assert [row[2] for row in lengths] == list(range(2, 10))

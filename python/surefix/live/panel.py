@@ -4,24 +4,29 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console, Group, RenderableType
+from rich.color import Color
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.measure import Measurement
 from rich.panel import Panel
+from rich.segment import Segment
+from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
 from surefix import Fix
-from surefix.live.colours import MINIMUM, PEAK, TRUSTED
-from surefix.live.half_blocks import HalfBlocks
-from surefix.live.route_bar import RouteBar
-from surefix.live.sparkline import sparkline
-from surefix.live.strip import Strip
-from surefix.live.totals import Totals
+from surefix.live.binning import Bins
+from surefix.live.view import MINIMUM, PEAK, TRUSTED, Image
 
-__all__ = ["Row", "Scene", "panel"]
+__all__ = ["HalfBlocks", "RouteBar", "Row", "Scene", "panel"]
 
 WIDEST = 110
-# From here on the fixes have these columns, too.
+# From these widths on the fixes have these columns, too.
 SCORES, LATENCIES, ANCHORS, NAMES = 34, 46, 58, 72
+
+BLOCKS = " ▁▂▃▄▅▆▇█"
+PLAIN = "_.:-=+*#"
+# A place of the route: not reached, matched, or matched and trusted.
+AHEAD, PASSED, KNOWN = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +39,71 @@ class Row:
     latency_us: float
 
     def line(self) -> str:
-        """In words, for where there is no terminal."""
+        """In words, for output that is no terminal."""
         fix = self.fix
         place = f"place {fix.place}" + (f" ({self.place_name})" if self.place_name else "")
         query = "" if self.query == str(fix.frame) else f" ({self.query})"
         parts = [place, f"score {fix.score:.3f}", "trusted" if fix.trusted else "not trusted"]
         parts += ["warming up"] if fix.sequence is None else []
         return f"frame {fix.frame}{query}: {', '.join(parts)}"
+
+
+class RouteBar:
+    """The map's places in order: trusted fixes were here, others were there, the rest is unseen."""
+
+    def __init__(self, places: int) -> None:
+        self.state = np.zeros(places, np.uint8)
+        self.here = 0
+
+    def add(self, fix: Fix) -> None:
+        """Take one fix."""
+        self.here = fix.place
+        self.state[fix.place] = max(int(self.state[fix.place]), KNOWN if fix.trusted else PASSED)
+
+    def draw(self, bins: Bins, unicode: bool) -> Text:
+        """The bar, and below it an arrow to the newest fix."""
+        marks = "·░█" if unicode else ".-#"
+        text = Text(no_wrap=True, overflow="crop")
+        for state in bins.largest(self.state).tolist():
+            text.append(marks[state], TRUSTED if state == KNOWN else "dim")
+        text.append("\n" + " " * bins.of(self.here))
+        text.append("▲" if unicode else "^", "bold")
+        return text
+
+
+class HalfBlocks:
+    """An image in characters that are half foreground and half background: two pixels each.
+
+    Parameters
+    ----------
+    image : uint8 array, (H, W) or (H, W, 3)
+    width, lines : int
+        The most characters across and down.
+    """
+
+    def __init__(self, image: Image, width: int, lines: int) -> None:
+        if image.ndim == 2:
+            image = np.repeat(image[:, :, None], 3, axis=2)
+        tall, wide = image.shape[:2]
+        self.width = min(width, max(1, 2 * lines * wide // tall), wide)
+        height = min(tall, max(2, round(self.width * tall / wide) // 2 * 2))
+        rows = np.arange(height) * tall // height
+        columns = np.arange(self.width) * wide // self.width
+        sums = np.add.reduceat(
+            np.add.reduceat(image, rows, axis=0, dtype=np.int64), columns, axis=1
+        )
+        heights, widths = np.diff(rows, append=tall), np.diff(columns, append=wide)
+        self.pixels = (sums // np.outer(heights, widths)[:, :, None]).tolist()
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for upper, lower in zip(self.pixels[::2], self.pixels[1::2], strict=False):
+            for above, below in zip(upper, lower, strict=True):
+                style = Style(color=Color.from_rgb(*above), bgcolor=Color.from_rgb(*below))
+                yield Segment("▀", style)
+            yield Segment.line()
+
+    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
+        return Measurement(self.width, self.width)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,50 +113,40 @@ class Scene:
     places: int
     total: int | None
     fix: Fix
-    image: NDArray[np.uint8] | None
-    reference: NDArray[np.uint8] | None
+    image: Image | None
+    reference: Image | None
     distances: NDArray[np.float32]
     route: RouteBar
     rows: list[Row]
-    totals: Totals
+    totals: str
 
 
 def panel(scene: Scene, console: Console) -> RenderableType:
-    """The scene, with what the console has room for: first of all where the drive is, last of all
-    its images.
-    """
+    """The scene, as far as the console has room: first of all the place, last of all the images."""
     unicode = (console.encoding or "").lower().startswith("utf")
     width = min(console.width, WIDEST)
     inside = max(1, width - 4)
-    strip = Strip(scene.places, inside)
+    bins = Bins(scene.places, inside, fill=True)
     # One line stays free for the cursor, and two are the frame's.
     room = console.height - 3
     top: list[RenderableType] = [_headline(scene, unicode)]
     below: list[RenderableType] = []
-    summary = _lines(str(scene.totals), inside, unicode)[: max(0, room - 1)]
+    summary = _lines(scene.totals, inside, unicode)[: max(0, room - 1)]
     room -= 1 + len(summary)
     if room >= 3:
-        top += ["", scene.route.draw(strip, unicode)]
+        top += ["", scene.route.draw(bins, unicode)]
         room -= 3
     if room >= 6:
         lines = (3 if room >= 16 else 2) if unicode else 1
-        below += [
-            "",
-            _distances_label(scene, unicode),
-            sparkline(scene.distances, scene.fix, strip, lines, unicode),
-        ]
+        bars = _bars(scene.distances, scene.fix, bins, lines, unicode)
+        below += ["", _distances_label(scene, unicode), bars]
         room -= 4 + lines
     if room >= 4:
         shown = min(len(scene.rows), room - 2, 12)
         below += ["", _table(scene.rows[len(scene.rows) - shown :], width, unicode)]
         room -= 2 + shown
-    if (
-        room >= 8
-        and inside >= 40
-        and unicode
-        and not console.no_color
-        and console.color_system in ("truecolor", "256")
-    ):
+    colours = not console.no_color and console.color_system in ("truecolor", "256")
+    if room >= 8 and inside >= 40 and unicode and colours:
         top += _images(scene, inside, min(room - 2, 16))
     body = Group(*top, *below, *(["", *summary] if room >= 1 else summary))
     of = "" if scene.total is None else f" of {scene.total}"
@@ -132,6 +185,30 @@ def _distances_label(scene: Scene, unicode: bool) -> Text:
     return text
 
 
+def _bars(distances: NDArray[np.float32], fix: Fix, bins: Bins, lines: int, unicode: bool) -> Text:
+    """Bars of the distances, pointed at by the gradient peak from above and by the minimum from
+    below. If the two arrows point at each other, the match is trusted.
+    """
+    values = bins.smallest(distances)
+    low, high = float(values.min()), float(values.max())
+    share = (values - low) / (high - low) if high > low else np.ones(len(values))
+    text = Text(no_wrap=True, overflow="crop")
+    text.append(" " * bins.of(fix.gradient.place))
+    text.append("▼\n" if unicode else "v\n", f"bold {PEAK}")
+    if unicode:
+        # The smallest still has a bar: an eighth of a line.
+        eighths = 1 + np.rint(share * (8 * lines - 1)).astype(int)
+        for line in reversed(range(lines)):
+            levels = np.clip(eighths - 8 * line, 0, 8)
+            text.append("".join(BLOCKS[level] for level in levels) + "\n", "dim")
+    else:
+        levels = np.rint(share * (len(PLAIN) - 1)).astype(int)
+        text.append("".join(PLAIN[level] for level in levels) + "\n", "dim")
+    text.append(" " * bins.of(fix.single.place))
+    text.append("▲" if unicode else "^", f"bold {MINIMUM}")
+    return text
+
+
 def _images(scene: Scene, inside: int, lines: int) -> list[RenderableType]:
     images = [image for image in (scene.image, scene.reference) if image is not None]
     if not images:
@@ -143,8 +220,8 @@ def _images(scene: Scene, inside: int, lines: int) -> list[RenderableType]:
 
 def _table(rows: list[Row], width: int, unicode: bool) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), pad_edge=False)
-    table.add_column("frame", justify="right", no_wrap=True)
     named = width >= NAMES and any(row.query != str(row.fix.frame) for row in rows)
+    table.add_column("frame", justify="right", no_wrap=True)
     if named:
         table.add_column("query", no_wrap=True, overflow="ellipsis", max_width=20)
     table.add_column("place", justify="right", no_wrap=True)
@@ -165,15 +242,14 @@ def _table(rows: list[Row], width: int, unicode: bool) -> Table:
         cells += [f"{row.latency_us:.0f}"] if width >= LATENCIES else []
         cells.append(Text(f"{mark} {word}" if width >= SCORES else mark, style))
         if width >= ANCHORS:
-            cells.append(
-                Text("warming up", "dim") if fix.sequence is None else str(fix.sequence.anchors)
-            )
+            sequence = fix.sequence
+            cells.append(str(sequence.anchors) if sequence else Text("warming up", "dim"))
         table.add_row(*cells)
     return table
 
 
 def _lines(words: str, width: int, unicode: bool) -> list[Text]:
-    """Parts with points between, in as few lines as they fit."""
+    """Parts with points between, in the fewest lines that they fit."""
     lines: list[str] = []
     between = " · " if unicode else " | "
     for part in words.split(" · "):

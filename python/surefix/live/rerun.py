@@ -1,0 +1,308 @@
+"""A drive in rerun: its viewer, a recording to open later, or both."""
+
+import io
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surefix import Fix, Localizer, Map, SurefixError, SurefixFileError
+from surefix.live.binning import Bins, Columns
+from surefix.live.view import (
+    FAINT,
+    HERE,
+    MINIMUM,
+    PEAK,
+    TRUSTED,
+    UNTRUSTED,
+    Closing,
+    Image,
+    Images,
+    References,
+    Seen,
+)
+from surefix.live.viewer import layout, load_rerun, open_viewer
+
+__all__ = ["RerunView"]
+
+# Times from here on, 2001, count from the epoch; smaller ones from the start of a video.
+EPOCH = 1e9
+
+# Names, colours and sizes of the matched places and cells.
+MARKS = ("untrusted", UNTRUSTED, 1.5), ("trusted", TRUSTED, 3.0)
+
+# A tone for each level of ``Columns.levels``: the viewer's dark for none, then from far to near.
+_STOPS = (1, 150, 225, 255)
+_TONES = ((22, 42, 120, 255), (27, 82, 170, 250), (36, 118, 190, 225))
+PALETTE = np.stack([np.interp(np.arange(256), _STOPS, tones) for tones in _TONES], axis=1)
+PALETTE = PALETTE.round().astype(np.uint8)
+PALETTE[0] = 13, 16, 20
+
+
+class RerunView(Closing):
+    """A drive in the rerun viewer, and in a recording: the camera's image and that of the matched
+    place, the distances with their minimum and gradient peak, the newest columns of their matrix,
+    the trusted track, the score.
+
+    Each query is a row on the timeline ``frame``, and on ``time`` if frames have one. The entity
+    ``fix`` has the fix itself, number by number, for a program that reads a recording back. More
+    distances than ``places_drawn`` are binned, with their minima kept, and the matrix has the
+    newest queries only: the cost of a query does not grow.
+
+    Parameters
+    ----------
+    map : Map
+        The localizer's map. Its positions, if it has any, become the track's ground.
+    save : path, optional
+        Write a recording, to be opened by ``rerun FILE.rrd``. A file of that name is replaced.
+    spawn : bool, optional
+        Open the viewer, or use the one that is open. By default, if nothing is saved.
+    references : path or sequence of images, optional
+        The folder of the map's images, or the images themselves. By default they are looked for by
+        the names that the map has for its places.
+    port : int
+        The port at which the viewer listens.
+    memory : str
+        How much the viewer and its server may keep each, as "2GB" or "50%", before they forget the
+        oldest.
+    columns : int, optional
+        The number of newest queries in the matrix; by default enough to fill its view.
+    places_drawn : int
+        The most bars of distances.
+
+    Raises
+    ------
+    SurefixError
+        If rerun is not installed, the viewer cannot be opened, or the recording cannot be written.
+
+    Notes
+    -----
+    Positions are drawn from the map's first, which keeps metres of a national grid exact; of two
+    coordinates, the second is drawn upwards. On a map with a screen, the view asks for all
+    distances, which the push was spared.
+
+    Examples
+    --------
+    >>> view = RerunView(route, save="drive.rrd")     # doctest: +SKIP
+    >>> view.update(frame, fix, localizer, 85.0)      # doctest: +SKIP
+    >>> view.close()                                  # doctest: +SKIP
+    """
+
+    WIDEST = 480
+    ROWS = 160
+    PLACES_ON_ROUTE = 20_000
+
+    def __init__(
+        self,
+        map: Map,
+        save: str | os.PathLike[str] | None = None,
+        *,
+        spawn: bool | None = None,
+        references: str | Path | Images | None = None,
+        port: int = 9876,
+        memory: str = "2GB",
+        columns: int | None = None,
+        places_drawn: int = 1000,
+    ) -> None:
+        self.positions = map.positions
+        self.origin = np.zeros(3) if self.positions is None else self.positions[0]
+        self.save = None if save is None else Path(save)
+        self.references = References(map, references)
+        rows = min(len(map), self.ROWS)
+        self.columns = Columns(len(map), columns or max(60, 3 * rows // 2), rows)
+        self.bins = Bins(len(map), places_drawn)
+        self.rr = load_rerun()
+        self.recording = self.rr.RecordingStream("surefix")
+        if not self.rr.is_enabled(self.recording):
+            raise SurefixError(
+                "rerun is turned off: expected the environment variable RERUN to be unset or on"
+            )
+        self.recording.set_log_time_enabled(False)
+        self.recording.set_log_tick_enabled(False)
+        self.started = False
+        self.shown: int | None = None
+        self.dropped = 0
+        sinks: list[Any] = []
+        if spawn if spawn is not None else save is None:
+            open_viewer(self.recording, port, memory)
+            sinks.append(self.rr.GrpcSink(f"rerun+http://127.0.0.1:{port}/proxy"))
+        if self.save is not None:
+            sinks.append(self.rr.FileSink(self.save))
+        try:
+            self.recording.set_sinks(*sinks)
+        except RuntimeError as error:
+            raise SurefixFileError(f"{self.save}: cannot write the recording: {error}") from None
+
+    def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
+        """Log one frame and its fix; as ``View.update``."""
+        seen = Seen.of(frame, fix)
+        if not self.started:
+            self._start(seen)
+            self.started = True
+        self._set_time(seen, fix)
+        self._log_images(seen, fix)
+        distances = localizer.distances
+        self._log_distances(distances, fix)
+        self._log_matrix(distances, fix)
+        self._log_track(fix)
+        self._log_numbers(seen, fix, latency_us)
+
+    def close(self) -> None:
+        """Send the rest, and finish the file. The viewer stays open.
+
+        Raises
+        ------
+        SurefixFileError
+            If there is no recording in the end.
+        """
+        if self.recording is None:
+            return
+        recording, self.recording = self.recording, None
+        try:
+            recording.flush(timeout_sec=10)
+        except (RuntimeError, ValueError) as error:
+            # The viewer was closed before the drive was over, which is no mistake.
+            print(f"rerun: {error}", file=sys.stderr)
+        recording.disconnect()
+        if self.save is not None and not self.save.is_file():
+            raise SurefixFileError(f"{self.save}: the recording is not there any more")
+
+    def _start(self, seen: Seen) -> None:
+        """Log the layout, the styles and the route, which stay for the whole drive."""
+        rr, log = self.rr, self.recording.log
+        self.recording.send_blueprint(
+            layout(
+                camera=seen.image is not None,
+                references=bool(self.references),
+                dimensions=0 if self.positions is None else self.positions.shape[1],
+                matrix=self.columns.values.shape,
+            )
+        )
+        for name, colour, size in MARKS:
+            style = {"markers": "circle", "marker_sizes": size}
+            series = rr.SeriesPoints(colors=_rgb(colour), names=name, **style)
+            log(f"place/{name}", series, static=True)
+        for entity, name, colour in (
+            ("score", "score", MINIMUM),
+            ("latency_us", "push, microseconds", PEAK),
+        ):
+            series = rr.SeriesLines(colors=_rgb(colour), names=name, widths=1.5)
+            log(entity, series, static=True)
+        if self.positions is not None:
+            step = -(-len(self.positions) // self.PLACES_ON_ROUTE)
+            log("route/places", self._points(self.positions[::step], FAINT, 1.5), static=True)
+
+    def _set_time(self, seen: Seen, fix: Fix) -> None:
+        self.recording.set_time("frame", sequence=fix.frame)
+        if seen.time is None:
+            self.recording.disable_timeline("time")
+        elif seen.time >= EPOCH:
+            self.recording.set_time("time", timestamp=seen.time)
+        else:
+            self.recording.set_time("time", duration=seen.time)
+
+    def _log_images(self, seen: Seen, fix: Fix) -> None:
+        if seen.image is not None:
+            self.recording.log("camera", self._jpeg(seen.image))
+        if self.references and fix.place != self.shown:
+            self.shown = fix.place
+            reference = self.references.image(fix.place)
+            clear = self.rr.Clear(recursive=False)
+            self.recording.log("matched", clear if reference is None else self._jpeg(reference))
+
+    def _jpeg(self, image: Image) -> Any:
+        picture = _pillow(image)
+        # Means of whole blocks: a finer resize takes longer than the rest of a view.
+        picture = picture.reduce(max(1, -(-max(picture.size) // self.WIDEST)))
+        file = _file(picture, "JPEG", quality=85)
+        return self.rr.EncodedImage(contents=file, media_type="image/jpeg")
+
+    def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
+        """All distances as bars, those of the minimum and of the gradient peak in colours."""
+        chart, log = self.rr.BarChart, self.recording.log
+        values, wide = self.bins.smallest(distances), float(self.bins.width)
+        middles, widths = self.bins.first + (wide - 1) / 2, np.full(len(values), wide)
+        bars = chart(values, abscissa=middles, widths=widths, color=_rgb(UNTRUSTED))
+        log("distances/all", bars)
+        # On a long route, one bar would be too thin to see.
+        thick = max(wide, len(distances) / 150)
+        for name, place, colour in (
+            ("minimum", fix.single.place, MINIMUM),
+            ("gradient_peak", fix.gradient.place, PEAK),
+        ):
+            at = {"abscissa": [float(place)], "widths": [thick]}
+            log(f"distances/{name}", chart(distances[[place]], color=_rgb(colour), **at))
+
+    def _log_matrix(self, distances: NDArray[np.float32], fix: Fix) -> None:
+        rr = self.rr
+        self.columns.add(distances, fix)
+        levels = _pillow(self.columns.levels())
+        levels.putpalette(PALETTE.tobytes())
+        file = _file(levels, "PNG", compress_level=1)
+        picture = rr.EncodedImage(contents=file, media_type="image/png")
+        self.recording.log("matrix/distances", picture)
+        for name, colour, size in MARKS:
+            cells = self.columns.cells(name == "trusted")
+            points = rr.Points2D(cells, colors=_rgb(colour), radii=rr.Radius.ui_points(size))
+            self.recording.log(f"matrix/{name}", points)
+
+    def _log_track(self, fix: Fix) -> None:
+        marks = ("trusted", TRUSTED, 5.0), ("untrusted", UNTRUSTED, 2.0)
+        name, colour, size = marks[0] if fix.trusted else marks[1]
+        self.recording.log(f"place/{name}", self.rr.Scalars(fix.place))
+        if self.positions is not None:
+            at = self.positions[[fix.place]]
+            self.recording.log(f"route/{name}", self._points(at, colour, size))
+            self.recording.log("route/here", self._points(at, HERE, 8.0 if fix.trusted else 4.0))
+
+    def _points(self, at: NDArray[np.float64], colour: str, size: float) -> Any:
+        """Positions as points: from the first place's, and with two coordinates, the second
+        upwards.
+        """
+        drawn = (at - self.origin).astype(np.float32)
+        kind = self.rr.Points3D
+        if drawn.shape[1] == 2:
+            drawn[:, 1] *= -1
+            kind = self.rr.Points2D
+        return kind(drawn, colors=_rgb(colour), radii=self.rr.Radius.ui_points(size))
+
+    def _log_numbers(self, seen: Seen, fix: Fix, latency_us: float) -> None:
+        rr, log, sequence = self.rr, self.recording.log, fix.sequence
+        log("score", rr.Scalars(fix.score))
+        log("latency_us", rr.Scalars(latency_us))
+        self.dropped += seen.dropped
+        numbers = rr.AnyValues(
+            query=seen.name,
+            place=fix.place,
+            score=fix.score,
+            trusted=fix.trusted,
+            ready=sequence is not None,
+            anchors=-1 if sequence is None else sequence.anchors,
+            speed=float("nan") if sequence is None else sequence.speed,
+            single_place=fix.single.place,
+            single_distance=fix.single.distance,
+            gradient_place=fix.gradient.place,
+            gradient_value=fix.gradient.value,
+            latency_us=latency_us,
+            dropped=self.dropped,
+        )
+        log("fix", numbers)
+
+
+def _rgb(colour: str) -> list[int]:
+    return list(bytes.fromhex(colour[1:]))
+
+
+def _pillow(image: Image) -> Any:
+    from PIL import Image as Pillow
+
+    return Pillow.fromarray(np.ascontiguousarray(image))
+
+
+def _file(picture: Any, form: str, **options: int) -> bytes:
+    file = io.BytesIO()
+    picture.save(file, form, **options)
+    return file.getvalue()

@@ -1,0 +1,131 @@
+"""Rerun itself: the package, its viewer, and the layout of a drive in it."""
+
+import os
+import shutil
+import socket
+import sys
+import sysconfig
+from importlib.util import find_spec
+from typing import Any
+
+from surefix import SurefixError
+from surefix._extra import require
+
+__all__ = ["layout", "load_rerun", "open_viewer", "viewer_obstacle"]
+
+
+def load_rerun() -> Any:
+    """The package rerun.
+
+    Raises
+    ------
+    SurefixError
+        If it is not installed: the error says which extra to install.
+    """
+    return require("rerun", "the live view", "rerun", "surefix[live]")
+
+
+def viewer_obstacle() -> str | None:
+    """Why rerun's viewer cannot be opened here, in a few words; None if it can."""
+    if find_spec("rerun") is None:
+        return 'rerun is not installed: pip install "surefix[live]"'
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        return "rerun's viewer needs a screen, and DISPLAY names none"
+    return None
+
+
+def open_viewer(recording: Any, port: int, memory: str) -> None:
+    """Open rerun's viewer in a window of its own, or find the one that listens at ``port``. It
+    outlives the process.
+
+    Raises
+    ------
+    SurefixError
+        If there is no screen to open it on, or it does not start.
+    """
+    if obstacle := viewer_obstacle():
+        raise SurefixError(obstacle)
+    chosen = os.environ.get("RUST_LOG")
+    # The viewer logs to this terminal, on which the drive is drawn.
+    os.environ.setdefault("RUST_LOG", "error")
+    try:
+        load_rerun().spawn(
+            # Without a recording, rerun takes itself for turned off, and opens nothing.
+            recording=recording,
+            port=port,
+            connect=False,
+            memory_limit=memory,
+            server_memory_limit=memory,
+            hide_welcome_screen=True,
+            # A virtual environment that is not activated is not on the shell's path.
+            executable_path=shutil.which("rerun", path=sysconfig.get_path("scripts")),
+        )
+    except (RuntimeError, OSError) as error:
+        raise SurefixError(f"rerun's viewer did not open: {error}") from None
+    finally:
+        if chosen is None:
+            del os.environ["RUST_LOG"]
+    # Rerun does not say whether it worked.
+    try:
+        socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+    except OSError as error:
+        raise SurefixError(
+            f"rerun's viewer did not open: nothing answers at port {port} ({error})"
+        ) from None
+
+
+def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int, int]) -> Any:
+    """The blueprint of a drive: with images of the queries and of the map's places or without, for
+    positions of 2 or 3 ``dimensions``, 0 for none, and for a matrix of these rows and columns.
+    """
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    def image(origin: str, name: str, **options: Any) -> Any:
+        return rrb.Spatial2DView(origin=origin, name=name, **options)
+
+    def series(origin: str, name: str, legend: Any) -> Any:
+        return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
+
+    images = [image("camera", "Camera")] if camera else []
+    images += [image("matched", "Matched place")] if references else []
+    ground = []
+    if dimensions:
+        # The trail stays, up to the cursor; of all else there is only the newest.
+        start, now = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
+        so_far = rrb.VisibleTimeRanges(
+            [rrb.VisibleTimeRange(name, start=start, end=now) for name in ("frame", "time")]
+        )
+        flat: Any = rrb.Spatial2DView, rr.Points2D
+        view, points = flat if dimensions == 2 else (rrb.Spatial3DView, rr.Points3D)
+        names = "route/trusted", "route/untrusted"
+        trail: Any = {name: [so_far, points.from_fields()] for name in names}
+        ground.append(view(origin="route", name="Route", overrides=trail))
+    legend = rrb.PlotLegend(rrb.Corner2D.LeftBottom)
+    distances = rrb.BarChartView(
+        origin="distances", name="Distances to all places", plot_legend=legend
+    )
+    rows, columns = matrix
+    bounds = rrb.VisualBounds2D(x_range=(0, columns), y_range=(0, rows))
+    newest = image("matrix", "Newest columns of the matrix", visual_bounds=bounds)
+    place = series("place", "Place", rrb.PlotLegend(rrb.Corner2D.LeftTop))
+    bare = rrb.PlotLegend(visible=False)
+    score = series("score", "Score", bare)
+    latency = series("latency_us", "Latency, microseconds", bare)
+    views = [
+        rrb.Vertical(distances, newest),
+        rrb.Vertical(*ground, place, rrb.Horizontal(score, latency)),
+    ]
+    shares = [2.0, 2.0]
+    if images:
+        views.insert(0, rrb.Vertical(*images))
+        shares.insert(0, 1.3)
+    return rrb.Blueprint(
+        rrb.Horizontal(*views, column_shares=shares),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline="frame", play_state="following"),
+        auto_views=False,
+    )

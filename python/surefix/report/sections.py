@@ -1,0 +1,240 @@
+"""The sections of a study's page: plain words about each part, with its numbers."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from surefix import __version__
+from surefix._words import counted
+from surefix.baselines.distances import Places
+from surefix.plot.outcome import longest_gap
+from surefix.report import tables
+from surefix.report.figures import MISTAKES
+from surefix.report.page import Picture, Section, Tile
+from surefix.study import KS, UPTO, Study, verdict
+
+__all__ = [
+    "curves",
+    "lead",
+    "made",
+    "matrix",
+    "methods",
+    "mistakes",
+    "route",
+    "share",
+    "tiles",
+    "trust",
+    "words",
+]
+
+RECALLS = {
+    "correct": "accepted correct matches over all correct matches of the same method, the paper's "
+    "wording",
+    "place_exists": "accepted correct matches over all queries that have a true place",
+    "rejected": "accepted correct matches over these and all rejected queries, as in the authors' "
+    "earlier code",
+}
+
+
+def lead(study: Study) -> Sequence[str]:
+    """The data and the verdict."""
+    n, m = study.distances.shape
+    known = int((study.true_place >= 0).sum())
+    of = "of the true position" if study.by_position else "of a true one"
+    return (
+        f"{counted(m, 'query', 'queries')} on a map of {counted(n, 'place')}; {known} of them "
+        f"{'has' if known == 1 else 'have'} a true place. "
+        f"A match is right {study.correct_means} {of}.",
+        verdict(study.shown),
+    )
+
+
+def tiles(study: Study) -> Sequence[Tile]:
+    """The numbers to take away."""
+    shown, plain, t = study.shown, study.baseline, study.trust
+    area, low, high = shown.area
+    difference, below, above = shown.difference
+    false, plain_false = (
+        tables.count(result.curve.false_positives_at(UPTO)) for result in (shown, plain)
+    )
+    trusted = t.true_positives + t.false_positives
+    total = trusted + t.false_negatives + t.true_negatives
+    first = f"{study.recalls_at[0]:.3f}" if len(study.recalls_at) else "none"
+    rest = zip(KS[1:], study.recalls_at[1:], strict=False)
+    return (
+        Tile(
+            "area",
+            f"{area:.3f}",
+            f"area to recall {UPTO:g}, {shown.name}",
+            f"95 %: {low:.3f} to {high:.3f}",
+        ),
+        Tile(
+            "difference",
+            f"{difference:+.3f}",
+            f"against the plain sequence's {plain.area[0]:.3f}",
+            f"95 %: {below:+.3f} to {above:+.3f}: {shown.outcome}",
+        ),
+        Tile(
+            "false", false, f"false positives at recall {UPTO:g}", f"plain sequence: {plain_false}"
+        ),
+        Tile(
+            "trusted-right",
+            share(t.true_positives, trusted),
+            "of the trusted single matches are right",
+            f"{t.true_positives} of {trusted}",
+        ),
+        Tile(
+            "trusted",
+            share(trusted, total),
+            "of the single matches are trusted",
+            f"{trusted} of {total}",
+        ),
+        Tile(
+            "recall-at-1",
+            first,
+            "of the queries with a true place have it nearest (R@1)",
+            ", ".join(f"R@{k} {value:.3f}" for k, value in rest),
+        ),
+    )
+
+
+def methods(study: Study, *pictures: Picture) -> Section:
+    """The table of all methods."""
+    return Section(
+        "Every method",
+        (
+            "The area is that under the precision-recall curve up to recall 0.2, divided by 0.2. "
+            "Its interval, and that of the difference, come from a bootstrap over blocks of "
+            "consecutive queries, as neighbours are not independent. If the interval of a "
+            "difference holds 0, the two are level: the drive does not tell which is better.",
+        ),
+        pictures,
+        tables=(tables.methods(study),),
+    )
+
+
+def words(study: Study) -> Section:
+    """A sentence or two for each method."""
+    return Section(
+        "In words",
+        ("Which methods win, which lose and which are level on this drive.",),
+        points=[verdict(result) for result in study.results],
+    )
+
+
+def curves(study: Study, pictures: Sequence[Picture], *more: str) -> Section:
+    """The precision-recall curves."""
+    return Section(
+        "Precision and recall",
+        (
+            "Every score of the drive is a threshold once. Precision is the share of the accepted "
+            f'matches that is correct. Recall, the convention "{study.recall}", is '
+            f"{RECALLS[study.recall]}. Published numbers differ in this convention: compare only "
+            "like with like.",
+            *more,
+        ),
+        pictures,
+    )
+
+
+def trust(study: Study, picture: Picture) -> Section:
+    """The trust flag."""
+    t = study.trust
+    wrong = t.false_positives + t.true_negatives
+    passed = f"{t.false_positives} of the {wrong} wrong ones" if wrong else "there is no wrong one"
+    return Section(
+        "May its answers be trusted?",
+        (
+            "The trust flag is about a query's own single match, before any sequence: the nearest "
+            "place and the sharpest dip of the distances agree.",
+            f"It lets pass {t.true_positives} of the {t.true_positives + t.false_negatives} right "
+            f"matches, and {passed}.",
+        ),
+        (picture,),
+    )
+
+
+def matrix(study: Study, whole: Picture, close: Picture, *more: str) -> Section:
+    """The distance matrix."""
+    return Section(
+        "The distances, and the answers",
+        (
+            "Each column is a query, each row a place of the map, and a strong tone means that the "
+            f"two look alike. A mark is the match of {study.shown.name}: round is right, a cross "
+            "is wrong; bold is trusted, thin is not.",
+            *more,
+        ),
+        (whole, close),
+    )
+
+
+def route(study: Study, strip: Picture) -> Section:
+    """Right and wrong along the route."""
+    gap = longest_gap(study.single_right & study.run.trusted & study.single_judged)
+    words = (
+        "There is none: every query's single match is trusted and right."
+        if len(gap) == 0
+        else f"It has 1 query, {gap.start}."
+        if len(gap) == 1
+        else f"It has {len(gap)} queries, from {gap.start} to {gap.stop - 1}."
+    )
+    paragraphs = [
+        "The bracket marks the longest stretch without a single match that is trusted and right. "
+        f"{words}"
+    ]
+    shown, plain = study.shown, study.baseline
+    if shown is not plain:
+        both = shown.judged & shown.accepted & plain.judged
+        repaired, spoiled = (
+            _stretches(np.flatnonzero(both & one.right & ~other.right))
+            for one, other in ((shown, plain), (plain, shown))
+        )
+        paragraphs.append(
+            f"Queries that {shown.name} repairs: {repaired}. Queries that it spoils: {spoiled}."
+        )
+    return Section("Where along the route it fails", paragraphs, (strip,))
+
+
+def mistakes(
+    study: Study, pictures: Sequence[Picture], names: tables.Names, places: tables.Names
+) -> Section:
+    """The worst mistakes."""
+    found = tables.worst(study, names, places, MISTAKES)
+    says = [
+        f"Wrong, with the best scores of all: {study.shown.name} would accept them first. Then the "
+        "single matches that the consensus trusts though they are wrong."
+        if found
+        else f"None: every judged match of {study.shown.name} is right, and no trusted one is "
+        "wrong."
+    ]
+    if found and not pictures:
+        says.append(
+            "Give the images of both drives (QUERIES and --references) to see them side by side."
+        )
+    return Section("The worst confident mistakes", says, pictures, tables=found)
+
+
+def made(*rows: tuple[str, str], command: str) -> Section:
+    """The command, and anything else that it takes to do it again."""
+    first = "Made with", f"surefix {__version__}: {command}"
+    return Section(
+        "How this was made", ("So that it can be checked, and done again.",), (), (first, *rows)
+    )
+
+
+def share(part: int, whole: int) -> str:
+    """A part in per cent."""
+    return f"{100 * part / whole:.1f} %" if whole else "none"
+
+
+def _stretches(queries: Places, most: int = 12) -> str:
+    """Runs of consecutive queries, in words."""
+    if len(queries) == 0:
+        return "none"
+    parts = np.split(queries, np.flatnonzero(np.diff(queries) > 1) + 1)
+    words = [
+        str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts[:most]
+    ]
+    left = len(parts) - most
+    more = f" and {counted(left, 'stretch', 'stretches')} more (in fixes.csv)" if left > 0 else ""
+    return f"{', '.join(words)}{more} ({len(queries)} in all)"

@@ -1,0 +1,221 @@
+"""The numbers of a study as tables: on the page, and as CSV."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from surefix.report.page import Table
+from surefix.study import BASELINE, KS, UPTO, Result, Study
+
+__all__ = ["Names", "count", "methods", "worst", "write_csv", "write_tables"]
+
+Names = Sequence[str] | None
+
+METHOD_COLUMNS = [
+    "method",
+    "recall_convention",
+    "auc",
+    "auc_low",
+    "auc_high",
+    "difference",
+    "difference_low",
+    "difference_high",
+    "verdict",
+    "max_recall",
+    "recall_at_full_precision",
+    "false_positives",
+    "best_f1",
+    "best_f1_threshold",
+    "correct",
+    "judged",
+]
+CURVE_COLUMNS = ["method", "threshold", "recall", "precision", "false_positives"]
+FIX_COLUMNS = [
+    "method",
+    "query",
+    "name",
+    "place",
+    "score",
+    "ready",
+    "accepted",
+    "judged",
+    "right",
+    "true_place",
+    "trusted",
+]
+PERCENT = f"{100 * UPTO:g} %"
+
+
+def methods(study: Study) -> Table:
+    """Every method, none left out."""
+    header = (
+        "method",
+        f"AUC to {PERCENT} recall (95 % interval)",
+        "difference to the plain sequence (95 % interval)",
+        "verdict",
+        "largest recall",
+        "recall at 100 % precision",
+        f"false positives at {PERCENT} recall",
+        "best F1",
+        "matches right",
+    )
+    caption = f'Recall is "{study.recall}". The plain sequence is the method "{BASELINE}".'
+    return Table("methods", caption, header, [_row(result) for result in study.results])
+
+
+def _row(result: Result) -> Sequence[str]:
+    area, low, high = result.area
+    difference, below, above = result.difference
+    curve, plain = result.curve, result is result.study.baseline
+    return (
+        result.name,
+        f"{area:.3f} {_span(f'{low:.3f}', f'{high:.3f}')}",
+        "-" if plain else f"{difference:+.3f} {_span(f'{below:+.3f}', f'{above:+.3f}')}",
+        "the baseline" if plain else result.outcome,
+        f"{curve.max_recall:.3f}",
+        f"{curve.recall_at_precision(1.0):.3f}",
+        count(curve.false_positives_at(UPTO)),
+        f"{curve.best_f1:.3f}",
+        f"{curve.correct} of {curve.judged}",
+    )
+
+
+def _span(low: str, high: str) -> str:
+    """An interval that is not broken into two lines."""
+    return f"({low}\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}{high})"
+
+
+def count(false: int | None) -> str:
+    """False positives at a recall that may never be reached."""
+    return "never there" if false is None else str(false)
+
+
+def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Table]:
+    """The mistakes with the best scores, and the trusted ones."""
+    shown, run = study.shown, study.run
+    header = ("query", "matched to place", "true place", "off by", "score", "trusted")
+    kinds = (
+        (
+            "mistakes",
+            f"Wrong matches of {shown.name}, the best scores first.",
+            study.mistakes(most),
+            shown.matches.place,
+            shown.matches.score,
+        ),
+        (
+            "trusted-mistakes",
+            "Single matches that are trusted and wrong, the nearest first; those above are not "
+            "repeated.",
+            study.trusted_mistakes(most),
+            run.single_place,
+            run.single_distance,
+        ),
+    )
+    found = []
+    for name, caption, queries, place, score in kinds:
+        rows = [
+            _mistake(study, names, places, query, int(place[query]), float(score[query]))
+            for query in queries
+        ]
+        if rows:
+            found.append(Table(name, caption, header, rows))
+    return found
+
+
+def _mistake(
+    study: Study, names: Names, places: Names, query: int, place: int, score: float
+) -> Sequence[str]:
+    true = int(study.true_place[query])
+    return (
+        _named(query, names),
+        _named(place, places),
+        "none" if true < 0 else _named(true, places),
+        study.off(query, place).removesuffix(" off"),
+        f"{score:.4g}",
+        "yes" if study.run.trusted[query] else "no",
+    )
+
+
+def _named(index: int, names: Names) -> str:
+    name = "" if names is None or names[index] == str(index) else f" ({names[index]})"
+    return f"{index}{name}"
+
+
+def write_tables(study: Study, folder: Path, names: Names) -> None:
+    """Writes methods.csv, drive.csv, curves.csv and fixes.csv."""
+    write_csv(folder / "methods.csv", METHOD_COLUMNS, map(_numbers, study.results))
+    t = study.trust
+    quantities = {f"recall_at_{k}": at for k, at in zip(KS, study.recalls_at, strict=False)} | {
+        "trusted_right": t.true_positives,
+        "trusted_wrong": t.false_positives,
+        "untrusted_right": t.false_negatives,
+        "untrusted_wrong": t.true_negatives,
+        "trust_precision": t.precision,
+        "trust_recall": t.recall,
+        "share_trusted": t.share_trusted,
+    }
+    write_csv(folder / "drive.csv", ("quantity", "value"), quantities.items())
+    points = (
+        (result.name, *point)
+        for result in study.results
+        for point in zip(
+            result.curve.thresholds,
+            result.curve.recall,
+            result.curve.precision,
+            result.curve.false_positives,
+            strict=True,
+        )
+    )
+    write_csv(folder / "curves.csv", CURVE_COLUMNS, points)
+    fixes = (fix for result in study.results for fix in _fixes(result, names))
+    write_csv(folder / "fixes.csv", FIX_COLUMNS, fixes)
+
+
+def _numbers(result: Result) -> Sequence[object]:
+    curve = result.curve
+    threshold = curve.best_f1_threshold
+    return (
+        result.name,
+        result.study.recall,
+        *result.area,
+        *result.difference,
+        result.outcome,
+        curve.max_recall,
+        curve.recall_at_precision(1.0),
+        curve.false_positives_at(UPTO),
+        curve.best_f1,
+        threshold if abs(threshold) < float("inf") else None,
+        curve.correct,
+        curve.judged,
+    )
+
+
+def _fixes(result: Result, names: Names) -> Iterable[Sequence[object]]:
+    matches, study = result.matches, result.study
+    for query in range(len(study)):
+        yield (
+            result.name,
+            query,
+            None if names is None else names[query],
+            matches.place[query],
+            matches.score[query],
+            *(
+                _flag(flags[query])
+                for flags in (matches.ready, result.accepted, result.judged, result.right)
+                if flags is not None
+            ),
+            study.true_place[query],
+            _flag(study.run.trusted[query]),
+        )
+
+
+def _flag(value: object) -> str:
+    return "true" if value else "false"
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """A table as CSV; numbers keep all their digits, and None is an empty cell."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)

@@ -1,0 +1,293 @@
+"""A study: distances with a truth, and the methods that are run on them and judged."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from surefix._core import (
+    Evaluation,
+    Run,
+    Trust,
+    evaluate,
+    evaluate_trust,
+    match_distances,
+    recall_at,
+)
+from surefix.baselines import METHODS, Context, run_method
+from surefix.baselines.distances import Distances, Flags, Floats, Places
+from surefix.baselines.truth import Truth, by_metres, right_matches
+from surefix.matches import Matches
+
+__all__ = ["BASELINE", "KS", "UPTO", "Estimate", "Recall", "Result", "Study", "compare"]
+
+BASELINE, WEIGHTED = "sequence", "weighted"
+# The paper's areas are up to this recall.
+UPTO = 0.2
+KS = (1, 5, 10)
+
+Recall = Literal["correct", "place_exists", "rejected"]
+
+Estimate = tuple[float, float, float]
+"""A value, and the low and the high end of its 95 % interval, by a bootstrap over blocks of
+queries."""
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The matches of one method, judged by the truth of its study."""
+
+    study: "Study"
+    name: str
+    matches: Matches
+
+    @cached_property
+    def curve(self) -> Evaluation:
+        """The precision-recall curve."""
+        s = self.study
+        return evaluate(self.matches, s.truth, s.tolerance, s.recall)
+
+    @cached_property
+    def area(self) -> Estimate:
+        """The area under the curve up to recall 0.2."""
+        interval = self.curve.auc_interval(UPTO, samples=self.study.samples)
+        return self.curve.auc(UPTO), *interval
+
+    @cached_property
+    def difference(self) -> Estimate:
+        """The area minus that of the plain sequence."""
+        plain, samples = self.study.baseline.curve, self.study.samples
+        interval = self.curve.auc_difference_interval(plain, UPTO, samples=samples)
+        return self.curve.auc(UPTO) - plain.auc(UPTO), *interval
+
+    @property
+    def outcome(self) -> Literal["wins", "loses", "level"]:
+        """Against the plain sequence: level, unless the interval of the difference excludes 0."""
+        _, low, high = self.difference
+        return "wins" if low > 0 else "loses" if high < 0 else "level"
+
+    @cached_property
+    def right(self) -> Flags:
+        """Which matches are right, shape (m,)."""
+        return self.study.right(self.matches.place)[0]
+
+    @cached_property
+    def judged(self) -> Flags:
+        """Which matches were judged: ready, and not ignored by the truth."""
+        assert self.matches.ready is not None
+        return self.study.right(self.matches.place)[1] & self.matches.ready
+
+    @property
+    def accepted(self) -> Flags:
+        """Which matches the method does not refuse at any score."""
+        assert self.matches.accepted is not None
+        return self.matches.accepted
+
+    @property
+    def description(self) -> str:
+        """The method in a few words."""
+        return METHODS[self.name].description
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Distances whose truth is known, and the results of methods on them.
+
+    Parameters
+    ----------
+    distances : array of float32, shape (n, m)
+    context : Context
+        The options and the truth of all methods.
+    recall : {"correct", "place_exists", "rejected"}
+        The convention of every curve.
+    samples : int
+        Bootstrap samples of an interval.
+    names : sequence of str
+        The methods, in the order of the table.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.baselines import Context
+    >>> from surefix.study import Study
+    >>> study = Study(1 - np.eye(9, dtype=np.float32), Context(truth=np.arange(9)))
+    >>> study["weighted"].curve.max_recall
+    1.0
+    """
+
+    distances: Distances
+    context: Context
+    recall: Recall = "correct"
+    samples: int = 1000
+    names: Sequence[str] = (BASELINE, WEIGHTED)
+    _made: dict[str, Result] = field(default_factory=dict, init=False, repr=False)
+
+    def __len__(self) -> int:
+        """The number of queries."""
+        return int(self.distances.shape[1])
+
+    def __getitem__(self, name: str) -> Result:
+        """The result of the method of this name, run when it is first asked for."""
+        if name not in self._made:
+            matches = run_method(name, self.distances, self.context)
+            self._made[name] = Result(self, name, matches)
+        return self._made[name]
+
+    def at(self, **options: Any) -> "Study":
+        """The same with other options of the context, as ``sequence_length`` or ``trusted``."""
+        return replace(self, context=replace(self.context, **options))
+
+    @property
+    def results(self) -> list[Result]:
+        """In the order of the table."""
+        return [self[name] for name in self.names]
+
+    @property
+    def baseline(self) -> Result:
+        """The plain sequence."""
+        return self[BASELINE]
+
+    @property
+    def shown(self) -> Result:
+        """The method of the pictures: the weighted sequence if it is among them, else the last."""
+        return self[WEIGHTED if WEIGHTED in self.names else self.names[-1]]
+
+    @property
+    def truth(self) -> Truth:
+        """As ``surefix.evaluate`` takes it."""
+        assert self.context.truth is not None
+        return self.context.truth
+
+    @property
+    def tolerance(self) -> float:
+        """The distance from the truth that is still right: places, or metres by position."""
+        return self.context.truth_tolerance
+
+    @property
+    def by_position(self) -> bool:
+        """Whether the truth is positions in metres."""
+        return by_metres(self.truth)
+
+    @property
+    def correct_means(self) -> str:
+        """When a match is correct, in words."""
+        places = "place" if self.tolerance == 1 else "places"
+        return f"within {self.tolerance:g} {'m' if self.by_position else places}"
+
+    @cached_property
+    def run(self) -> Run:
+        """The weighted sequence, with the single matches and their trust flags."""
+        return match_distances(self.distances, trusted=self.context.trusted, **self.context.options)
+
+    @cached_property
+    def trust(self) -> Trust:
+        """The confusion table of the trust flags."""
+        return evaluate_trust(self.run, self.truth, self.tolerance)
+
+    @cached_property
+    def recalls_at(self) -> Sequence[float]:
+        """The recall at 1, 5 and 10 of the places of least distance, as far as the map has them."""
+        ks = [k for k in KS if k <= len(self.distances)]
+        return recall_at(self.distances, self.truth, ks, self.tolerance)
+
+    def right(self, place: Places) -> tuple[Flags, Flags]:
+        """Which of these matches are right, and which the truth judges, each of shape (m,)."""
+        return right_matches(place, len(self.distances), self.truth, self.tolerance)
+
+    @cached_property
+    def single_right(self) -> Flags:
+        """Which single matches, the subject of the trust flags, are right."""
+        return self.right(self.run.single_place)[0]
+
+    @cached_property
+    def single_judged(self) -> Flags:
+        """Which single matches the truth judges."""
+        return self.right(self.run.single_place)[1]
+
+    @cached_property
+    def true_place(self) -> Places:
+        """A true place of each query, shape (m,): the nearest or the first of several, -1 for
+        none.
+        """
+        if by_metres(self.truth):
+            places, queries = self._positions
+            found = np.full(len(queries), -1, np.int64)
+            for query, here in enumerate(queries):
+                apart = np.sqrt(((places - here) ** 2).sum(axis=1))
+                nearest = int(np.argmin(apart))
+                if apart[nearest] <= self.tolerance:
+                    found[query] = nearest
+            return found
+        truth = np.asarray(self.truth)
+        if truth.ndim == 1:
+            return truth.astype(np.int64)
+        one = truth == 1
+        return np.where(one.any(axis=0), np.argmax(one, axis=0), -1).astype(np.int64)
+
+    def off(self, query: int, place: int) -> str:
+        """The distance of a match from the truth, in words."""
+        if self.by_position:
+            places, queries = self._positions
+            return f"{float(np.linalg.norm(places[place] - queries[query])):.0f} m off"
+        true = int(self.true_place[query])
+        return "not on the map" if true < 0 else f"{abs(place - true)} places off"
+
+    @property
+    def _positions(self) -> tuple[Floats, Floats]:
+        places, queries = (np.asarray(positions, np.float64) for positions in self.truth)
+        return places, queries
+
+    def mistakes(self, count: int) -> list[int]:
+        """Queries whose match by the shown method is wrong, the best scores first."""
+        shown = self.shown
+        wrong = np.flatnonzero(shown.judged & shown.accepted & ~shown.right)
+        order = np.argsort(shown.matches.score[wrong], kind="stable")
+        return [int(query) for query in wrong[order][:count]]
+
+    def trusted_mistakes(self, count: int) -> list[int]:
+        """Queries whose single match is trusted and wrong, the least distances first, without
+        the matches that ``mistakes`` gives.
+        """
+        wrong = self.run.trusted & self.single_judged & ~self.single_right
+        for query in self.mistakes(count):
+            wrong[query] &= self.run.single_place[query] != self.shown.matches.place[query]
+        order = np.argsort(self.run.single_distance, kind="stable")
+        return [int(query) for query in order[wrong[order]][:count]]
+
+
+def compare(
+    D: Distances,
+    methods: Iterable[str],
+    context: Context,
+    recall: Recall = "correct",
+    done: Callable[[Result], object] = lambda result: None,
+) -> Study:
+    """Matches by each method and judges the matches by the truth of ``context``.
+
+    The plain sequence is always among the methods, as the others are compared to it.
+
+    Parameters
+    ----------
+    D : array of float32, shape (n, m)
+    methods : iterable of str
+        Names of ``surefix.baselines.METHODS``.
+    context : Context
+        With a truth.
+    recall : {"correct", "place_exists", "rejected"}
+    done : callable
+        Called with each result as soon as it is there.
+
+    Raises
+    ------
+    SurefixError
+        As ``surefix.baselines.run_method`` and ``surefix.evaluate``.
+    """
+    names = list(dict.fromkeys(methods))
+    study = Study(D, context, recall, names=names if BASELINE in names else [BASELINE, *names])
+    for result in study.results:
+        # The intervals are the slow part.
+        _ = result.area, result.difference
+        done(result)
+    return study
