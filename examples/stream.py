@@ -26,6 +26,6 @@ for fix in localizer.stream(winter):
         print(fix)
 print(f"{len(winter)} frames, {trusted} trusted, {right} of those right")
 
-# A robot that restarts goes on where it was, to the last bit.
+# A robot that restarts continues from its snapshot, to the last bit.
 localizer = surefix.Localizer.restore(route, localizer.snapshot())
 print(localizer.push(winter[-1]))
