@@ -6,7 +6,7 @@ Run it with: python examples/stream.py
 import surefix
 from surefix.simulate import Route
 
-# A generated road stands in for your camera: one drive in summer, one on a winter afternoon.
+# A generated road replaces your camera: one drive in summer, one on a winter afternoon.
 road = Route(places=300, size=(160, 80))
 summer, winter = road.reference(), road.revisit()
 
