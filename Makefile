@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOG := target/test.log
 ON_LINUX := $(filter Linux,$(shell uname -s))
-SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src python -type f -not -name '*.pyc')
+SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src simulate python -type f -not -name '*.pyc')
 # The optimised profile keeps the checks of a debug build.
 CARGO_TEST := cargo test --locked --profile test-release
 
@@ -17,12 +17,15 @@ TOOLS := .tools/bin
 # What the public names are compared with: the last release before this commit, or the commit before it.
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
-.PHONY: demo test lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance clean help
+.PHONY: demo test quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
+.PHONY: rivals-quick stubs clean help
 .PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
+	@echo "make quick   after an edit, in under a minute: Rust's unit tests, and Python's without the slow ones"
+	@echo "make stubs   the docstrings of the binding, copied into its stub"
 	@echo "make docs    the documentation, in out/docs/index.html"
 	@echo "make figures              the pictures of the documentation's pages, made anew"
 	@echo "make bench   how fast it is here: in Rust, and from Python beside its rivals, which are installed for it"
@@ -37,16 +40,31 @@ help:
 demo: $(VENV)/installed
 	$(BIN)/surefix demo --out out/demo
 
-test: lint rust instructions python examples docs
+# An editable build of an unoptimised profile, in an environment of its own.
+quick: $(VENV)/quick/made
+	cargo test --locked --lib
+	$(VENV)/quick/bin/maturin develop --quiet --locked --profile test-release
+	$(VENV)/quick/bin/python -m pytest -q -m "not slow"
+
+$(VENV)/quick/made:
+	$(PYTHON) -m venv $(VENV)/quick
+	$(VENV)/quick/bin/python -m pip install --quiet --upgrade pip "maturin>=1.16,<2"
+	$(VENV)/quick/bin/maturin develop --quiet --locked --profile test-release --extras dev
+	@touch $@
+
+stubs: $(VENV)/installed $(VENV)/dev
+	$(BIN)/python packaging/stubs.py python/surefix/_core.pyi
+	$(BIN)/ruff format --quiet python/surefix/_core.pyi
+
+test: lint rust instructions python examples docs rivals-quick
 	$(BIN)/surefix demo --out out/demo
-	$(BIN)/surefix bench --quick --out out/bench
 	@echo; echo "== summaries"
 	@grep -h '^test result' $(LOG).rust
 	@tail -n 1 $(LOG).python
 
 lint: $(VENV)/dev
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo clippy --locked --workspace --all-targets --all-features -- -D warnings
 	cargo clippy --locked --no-default-features -- -D warnings
 	$(BIN)/ruff check python tests benches examples packaging docs/*.py docs/_ext
 	$(BIN)/ruff format --check python tests benches examples packaging docs/*.py docs/_ext
@@ -54,9 +72,9 @@ lint: $(VENV)/dev
 # The same tests on all cores and on one; then the examples in the documentation.
 rust:
 	@mkdir -p target
-	$(CARGO_TEST) 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
+	$(CARGO_TEST) --all-features 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
 	$(CARGO_TEST) --no-default-features --lib --tests 2>&1 | tee -a $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --all-features
 
 # Against the installed wheel, never against the source folder.
 python: $(VENV)/installed $(VENV)/dev
@@ -86,13 +104,19 @@ figures: $(VENV)/docs
 	$(BIN)/python docs/pages.py
 
 # Quickly, to see that it works: make bench QUICK=--quick
+RIVALS := $(BIN)/python -m pytest benches/python --benchmark-quiet -p no:cacheprovider
 bench: $(VENV)/rivals
 	cargo bench --locked -- $(QUICK)
-	$(BIN)/surefix bench $(QUICK) --out out/bench
-	$(BIN)/surefix bench latency
+	$(RIVALS) $(QUICK) --benchmark-json=target/bench.json
+	$(BIN)/python benches/python/page.py target/bench.json
 
 performance: $(VENV)/rivals
-	$(BIN)/surefix bench --docs docs/performance.md
+	$(RIVALS) $(QUICK) --benchmark-json=target/bench.json
+	$(BIN)/python benches/python/page.py target/bench.json docs/performance.md
+
+# Each rival that is installed gives the same answers; nothing is timed.
+rivals-quick: $(VENV)/dev
+	$(BIN)/python -m pytest -q benches/python --quick --benchmark-disable -p no:cacheprovider
 
 # Zig links against an old glibc, so that the wheel is for more than this machine's Linux.
 wheel: $(VENV)/packaging
@@ -125,7 +149,7 @@ release-check: check-crate check-licences check-api check-sdist check-wheel chec
 
 # As crates.io would get it: packed, and built from the pack.
 check-crate:
-	cargo package --locked
+	cargo package --locked --package surefix
 	$(PYTHON) packaging/crate.py
 
 check-licences: $(TOOLS)/cargo-deny
@@ -133,7 +157,7 @@ check-licences: $(TOOLS)/cargo-deny
 
 check-api: $(TOOLS)/cargo-semver-checks
 	@echo "check-api: the public names against those of $(BASELINE)"
-	$(TOOLS)/cargo-semver-checks semver-checks --baseline-rev $(BASELINE)
+	$(TOOLS)/cargo-semver-checks semver-checks --package surefix --baseline-rev $(BASELINE)
 
 check-sdist: sdist
 	$(BIN)/python packaging/sdist.py dist/*.tar.gz
@@ -176,7 +200,7 @@ $(VENV)/docs: $(VENV)/installed
 	@touch $@
 
 $(VENV)/rivals: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[bench]"
+	$(BIN)/python -m pip install --quiet --group bench
 	@touch $@
 
 clean:

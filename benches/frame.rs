@@ -2,20 +2,24 @@
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark stops at the first surprise")]
 
-mod dice;
+#[macro_use]
+#[path = "../tests/all/options.rs"]
+mod options;
+
+mod random;
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use dice::Dice;
 use ndarray::Array2;
+use random::SplitMix64;
 use surefix::Describer;
-use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{
-    Config, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
+    Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
 };
+use surefix_simulate::{Conditions, Route, RouteConfig};
 
 /// The paper's route length.
 const PLACES: usize = 1800;
@@ -37,10 +41,9 @@ fn push(criterion: &mut Criterion) {
     for places in [PLACES, 100_000] {
         let mut group = criterion.benchmark_group(format!("push, n = {places}"));
         group.throughput(Throughput::Elements(places as u64));
-        let columns = Dice(1).drive(places, 16);
+        let columns = SplitMix64(1).drive(places, 16);
         for sequence_length in [1, 2, 3, 10, 100] {
-            let mut matcher =
-                Matcher::new(places, Config { sequence_length, ..Config::default() }).unwrap();
+            let mut matcher = Matcher::new(places, config! { sequence_length }).unwrap();
             for (query, column) in columns.iter().cycle().take(sequence_length.max(16)).enumerate()
             {
                 let fix = matcher.push(column).unwrap();
@@ -64,8 +67,7 @@ fn image(criterion: &mut Criterion) {
             describer.describe(black_box(next.next().unwrap().view()), &mut descriptor).unwrap()
         });
     });
-    let mut localizer =
-        Localizer::new(map, Config { sequence_length: 3, ..Config::default() }).unwrap();
+    let mut localizer = Localizer::new(map, config! { sequence_length: 3 }).unwrap();
     let fixes: Vec<Fix> = frames.iter().map(|frame| localizer.push_image(frame).unwrap()).collect();
     assert!(
         fixes.iter().enumerate().all(|(query, fix)| fix.place.abs_diff(PLACES / 2 + query) < 10)
@@ -79,7 +81,7 @@ fn image(criterion: &mut Criterion) {
 fn batch(criterion: &mut Criterion) {
     const QUERIES: usize = 200;
     let (map, frames) = drives(64, 32, QUERIES);
-    let config = Config { sequence_length: 5, ..Config::default() };
+    let config = config! { sequence_length: 5 };
     let descriptors: Vec<Values> =
         frames.iter().map(|frame| Sad::default().describe(frame.view()).unwrap()).collect();
     let mut stream = Localizer::new(map.clone(), config.clone()).unwrap();

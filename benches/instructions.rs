@@ -11,13 +11,17 @@
     reason = "a benchmark stops at the first surprise"
 )]
 
-mod dice;
+#[macro_use]
+#[path = "../tests/all/options.rs"]
+mod options;
+
+mod random;
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use dice::Dice;
+use random::SplitMix64;
 use surefix::Describer;
 use surefix::{
     Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Sad, Values, View,
@@ -63,7 +67,7 @@ fn main() {
 }
 
 fn distances(dtypes: &[Dtype], float_queries: bool) {
-    let mut dice = Dice(1);
+    let mut dice = SplitMix64(1);
     for &dtype in dtypes {
         let (rows, own, float) = (
             dice.numbers(dtype, ROWS * DIM),
@@ -88,10 +92,9 @@ fn distances(dtypes: &[Dtype], float_queries: bool) {
 }
 
 fn push(lengths: &[usize]) {
-    let columns = Dice(2).drive(PLACES, 16);
+    let columns = SplitMix64(2).drive(PLACES, 16);
     for &sequence_length in lengths {
-        let mut matcher =
-            Matcher::new(PLACES, Config { sequence_length, ..Config::default() }).unwrap();
+        let mut matcher = Matcher::new(PLACES, config! { sequence_length }).unwrap();
         let mut frames = columns.iter().cycle();
         let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
         (0..2 * sequence_length).for_each(|_| push());
@@ -103,14 +106,14 @@ fn push(lengths: &[usize]) {
 /// A drive past places that the screen tells apart.
 fn screened() {
     const KNOWN: usize = 480;
-    let mut dice = Dice(4);
-    let (rows, noise) = (dice.floats(KNOWN * DIM), dice.floats(16 * DIM));
+    let mut dice = SplitMix64(4);
+    let (rows, noise) = (dice.signed(KNOWN * DIM), dice.signed(16 * DIM));
     for metric in [Metric::Euclidean, Metric::Cosine] {
         let map = Map::from_descriptors(rows.clone(), DIM, metric)
             .unwrap()
             .with_screen(Dtype::I8)
             .unwrap();
-        let config = Config { sequence_length: 3, ..Config::default() };
+        let config = config! { sequence_length: 3 };
         let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
         let drive: Vec<f32> =
             noise.iter().zip(&rows).map(|(noise, row)| row + 0.5 * noise).collect();
@@ -126,7 +129,7 @@ fn screened() {
 
 fn image() {
     const KNOWN: usize = 64;
-    let mut dice = Dice(3);
+    let mut dice = SplitMix64(3);
     let frame = dice.image(640, 480, Channels::Rgb).unwrap();
     let mut describer = Describer::new(Sad::default());
     let mut descriptor = Values::U8(vec![0; Sad::default().dim()]);

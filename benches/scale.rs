@@ -3,13 +3,17 @@
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark stops at the first surprise")]
 
-mod dice;
+#[macro_use]
+#[path = "../tests/all/options.rs"]
+mod options;
+
+mod random;
 
 use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use dice::Dice;
+use random::SplitMix64;
 use surefix::{Config, Dtype, Localizer, Map, Metric, Values};
 
 const DIM: usize = 2048;
@@ -18,7 +22,7 @@ fn scale(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group(format!("push of a uint8 SAD descriptor of {DIM}"));
     group.sample_size(10).measurement_time(Duration::from_secs(5));
     for places in [100_000, 1_000_000] {
-        let Values::U8(rows) = Dice(1).numbers(Dtype::U8, places * DIM) else { return };
+        let Values::U8(rows) = SplitMix64(1).numbers(Dtype::U8, places * DIM) else { return };
         let query = rows[places / 3 * DIM..][..DIM].to_vec();
         let map = Map::from_descriptors(rows, DIM, Metric::Manhattan).unwrap();
         let mut localizer = Localizer::new(map.into(), Config::default()).unwrap();
@@ -36,16 +40,16 @@ fn scale(criterion: &mut Criterion) {
 fn screen(criterion: &mut Criterion) {
     const PLACES: usize = 50_000;
     const DIM: usize = 4096;
-    let mut dice = Dice(2);
-    let mut rows = dice.floats(PLACES * DIM);
+    let mut dice = SplitMix64(2);
+    let mut rows = dice.signed(PLACES * DIM);
     for at in DIM..rows.len() {
         rows[at] += 0.9 * rows[at - DIM];
     }
-    let noise = dice.floats(64 * DIM);
+    let noise = dice.signed(64 * DIM);
     let drive: Vec<f32> =
         noise.iter().zip(&rows[PLACES / 3 * DIM..]).map(|(noise, row)| row + 2.0 * noise).collect();
     let map = Map::from_descriptors(rows, DIM, Metric::Cosine).unwrap();
-    let config = Config { sequence_length: 3, ..Config::default() };
+    let config = config! { sequence_length: 3 };
     let new = |map: Map| {
         Localizer::new(map.into(), config.clone()).unwrap().with_threads(Some(1)).unwrap()
     };

@@ -2,18 +2,18 @@
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark stops at the first surprise")]
 
-mod dice;
+mod random;
 
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use dice::Dice;
+use random::SplitMix64;
 use surefix::{Dtype, Isa, Map, Metric};
 
 const PLACES: usize = 1800;
 
 fn scan(criterion: &mut Criterion) {
-    let mut dice = Dice(1);
+    let mut dice = SplitMix64(1);
     for (dtype, dim) in
         [(Dtype::U8, 2048), (Dtype::I8, 4096), (Dtype::F16, 4096), (Dtype::F32, 4096)]
     {

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use surefix::simulate::{Conditions, Route, RouteConfig};
 use surefix::{Channels, Config, ImageView, Localizer, Map, Sad};
+use surefix_simulate::{Conditions, Route, RouteConfig};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A generated road replaces your robot's camera: one drive in summer, one on a winter
@@ -20,8 +20,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // Once: the map. `Map::open("route.safetensors")` is the other way to get one.
     let map = Map::from_images(&summer, Sad::default(), &mut |_, _| ControlFlow::Continue(()))?;
-    let mut localizer =
-        Localizer::new(Arc::new(map), Config { sequence_length: 3, ..Config::default() })?;
+    let mut config = Config::default();
+    config.sequence_length = 3;
+    let mut localizer = Localizer::new(Arc::new(map), config)?;
 
     // For every frame: where am I, and may I trust that answer?
     let mut pixels = vec![0; width * height * 3];

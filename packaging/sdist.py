@@ -18,6 +18,7 @@ NEEDED = (
 # All that the wheel is built from.
 SOURCES = (
     ("src", "*.rs"),
+    ("simulate/src", "*.rs"),
     ("python/src", "*.rs"),
     ("python/surefix", "*.py"),
     ("python/surefix", "*.css"),

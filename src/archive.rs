@@ -33,7 +33,7 @@ const MAX_HEADER: usize = 8 << 20;
 /// Rows begin at a multiple of a cache line in the file, and so do those of a mapped file.
 const LINE: usize = 64;
 /// Bytes that are read and hashed, or copied, at a time.
-const PIECE: usize = 1 << 20;
+const PIECE: usize = 1 << 18;
 /// The most links that a path may lead through, as in Linux.
 const MAX_LINKS: usize = 40;
 
@@ -207,7 +207,7 @@ impl<'a> Writer<'a> {
         format: &Format,
         entry: &impl Serialize,
     ) -> Result<Vec<u8>, Error> {
-        let mut bytes = Vec::new();
+        let mut bytes = Vec::with_capacity(self.end + (1 << 12));
         let failed = |source: io::Error| Error::Snapshot { reason: source.to_string() };
         self.write(&mut bytes, &failed, format, entry)?;
         Ok(bytes)

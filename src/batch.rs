@@ -279,7 +279,7 @@ pub fn match_descriptors<'a>(
         // Without a query there is no matrix and no minimum.
         config.floor = if count == 0 { Floor::Running } else { Floor::Fixed(f64::from(lowest)) };
     }
-    let mut matcher = Matcher::new(map.places(), config)?;
+    let mut matcher = Matcher::along(map.route().segments().clone(), config)?;
     let mut fixes = Vec::with_capacity(count);
     for_each_query(map, queries, count, |query, distances| {
         report(scanned)?;

@@ -12,6 +12,7 @@ const MAX_SPEEDS: usize = 1024;
 /// Which second difference the consensus looks at (method 1.1, Eq. 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Gradient {
     /// `(d[i+1] + d[i-1]) / 2 - d[i]`: the paper's Eq. 1.
     #[default]
@@ -24,6 +25,7 @@ pub enum Gradient {
 /// What a trusted cell is drawn towards: the `floor` of Eq. 4.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Floor {
     /// The smallest distance of all queries so far, applied afresh to the whole window.
     #[default]
@@ -38,10 +40,12 @@ pub enum Floor {
 ///
 /// ```
 /// use surefix::Config;
-/// let config = Config { sequence_length: 5, ..Config::default() };
+/// let mut config = Config::default();
+/// config.sequence_length = 5;
 /// assert_eq!(config.weight, 0.99);
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Config {
     /// `L`, how many queries a sequence has (Eq. 5). From 1 to the number of places; 2 by default.
     pub sequence_length: usize,

@@ -13,7 +13,7 @@
 //!
 //! ```
 //! use std::{ops::ControlFlow, sync::Arc};
-//! use surefix::simulate::{Conditions, Route, RouteConfig};
+//! use surefix_simulate::{Conditions, Route, RouteConfig};
 //! use surefix::{Config, Localizer, Map, Sad};
 //!
 //! // A generated road stands in for two drives of your own: `ImageFiles::find("photos/monday")`.
@@ -24,7 +24,8 @@
 //!
 //! let mut progress = |_done, _total| ControlFlow::Continue(());
 //! let map = Map::from_images(&summer, Sad::default(), &mut progress)?;
-//! let config = Config { sequence_length: 5, ..Config::default() };
+//! let mut config = Config::default();
+//! config.sequence_length = 5;
 //! let mut localizer = Localizer::new(Arc::new(map), config)?;
 //! for frame in 0..winter.len() {
 //!     let fix = localizer.push_image(&winter.frame(frame))?;
@@ -44,18 +45,22 @@
 //!
 //! # Features
 //!
-//! All are on by default, and need no C compiler.
+//! None needs a C compiler. On by default:
 //!
-//! - `image`: read images from files (`ImageFiles`, `read_image`, `decode_image`).
+//! - `image`: read jpeg and png files (`ImageFiles`, `read_image`, `decode_image`).
 //! - `mmap`: map a large map's file into memory instead of reading it (`Map::open_mapped`).
 //! - `rayon`: build maps and match batches on all cores; without it the same answers come from one.
+//!
+//! Off by default, and on in the Python wheel:
+//!
+//! - `image-formats`: read bmp, pnm, tiff and webp files as well.
+//! - `pca`: fit principal components ([`Step::Pca`]). A map that has them works without it.
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod archive;
 mod batch;
 mod config;
-mod crew;
 mod descriptor;
 mod distance;
 mod dtype;
@@ -69,11 +74,11 @@ mod parallel;
 mod post;
 mod preallocated;
 mod random;
+mod scan;
 mod segments;
 mod simd;
 
 pub mod evaluate;
-pub mod simulate;
 
 pub use crate::image::{Channels, Image, ImageSource, ImageView, Progress};
 #[cfg(feature = "image")]

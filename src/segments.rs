@@ -19,6 +19,15 @@ impl Segments {
         self.0.last().map_or(0, |last| last.end)
     }
 
+    /// The segments of some of the places, which count from 0 again.
+    pub(crate) fn slice(&self, places: Range<usize>) -> Self {
+        let within = |segment: &Range<usize>| {
+            let (from, to) = (segment.start.max(places.start), segment.end.min(places.end));
+            (from < to).then(|| from - places.start..to - places.start)
+        };
+        Self(self.iter().filter_map(within).collect())
+    }
+
     pub(crate) fn iter(&self) -> std::slice::Iter<'_, Range<usize>> {
         self.0.iter()
     }

@@ -2,14 +2,22 @@
 #![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+#[macro_use]
+#[path = "all/options.rs"]
+mod options;
+
+#[path = "all/cases.rs"]
 mod cases;
+#[path = "../src/random.rs"]
+mod random;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;
 use std::thread;
 
-use cases::{DTYPES, Dice, Kind, all_bits, columns, numbers};
+use cases::{DTYPES, Kind, all_bits, columns, numbers};
+use random::SplitMix64;
 use surefix::{
     Channels, Config, Dtype, Error, Fix, Floor, Gradient, Image, Localizer, Map, Matcher, Metric,
     Post, Run, Sad, Step, Values,
@@ -68,14 +76,11 @@ fn configs() -> Vec<Config> {
             for gradient in [Gradient::Halved, Gradient::Unhalved] {
                 for floor in [Floor::Running, Floor::Fixed(0.1)] {
                     for speeds in [vec![1.0], vec![0.8, 0.9, 1.0, 1.1, 1.2]] {
-                        all.push(Config {
-                            sequence_length,
-                            smoothing,
-                            gradient,
-                            floor,
-                            speeds,
-                            ..Config::default()
-                        });
+                        all.push(config! { sequence_length,
+                        smoothing,
+                        gradient,
+                        floor,
+                        speeds });
                     }
                 }
             }
@@ -173,7 +178,10 @@ fn post_processing_allocates_nothing_either() {
         Step::StandardizeRunning,
         Step::Projection { dim: 200, seed: 1 },
         Step::Standardize,
+        #[cfg(feature = "pca")]
         Step::Pca { dim: 30, whiten: true },
+        #[cfg(not(feature = "pca"))]
+        Step::Projection { dim: 30, seed: 2 },
         Step::Normalize,
     ];
     let (post, rows) = Post::fit(&steps, &raw, DIM).unwrap();
@@ -196,7 +204,7 @@ fn a_screened_localizer_allocates_nothing_either() {
     const DIM: usize = 256;
     for metric in [Metric::Euclidean, Metric::Cosine] {
         for same in [0.0, 1.0] {
-            let mut dice = Dice(3);
+            let mut dice = SplitMix64(3);
             let rows: Vec<f32> = (0..400 * DIM)
                 .map(|at| same * ((at % 13) as f32 - 6.0) + 1e-3 * (dice.share() - 0.5))
                 .collect();
@@ -206,8 +214,7 @@ fn a_screened_localizer_allocates_nothing_either() {
                 Map::from_descriptors(if same > 0.0 { alike } else { rows.clone() }, DIM, metric)
                     .unwrap();
             let map = map.with_screen(Dtype::I8).unwrap();
-            let config =
-                Config { sequence_length: 12, speeds: vec![1.0, 0.8], ..Config::default() };
+            let config = config! { sequence_length: 12, speeds: vec![1.0, 0.8] };
             let mut localizer = Localizer::new(Arc::new(map), config).unwrap();
             let mut copy = localizer.clone();
             let spoilt = vec![f32::NAN; DIM];
@@ -239,7 +246,7 @@ fn a_screened_localizer_allocates_nothing_either() {
 }
 
 fn image(width: usize, height: usize, channels: Channels, seed: u64) -> Image {
-    let mut dice = Dice(seed);
+    let mut dice = SplitMix64(seed);
     let pixels = (0..width * height * channels.count()).map(|_| dice.below(256) as u8).collect();
     Image::new(width, height, channels, pixels).unwrap()
 }
@@ -318,8 +325,7 @@ fn localizers_that_share_a_map_do_not_notice_each_other() {
         Map::from_descriptors(numbers(Dtype::U8, 200 * DIM, 1), DIM, Metric::Manhattan).unwrap(),
     );
     let run = |map: Arc<Map>, robot: u64| -> Vec<Fix> {
-        let mut localizer =
-            Localizer::new(map, Config { sequence_length: 5, ..Config::default() }).unwrap();
+        let mut localizer = Localizer::new(map, config! { sequence_length: 5 }).unwrap();
         let queries = (0..100).map(|query| numbers(Dtype::U8, DIM, robot * 1000 + query));
         queries.map(|query| localizer.push_descriptor(&query).unwrap()).collect()
     };

@@ -3,7 +3,14 @@
 #![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+#[macro_use]
+#[path = "all/options.rs"]
+mod options;
+
+#[path = "all/cases.rs"]
 mod cases;
+#[path = "../src/random.rs"]
+mod random;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;

@@ -12,8 +12,8 @@ from sphinx.util import logging
 
 import surefix
 
-# The command line has a reference of its own; the others serve it, or the benchmark.
-NOT_FOR_USERS = {"bench", "cli", "errors", "machine", "matches"}
+# The command line has a reference of its own; the others serve it.
+NOT_FOR_USERS = {"cli", "errors", "machine", "matches", "options"}
 
 
 def _modules() -> list[str]:

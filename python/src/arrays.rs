@@ -1,5 +1,4 @@
-//! NumPy arrays, and whatever can become one, as slices: without a copy where they lie in one
-//! piece.
+//! NumPy arrays, and objects that can become one, as slices: without a copy if they are contiguous.
 
 use half::f16;
 use numpy::{
@@ -8,7 +7,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 use pyo3::types::PyString;
-use surefix::{Dtype, View};
+use surefix::{Channels, Dtype, Image, View};
 
 use crate::error::value;
 
@@ -74,12 +73,12 @@ fn is_regular(array: &Bound<'_, PyUntypedArray>, size: usize) -> PyResult<bool> 
     Ok(aligned && array.strides().iter().all(|stride| stride.unsigned_abs().is_multiple_of(size)))
 }
 
-/// The same, row by row in one piece of memory: copied only where it does not lie so.
+/// The same in C order: copied only if it is not contiguous.
 pub(crate) fn contiguous<'py, T: Element>(
     array: &Bound<'py, PyUntypedArray>,
 ) -> PyResult<Option<PyReadonlyArrayDyn<'py, T>>> {
     let py = array.py();
-    // An array in one piece is regular where its first number is aligned.
+    // A contiguous array is regular if its first number is aligned.
     if let Ok(typed) = array.cast::<PyArrayDyn<T>>()
         && typed.is_c_contiguous()
         && typed.data().is_aligned()
@@ -160,7 +159,7 @@ pub(crate) enum Numbers<'py> {
 }
 
 impl<'py> Numbers<'py> {
-    /// The array's numbers, where their type is one that descriptors can have.
+    /// The array's numbers, if descriptors can have their type.
     pub(crate) fn new(array: &Bound<'py, PyUntypedArray>, what: &str) -> PyResult<Self> {
         if let Some(numbers) = contiguous(array)? {
             return Ok(Self::F32(numbers));
@@ -187,7 +186,7 @@ impl<'py> Numbers<'py> {
     }
 }
 
-/// Float32 numbers, where nothing else is taken.
+/// The array as float32, the only type that is accepted.
 pub(crate) fn float32s<'py>(
     array: &Bound<'py, PyUntypedArray>,
     what: &str,
@@ -283,4 +282,14 @@ pub(crate) fn rows_to_py<'py>(
         View::I8(v) => reshaped(py, v, shape),
         View::U8(v) => reshaped(py, v, shape),
     }
+}
+
+/// An image as an array, (H, W) or (H, W, 3).
+pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyAny>> {
+    let (height, width) = (image.height(), image.width());
+    let shape: &[usize] = match image.channels() {
+        Channels::Grey => &[height, width],
+        channels => &[height, width, channels.count()],
+    };
+    rows_to_py(py, image.pixels().into(), shape)
 }

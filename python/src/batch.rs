@@ -106,7 +106,7 @@ impl Run {
     /// Raises
     /// ------
     /// SurefixFileError
-    ///     Where the file cannot be written.
+    ///     If the file cannot be written.
     fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| {
             let io =
@@ -122,7 +122,7 @@ impl Run {
     /// Raises
     /// ------
     /// ModuleNotFoundError
-    ///     Where pandas is not installed.
+    ///     If pandas is not installed.
     fn to_dataframe<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let py = slf.py();
         let columns = PyDict::new(py);
@@ -169,20 +169,30 @@ impl Run {
 /// Matches a whole distance matrix, in parallel: the answers are those of a ``Matcher`` that is
 /// pushed column by column.
 ///
-/// Parameters ---------- distances : array of float32, shape (n, m), in any memory layout
-/// ``distances[i, j]`` is the distance between place ``i`` and query ``j``. floor : {"global",
-/// "running"} or float What trusted cells are drawn towards. "global" is the paper's own: the
-/// minimum of the whole matrix. trusted : array of bool, shape (m,), optional An external
-/// predictor's words in place of the consensus. gaps : array or list of int, optional The queries,
-/// in any order, before which there is a gap (``Matcher.gap``): one that does not follow on the one
-/// before. **options As for ``Matcher``.
+/// Parameters
+/// ----------
+/// distances : array of float32, shape (n, m), in any memory layout
+///     ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
+/// floor : {"global", "running"} or float
+///     What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole
+///     matrix.
+/// trusted : array of bool, shape (m,), optional
+///     An external predictor's words in place of the consensus.
+/// gaps : array or list of int, optional
+///     The queries, in any order, before which there is a gap (``Matcher.gap``): one that does not
+///     follow on the one before.
+/// **options
+///     As for ``Matcher``.
 ///
 /// Returns
 /// -------
 /// Run
 ///
-/// Raises ------ SurefixValueError For another shape or type, a NaN or an infinity (the error says
-/// where), an option outside its range, or a gap before a query that there is not.
+/// Raises
+/// ------
+/// SurefixValueError
+///     For another shape or type, a NaN or an infinity (the error says where), an option outside
+///     its range, or a gap before a query that there is not.
 ///
 /// Examples
 /// --------
@@ -194,8 +204,7 @@ impl Run {
 /// array([False,  True, False,  True])
 #[pyfunction]
 #[pyo3(
-    signature = (distances, *, trusted=None, gaps=None, **options),
-    text_signature = "(distances, *, floor='global', trusted=None, gaps=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', speeds=[1.0])"
+    signature = (distances, *, trusted=None, gaps=None, **options)
 )]
 pub(crate) fn match_distances(
     py: Python<'_>,
@@ -238,8 +247,11 @@ pub(crate) fn match_distances(
 /// -------
 /// Run
 ///
-/// Raises ------ SurefixValueError As for ``Localizer.push`` and ``Map.from_images``, and for a gap
-/// before a query that there is not.
+/// Raises
+/// ------
+/// SurefixValueError
+///     As for ``Localizer.push`` and ``Map.from_images``, and for a gap before a query that there
+///     is not.
 ///
 /// Examples
 /// --------
@@ -252,8 +264,7 @@ pub(crate) fn match_distances(
 #[pyfunction]
 #[pyo3(
     name = "match",
-    signature = (map, queries, *, trusted=None, gaps=None, descriptor=None, progress=None, **options),
-    text_signature = "(map, queries, *, trusted=None, gaps=None, descriptor=None, progress=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+    signature = (map, queries, *, trusted=None, gaps=None, descriptor=None, progress=None, **options)
 )]
 #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
 pub(crate) fn match_(
@@ -367,7 +378,7 @@ fn is_images(queries: &Bound<'_, PyAny>) -> bool {
         || queries.is_instance_of::<PyTuple>()
 }
 
-/// Where pandas itself is missing, what to install; any other error as it is.
+/// If pandas itself is missing, the error names the extra to install; any other error as it is.
 fn name_the_extra(py: Python<'_>, error: PyErr) -> PyErr {
     let missing = error.is_instance_of::<PyModuleNotFoundError>(py)
         && error.value(py).getattr("name").is_ok_and(|name| name.eq("pandas").unwrap_or(false));

@@ -14,23 +14,33 @@ use crate::truth::truth_of;
 /// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
 /// ones together. A sequence's warm-up, and queries that the truth ignores, are left out.
 ///
-/// Parameters ---------- matches : Run or Matches Of any method. truth : array or pair of arrays
-/// Where each query really was. Places: int, shape (m,), -1 for a query that was off the map, so
-/// that any accepted match is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the same
-/// place), 0 (not) and -1 (ignored). Or a pair of positions in planar metres, of the places, shape
-/// (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3) (``surefix.datasets.local_metres``
-/// turns latitude and longitude into metres). tolerance : float How far from the truth still counts
-/// as correct: places, or metres where the truth is positions. recall : {"correct", "place_exists",
-/// "rejected"} What recall is a share of. "correct" (the paper's wording): the queries whose match
-/// is correct. "place_exists": those that have a true place. "rejected": true positives and all
-/// rejected queries (the authors' earlier code).
+/// Parameters
+/// ----------
+/// matches : Run or Matches
+///     Of any method.
+/// truth : array or pair of arrays
+///     Where each query really was. Places: int, shape (m,), -1 for a query that was off the map,
+///     so that any accepted match is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the
+///     same place), 0 (not) and -1 (ignored). Or a pair of positions in planar metres, of the
+///     places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3)
+///     (``surefix.datasets.local_metres`` turns latitude and longitude into metres).
+/// tolerance : float
+///     How far from the truth still counts as correct: places, or metres if the truth is
+///     positions.
+/// recall : {"correct", "place_exists", "rejected"}
+///     What recall is a share of. "correct" (the paper's wording): the queries whose match is
+///     correct. "place_exists": those that have a true place. "rejected": true positives and all
+///     rejected queries (the authors' earlier code).
 ///
 /// Returns
 /// -------
 /// Evaluation
 ///
-/// Raises ------ SurefixValueError Where the truth is of another length than the matches, of
-/// another type or shape, or an option outside its range.
+/// Raises
+/// ------
+/// SurefixValueError
+///     If the truth is of another length than the matches, of another type or shape, or an
+///     option outside its range.
 ///
 /// Examples
 /// --------
@@ -175,7 +185,7 @@ impl Evaluation {
     fn false_positives<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.column(py, |point| point.false_positives as i64)
     }
-    /// The area under the curve up to a recall, divided by it: 1 where all matches accepted by then
+    /// The area under the curve up to a recall, divided by it: 1 if all matches accepted by then
     /// are correct.
     ///
     /// Trapezoids between the lowest precisions at each recall; in the segment that ``upto`` cuts,
@@ -223,12 +233,12 @@ impl Evaluation {
         Ok((interval.low, interval.high))
     }
     /// An interval for ``self.auc(upto) - other.auc(upto)`` on the same queries; each sample draws
-    /// the same ones for both. Where it holds 0, the drive does not tell which is better.
+    /// the same ones for both. If it holds 0, the drive does not tell which is better.
     ///
     /// Parameters
     /// ----------
     /// other : Evaluation
-    ///     Of as many queries.
+    ///     Of the same number of queries.
     /// upto, level, samples, block, seed
     ///     As for ``auc_interval``.
     ///
@@ -257,11 +267,11 @@ impl Evaluation {
             .or_raise(py)?;
         Ok((interval.low, interval.high))
     }
-    /// The largest recall at a precision of at least this; 0 where there is none.
+    /// The largest recall at a precision of at least this; 0 if there is none.
     fn recall_at_precision(&self, precision: f64) -> f64 {
         self.0.recall_at_precision(precision)
     }
-    /// How many wrong matches are accepted by the time that this recall is reached; None where it
+    /// The number of wrong matches that are accepted when this recall is reached; None if it
     /// never is.
     fn false_positives_at(&self, recall: f64) -> Option<usize> {
         self.0.false_positives_at(recall)
@@ -271,7 +281,7 @@ impl Evaluation {
     fn max_recall(&self) -> f64 {
         self.0.max_recall()
     }
-    /// The largest harmonic mean of precision and recall over all thresholds; 0 where nothing is
+    /// The largest harmonic mean of precision and recall over all thresholds; 0 if nothing is
     /// correct.
     #[getter]
     fn best_f1(&self) -> f64 {

@@ -8,15 +8,24 @@ fn python_bool(flag: bool) -> &'static str {
 
 /// Where the robot is, as far as one query tells, and whether to believe it.
 ///
-/// Attributes ---------- frame : int Which query this is, counted from 0 since the start or the
-/// last reset. trusted : bool Whether the single match is trusted (Eq. 3 of the paper), or an
-/// external predictor's word. place : int The sequence's place once it is ready; before that, the
-/// single match's. score : float The sequence's score once it is ready; before that, the single
-/// match's distance. Less is better. single : Single The best match of this query alone: ``place``
-/// and ``distance``. gradient : Peak Where the enhanced gradient peaks: ``place`` and ``value``.
-/// sequence : Sequence or None The sequence's match: ``place``, ``score``, ``anchors``, ``speed``.
-/// None while the matcher warms up, for the first ``sequence_length - 1`` queries, and again after
-/// a gap.
+/// Attributes
+/// ----------
+/// frame : int
+///     Which query this is, counted from 0 since the start or the last reset.
+/// trusted : bool
+///     Whether the single match is trusted (Eq. 3 of the paper), or an external predictor's word.
+/// place : int
+///     The sequence's place once it is ready; before that, the single match's.
+/// score : float
+///     The sequence's score once it is ready; before that, the single match's distance. Less is
+///     better.
+/// single : Single
+///     The best match of this query alone: ``place`` and ``distance``.
+/// gradient : Peak
+///     Where the enhanced gradient peaks: ``place`` and ``value``.
+/// sequence : Sequence or None
+///     The sequence's match: ``place``, ``score``, ``anchors``, ``speed``. None while the matcher
+///     warms up, for the first ``sequence_length - 1`` queries, and again after a gap.
 ///
 /// Examples
 /// --------
@@ -80,7 +89,7 @@ impl Fix {
     }
 }
 
-/// The best match of one query alone: the smallest distance (Eq. 2). Ties go to the lowest place.
+/// The best match of one query alone: the smallest distance. Ties go to the lowest place.
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(PartialEq)]
 pub(crate) struct Single(surefix::Single);
@@ -100,7 +109,7 @@ impl Single {
     }
 }
 
-/// Where the enhanced gradient peaks (Eq. 1 and the 3 x 3 kernel).
+/// Where the enhanced gradient peaks (Eqs. 1 and 2, with the 3 x 3 kernel).
 ///
 /// ``place`` is the place whose distance dips most sharply; ``value`` the enhanced gradient there,
 /// in units of distance.
@@ -126,7 +135,7 @@ impl Peak {
 /// The best match of the last ``sequence_length`` queries together (Eqs. 4 to 6).
 ///
 /// ``place`` is the current query's place; ``score`` the mean of the weighted distances along the
-/// diagonal that ends there; ``anchors`` how many trusted matches lie on it; ``speed`` its slope,
+/// diagonal that ends there; ``anchors`` the number of trusted matches on it; ``speed`` its slope,
 /// in places a query.
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(PartialEq)]

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString, PyTuple};
 use surefix::{Channels, Error, Image, ImageFiles, ImageSource, ImageView};
 
-use crate::arrays::{as_array, contiguous, dtype_of, rows_to_py, shape_of};
+use crate::arrays::{as_array, contiguous, dtype_of, image_to_py, shape_of};
 use crate::error::{OrRaise as _, to_py, value};
 use crate::simulate::Traverse;
 
@@ -60,7 +60,7 @@ pub(crate) enum Images<'py> {
     Files(ImageFiles),
     Arrays(Vec<Pixels<'py>>),
     Sequence(Sequence),
-    Traverse(surefix::simulate::Traverse),
+    Traverse(surefix_simulate::Traverse),
 }
 
 impl<'py> Images<'py> {
@@ -142,7 +142,7 @@ impl ImageSource for Views<'_> {
     }
 }
 
-/// A Python sequence of arrays, such as a data set's images, with `names` where it has some.
+/// A Python sequence of arrays, such as a data set's images, with its `names`, if it has any.
 pub(crate) struct Sequence {
     items: Py<PyAny>,
     count: usize,
@@ -206,9 +206,9 @@ pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> Option<PathBuf> {
 /// Raises
 /// ------
 /// SurefixFileError
-///     Where the file cannot be opened.
+///     If the file cannot be opened.
 /// SurefixValueError
-///     Where it is not an image that can be decoded.
+///     If it is not an image that can be decoded.
 #[pyfunction]
 pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     let image = py.detach(|| surefix::read_image(path)).or_raise(py)?;
@@ -231,7 +231,7 @@ pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
 /// Raises
 /// ------
 /// SurefixValueError
-///     Where it is not an image that can be decoded.
+///     If it is not an image that can be decoded.
 #[pyfunction]
 #[pyo3(signature = (data, name="image"))]
 pub(crate) fn decode_image<'py>(
@@ -257,25 +257,16 @@ pub(crate) fn decode_image<'py>(
 /// Raises
 /// ------
 /// SurefixFileError
-///     Where there is no such folder.
+///     If there is no such folder.
 /// SurefixValueError
-///     Where it holds no images.
+///     If it holds no images.
 #[pyfunction]
 pub(crate) fn find_images(py: Python<'_>, place: PathBuf) -> PyResult<Vec<OsString>> {
     let files = py.detach(|| ImageFiles::find(place)).or_raise(py)?;
     Ok(files.paths().iter().map(|path| path.as_os_str().to_owned()).collect())
 }
 
-pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyAny>> {
-    let (height, width) = (image.height(), image.width());
-    let shape: &[usize] = match image.channels() {
-        Channels::Grey => &[height, width],
-        Channels::Rgb => &[height, width, 3],
-    };
-    rows_to_py(py, image.pixels().into(), shape)
-}
-
-/// Tells `callback(done, total)` of the work that `run` does, and stops it on Ctrl-C, or where the
+/// Tells `callback(done, total)` of the work that `run` does, and stops it on Ctrl-C, or if the
 /// callback raises or returns False.
 pub(crate) fn with_progress<T>(
     py: Python<'_>,

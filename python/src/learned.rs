@@ -10,7 +10,6 @@ use surefix::Recipe;
 use crate::arrays::{as_array, dtype_of, shape_of};
 use crate::error::value;
 use crate::images::{path_of, read_image};
-use crate::map::Map;
 use crate::sad::Sad;
 
 /// Whether a `descriptor` argument is one of Python's.
@@ -27,7 +26,7 @@ pub(crate) fn map_of_images<'py>(
     metric: Option<&Bound<'py, PyAny>>,
     post: Option<&Bound<'py, PyAny>>,
     cache: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, Map>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let options = [
         ("positions", positions),
         ("progress", progress),
@@ -35,7 +34,7 @@ pub(crate) fn map_of_images<'py>(
         ("post", post),
         ("cache", cache),
     ];
-    Ok(mapping(images.py(), "map_of_images", (images, descriptor), options)?.cast_into()?)
+    mapping(images.py(), "map_of_images", (images, descriptor), options)
 }
 
 /// The map in a file, longer by images that such a descriptor describes.
@@ -51,7 +50,7 @@ pub(crate) fn append_images(
     mapping(images.py(), "append_images", (path, images, descriptor), options).map(|_| ())
 }
 
-/// Calls what makes maps in Python, with those of the options that are given.
+/// Calls a function of `surefix.descriptors.mapping` with the options that are given.
 fn mapping<'py, const N: usize>(
     py: Python<'py>,
     name: &str,
@@ -133,7 +132,7 @@ fn gives_the_same(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyResult
     module.call_method1("same_vectors", (known, given))?.extract()
 }
 
-/// What `frame` is as a vector, where it is an image and the map's descriptors are learned.
+/// The frame's vector, if it is an image and the map's descriptors are learned.
 pub(crate) fn described<'py>(
     frame: &Bound<'py, PyAny>,
     map: &surefix::Map,

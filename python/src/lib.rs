@@ -2,10 +2,8 @@
 #![allow(clippy::doc_markdown, reason = "docstrings are for Python readers, in reStructuredText")]
 #![allow(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
 
-mod allocator;
 mod arrays;
 mod batch;
-mod bench;
 mod error;
 mod evaluate;
 mod fix;
@@ -19,17 +17,21 @@ mod places;
 mod post;
 mod sad;
 mod simulate;
-mod trust;
 mod truth;
 
 use pyo3::prelude::*;
+use surefix::Isa;
+
+/// The instruction set that the kernels run on here: "scalar", "avx2", "avx512" or "neon".
+#[pyfunction]
+fn instruction_set() -> String {
+    Isa::best().to_string()
+}
 
 #[pymodule]
 mod _core {
     #[pymodule_export]
     use crate::batch::{Run, match_, match_distances};
-    #[pymodule_export]
-    use crate::bench::{bench_image_latency, bench_latency, bench_read, instruction_set};
     #[pymodule_export]
     use crate::evaluate::{Evaluation, evaluate, recall_at};
     #[pymodule_export]
@@ -49,7 +51,10 @@ mod _core {
     #[pymodule_export]
     use crate::simulate::{Route, Traverse};
     #[pymodule_export]
-    use crate::trust::{Trust, evaluate_trust};
+    use crate::truth::{Trust, evaluate_trust};
+
+    #[pymodule_export]
+    use super::instruction_set;
 
     use super::{Bound, PyModule, PyModuleMethods as _, PyResult};
 

@@ -15,13 +15,19 @@ use crate::options::{config, whole};
 
 /// Localizes along a map, one camera frame at a time.
 ///
-/// Parameters ---------- map : Map The known route. Many localizers can share one. descriptor :
-/// surefix.descriptors.Descriptor, optional On a map of learned descriptors: what describes the
-/// images that are pushed. Its name is the one in the map's recipe. threads : int, optional How
-/// many threads scan the map, the caller's own among them. None for what suits the map: one for
-/// every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to the last
-/// bit. A forked child has one. **options As for ``Matcher``: sequence_length, weight, tolerance,
-/// smoothing, gradient, floor, speeds.
+/// Parameters
+/// ----------
+/// map : Map
+///     The known route. Many localizers can share one.
+/// descriptor : surefix.descriptors.Descriptor, optional
+///     On a map of learned descriptors: it describes the images that are pushed. Its name is the
+///     one in the map's recipe.
+/// threads : int, optional
+///     The number of threads of the scan, the caller's own among them. None chooses by size: one
+///     for every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to
+///     the last bit. A forked child has one.
+/// **options
+///     As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds.
 ///
 /// Raises
 /// ------
@@ -42,8 +48,7 @@ pub(crate) struct Localizer(surefix::Localizer, Option<Py<PyAny>>);
 impl Localizer {
     #[new]
     #[pyo3(
-        signature = (map, *, descriptor=None, threads=None, **options),
-        text_signature = "(map, *, descriptor=None, threads=None, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+        signature = (map, *, descriptor=None, threads=None, **options)
     )]
     fn new(
         py: Python<'_>,
@@ -63,17 +68,24 @@ impl Localizer {
 
     /// Takes one camera frame, and says where the robot is.
     ///
-    /// Parameters ---------- frame : array or path A uint8 image, (H, W) or (H, W, 3), or a file of
-    /// one, described as the map's own images were; or a descriptor, (input_dim,), of the map's own
-    /// type, or float32 on a map of ready descriptors, as it is before post-processing. trusted :
-    /// bool, optional An external predictor's word in place of the consensus.
+    /// Parameters
+    /// ----------
+    /// frame : array or path
+    ///     A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images
+    ///     were; or a descriptor, (input_dim,), of the map's own type, or float32 on a map of ready
+    ///     descriptors, as it is before post-processing.
+    /// trusted : bool, optional
+    ///     An external predictor's word in place of the consensus.
     ///
     /// Returns
     /// -------
     /// Fix
     ///
-    /// Raises ------ SurefixValueError For another shape or type, a NaN or an infinity, or an image
-    /// on a map of ready descriptors. The localizer is then as it was.
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For another shape or type, a NaN or an infinity, or an image on a map of ready
+    ///     descriptors. The localizer is then as it was.
     #[pyo3(signature = (frame, trusted=None))]
     fn push(
         slf: &Bound<'_, Self>,
@@ -115,13 +127,16 @@ impl Localizer {
 
     /// A fix for each frame, as it comes.
     ///
-    /// Parameters ---------- frames : iterable of arrays or paths, or a path Each as for ``push``.
-    /// A path is a folder or a pattern of images, or whatever else ``surefix.streams.open_stream``
-    /// opens: a video, a bag, a camera by its number or URL, a file of arrays. Or a source that
-    /// says what was lost, such as those of ``surefix.streams``: an iterable of objects with an
-    /// ``image`` to push, and ``gap`` and ``dropped``. Where ``gap`` is true, or ``dropped``, the
-    /// number of frames lost just before this one, is more than 0, ``Localizer.gap`` comes first.
-    /// It holds even where the image is then refused.
+    /// Parameters
+    /// ----------
+    /// frames : iterable of arrays or paths, or a path
+    ///     Each as for ``push``. A path is a folder or a pattern of images, or whatever else
+    ///     ``surefix.streams.open_stream`` opens: a video, a bag, a camera by its number or URL, a
+    ///     file of arrays. Or a source that reports lost frames, such as those of
+    ///     ``surefix.streams``: an iterable of objects with an ``image`` to push, and ``gap`` and
+    ///     ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
+    ///     before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
+    ///     image is then refused.
     ///
     /// Returns
     /// -------
@@ -148,7 +163,7 @@ impl Localizer {
         let frames = match path_of(frames) {
             Some(place) => match find_images(py, place) {
                 Ok(images) => images.into_pyobject(py)?.try_iter()?,
-                // A video, a bag, a camera; or a place where nothing is, which is said there.
+                // A video, a bag or a camera; if there is none, the error is its own.
                 Err(_) => opened()?,
             },
             None if frames.is_instance_of::<PyInt>() => opened()?,
@@ -198,7 +213,7 @@ impl Localizer {
         Ok(())
     }
 
-    /// Forgets all frames, and what is known of the drive: the next one is frame 0.
+    /// Forgets all frames and the statistics of the drive: the next one is frame 0.
     fn reset(slf: &Bound<'_, Self>) -> PyResult<()> {
         slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Localizer"))?.0.reset();
         Ok(())
@@ -225,12 +240,12 @@ impl Localizer {
     /// threads : int, optional
     ///     As for ``Localizer``.
     /// **options
-    ///     Where given, as for ``Localizer``: the snapshot must have been taken under just these.
+    ///     If given, as for ``Localizer``: the snapshot must have been taken under exactly these.
     ///
     /// Raises
     /// ------
     /// SurefixValueError
-    ///     Where the bytes are damaged, of another map, of other options or of a newer version.
+    ///     If the bytes are damaged, of another map, of other options or of a newer version.
     ///
     /// Examples
     /// --------
@@ -242,8 +257,7 @@ impl Localizer {
     /// Localizer(Map(4 places x 4 float32, cosine, 0.0 MB), frames=0)
     #[staticmethod]
     #[pyo3(
-        signature = (map, blob, *, descriptor=None, threads=None, **options),
-        text_signature = "(map, blob, *, descriptor=None, threads=None, sequence_length=..., weight=..., tolerance=..., smoothing=..., gradient=..., floor=..., speeds=...)"
+        signature = (map, blob, *, descriptor=None, threads=None, **options)
     )]
     fn restore(
         py: Python<'_>,
@@ -314,8 +328,8 @@ impl FixStream {
     }
 }
 
-/// The image of a frame that says what was lost (``surefix.streams.Frame``), and whether it follows
-/// on the one before; nothing for an array or a path.
+/// The image of a frame that reports lost frames (``surefix.streams.Frame``), and whether it
+/// follows on the one before; `None` for an array or a path.
 fn frame_of<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>, bool)>> {
     if item.is_instance_of::<PyUntypedArray>() {
         return Ok(None);

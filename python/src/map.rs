@@ -36,26 +36,39 @@ impl Map {
     /// A map of the descriptors of a traverse's images, described on all cores. Places are named as
     /// the files are.
     ///
-    /// Parameters ---------- images : str, path, iterable of paths, iterable or sequence of uint8
-    /// arrays, array (n, H, W) or (n, H, W, 3) A folder or a pattern like ``"route/*.png"`` is
-    /// sorted as a person would: ``frame10`` follows ``frame9``. Files, and the items of a sequence
-    /// that is no list, are read when it is their turn. All images have one size. descriptor : Sad
-    /// or surefix.descriptors.Descriptor, optional The recipe; ``Sad()`` by default. With a learned
-    /// descriptor, images are described by ``surefix.descriptors.extract``, a batch at a time, and
-    /// may have any sizes that it takes. positions : array, shape (n, 2) or (n, 3), optional Where
-    /// each place is, in planar metres. progress : callable, optional Called with ``(done,
-    /// total)``; returning False stops. By default a bar on a terminal; False for none. metric,
-    /// post : optional For a learned descriptor, as for ``from_descriptors``. cache : path,
-    /// optional For a learned descriptor: a file from which it goes on after an interruption, as
-    /// for ``extract``.
+    /// Parameters
+    /// ----------
+    /// images : path, iterable of paths or of uint8 arrays, or an array (n, H, W) or (n, H, W, 3)
+    ///     A folder or a pattern like ``"route/*.png"`` is sorted as a person would: ``frame10``
+    ///     follows ``frame9``. Files, and the items of a sequence that is no list, are read when it
+    ///     is their turn. All images have one size.
+    /// descriptor : Sad or surefix.descriptors.Descriptor, optional
+    ///     The recipe; ``Sad()`` by default. With a learned descriptor, images are described by
+    ///     ``surefix.descriptors.extract``, a batch at a time, and may have any sizes that it
+    ///     takes.
+    /// positions : array, shape (n, 2) or (n, 3), optional
+    ///     Where each place is, in planar metres.
+    /// progress : callable, optional
+    ///     Called with ``(done, total)``; returning False stops. By default a bar on a terminal;
+    ///     False for none.
+    /// metric, post : optional
+    ///     For a learned descriptor, as for ``from_descriptors``.
+    /// cache : path, optional
+    ///     For a learned descriptor: a file from which it goes on after an interruption, as for
+    ///     ``extract``.
     ///
     /// Returns
     /// -------
     /// Map
     ///
-    /// Raises ------ SurefixValueError For an image that cannot be read or has another size (the
-    /// error names it), or fewer than two images; for metric, post or cache with SAD, which has its
-    /// own metric and needs neither. SurefixFileError Where there is no such folder.
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For an image that cannot be read or has another size (the error names it), or fewer than
+    ///     two images; for metric, post or cache with SAD, which has its own metric and needs
+    ///     neither.
+    /// SurefixFileError
+    ///     If there is no such folder.
     ///
     /// Examples
     /// --------
@@ -77,9 +90,10 @@ impl Map {
         cache: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, Self>> {
         if let Some(descriptor) = descriptor.filter(|given| learned::is_learned(given)) {
-            return learned::map_of_images(
+            let map = learned::map_of_images(
                 images, descriptor, positions, progress, metric, post, cache,
-            );
+            )?;
+            return Ok(map.cast_into()?);
         }
         if [metric, post, cache].iter().any(Option::is_some) {
             let reason = "metric, post, cache: expected a learned descriptor beside them, got Sad, which needs none";
@@ -99,19 +113,23 @@ impl Map {
     /// ``from_images(...).save(path)`` would write, in the memory of one image a core. Open it
     /// afterwards.
     ///
-    /// The file is written beside its place and then renamed. Where it fails, or is stopped,
+    /// The file is written beside its place and then renamed. If it fails, or is stopped,
     /// nothing is left of it.
     ///
-    /// Parameters ---------- path : str or path The file to write. images, descriptor, positions,
-    /// progress As for ``from_images``. A list of arrays, or an array, is in memory anyway; files,
-    /// and sequences such as a data set's, are not.
+    /// Parameters
+    /// ----------
+    /// path : str or path
+    ///     The file to write.
+    /// images, descriptor, positions, progress
+    ///     As for ``from_images``. A list of arrays, or an array, is in memory anyway; files, and
+    ///     sequences such as a data set's, are not.
     ///
     /// Raises
     /// ------
     /// SurefixValueError
     ///     As for ``from_images``.
     /// SurefixFileError
-    ///     Where there is no such folder, or the file cannot be written.
+    ///     If there is no such folder, or the file cannot be written.
     ///
     /// Examples
     /// --------
@@ -144,24 +162,37 @@ impl Map {
     }
 
     /// Makes the map in a file longer, without reading its rows into memory. The longer file is
-    /// written beside the old one and then renamed: where it fails, or is stopped, the old one
+    /// written beside the old one and then renamed: if it fails, or is stopped, the old one
     /// stays. It is the file that all places at once would have made.
     ///
     /// Maps that are open stay as they are; a snapshot of a localizer is of the map that it was
     /// taken on.
     ///
-    /// Parameters ---------- path : str or path The file of a map. more : Map, or images as for
-    /// ``from_images`` The places that follow: a map of the same kind, or the images of a drive
-    /// that goes on, where the map was made of images. They are described as those were. Images in
-    /// arrays are numbered on. descriptor : surefix.descriptors.Descriptor, optional What describes
-    /// the images, where the map's descriptors are learned: the map's own. positions : array, shape
-    /// (m, 2) or (m, 3), optional Where the images' places are, in planar metres; needed where the
-    /// map has positions. progress : callable, optional As for ``from_images``. cache : path,
-    /// optional With ``descriptor``, as for ``from_images``.
+    /// Parameters
+    /// ----------
+    /// path : str or path
+    ///     The file of a map.
+    /// more : Map, or images as for ``from_images``
+    ///     The places that follow: a map of the same kind, or the images of a drive that goes on,
+    ///     if the map was made of images. They are described as those were. Images in arrays are
+    ///     numbered on.
+    /// descriptor : surefix.descriptors.Descriptor, optional
+    ///     The map's own descriptor, if its descriptors are learned.
+    /// positions : array, shape (m, 2) or (m, 3), optional
+    ///     Where the images' places are, in planar metres; needed if the map has positions.
+    /// progress : callable, optional
+    ///     As for ``from_images``.
+    /// cache : path, optional
+    ///     With ``descriptor``, as for ``from_images``.
     ///
-    /// Raises ------ SurefixValueError Where the file is not a map, or the places differ from its
-    /// own in type, length, metric or recipe, or one has names or positions and the other has none;
-    /// and as for ``from_images``. SurefixFileError Where the file cannot be read or written.
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     If the file is not a map, or the places differ from its own in type, length, metric
+    ///     or recipe, or one has names or positions and the other has none; and as for
+    ///     ``from_images``.
+    /// SurefixFileError
+    ///     If the file cannot be read or written.
     #[staticmethod]
     #[pyo3(signature = (path, more, descriptor=None, *, positions=None, progress=None, cache=None))]
     fn append(
@@ -207,20 +238,23 @@ impl Map {
         })
     }
 
-    /// This map and then ``more``, as one: the map that all their descriptors at once would have
-    /// made. Neither changes.
+    /// The places of this map and then those of ``more``: the map that all their descriptors at once
+    /// would have made. Neither changes.
     ///
     /// Parameters
     /// ----------
     /// more : Map
-    ///     A map of the same kind, with names and positions where this one has them.
+    ///     A map of the same kind, with names and positions if this one has them.
     ///
     /// Returns
     /// -------
     /// Map
     ///
-    /// Raises ------ SurefixValueError Where they differ in type, length, metric or recipe, or one
-    /// has names or positions and the other has none.
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     If they differ in type, length, metric or recipe, or one has names or positions and
+    ///     the other has none.
     ///
     /// Examples
     /// --------
@@ -234,25 +268,35 @@ impl Map {
 
     /// A map of ready descriptors, from any technique.
     ///
-    /// Parameters ---------- descriptors : array, shape (n, dim), of float32, float16, int8 or
-    /// uint8 Kept in its own type. Copied once. metric : {"cosine", "euclidean", "manhattan"} How
-    /// descriptors are compared; "manhattan" is the mean absolute difference. positions : array,
-    /// shape (n, 2) or (n, 3), optional Where each place is, in planar metres. names : sequence of
-    /// str, optional A name for each place. screen : {"i8"}, optional As for ``with_screen``. post
-    /// : list of steps, or a fitted surefix.post.Post, optional What the descriptors, float32, go
-    /// through before they are kept, fitted on them; see ``surefix.post``. Queries go through the
-    /// same: from then on ``distances``, ``Localizer.push`` and ``match`` take vectors as they are
-    /// before it. recipe : mapping, optional Where the descriptors come from, for a learned
-    /// descriptor: what JSON can hold, with a "name".
+    /// Parameters
+    /// ----------
+    /// descriptors : array, shape (n, dim), of float32, float16, int8 or uint8
+    ///     Kept in its own type. Copied once.
+    /// metric : {"cosine", "euclidean", "manhattan"}
+    ///     How descriptors are compared; "manhattan" is the mean absolute difference.
+    /// positions : array, shape (n, 2) or (n, 3), optional
+    ///     Where each place is, in planar metres.
+    /// names : sequence of str, optional
+    ///     A name for each place.
+    /// screen : {"i8"}, optional
+    ///     As for ``with_screen``.
+    /// post : list of steps, or a fitted surefix.post.Post, optional
+    ///     Post-processing of the float32 descriptors before they are kept, fitted on them; see
+    ///     ``surefix.post``. Queries go through the same: from then on ``distances``,
+    ///     ``Localizer.push`` and ``match`` take vectors as they are before it.
+    /// recipe : mapping, optional
+    ///     The origin of learned descriptors: a mapping that JSON can hold, with a "name".
     ///
     /// Returns
     /// -------
     /// Map
     ///
-    /// Raises ------ SurefixValueError For fewer than two rows, another type, a NaN or an infinity
-    /// (the error names its row), a row of zeros under the cosine, or another number of positions
-    /// or names than of rows; as for ``with_screen`` and ``surefix.post.fit``; for a recipe without
-    /// a name.
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For fewer than two rows, another type, a NaN or an infinity (the error names its row), a
+    ///     row of zeros under the cosine, or another number of positions or names than of rows; as
+    ///     for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     #[pyo3(
@@ -308,21 +352,31 @@ impl Map {
 
     /// Opens a map that ``save`` or ``build`` wrote.
     ///
-    /// Parameters ---------- path : str or path mmap : bool By default the file is read whole into
-    /// memory. True maps it instead: a map of gigabytes is open in milliseconds, what is used is
-    /// read when it is used, and processes share the memory. The danger: as long as the map lives,
-    /// nobody may change the file in place or make it shorter, or the program ends (SIGBUS) or sees
-    /// other numbers. To replace the file, as ``save``, ``build`` and ``append`` do, is safe. A NaN
-    /// in it is found when a frame is pushed, not here; the first ``snapshot`` of a localizer reads
-    /// the whole file once. screen : {"i8"}, optional As for ``with_screen``: it is not in the
-    /// file, and making it reads all of it.
+    /// Parameters
+    /// ----------
+    /// path : str or path
+    /// mmap : bool
+    ///     By default the file is read whole into memory. True maps it instead: a map of gigabytes
+    ///     is open in milliseconds, what is used is read when it is used, and processes share the
+    ///     memory. The danger: as long as the map lives, no process may change the file in place or
+    ///     make it shorter, or the program ends (SIGBUS) or sees other numbers. To replace the
+    ///     file, as ``save``, ``build`` and ``append`` do, is safe. A NaN in it is found when a
+    ///     frame is pushed, not here; the first ``snapshot`` of a localizer reads the whole file
+    ///     once.
+    /// screen : {"i8"}, optional
+    ///     As for ``with_screen``: it is not in the file, and making it reads all of it.
     ///
     /// Returns
     /// -------
     /// Map
     ///
-    /// Raises ------ SurefixFileError Where the file cannot be read. SurefixValueError Where it is
-    /// truncated, damaged, not a map, or of a newer version; and as for ``with_screen``.
+    /// Raises
+    /// ------
+    /// SurefixFileError
+    ///     If the file cannot be read.
+    /// SurefixValueError
+    ///     If it is truncated, damaged, not a map, or of a newer version; and as for
+    ///     ``with_screen``.
     #[staticmethod]
     #[pyo3(signature = (path, mmap=false, *, screen=None))]
     #[allow(unsafe_code)]
@@ -335,7 +389,7 @@ impl Map {
         let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
         let map = py.detach(|| {
             if mmap {
-                // SAFETY: whoever asks for it has been told above to leave the file alone.
+                // SAFETY: the caller has been told above to leave the file alone.
                 unsafe { surefix::Map::open_mapped(path) }
             } else {
                 surefix::Map::open(path)
@@ -349,8 +403,8 @@ impl Map {
     /// numbers it lies, and looks only at the rows that these leave in doubt. Its answers are those
     /// that it would give without, to the last bit.
     ///
-    /// This pays where the map is larger than the cache and its places differ:
-    /// ``Localizer.looked_at`` says at how many rows a frame made it look. Where it does not pay,
+    /// This pays if the map is larger than the cache and its places differ:
+    /// ``Localizer.looked_at`` says at how many rows a frame made it look. If it does not pay,
     /// the localizer notices, and scans the rows for a while before it tries again. Rows of fewer
     /// than 256 numbers are always scanned as they are. A screen is not saved with the map: making
     /// it takes about as long as a few pushes.
@@ -364,8 +418,11 @@ impl Map {
     /// -------
     /// Map
     ///
-    /// Raises ------ SurefixValueError For another type, a map of other numbers than float32, the
-    /// manhattan distance, or too little memory.
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For another type, a map of other numbers than float32, the manhattan distance, or too
+    ///     little memory.
     ///
     /// Examples
     /// --------
@@ -386,16 +443,18 @@ impl Map {
     /// Raises
     /// ------
     /// SurefixFileError
-    ///     Where the file cannot be written.
+    ///     If the file cannot be written.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| self.0.save(path)).or_raise(py)
     }
 
     /// The distances from a descriptor to every place.
     ///
-    /// Parameters ---------- descriptor : array, shape (input_dim,), of the map's own type, or of
-    /// float32 on a map of ready descriptors As it is before post-processing, where the map has
-    /// some.
+    /// Parameters
+    /// ----------
+    /// descriptor : array, shape (input_dim,)
+    ///     Of the map's own type, or of float32 on a map of ready descriptors.
+    ///     As it is before post-processing, if the map has any.
     ///
     /// Returns
     /// -------
@@ -429,20 +488,20 @@ impl Map {
         self.0.dim()
     }
 
-    /// How many numbers a query has: before post-processing, where the map has some, else ``dim``.
+    /// The length of a query: before post-processing, if the map has any, else ``dim``.
     #[getter]
     fn input_dim(&self) -> usize {
         self.0.input_dim()
     }
 
-    /// What queries go through before they are compared, and descriptors went through; None where
+    /// The post-processing of queries and descriptors; None if
     /// there is nothing.
     #[getter]
     fn post(&self) -> Option<Post> {
         self.0.post().cloned().map(Post)
     }
 
-    /// Where a learned map's descriptors come from, a dict with a "name"; None where nobody said.
+    /// Where a learned map's descriptors come from, a dict with a "name"; None if none was given.
     #[getter]
     fn recipe<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let text = self.0.learned_recipe();
@@ -461,13 +520,13 @@ impl Map {
         self.0.metric().to_string()
     }
 
-    /// The type of the screen's numbers, "i8"; None where the map has no screen.
+    /// The type of the screen's numbers, "i8"; None if the map has no screen.
     #[getter]
     fn screen(&self) -> Option<&'static str> {
         self.0.screen().map(|_| "i8")
     }
 
-    /// The recipe that describes an image; None where the map was made of ready descriptors.
+    /// The recipe that describes an image; None if the map was made of ready descriptors.
     #[getter]
     fn descriptor(&self) -> Option<Sad> {
         match self.0.recipe() {
@@ -517,7 +576,7 @@ fn screen_dtype(name: &Bound<'_, PyAny>) -> Result<Dtype, surefix::Error> {
     }
 }
 
-/// The map, with a screen where one is asked for.
+/// The map, with a screen if one is asked for.
 fn screened(py: Python<'_>, map: surefix::Map, screen: Option<Dtype>) -> PyResult<surefix::Map> {
     match screen {
         Some(dtype) => py.detach(|| map.with_screen(dtype)).or_raise(py),

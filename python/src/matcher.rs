@@ -12,16 +12,28 @@ use crate::options::{config, whole};
 /// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
 /// yields distances.
 ///
-/// Parameters ---------- places : int How many places the route has, at least 2. sequence_length :
-/// int `L`, how many queries a sequence has (Eq. 6), from 1 to `places`. weight : float `w`, how
-/// far a trusted cell is drawn to the floor (Eq. 4), from 0 (the plain sequence) to 1. tolerance :
-/// int How many places the minimum and the gradient's peak may lie apart in a trusted match (Eq.
-/// 3). smoothing : int How many gradients are summed along the diagonal (the paper's 3 x 3 kernel);
-/// 1 where queries come in any order. gradient : {"halved", "unhalved"} Eq. 1 as printed, or
-/// without its 1/2 as in the authors' public code; they can differ only at the route's ends. floor
-/// : {"running"} or float What trusted cells are drawn towards: the smallest distance so far, or
-/// this number if it is smaller still. speeds : sequence of float Slopes to try, in places a query;
-/// the best mean wins. Halves of a place round up.
+/// Parameters
+/// ----------
+/// places : int
+///     The number of places of the route, at least 2.
+/// sequence_length : int
+///     `L`, the number of queries of a sequence (Eq. 5), from 1 to `places`.
+/// weight : float
+///     `w`, how far a trusted cell is drawn to the floor (Eq. 4), from 0 (the plain sequence) to 1.
+/// tolerance : int
+///     The most places between the minimum and the gradient's peak of a trusted match (Eq.
+///     3).
+/// smoothing : int
+///     The number of gradients that are summed along the diagonal (the paper's 3 x 3 kernel); 1 if
+///     queries come in any order.
+/// gradient : {"halved", "unhalved"}
+///     Eq. 1 as printed, or without its 1/2 as in the authors' public code; they can differ only at
+///     the route's ends.
+/// floor : {"running"} or float
+///     The target of trusted cells: the smallest distance so far, or this number if it is
+///     smaller still.
+/// speeds : sequence of float
+///     Slopes to try, in places a query; the best mean wins. Halves of a place round up.
 ///
 /// Raises
 /// ------
@@ -44,8 +56,7 @@ pub(crate) struct Matcher(surefix::Matcher);
 impl Matcher {
     #[new]
     #[pyo3(
-        signature = (places, **options),
-        text_signature = "(places, *, sequence_length=2, weight=0.99, tolerance=1, smoothing=3, gradient='halved', floor='running', speeds=[1.0])"
+        signature = (places, **options)
     )]
     fn new(
         py: Python<'_>,
@@ -61,7 +72,7 @@ impl Matcher {
     /// Parameters
     /// ----------
     /// distances : array of float32, shape (places,)
-    ///     Any technique's distances; less is more alike. Read without a copy where contiguous.
+    ///     Any technique's distances; less is more alike. Read without a copy if contiguous.
     /// trusted : bool, optional
     ///     An external predictor's word in place of the consensus.
     ///
@@ -142,16 +153,15 @@ impl Matcher {
     /// blob : bytes
     ///     From ``snapshot``.
     /// **options
-    ///     Where given, as for ``Matcher``: the snapshot must have been taken under just these.
+    ///     If given, as for ``Matcher``: the snapshot must have been taken under exactly these.
     ///
     /// Raises
     /// ------
     /// SurefixValueError
-    ///     Where the bytes are damaged, foreign, of a newer version, or of other options.
+    ///     If the bytes are damaged, foreign, of a newer version, or of other options.
     #[staticmethod]
     #[pyo3(
-        signature = (blob, **options),
-        text_signature = "(blob, *, sequence_length=..., weight=..., tolerance=..., smoothing=..., gradient=..., floor=..., speeds=...)"
+        signature = (blob, **options)
     )]
     fn restore(py: Python<'_>, blob: &[u8], options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let expected =
@@ -159,7 +169,7 @@ impl Matcher {
         Ok(Self(py.detach(|| surefix::Matcher::restore(blob, expected.as_ref())).or_raise(py)?))
     }
 
-    /// How many places the route has.
+    /// The number of places of the route.
     #[getter]
     fn places(&self) -> usize {
         self.0.places()

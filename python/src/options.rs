@@ -1,43 +1,81 @@
-//! The matcher's options as keyword arguments.
+//! The matcher's options as keyword arguments: [`Config`] says which there are, and of which type.
 
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
-use surefix::{Config, Error, Floor, Gradient};
+use pyo3::types::{PyDict, PyFloat, PyInt, PyList, PyString};
+use pythonize::{depythonize, pythonize};
+use surefix::{Config, Error, Floor};
 
 use crate::error::{OrRaise as _, value};
 
-const NAMES: &str = "sequence_length, weight, tolerance, smoothing, gradient, floor, speeds";
-
-/// The options of `**options`, over the defaults; `floor` says which floor is the default.
+/// The options of `**options`, over the defaults; `floor` is the default of that option.
 pub(crate) fn config(
     py: Python<'_>,
     options: Option<&Bound<'_, PyDict>>,
     floor: Floor,
 ) -> PyResult<Config> {
-    let mut config = Config { floor, ..Config::default() };
+    let merged = pythonize(py, &Config::default())?.cast_into::<PyDict>()?;
+    merged.set_item("floor", pythonize(py, &floor)?)?;
+    let mut config = depythonize(&merged)?;
     for (name, given) in options.into_iter().flatten() {
-        let name: String = name.extract()?;
-        match name.as_str() {
-            "sequence_length" => config.sequence_length = whole("sequence_length", &given)?,
-            "tolerance" => config.tolerance = whole("tolerance", &given)?,
-            "smoothing" => config.smoothing = whole("smoothing", &given)?,
-            "weight" => config.weight = number("weight", &given)?,
-            "gradient" => config.gradient = gradient(&given)?,
-            "floor" => config.floor = floor_of(&given)?,
-            "speeds" => config.speeds = speeds(&given)?,
-            _ => return Err(value(py, format!("option `{name}`: expected one of {NAMES}"))),
-        }
+        let Some(default) = merged.get_item(&name)? else {
+            let names: Vec<String> = merged.keys().extract()?;
+            let names = names.join(", ");
+            return Err(value(py, format!("option `{name}`: expected one of {names}")));
+        };
+        merged.set_item(&name, in_serde(&name, &default, &given)?)?;
+        // One by one, so that the error names the option.
+        config = depythonize(&merged).or_else(|_| refuse(&name, &default, &given))?;
     }
     Ok(config)
 }
 
-fn refuse<T>(name: &'static str, expected: &str, given: &Bound<'_, PyAny>) -> PyResult<T> {
-    let got = given.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string());
-    Err(Error::Option { name, expected: expected.to_owned(), got }).or_raise(given.py())
+/// The value as serde expects it: any iterable as a list, a number for the floor as its variant.
+fn in_serde<'py>(
+    name: &Bound<'py, PyAny>,
+    default: &Bound<'py, PyAny>,
+    given: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = given.py();
+    if default.is_instance_of::<PyList>() {
+        let each = given.try_iter().and_then(Iterator::collect::<PyResult<Vec<_>>>);
+        return each
+            .map_or_else(|_| Ok(given.clone()), |each| Ok(PyList::new(py, each)?.into_any()));
+    }
+    if name.eq("floor")? && !given.is_instance_of::<PyString>() {
+        let fixed = PyDict::new(py);
+        fixed.set_item("fixed", given)?;
+        return Ok(fixed.into_any());
+    }
+    Ok(given.clone())
 }
 
+/// The error for a value of another type than the default's.
+fn refuse(
+    name: &Bound<'_, PyAny>,
+    default: &Bound<'_, PyAny>,
+    given: &Bound<'_, PyAny>,
+) -> PyResult<Config> {
+    let name: String = name.extract()?;
+    let expected = match name.as_str() {
+        "gradient" => "\"halved\" or \"unhalved\"",
+        "floor" => "\"running\", \"global\" or a number",
+        "speeds" => "a sequence of numbers, in places a query",
+        _ if default.is_instance_of::<PyInt>() => WHOLE,
+        _ if default.is_instance_of::<PyFloat>() => "a number",
+        _ => "another value",
+    };
+    Err(value(given.py(), format!("option `{name}`: expected {expected}, got {}", shown(given))))
+}
+
+const WHOLE: &str = "a whole number of 0 or more";
+
+fn shown(given: &Bound<'_, PyAny>) -> String {
+    given.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string())
+}
+
+/// A whole number of 0 or more.
 pub(crate) fn whole(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<usize> {
-    given.extract().or_else(|_| refuse(name, "a whole number of 0 or more", given))
+    given.extract().or_else(|_| wrong(name, WHOLE, given))
 }
 
 /// Two whole numbers: width and height.
@@ -45,36 +83,11 @@ pub(crate) fn size(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<(us
     let sides: Vec<usize> = given.extract().unwrap_or_default();
     match sides.as_slice() {
         [width, height] => Ok((*width, *height)),
-        _ => refuse(name, "a width and a height, two whole numbers of 0 or more", given),
+        _ => wrong(name, "a width and a height, two whole numbers of 0 or more", given),
     }
 }
 
-fn number(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<f64> {
-    given.extract().or_else(|_| refuse(name, "a number", given))
-}
-
-fn gradient(given: &Bound<'_, PyAny>) -> PyResult<Gradient> {
-    match given.extract::<String>().as_deref() {
-        Ok("halved") => Ok(Gradient::Halved),
-        Ok("unhalved") => Ok(Gradient::Unhalved),
-        _ => refuse("gradient", "\"halved\" or \"unhalved\"", given),
-    }
-}
-
-fn floor_of(given: &Bound<'_, PyAny>) -> PyResult<Floor> {
-    if let Ok(name) = given.cast::<PyString>() {
-        match name.to_string().as_str() {
-            "running" => return Ok(Floor::Running),
-            "global" => return Ok(Floor::Global),
-            _ => {}
-        }
-    } else if let Ok(floor) = given.extract() {
-        return Ok(Floor::Fixed(floor));
-    }
-    refuse("floor", "\"running\", \"global\" or a number", given)
-}
-
-fn speeds(given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-    let each = given.try_iter().and_then(|each| each.map(|speed| speed?.extract()).collect());
-    each.or_else(|_| refuse("speeds", "a sequence of numbers, in places a query", given))
+fn wrong<T>(name: &'static str, expected: &str, given: &Bound<'_, PyAny>) -> PyResult<T> {
+    let expected = expected.to_owned();
+    Err(Error::Option { name, expected, got: shown(given) }).or_raise(given.py())
 }

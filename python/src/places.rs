@@ -1,4 +1,4 @@
-//! What comes with a map's descriptors: their recipe, the places' names and positions.
+//! Arguments that come with a map's descriptors: their recipe, the places' names and positions.
 
 use pyo3::prelude::*;
 use pyo3::types::PyString;

@@ -1,4 +1,4 @@
-//! `surefix.post`: what descriptors go through.
+//! `surefix.post`: the post-processing of descriptors.
 
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
@@ -39,8 +39,11 @@ impl Post {
     /// -------
     /// array of float32, shape (output_dim,) or (n, output_dim)
     ///
-    /// Raises ------ SurefixValueError For another shape or type than float32, a NaN or an
-    /// infinity, or a vector of zeros that is to have the length 1; it names the row.
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For another shape or type than float32, a NaN or an infinity, or a vector of zeros that
+    ///     is to have the length 1; it names the row.
     fn apply<'py>(
         &self,
         py: Python<'py>,
@@ -121,12 +124,16 @@ pub(crate) fn fit_post<'py>(
 const LONGEST: usize = 1 << 24;
 
 /// Standardises vector after vector by the mean and standard deviation of those that came, the
-/// newest among them: what a stream can know of its own statistics (Welford, 1962).
+/// newest among them: the statistics that a stream can have of itself (Welford, 1962).
 ///
-/// Parameters ---------- dim : int, optional How many numbers a vector has. references : array of
-/// float32, shape (n, dim), optional Instead of ``dim``: begins with their statistics, as if these
-/// were one vector. So the first vectors of a drive are standardised by the references, and what
-/// follows more and more by the drive. Without, the first vector becomes zeros.
+/// Parameters
+/// ----------
+/// dim : int, optional
+///     How many numbers a vector has.
+/// references : array of float32, shape (n, dim), optional
+///     Instead of ``dim``: begins with their statistics, as if these were one vector. So the first
+///     vectors of a drive are standardised by the references, and what follows more and more by the
+///     drive. Without, the first vector becomes zeros.
 ///
 /// Examples
 /// --------
@@ -202,7 +209,7 @@ impl Running {
     /// Raises
     /// ------
     /// SurefixValueError
-    ///     Where the bytes are damaged, no such snapshot, or of a newer version.
+    ///     If the bytes are damaged, no such snapshot, or of a newer version.
     ///
     /// Examples
     /// --------

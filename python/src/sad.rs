@@ -3,17 +3,22 @@
 use pyo3::prelude::*;
 use surefix::{Dtype, Error};
 
-use crate::arrays::{as_array, rows_to_py};
+use crate::arrays::{as_array, image_to_py, rows_to_py};
 use crate::error::OrRaise as _;
-use crate::images::{Pixels, image_to_py};
+use crate::images::Pixels;
 use crate::options::{self, whole};
 
 /// The SAD descriptor: an image in grey, made small, normalised patch by patch.
 ///
-/// Parameters ---------- size : (int, int) Width and height of the small image, in pixels. patch :
-/// int The side of a patch, in pixels; it must divide both sides. dtype : {"u8", "f32"} "u8" keeps
-/// ``clamp(round(128 + 32 z))``: a quarter of the memory, exact integer distances. "f32" keeps
-/// ``z``.
+/// Parameters
+/// ----------
+/// size : (int, int)
+///     Width and height of the small image, in pixels.
+/// patch : int
+///     The side of a patch, in pixels; it must divide both sides.
+/// dtype : {"u8", "f32"}
+///     "u8" keeps ``clamp(round(128 + 32 z))``: a quarter of the memory, exact integer distances.
+///     "f32" keeps ``z``.
 ///
 /// Raises
 /// ------
@@ -71,7 +76,7 @@ impl Sad {
         rows_to_py(py, values.view(), &[values.len()])
     }
 
-    /// What the descriptor sees before it is normalised: the image in grey, made small (as Pillow's
+    /// The image that the descriptor normalises: in grey, made small (as Pillow's
     /// ``convert("L").resize(size, BILINEAR)``).
     ///
     /// Parameters

@@ -4,18 +4,25 @@ use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use surefix::simulate::{Conditions, RouteConfig};
+use surefix_simulate::{Conditions, RouteConfig};
 
+use crate::arrays::image_to_py;
 use crate::error::{OrRaise as _, value};
-use crate::images::image_to_py;
 use crate::options::{self, whole};
 
 /// A generated route: a drive past structured scenery, the same for the same seed on every machine.
 ///
-/// Parameters ---------- places : int Frames of a traverse, at least 2. Frames are rendered when
-/// asked for: a million places need no storage. size : (int, int) Width and height of a frame, in
-/// pixels. spacing : float Metres from one frame of the reference drive to the next. seed : int
-/// Another seed is another route.
+/// Parameters
+/// ----------
+/// places : int
+///     Frames of a traverse, at least 2. Frames are rendered when asked for: a million places need
+///     no storage.
+/// size : (int, int)
+///     Width and height of a frame, in pixels.
+/// spacing : float
+///     Metres from one frame of the reference drive to the next.
+/// seed : int
+///     Another seed is another route.
 ///
 /// Raises
 /// ------
@@ -30,7 +37,7 @@ use crate::options::{self, whole};
 /// >>> winter[0].shape
 /// (32, 64, 3)
 #[pyclass(frozen, module = "surefix.simulate")]
-pub(crate) struct Route(surefix::simulate::Route);
+pub(crate) struct Route(surefix_simulate::Route);
 
 #[pymethods]
 impl Route {
@@ -56,7 +63,7 @@ impl Route {
         if let Some(given) = seed {
             config.seed = whole("seed", given)? as u64;
         }
-        Ok(Self(surefix::simulate::Route::new(config).or_raise(py)?))
+        Ok(Self(surefix_simulate::Route::new(config).or_raise(py)?))
     }
 
     /// The reference drive: summer, noon, nothing in the way.
@@ -83,7 +90,7 @@ impl Route {
         self.drive(py, changed(Conditions::revisit(), conditions)?)
     }
 
-    /// A drive in conditions of one's own; those not given are the reference drive's, where each is
+    /// A drive in the given conditions; those not given are the reference drive's, of which each is
     /// 0.
     ///
     /// Parameters
@@ -155,7 +162,7 @@ fn changed(mut conditions: Conditions, given: Option<&Bound<'_, PyDict>>) -> PyR
 /// >>> len(drive), drive[-1].shape
 /// (10, (32, 64, 3))
 #[pyclass(frozen, sequence, module = "surefix.simulate")]
-pub(crate) struct Traverse(pub(crate) surefix::simulate::Traverse);
+pub(crate) struct Traverse(pub(crate) surefix_simulate::Traverse);
 
 #[pymethods]
 impl Traverse {

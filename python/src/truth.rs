@@ -1,12 +1,13 @@
-//! The truth as Python gives it: places, a matrix, or positions.
+//! The truth as Python gives it: places, a matrix, or positions; and `surefix.evaluate_trust`.
 
 use numpy::{PyArrayDescrMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use surefix::evaluate::Truth;
+use surefix::evaluate::{TrustTable, Truth};
 use surefix::{Error, Positions};
 
 use crate::arrays::{contiguous, coordinates, sequence_or_array, shape_of, whole_numbers};
+use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 
 /// The truth from an array of places (m,), a matrix (n, m), or a pair of positions ((n, k), (m,
@@ -64,9 +65,8 @@ fn places(object: &Bound<'_, PyAny>) -> PyResult<Vec<Option<usize>>> {
     let truth = whole_numbers(object, "truth")?;
     if let Some(query) = truth.iter().position(|&place| place < -1) {
         let got = truth[query];
-        let message = format!(
-            "truth: expected a place, or -1 where there is none, got {got} for query {query}"
-        );
+        let message =
+            format!("truth: expected a place, or -1 if there is none, got {got} for query {query}");
         return Err(value(object.py(), message));
     }
     Ok(truth.into_iter().map(|place| usize::try_from(place).ok()).collect())
@@ -77,6 +77,103 @@ fn frames(py: Python<'_>, tolerance: f64) -> PyResult<usize> {
         return Ok(tolerance as usize);
     }
     let expected =
-        "a whole number of places, 0 or more (metres only where the truth is positions)".to_owned();
+        "a whole number of places, 0 or more (metres only if the truth is positions)".to_owned();
     Err(Error::Option { name: "tolerance", expected, got: tolerance.to_string() }).or_raise(py)
+}
+
+/// The confusion table of a run's trust flags, which speak of its single matches: positive is
+/// trusted, true is correct.
+///
+/// Parameters
+/// ----------
+/// run : Run
+/// truth, tolerance
+///     As for ``evaluate``.
+///
+/// Returns
+/// -------
+/// Trust
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     As for ``evaluate``.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> run = surefix.match_distances(1 - np.eye(5, dtype=np.float32))
+/// >>> trust = surefix.evaluate_trust(run, np.arange(5))
+/// >>> trust.precision, trust.share_trusted
+/// (1.0, 1.0)
+#[pyfunction]
+#[pyo3(
+    signature = (run, truth, tolerance=1.0),
+    text_signature = "(run, truth, tolerance=1)"
+)]
+pub(crate) fn evaluate_trust(
+    py: Python<'_>,
+    run: &Run,
+    truth: &Bound<'_, PyAny>,
+    tolerance: f64,
+) -> PyResult<Trust> {
+    let truth = truth_of(truth, tolerance)?;
+    Ok(Trust(surefix::evaluate::evaluate_trust(&run.0, &truth).or_raise(py)?))
+}
+
+/// The confusion table of a trust flag: positive is trusted, true is a correct single match.
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct Trust(TrustTable);
+
+#[pymethods]
+impl Trust {
+    /// Trusted, and correct.
+    #[getter]
+    fn true_positives(&self) -> usize {
+        self.0.true_positives
+    }
+    /// Trusted, but wrong.
+    #[getter]
+    fn false_positives(&self) -> usize {
+        self.0.false_positives
+    }
+    /// Correct, but not trusted.
+    #[getter]
+    fn false_negatives(&self) -> usize {
+        self.0.false_negatives
+    }
+    /// Not trusted, and wrong.
+    #[getter]
+    fn true_negatives(&self) -> usize {
+        self.0.true_negatives
+    }
+    /// The share of the trusted matches that is correct; 0 if none is trusted.
+    #[getter]
+    fn precision(&self) -> f64 {
+        self.0.precision()
+    }
+    /// The share of the correct matches that is trusted (the true positive rate); 0 if none is
+    /// correct.
+    #[getter]
+    fn recall(&self) -> f64 {
+        self.0.recall()
+    }
+    /// The share of the wrong matches that is trusted; 0 if none is wrong.
+    #[getter]
+    fn false_positive_rate(&self) -> f64 {
+        self.0.false_positive_rate()
+    }
+    /// The share of all matches that is trusted.
+    #[getter]
+    fn share_trusted(&self) -> f64 {
+        self.0.share_trusted()
+    }
+    fn __repr__(&self) -> String {
+        let TrustTable { true_positives, false_positives, false_negatives, true_negatives } =
+            self.0;
+        format!(
+            "Trust(true_positives={true_positives}, false_positives={false_positives}, \
+             false_negatives={false_negatives}, true_negatives={true_negatives})"
+        )
+    }
 }

@@ -1,14 +1,17 @@
-"""The compiled part of surefix. Docstrings live in the Rust sources; stubtest holds these
-signatures to the binary.
+"""The compiled part of surefix.
+
+Docstrings are copied from the binary by `make stubs`; stubtest holds the signatures to it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from collections.abc import Sequence as _Sequence
 from os import PathLike
-from typing import Any, Literal, Protocol, SupportsFloat, SupportsIndex, TypeAlias, final
+from typing import Any, Literal, Protocol, SupportsIndex, TypeAlias, Unpack, final
 
 import numpy as np
 import numpy.typing as npt
+
+from surefix.options import Options
 
 __version__: str
 __all__ = [
@@ -29,9 +32,6 @@ __all__ = [
     "Traverse",
     "Trust",
     "__version__",
-    "bench_image_latency",
-    "bench_latency",
-    "bench_read",
     "decode_image",
     "evaluate",
     "evaluate_trust",
@@ -78,8 +78,6 @@ class _Descriptor(Protocol):
 _Array: TypeAlias = npt.NDArray[Any] | _HasArray | _HasDlpack
 _Path: TypeAlias = str | PathLike[str]
 _Progress: TypeAlias = Callable[[int, int], bool | None] | Literal[False] | None
-_Gradient: TypeAlias = Literal["halved", "unhalved"]
-_Floor: TypeAlias = Literal["running", "global"] | SupportsFloat
 _Float32: TypeAlias = npt.NDArray[np.float32]
 _Float64: TypeAlias = npt.NDArray[np.float64]
 _Int64: TypeAlias = npt.NDArray[np.int64]
@@ -89,6 +87,8 @@ _UInt8: TypeAlias = npt.NDArray[np.uint8]
 
 @final
 class Single:
+    """The best match of one query alone: the smallest distance. Ties go to the lowest place."""
+
     @property
     def place(self) -> int: ...
     @property
@@ -98,6 +98,12 @@ class Single:
 
 @final
 class Peak:
+    """Where the enhanced gradient peaks (Eqs. 1 and 2, with the 3 x 3 kernel).
+
+    ``place`` is the place whose distance dips most sharply; ``value`` the enhanced gradient there,
+    in units of distance.
+    """
+
     @property
     def place(self) -> int: ...
     @property
@@ -107,6 +113,13 @@ class Peak:
 
 @final
 class Sequence:
+    """The best match of the last ``sequence_length`` queries together (Eqs. 4 to 6).
+
+    ``place`` is the current query's place; ``score`` the mean of the weighted distances along the
+    diagonal that ends there; ``anchors`` the number of trusted matches on it; ``speed`` its slope,
+    in places a query.
+    """
+
     @property
     def place(self) -> int: ...
     @property
@@ -120,46 +133,153 @@ class Sequence:
 
 @final
 class Fix:
+    """Where the robot is, as far as one query tells, and whether to believe it.
+
+    Attributes
+    ----------
+    frame : int
+        Which query this is, counted from 0 since the start or the last reset.
+    trusted : bool
+        Whether the single match is trusted (Eq. 3 of the paper), or an external predictor's word.
+    place : int
+        The sequence's place once it is ready; before that, the single match's.
+    score : float
+        The sequence's score once it is ready; before that, the single match's distance. Less is
+        better.
+    single : Single
+        The best match of this query alone: ``place`` and ``distance``.
+    gradient : Peak
+        Where the enhanced gradient peaks: ``place`` and ``value``.
+    sequence : Sequence or None
+        The sequence's match: ``place``, ``score``, ``anchors``, ``speed``. None while the matcher
+        warms up, for the first ``sequence_length - 1`` queries, and again after a gap.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> matcher = surefix.Matcher(places=4, sequence_length=1)
+    >>> fix = matcher.push(np.array([0.9, 0.1, 0.8, 0.9], np.float32))
+    >>> fix.place, fix.trusted, fix.sequence.anchors
+    (1, True, 1)
+    """
+
     @property
-    def frame(self) -> int: ...
+    def frame(self) -> int:
+        """Which query this is, counted from 0."""
     @property
-    def trusted(self) -> bool: ...
+    def trusted(self) -> bool:
+        """Whether the single match is trusted."""
     @property
-    def place(self) -> int: ...
+    def place(self) -> int:
+        """The sequence's place once it is ready, else the single match's."""
     @property
-    def score(self) -> float: ...
+    def score(self) -> float:
+        """The sequence's score once it is ready, else the single match's distance. Less is better."""
     @property
-    def single(self) -> Single: ...
+    def single(self) -> Single:
+        """The best match of this query alone."""
     @property
-    def gradient(self) -> Peak: ...
+    def gradient(self) -> Peak:
+        """Where the enhanced gradient peaks."""
     @property
-    def sequence(self) -> Sequence | None: ...
+    def sequence(self) -> Sequence | None:
+        """The sequence's match; None while the matcher warms up."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
 @final
 class Sad:
+    """The SAD descriptor: an image in grey, made small, normalised patch by patch.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height of the small image, in pixels.
+    patch : int
+        The side of a patch, in pixels; it must divide both sides.
+    dtype : {"u8", "f32"}
+        "u8" keeps ``clamp(round(128 + 32 z))``: a quarter of the memory, exact integer distances.
+        "f32" keeps ``z``.
+
+    Raises
+    ------
+    SurefixValueError
+        For a patch that does not divide the sides, or another dtype.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> sad = surefix.Sad(size=(64, 32), patch=8)
+    >>> sad.describe(np.zeros((480, 640, 3), np.uint8)).shape
+    (2048,)
+    """
+
     def __new__(
         cls,
         size: tuple[int, int] = (64, 32),
         patch: int = 8,
         dtype: npt.DTypeLike | Literal["u8", "f32"] = "u8",
     ) -> Sad: ...
-    def describe(self, image: _Array) -> npt.NDArray[Any]: ...
-    def thumbnail(self, image: _Array) -> _UInt8: ...
+    def describe(self, image: _Array) -> npt.NDArray[Any]:
+        """The image's descriptor.
+
+        Parameters
+        ----------
+        image : array of uint8, shape (H, W) or (H, W, 3) RGB
+
+        Returns
+        -------
+        array of uint8 or float32, shape (width * height,), row by row
+
+        Raises
+        ------
+        SurefixValueError
+            For another type or shape.
+        """
+    def thumbnail(self, image: _Array) -> _UInt8:
+        """The image that the descriptor normalises: in grey, made small (as Pillow's
+        ``convert("L").resize(size, BILINEAR)``).
+
+        Parameters
+        ----------
+        image : array of uint8, shape (H, W) or (H, W, 3) RGB
+
+        Returns
+        -------
+        array of uint8, shape (height, width) of the descriptor
+        """
     @property
-    def size(self) -> tuple[int, int]: ...
+    def size(self) -> tuple[int, int]:
+        """Width and height of the small image, in pixels."""
     @property
-    def patch(self) -> int: ...
+    def patch(self) -> int:
+        """The side of a patch, in pixels."""
     @property
-    def dim(self) -> int: ...
+    def dim(self) -> int:
+        """How many numbers a descriptor has."""
     @property
-    def dtype(self) -> Literal["u8", "f32"]: ...
+    def dtype(self) -> Literal["u8", "f32"]:
+        """The type of the descriptor's numbers: "u8" or "f32"."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
 @final
 class Map:
+    """A known route: one descriptor a place, in route order, and all that is needed to use them.
+
+    Make one with ``Map.from_images``, ``Map.from_descriptors`` or ``Map.open``. A map does not
+    change: many localizers, in many threads, can read one.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> route = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32), metric="cosine")
+    >>> len(route), route.dim, route.metric
+    (3, 3, 'cosine')
+    >>> route.distances(np.array([0, 1, 0], np.float32))
+    array([1., 0., 1.], dtype=float32)
+    """
+
     @staticmethod
     def from_images(
         images: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
@@ -170,7 +290,51 @@ class Map:
         metric: Literal["cosine", "euclidean", "manhattan"] | str | None = None,
         post: Post | Iterable[Any] | None = None,
         cache: _Path | None = None,
-    ) -> Map: ...
+    ) -> Map:
+        """A map of the descriptors of a traverse's images, described on all cores. Places are named as
+        the files are.
+
+        Parameters
+        ----------
+        images : path, iterable of paths or of uint8 arrays, or an array (n, H, W) or (n, H, W, 3)
+            A folder or a pattern like ``"route/*.png"`` is sorted as a person would: ``frame10``
+            follows ``frame9``. Files, and the items of a sequence that is no list, are read when it
+            is their turn. All images have one size.
+        descriptor : Sad or surefix.descriptors.Descriptor, optional
+            The recipe; ``Sad()`` by default. With a learned descriptor, images are described by
+            ``surefix.descriptors.extract``, a batch at a time, and may have any sizes that it
+            takes.
+        positions : array, shape (n, 2) or (n, 3), optional
+            Where each place is, in planar metres.
+        progress : callable, optional
+            Called with ``(done, total)``; returning False stops. By default a bar on a terminal;
+            False for none.
+        metric, post : optional
+            For a learned descriptor, as for ``from_descriptors``.
+        cache : path, optional
+            For a learned descriptor: a file from which it goes on after an interruption, as for
+            ``extract``.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            For an image that cannot be read or has another size (the error names it), or fewer than
+            two images; for metric, post or cache with SAD, which has its own metric and needs
+            neither.
+        SurefixFileError
+            If there is no such folder.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_images(np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8))
+        >>> len(route), route.dim, route.descriptor
+        (5, 2048, Sad(size=(64, 32), patch=8, dtype='u8'))
+        """
     @staticmethod
     def from_descriptors(
         descriptors: _Array,
@@ -181,7 +345,39 @@ class Map:
         screen: Literal["i8"] | None = None,
         post: Post | Iterable[Any] | None = None,
         recipe: Mapping[str, Any] | None = None,
-    ) -> Map: ...
+    ) -> Map:
+        """A map of ready descriptors, from any technique.
+
+        Parameters
+        ----------
+        descriptors : array, shape (n, dim), of float32, float16, int8 or uint8
+            Kept in its own type. Copied once.
+        metric : {"cosine", "euclidean", "manhattan"}
+            How descriptors are compared; "manhattan" is the mean absolute difference.
+        positions : array, shape (n, 2) or (n, 3), optional
+            Where each place is, in planar metres.
+        names : sequence of str, optional
+            A name for each place.
+        screen : {"i8"}, optional
+            As for ``with_screen``.
+        post : list of steps, or a fitted surefix.post.Post, optional
+            Post-processing of the float32 descriptors before they are kept, fitted on them; see
+            ``surefix.post``. Queries go through the same: from then on ``distances``,
+            ``Localizer.push`` and ``match`` take vectors as they are before it.
+        recipe : mapping, optional
+            The origin of learned descriptors: a mapping that JSON can hold, with a "name".
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            For fewer than two rows, another type, a NaN or an infinity (the error names its row), a
+            row of zeros under the cosine, or another number of positions or names than of rows; as
+            for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
+        """
     @staticmethod
     def build(
         path: _Path,
@@ -190,7 +386,39 @@ class Map:
         *,
         positions: npt.ArrayLike | None = None,
         progress: _Progress = None,
-    ) -> None: ...
+    ) -> None:
+        """Makes the map of a traverse's images straight into a file, on all cores: the file that
+        ``from_images(...).save(path)`` would write, in the memory of one image a core. Open it
+        afterwards.
+
+        The file is written beside its place and then renamed. If it fails, or is stopped,
+        nothing is left of it.
+
+        Parameters
+        ----------
+        path : str or path
+            The file to write.
+        images, descriptor, positions, progress
+            As for ``from_images``. A list of arrays, or an array, is in memory anyway; files, and
+            sequences such as a data set's, are not.
+
+        Raises
+        ------
+        SurefixValueError
+            As for ``from_images``.
+        SurefixFileError
+            If there is no such folder, or the file cannot be written.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile, surefix.simulate
+        >>> drive = surefix.simulate.Route(places=30, size=(64, 32)).reference()
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "route.safetensors"
+        >>> surefix.Map.build(path, drive)
+        >>> surefix.Map.append(path, drive)
+        >>> len(surefix.Map.open(path, mmap=True))
+        60
+        """
     @staticmethod
     def append(
         path: _Path,
@@ -200,118 +428,553 @@ class Map:
         positions: npt.ArrayLike | None = None,
         progress: _Progress = None,
         cache: _Path | None = None,
-    ) -> None: ...
-    def extended(self, more: Map) -> Map: ...
+    ) -> None:
+        """Makes the map in a file longer, without reading its rows into memory. The longer file is
+        written beside the old one and then renamed: if it fails, or is stopped, the old one
+        stays. It is the file that all places at once would have made.
+
+        Maps that are open stay as they are; a snapshot of a localizer is of the map that it was
+        taken on.
+
+        Parameters
+        ----------
+        path : str or path
+            The file of a map.
+        more : Map, or images as for ``from_images``
+            The places that follow: a map of the same kind, or the images of a drive that goes on,
+            if the map was made of images. They are described as those were. Images in arrays are
+            numbered on.
+        descriptor : surefix.descriptors.Descriptor, optional
+            The map's own descriptor, if its descriptors are learned.
+        positions : array, shape (m, 2) or (m, 3), optional
+            Where the images' places are, in planar metres; needed if the map has positions.
+        progress : callable, optional
+            As for ``from_images``.
+        cache : path, optional
+            With ``descriptor``, as for ``from_images``.
+
+        Raises
+        ------
+        SurefixValueError
+            If the file is not a map, or the places differ from its own in type, length, metric
+            or recipe, or one has names or positions and the other has none; and as for
+            ``from_images``.
+        SurefixFileError
+            If the file cannot be read or written.
+        """
+    def extended(self, more: Map) -> Map:
+        """The places of this map and then those of ``more``: the map that all their descriptors at once
+        would have made. Neither changes.
+
+        Parameters
+        ----------
+        more : Map
+            A map of the same kind, with names and positions if this one has them.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            If they differ in type, length, metric or recipe, or one has names or positions and
+            the other has none.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> half = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32))
+        >>> len(half.extended(half))
+        6
+        """
     @staticmethod
-    def open(path: _Path, mmap: bool = False, *, screen: Literal["i8"] | None = None) -> Map: ...
-    def with_screen(self, dtype: Literal["i8"]) -> Map: ...
-    def save(self, path: _Path) -> None: ...
-    def distances(self, descriptor: _Array) -> _Float32: ...
+    def open(path: _Path, mmap: bool = False, *, screen: Literal["i8"] | None = None) -> Map:
+        """Opens a map that ``save`` or ``build`` wrote.
+
+        Parameters
+        ----------
+        path : str or path
+        mmap : bool
+            By default the file is read whole into memory. True maps it instead: a map of gigabytes
+            is open in milliseconds, what is used is read when it is used, and processes share the
+            memory. The danger: as long as the map lives, no process may change the file in place or
+            make it shorter, or the program ends (SIGBUS) or sees other numbers. To replace the
+            file, as ``save``, ``build`` and ``append`` do, is safe. A NaN in it is found when a
+            frame is pushed, not here; the first ``snapshot`` of a localizer reads the whole file
+            once.
+        screen : {"i8"}, optional
+            As for ``with_screen``: it is not in the file, and making it reads all of it.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixFileError
+            If the file cannot be read.
+        SurefixValueError
+            If it is truncated, damaged, not a map, or of a newer version; and as for
+            ``with_screen``.
+        """
+    def with_screen(self, dtype: Literal["i8"]) -> Map:
+        """The same map with a screen: a copy of its rows in signed bytes, a quarter more memory; the
+        rows are shared. A ``Localizer`` scans those, which says of each distance between which two
+        numbers it lies, and looks only at the rows that these leave in doubt. Its answers are those
+        that it would give without, to the last bit.
+
+        This pays if the map is larger than the cache and its places differ:
+        ``Localizer.looked_at`` says at how many rows a frame made it look. If it does not pay,
+        the localizer notices, and scans the rows for a while before it tries again. Rows of fewer
+        than 256 numbers are always scanned as they are. A screen is not saved with the map: making
+        it takes about as long as a few pushes.
+
+        Parameters
+        ----------
+        dtype : {"i8"}
+            The type of the screen's numbers.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            For another type, a map of other numbers than float32, the manhattan distance, or too
+            little memory.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> rows = np.random.default_rng(0).standard_normal((5000, 512), np.float32)
+        >>> route = surefix.Map.from_descriptors(rows).with_screen("i8")
+        >>> localizer = surefix.Localizer(route)
+        >>> localizer.push(rows[7]).place, localizer.looked_at < 500
+        (7, True)
+        """
+    def save(self, path: _Path) -> None:
+        """Saves the map as one safetensors file with all that is needed to use it. It is written
+        beside its place and then renamed: there is never half a file.
+
+        Raises
+        ------
+        SurefixFileError
+            If the file cannot be written.
+        """
+    def distances(self, descriptor: _Array) -> _Float32:
+        """The distances from a descriptor to every place.
+
+        Parameters
+        ----------
+        descriptor : array, shape (input_dim,)
+            Of the map's own type, or of float32 on a map of ready descriptors.
+            As it is before post-processing, if the map has any.
+
+        Returns
+        -------
+        array of float32, shape (n,)
+            SAD distances are in units of ``z``, whatever the type that the map keeps.
+
+        Raises
+        ------
+        SurefixValueError
+            For another length or type, a NaN or an infinity, or zeros under the cosine.
+        """
     def __len__(self) -> int: ...
     @property
-    def dim(self) -> int: ...
+    def dim(self) -> int:
+        """How many numbers a descriptor has."""
     @property
-    def input_dim(self) -> int: ...
+    def input_dim(self) -> int:
+        """The length of a query: before post-processing, if the map has any, else ``dim``."""
     @property
-    def post(self) -> Post | None: ...
+    def post(self) -> Post | None:
+        """The post-processing of queries and descriptors; None if
+        there is nothing.
+        """
     @property
-    def recipe(self) -> dict[str, Any] | None: ...
+    def recipe(self) -> dict[str, Any] | None:
+        """Where a learned map's descriptors come from, a dict with a "name"; None if none was given."""
     @property
-    def dtype(self) -> np.dtype[Any]: ...
+    def dtype(self) -> np.dtype[Any]:
+        """The type of the descriptors' numbers."""
     @property
-    def metric(self) -> Literal["cosine", "euclidean", "manhattan"]: ...
+    def metric(self) -> Literal["cosine", "euclidean", "manhattan"]:
+        """How descriptors are compared: "cosine", "euclidean" or "manhattan"."""
     @property
-    def screen(self) -> Literal["i8"] | None: ...
+    def screen(self) -> Literal["i8"] | None:
+        """The type of the screen's numbers, "i8"; None if the map has no screen."""
     @property
-    def descriptor(self) -> Sad | None: ...
+    def descriptor(self) -> Sad | None:
+        """The recipe that describes an image; None if the map was made of ready descriptors."""
     @property
-    def descriptors(self) -> npt.NDArray[Any]: ...
+    def descriptors(self) -> npt.NDArray[Any]:
+        """All descriptors, a copy: shape (n, dim)."""
     @property
-    def positions(self) -> _Float64 | None: ...
+    def positions(self) -> _Float64 | None:
+        """Where each place is, in planar metres: shape (n, 2) or (n, 3), or None."""
     @property
-    def names(self) -> list[str] | None: ...
+    def names(self) -> list[str] | None:
+        """A name for each place, or None."""
 
 @final
 class Post:
-    def apply(self, vectors: _Array) -> _Float32: ...
+    """A chain of steps of post-processing that has been fitted on references.
+
+    ``surefix.post.fit`` makes one; ``Map.from_descriptors(..., post=[...])`` fits one on the map's
+    own rows, and ``Map.post`` is it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.post import Normalize, Pca, Standardize, fit
+    >>> rows = np.random.default_rng(0).standard_normal((50, 8), np.float32)
+    >>> chain = fit(rows, [Standardize(), Pca(3), Normalize()])
+    >>> chain
+    Post(Standardize(), Pca(dim=3, whiten=True), Normalize(), from 8 to 3 numbers)
+    >>> chain.apply(rows[:2]).shape
+    (2, 3)
+    """
+
+    def apply(self, vectors: _Array) -> _Float32:
+        """Does the steps to one vector, (input_dim,), or to many, (n, input_dim), as they were done to
+        the references. (Statistics of a drive, ``Standardize("running")``, are kept by a
+        ``Localizer``, and by ``match``.)
+
+        Returns
+        -------
+        array of float32, shape (output_dim,) or (n, output_dim)
+
+        Raises
+        ------
+        SurefixValueError
+            For another shape or type than float32, a NaN or an infinity, or a vector of zeros that
+            is to have the length 1; it names the row.
+        """
     @property
-    def input_dim(self) -> int: ...
+    def input_dim(self) -> int:
+        """How many numbers a vector has before."""
     @property
-    def output_dim(self) -> int: ...
+    def output_dim(self) -> int:
+        """How many numbers a vector has after."""
     @property
-    def steps(self) -> list[dict[str, Any]]: ...
+    def steps(self) -> list[dict[str, Any]]:
+        """The steps, each as it would be asked for: ``{"step": "pca", "dim": 3, "whiten": True}``."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
-def fit_post(references: _Array, steps: str) -> tuple[Post, _Float32]: ...
+def fit_post(references: _Array, steps: str) -> tuple[Post, _Float32]:
+    """Fits steps, given as JSON, on references (n, dim) of float32. Gives the chain, and the
+    references as it makes them.
+    """
 
 @final
 class Running:
+    """Standardises vector after vector by the mean and standard deviation of those that came, the
+    newest among them: the statistics that a stream can have of itself (Welford, 1962).
+
+    Parameters
+    ----------
+    dim : int, optional
+        How many numbers a vector has.
+    references : array of float32, shape (n, dim), optional
+        Instead of ``dim``: begins with their statistics, as if these were one vector. So the first
+        vectors of a drive are standardised by the references, and what follows more and more by the
+        drive. Without, the first vector becomes zeros.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.post import Running
+    >>> running = Running(2)
+    >>> [running.push(np.float32(v)).tolist() for v in ([1, 5], [3, 5], [5, 6])]
+    [[0.0, 0.0], [1.0, 0.0], [1.2247449159622192, 1.4142135381698608]]
+    """
+
     def __new__(cls, dim: int | None = None, *, references: _Array | None = None) -> Running: ...
-    def push(self, vector: _Array) -> _Float32: ...
+    def push(self, vector: _Array) -> _Float32:
+        """Takes a vector in, float32 (dim,), and gives it standardised.
+
+        Raises
+        ------
+        SurefixValueError
+            For another length or type, a NaN or an infinity; nothing has changed then.
+        """
     @property
-    def count(self) -> int: ...
-    def snapshot(self) -> bytes: ...
+    def count(self) -> int:
+        """How many vectors have come, the references as one."""
+    def snapshot(self) -> bytes:
+        """The state as bytes; ``Running.restore`` goes on from it bit-identically. Keep it beside the
+        localizer's own snapshot, which does not hold it.
+        """
     @staticmethod
-    def restore(blob: bytes) -> Running: ...
-    def reset(self) -> None: ...
+    def restore(blob: bytes) -> Running:
+        """Statistics that go on where the snapshot was taken.
+
+        Raises
+        ------
+        SurefixValueError
+            If the bytes are damaged, no such snapshot, or of a newer version.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from surefix.post import Running
+        >>> running = Running(2)
+        >>> _ = running.push(np.float32([1, 5]))
+        >>> Running.restore(running.snapshot()).count
+        1
+        """
+    def reset(self) -> None:
+        """Forgets all vectors, and the references."""
 
 @final
 class Matcher:
+    """Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
+    yields distances.
+
+    Parameters
+    ----------
+    places : int
+        The number of places of the route, at least 2.
+    sequence_length : int
+        `L`, the number of queries of a sequence (Eq. 5), from 1 to `places`.
+    weight : float
+        `w`, how far a trusted cell is drawn to the floor (Eq. 4), from 0 (the plain sequence) to 1.
+    tolerance : int
+        The most places between the minimum and the gradient's peak of a trusted match (Eq.
+        3).
+    smoothing : int
+        The number of gradients that are summed along the diagonal (the paper's 3 x 3 kernel); 1 if
+        queries come in any order.
+    gradient : {"halved", "unhalved"}
+        Eq. 1 as printed, or without its 1/2 as in the authors' public code; they can differ only at
+        the route's ends.
+    floor : {"running"} or float
+        The target of trusted cells: the smallest distance so far, or this number if it is
+        smaller still.
+    speeds : sequence of float
+        Slopes to try, in places a query; the best mean wins. Halves of a place round up.
+
+    Raises
+    ------
+    SurefixValueError
+        For an option outside its range; it names the option.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> matcher = surefix.Matcher(places=4)
+    >>> matcher.push(np.array([0.1, 0.8, 0.9, 0.7], np.float32)).sequence is None    # warming up: L is 2
+    True
+    >>> fix = matcher.push(np.array([0.9, 0.2, 0.8, 0.9], np.float32))
+    >>> fix.place, fix.trusted, fix.sequence.anchors
+    (1, True, 2)
+    """
+
     def __new__(
         cls,
         places: SupportsIndex,
-        *,
-        sequence_length: SupportsIndex = 2,
-        weight: SupportsFloat = 0.99,
-        tolerance: SupportsIndex = 1,
-        smoothing: SupportsIndex = 3,
-        gradient: _Gradient | str = "halved",
-        floor: _Floor | str = "running",
-        speeds: Iterable[SupportsFloat] = [1.0],
+        **options: Unpack[Options],
     ) -> Matcher: ...
-    def push(self, distances: _Array, trusted: bool | None = None) -> Fix: ...
-    def gap(self) -> None: ...
-    def reset(self) -> None: ...
-    def snapshot(self) -> bytes: ...
+    def push(self, distances: _Array, trusted: bool | None = None) -> Fix:
+        """Takes the distances from the current query to every place, and says where the robot is.
+
+        Parameters
+        ----------
+        distances : array of float32, shape (places,)
+            Any technique's distances; less is more alike. Read without a copy if contiguous.
+        trusted : bool, optional
+            An external predictor's word in place of the consensus.
+
+        Returns
+        -------
+        Fix
+
+        Raises
+        ------
+        SurefixValueError
+            For a wrong length or type, a NaN or an infinity. The matcher is then as it was.
+        """
+    def gap(self) -> None:
+        """Says that the next query does not follow on the one before: frames were dropped, or the
+        camera was away.
+
+        The diagonal is broken there, so that no gradient is summed and no sequence made across:
+        ``fix.sequence`` is None until ``sequence_length`` queries have come. Frame numbers and the
+        running floor go on. A gap before the first query, or right after another, changes nothing.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> matcher = surefix.Matcher(places=4)
+        >>> columns = 1 - np.eye(4, dtype=np.float32)
+        >>> [matcher.push(column).sequence is None for column in columns[:2]]
+        [True, False]
+        >>> matcher.gap()
+        >>> matcher.push(columns[3])
+        Fix(frame=2, place=3, score=0, trusted=True, sequence=None)
+        """
+    def reset(self) -> None:
+        """Forgets all queries: the next one is frame 0."""
+    def snapshot(self) -> bytes:
+        """The whole state as bytes; ``Matcher.restore`` goes on from it bit-identically.
+
+        Examples
+        --------
+        >>> import surefix
+        >>> blob = surefix.Matcher(places=4).snapshot()
+        >>> surefix.Matcher.restore(blob).places
+        4
+        """
     @staticmethod
     def restore(
         blob: bytes,
-        *,
-        sequence_length: SupportsIndex = ...,
-        weight: SupportsFloat = ...,
-        tolerance: SupportsIndex = ...,
-        smoothing: SupportsIndex = ...,
-        gradient: _Gradient | str = ...,
-        floor: _Floor | str = ...,
-        speeds: Iterable[SupportsFloat] = ...,
-    ) -> Matcher: ...
+        **options: Unpack[Options],
+    ) -> Matcher:
+        """A matcher that goes on where the snapshot was taken.
+
+        Parameters
+        ----------
+        blob : bytes
+            From ``snapshot``.
+        **options
+            If given, as for ``Matcher``: the snapshot must have been taken under exactly these.
+
+        Raises
+        ------
+        SurefixValueError
+            If the bytes are damaged, foreign, of a newer version, or of other options.
+        """
     @property
-    def places(self) -> int: ...
+    def places(self) -> int:
+        """The number of places of the route."""
     @property
-    def frames(self) -> int: ...
+    def frames(self) -> int:
+        """How many queries it has taken since the start or the last reset."""
 
 @final
 class Localizer:
+    """Localizes along a map, one camera frame at a time.
+
+    Parameters
+    ----------
+    map : Map
+        The known route. Many localizers can share one.
+    descriptor : surefix.descriptors.Descriptor, optional
+        On a map of learned descriptors: it describes the images that are pushed. Its name is the
+        one in the map's recipe.
+    threads : int, optional
+        The number of threads of the scan, the caller's own among them. None chooses by size: one
+        for every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to
+        the last bit. A forked child has one.
+    **options
+        As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds.
+
+    Raises
+    ------
+    SurefixValueError
+        For an option outside its range; it names the option.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> frames = np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8)
+    >>> localizer = surefix.Localizer(surefix.Map.from_images(frames))
+    >>> [fix.place for fix in localizer.stream(frames)]
+    [0, 1, 2, 3, 4]
+    """
+
     def __new__(
         cls,
         map: Map,
         *,
         descriptor: _Descriptor | None = None,
         threads: SupportsIndex | None = None,
-        sequence_length: SupportsIndex = 2,
-        weight: SupportsFloat = 0.99,
-        tolerance: SupportsIndex = 1,
-        smoothing: SupportsIndex = 3,
-        gradient: _Gradient | str = "halved",
-        floor: _Floor | str = "running",
-        speeds: Iterable[SupportsFloat] = [1.0],
+        **options: Unpack[Options],
     ) -> Localizer: ...
-    def push(self, frame: _Array | _Path, trusted: bool | None = None) -> Fix: ...
-    def stream(self, frames: _Path | int | Iterable[_Array | _Path | _Frame]) -> FixStream: ...
-    def gap(self) -> None: ...
-    def reset(self) -> None: ...
-    def snapshot(self) -> bytes: ...
+    def push(self, frame: _Array | _Path, trusted: bool | None = None) -> Fix:
+        """Takes one camera frame, and says where the robot is.
+
+        Parameters
+        ----------
+        frame : array or path
+            A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images
+            were; or a descriptor, (input_dim,), of the map's own type, or float32 on a map of ready
+            descriptors, as it is before post-processing.
+        trusted : bool, optional
+            An external predictor's word in place of the consensus.
+
+        Returns
+        -------
+        Fix
+
+        Raises
+        ------
+        SurefixValueError
+            For another shape or type, a NaN or an infinity, or an image on a map of ready
+            descriptors. The localizer is then as it was.
+        """
+    def stream(self, frames: _Path | int | Iterable[_Array | _Path | _Frame]) -> FixStream:
+        """A fix for each frame, as it comes.
+
+        Parameters
+        ----------
+        frames : iterable of arrays or paths, or a path
+            Each as for ``push``. A path is a folder or a pattern of images, or whatever else
+            ``surefix.streams.open_stream`` opens: a video, a bag, a camera by its number or URL, a
+            file of arrays. Or a source that reports lost frames, such as those of
+            ``surefix.streams``: an iterable of objects with an ``image`` to push, and ``gap`` and
+            ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
+            before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
+            image is then refused.
+
+        Returns
+        -------
+        iterator of Fix
+
+        Raises
+        ------
+        SurefixValueError
+            As for ``push``, when the frame's turn comes.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> from types import SimpleNamespace
+        >>> images = np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8)
+        >>> frames = [SimpleNamespace(image=images[i], gap=False, dropped=int(i == 3)) for i in (0, 1, 3, 4)]
+        >>> localizer = surefix.Localizer(surefix.Map.from_images(images))
+        >>> [(fix.place, fix.sequence is not None) for fix in localizer.stream(frames)]
+        [(0, False), (1, True), (3, False), (4, True)]
+        """
+    def gap(self) -> None:
+        """Says that the next frame does not follow on the one before: frames were dropped, or the
+        camera was away.
+
+        As ``Matcher.gap``: ``fix.sequence`` is None until ``sequence_length`` frames have come;
+        frame numbers, the running floor and a drive's statistics (``surefix.post.Standardize``) go
+        on.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> rows = np.eye(6, dtype=np.float32)
+        >>> localizer = surefix.Localizer(surefix.Map.from_descriptors(rows))
+        >>> [localizer.push(row).sequence is None for row in rows[:3]]
+        [True, False, False]
+        >>> localizer.gap()
+        >>> [localizer.push(row).sequence is None for row in rows[4:]]
+        [True, False]
+        """
+    def reset(self) -> None:
+        """Forgets all frames and the statistics of the drive: the next one is frame 0."""
+    def snapshot(self) -> bytes:
+        """The state as bytes, a drive's statistics among it, without the map; ``Localizer.restore``
+        goes on from it bit-identically.
+        """
     @staticmethod
     def restore(
         map: Map,
@@ -319,68 +982,172 @@ class Localizer:
         *,
         descriptor: _Descriptor | None = None,
         threads: SupportsIndex | None = None,
-        sequence_length: SupportsIndex = ...,
-        weight: SupportsFloat = ...,
-        tolerance: SupportsIndex = ...,
-        smoothing: SupportsIndex = ...,
-        gradient: _Gradient | str = ...,
-        floor: _Floor | str = ...,
-        speeds: Iterable[SupportsFloat] = ...,
-    ) -> Localizer: ...
+        **options: Unpack[Options],
+    ) -> Localizer:
+        """A localizer that goes on where the snapshot was taken, on the same map.
+
+        Parameters
+        ----------
+        map : Map
+            The map that the snapshot was taken on.
+        blob : bytes
+            From ``snapshot``.
+        threads : int, optional
+            As for ``Localizer``.
+        **options
+            If given, as for ``Localizer``: the snapshot must have been taken under exactly these.
+
+        Raises
+        ------
+        SurefixValueError
+            If the bytes are damaged, of another map, of other options or of a newer version.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32))
+        >>> localizer = surefix.Localizer(route)
+        >>> blob = localizer.snapshot()
+        >>> surefix.Localizer.restore(route, blob)
+        Localizer(Map(4 places x 4 float32, cosine, 0.0 MB), frames=0)
+        """
     @property
-    def distances(self) -> _Float32: ...
+    def distances(self) -> _Float32:
+        """The distances from the newest frame to every place, a copy: shape (n,), float32; zeros
+        before the first, and right after a gap. On a map with a screen, those that were not needed
+        for the fix are computed now.
+        """
     @property
-    def looked_at(self) -> int: ...
+    def looked_at(self) -> int:
+        """How many of the map's rows the newest frame made it look at: all of them, or, on a map with
+        a screen, those that were left in doubt, for this query and for the ones before it in the
+        window. 0 before the first frame.
+        """
     @property
-    def map(self) -> Map: ...
+    def map(self) -> Map:
+        """The map that it localizes on."""
     @property
-    def threads(self) -> int: ...
+    def threads(self) -> int:
+        """How many threads scan the map, the caller's own among them."""
 
 @final
 class FixStream(Iterator[Fix]):
+    """The fixes of ``Localizer.stream``, one a frame."""
+
     def __iter__(self) -> FixStream: ...
     def __next__(self) -> Fix: ...
 
 @final
 class Run:
+    """The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
+
+    ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the
+    warm-up, where ``anchors`` is 0 and ``speed`` is NaN.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> run = surefix.match_distances(1 - np.eye(4, dtype=np.float32))
+    >>> run.ready.tolist(), run.anchors.tolist()
+    ([False, True, True, True], [0, 2, 2, 2])
+    >>> run[3]
+    Fix(frame=3, place=3, score=0, trusted=True)
+    """
+
     @property
-    def place(self) -> _Int64: ...
+    def place(self) -> _Int64:
+        """Where the robot was: int64."""
     @property
-    def score(self) -> _Float32: ...
+    def score(self) -> _Float32:
+        """How good the match is, less is better: float32."""
     @property
-    def trusted(self) -> _Bool: ...
+    def trusted(self) -> _Bool:
+        """Whether the single match is trusted: bool."""
     @property
-    def anchors(self) -> _Int64: ...
+    def anchors(self) -> _Int64:
+        """How many trusted matches lie on the winning diagonal: int64."""
     @property
-    def ready(self) -> _Bool: ...
+    def ready(self) -> _Bool:
+        """Whether the window was full, so that place and score are the sequence's: bool."""
     @property
-    def speed(self) -> _Float64: ...
+    def speed(self) -> _Float64:
+        """The slope of the winning diagonal, in places a query: float64."""
     @property
-    def single_place(self) -> _Int64: ...
+    def single_place(self) -> _Int64:
+        """The best match of each query alone: int64."""
     @property
-    def single_distance(self) -> _Float32: ...
+    def single_distance(self) -> _Float32:
+        """Its distance: float32."""
     @property
-    def gradient_place(self) -> _Int64: ...
+    def gradient_place(self) -> _Int64:
+        """Where the enhanced gradient peaks: int64."""
     @property
-    def gradient_value(self) -> _Float32: ...
-    def to_csv(self, path: _Path) -> None: ...
-    def to_dataframe(self) -> Any: ...
+    def gradient_value(self) -> _Float32:
+        """The enhanced gradient there: float32."""
+    def to_csv(self, path: _Path) -> None:
+        """Writes a CSV file: a line of names, then a line a query.
+
+        Raises
+        ------
+        SurefixFileError
+            If the file cannot be written.
+        """
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame, a row a query; its index is the frame.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If pandas is not installed.
+        """
     def __len__(self) -> int: ...
     def __getitem__(self, key: SupportsIndex, /) -> Fix: ...
 
 def match_distances(
     distances: _Array,
     *,
-    floor: _Floor | str = "global",
     trusted: _Array | list[bool] | None = None,
     gaps: _Array | list[int] | None = None,
-    sequence_length: SupportsIndex = 2,
-    weight: SupportsFloat = 0.99,
-    tolerance: SupportsIndex = 1,
-    smoothing: SupportsIndex = 3,
-    gradient: _Gradient | str = "halved",
-    speeds: Iterable[SupportsFloat] = [1.0],
-) -> Run: ...
+    **options: Unpack[Options],
+) -> Run:
+    """Matches a whole distance matrix, in parallel: the answers are those of a ``Matcher`` that is
+    pushed column by column.
+
+    Parameters
+    ----------
+    distances : array of float32, shape (n, m), in any memory layout
+        ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
+    floor : {"global", "running"} or float
+        What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole
+        matrix.
+    trusted : array of bool, shape (m,), optional
+        An external predictor's words in place of the consensus.
+    gaps : array or list of int, optional
+        The queries, in any order, before which there is a gap (``Matcher.gap``): one that does not
+        follow on the one before.
+    **options
+        As for ``Matcher``.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    SurefixValueError
+        For another shape or type, a NaN or an infinity (the error says where), an option outside
+        its range, or a gap before a query that there is not.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> distances = 1 - np.eye(4, dtype=np.float32)
+    >>> surefix.match_distances(distances, sequence_length=2).place
+    array([0, 1, 2, 3])
+    >>> surefix.match_distances(distances, sequence_length=2, gaps=[2]).ready
+    array([False,  True, False,  True])
+    """
+
 def match(
     map: Map,
     queries: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
@@ -389,26 +1156,82 @@ def match(
     gaps: _Array | list[int] | None = None,
     descriptor: _Descriptor | None = None,
     progress: _Progress = None,
-    sequence_length: SupportsIndex = 2,
-    weight: SupportsFloat = 0.99,
-    tolerance: SupportsIndex = 1,
-    smoothing: SupportsIndex = 3,
-    gradient: _Gradient | str = "halved",
-    floor: _Floor | str = "running",
-    speeds: Iterable[SupportsFloat] = [1.0],
-) -> Run: ...
+    **options: Unpack[Options],
+) -> Run:
+    """Matches all queries against a map, in parallel: the answers are those of a ``Localizer`` that is
+    pushed one by one.
+
+    Parameters
+    ----------
+    map : Map
+        The known route.
+    queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
+        Descriptors are of the map's own type, or of float32 on a map of ready descriptors.
+    trusted : array of bool, shape (m,), optional
+        An external predictor's words in place of the consensus.
+    gaps : array or list of int, optional
+        The queries, in any order, before which there is a gap (``Localizer.gap``).
+    descriptor : surefix.descriptors.Descriptor, optional
+        On a map of learned descriptors: what describes the images, as for ``Localizer``.
+    progress : callable, optional
+        As for ``Map.from_images``.
+    **options
+        As for ``Matcher``; ``floor="global"`` too, which scans the map twice.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    SurefixValueError
+        As for ``Localizer.push`` and ``Map.from_images``, and for a gap before a query that there
+        is not.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> route = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32))
+    >>> surefix.match(route, np.eye(4, dtype=np.float32)[1:]).place
+    array([1, 2, 3])
+    >>> surefix.match(route, np.eye(4, dtype=np.float32), gaps=[2]).ready
+    array([False,  True, False,  True])
+    """
 
 @final
 class Evaluation:
+    """A precision-recall curve, from the best score to the worst, and single figures from it.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> matches = surefix.Matches(place=[0, 1, 7, 3], score=[0.1, 0.2, 0.3, 0.4])
+    >>> curve = surefix.evaluate(matches, np.arange(4), tolerance=0)
+    >>> curve.precision.round(2).tolist(), curve.false_positives_at(1.0)
+    ([1.0, 1.0, 0.67, 0.75], 1)
+    """
+
     @property
-    def recall(self) -> _Float64: ...
+    def recall(self) -> _Float64:
+        """The share found at each threshold: float64."""
     @property
-    def precision(self) -> _Float64: ...
+    def precision(self) -> _Float64:
+        """The share of the accepted matches that is correct at each threshold: float64."""
     @property
-    def thresholds(self) -> _Float32: ...
+    def thresholds(self) -> _Float32:
+        """The scores up to which matches are accepted: float32."""
     @property
-    def false_positives(self) -> _Int64: ...
-    def auc(self, upto: float) -> float: ...
+    def false_positives(self) -> _Int64:
+        """How many wrong matches are accepted at each threshold: int64."""
+    def auc(self, upto: float) -> float:
+        """The area under the curve up to a recall, divided by it: 1 if all matches accepted by then
+        are correct.
+
+        Trapezoids between the lowest precisions at each recall; in the segment that ``upto`` cuts,
+        the sweep's own line, which leads to the highest precision at the next recall. The first
+        precision is held back to recall 0. A curve that ends before adds nothing beyond its end:
+        read it beside ``max_recall``.
+        """
     def auc_interval(
         self,
         upto: float,
@@ -417,7 +1240,26 @@ class Evaluation:
         samples: int = 1000,
         block: int | None = None,
         seed: int = 0,
-    ) -> tuple[float, float]: ...
+    ) -> tuple[float, float]:
+        """An interval for ``auc(upto)``, by a bootstrap over blocks of consecutive queries, as
+        neighbours are not independent.
+
+        Parameters
+        ----------
+        upto : float
+        level : float
+            The share of the samples inside.
+        samples : int
+            How often the queries are drawn anew.
+        block : int, optional
+            How many consecutive queries a block has; the root of their number by default.
+        seed : int
+            Another seed draws other blocks.
+
+        Returns
+        -------
+        (low, high)
+        """
     def auc_difference_interval(
         self,
         other: Evaluation,
@@ -427,55 +1269,267 @@ class Evaluation:
         samples: int = 1000,
         block: int | None = None,
         seed: int = 0,
-    ) -> tuple[float, float]: ...
-    def recall_at_precision(self, precision: float) -> float: ...
-    def false_positives_at(self, recall: float) -> int | None: ...
+    ) -> tuple[float, float]:
+        """An interval for ``self.auc(upto) - other.auc(upto)`` on the same queries; each sample draws
+        the same ones for both. If it holds 0, the drive does not tell which is better.
+
+        Parameters
+        ----------
+        other : Evaluation
+            Of the same number of queries.
+        upto, level, samples, block, seed
+            As for ``auc_interval``.
+
+        Returns
+        -------
+        (low, high)
+        """
+    def recall_at_precision(self, precision: float) -> float:
+        """The largest recall at a precision of at least this; 0 if there is none."""
+    def false_positives_at(self, recall: float) -> int | None:
+        """The number of wrong matches that are accepted when this recall is reached; None if it
+        never is.
+        """
     @property
-    def max_recall(self) -> float: ...
+    def max_recall(self) -> float:
+        """The largest recall that the curve reaches."""
     @property
-    def best_f1(self) -> float: ...
+    def best_f1(self) -> float:
+        """The largest harmonic mean of precision and recall over all thresholds; 0 if nothing is
+        correct.
+        """
     @property
-    def best_f1_threshold(self) -> float: ...
+    def best_f1_threshold(self) -> float:
+        """The threshold of ``best_f1``."""
     @property
-    def judged(self) -> int: ...
+    def judged(self) -> int:
+        """How many queries were judged: ready, and not ignored."""
     @property
-    def correct(self) -> int: ...
+    def correct(self) -> int:
+        """How many of the judged matches are correct, accepted or not."""
 
 @final
 class Trust:
+    """The confusion table of a trust flag: positive is trusted, true is a correct single match."""
+
     @property
-    def true_positives(self) -> int: ...
+    def true_positives(self) -> int:
+        """Trusted, and correct."""
     @property
-    def false_positives(self) -> int: ...
+    def false_positives(self) -> int:
+        """Trusted, but wrong."""
     @property
-    def false_negatives(self) -> int: ...
+    def false_negatives(self) -> int:
+        """Correct, but not trusted."""
     @property
-    def true_negatives(self) -> int: ...
+    def true_negatives(self) -> int:
+        """Not trusted, and wrong."""
     @property
-    def precision(self) -> float: ...
+    def precision(self) -> float:
+        """The share of the trusted matches that is correct; 0 if none is trusted."""
     @property
-    def recall(self) -> float: ...
+    def recall(self) -> float:
+        """The share of the correct matches that is trusted (the true positive rate); 0 if none is
+        correct.
+        """
     @property
-    def false_positive_rate(self) -> float: ...
+    def false_positive_rate(self) -> float:
+        """The share of the wrong matches that is trusted; 0 if none is wrong."""
     @property
-    def share_trusted(self) -> float: ...
+    def share_trusted(self) -> float:
+        """The share of all matches that is trusted."""
 
 def evaluate(
     matches: Run | _Matches,
     truth: _Truth,
     tolerance: float = 1,
     recall: Literal["correct", "place_exists", "rejected"] | str = "correct",
-) -> Evaluation: ...
-def evaluate_trust(run: Run, truth: _Truth, tolerance: float = 1) -> Trust: ...
+) -> Evaluation:
+    """The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
+    ones together. A sequence's warm-up, and queries that the truth ignores, are left out.
+
+    Parameters
+    ----------
+    matches : Run or Matches
+        Of any method.
+    truth : array or pair of arrays
+        Where each query really was. Places: int, shape (m,), -1 for a query that was off the map,
+        so that any accepted match is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the
+        same place), 0 (not) and -1 (ignored). Or a pair of positions in planar metres, of the
+        places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3)
+        (``surefix.datasets.local_metres`` turns latitude and longitude into metres).
+    tolerance : float
+        How far from the truth still counts as correct: places, or metres if the truth is
+        positions.
+    recall : {"correct", "place_exists", "rejected"}
+        What recall is a share of. "correct" (the paper's wording): the queries whose match is
+        correct. "place_exists": those that have a true place. "rejected": true positives and all
+        rejected queries (the authors' earlier code).
+
+    Returns
+    -------
+    Evaluation
+
+    Raises
+    ------
+    SurefixValueError
+        If the truth is of another length than the matches, of another type or shape, or an
+        option outside its range.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> run = surefix.match_distances(1 - np.eye(5, dtype=np.float32))
+    >>> surefix.evaluate(run, np.arange(5)).auc(0.2)
+    1.0
+    """
+
+def evaluate_trust(run: Run, truth: _Truth, tolerance: float = 1) -> Trust:
+    """The confusion table of a run's trust flags, which speak of its single matches: positive is
+    trusted, true is correct.
+
+    Parameters
+    ----------
+    run : Run
+    truth, tolerance
+        As for ``evaluate``.
+
+    Returns
+    -------
+    Trust
+
+    Raises
+    ------
+    SurefixValueError
+        As for ``evaluate``.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> run = surefix.match_distances(1 - np.eye(5, dtype=np.float32))
+    >>> trust = surefix.evaluate_trust(run, np.arange(5))
+    >>> trust.precision, trust.share_trusted
+    (1.0, 1.0)
+    """
+
 def recall_at(
     distances: _Array, truth: _Truth, ks: Iterable[int] = [1, 5, 10], tolerance: float = 1
-) -> list[float]: ...
-def read_image(path: _Path) -> _UInt8: ...
-def decode_image(data: bytes, name: str = "image") -> _UInt8: ...
-def find_images(place: _Path) -> list[str]: ...
+) -> list[float]:
+    """Recall at K: the share of the queries with a true place that have one among their K nearest
+    places.
+
+    Parameters
+    ----------
+    distances : array of float32, shape (n, m)
+    truth, tolerance
+        As for ``evaluate``.
+    ks : sequence of int
+
+    Returns
+    -------
+    list of float, one a K
+
+    Raises
+    ------
+    SurefixValueError
+        As for ``evaluate``.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> surefix.recall_at(1 - np.eye(5, dtype=np.float32), np.arange(5), ks=(1, 5))
+    [1.0, 1.0]
+    """
+
+def read_image(path: _Path) -> _UInt8:
+    """Reads an image file (png, jpeg, bmp, tiff, webp or pnm) with the library's own decoder.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    array of uint8, shape (H, W) for a grey file, (H, W, 3) RGB for any other
+
+    Raises
+    ------
+    SurefixFileError
+        If the file cannot be opened.
+    SurefixValueError
+        If it is not an image that can be decoded.
+    """
+
+def decode_image(data: bytes, name: str = "image") -> _UInt8:
+    """Decodes the bytes of an image file, such as a camera driver's compressed frame, as
+    ``read_image`` does.
+
+    Parameters
+    ----------
+    data : bytes
+    name : str
+        What the error calls it.
+
+    Returns
+    -------
+    array of uint8, shape (H, W) for a grey image, (H, W, 3) RGB for any other
+
+    Raises
+    ------
+    SurefixValueError
+        If it is not an image that can be decoded.
+    """
+
+def find_images(place: _Path) -> list[str]:
+    """The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10``
+    follows ``frame9``.
+
+    Parameters
+    ----------
+    place : str or path
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    SurefixFileError
+        If there is no such folder.
+    SurefixValueError
+        If it holds no images.
+    """
 
 @final
 class Route:
+    """A generated route: a drive past structured scenery, the same for the same seed on every machine.
+
+    Parameters
+    ----------
+    places : int
+        Frames of a traverse, at least 2. Frames are rendered when asked for: a million places need
+        no storage.
+    size : (int, int)
+        Width and height of a frame, in pixels.
+    spacing : float
+        Metres from one frame of the reference drive to the next.
+    seed : int
+        Another seed is another route.
+
+    Raises
+    ------
+    SurefixValueError
+        For an option outside its range.
+
+    Examples
+    --------
+    >>> from surefix.simulate import Route
+    >>> route = Route(places=100, size=(64, 32))
+    >>> summer, winter = route.reference(), route.revisit()
+    >>> winter[0].shape
+    (32, 64, 3)
+    """
+
     def __new__(
         cls,
         places: int = 1000,
@@ -483,7 +1537,8 @@ class Route:
         spacing: float = 3.0,
         seed: int = 1,
     ) -> Route: ...
-    def reference(self) -> Traverse: ...
+    def reference(self) -> Traverse:
+        """The reference drive: summer, noon, nothing in the way."""
     def revisit(
         self,
         *,
@@ -494,7 +1549,15 @@ class Route:
         occluders: float = ...,
         noise: float = ...,
         seed: int = ...,
-    ) -> Traverse: ...
+    ) -> Traverse:
+        """The default second drive: another season, light, lane, speed and traffic. Each can be
+        changed.
+
+        Parameters
+        ----------
+        **conditions
+            As for ``traverse``, over the defaults of the second drive.
+        """
     def traverse(
         self,
         *,
@@ -505,22 +1568,42 @@ class Route:
         occluders: float = 0.0,
         noise: float = 0.0,
         seed: int = 0,
-    ) -> Traverse: ...
+    ) -> Traverse:
+        """A drive in the given conditions; those not given are the reference drive's, of which each is
+        0.
+
+        Parameters
+        ----------
+        light, season, speed_jitter, occluders, noise : float
+            From 0 (as in the reference drive) to 1.
+        lateral_offset : float
+            How far to the side the camera drives, in metres.
+        seed : int
+            Another seed has other traffic and noise.
+        """
 
 @final
 class Traverse:
+    """A drive along a generated route: a sequence of frames, each rendered when asked for, uint8 (H,
+    W, 3).
+
+    Examples
+    --------
+    >>> from surefix.simulate import Route
+    >>> drive = Route(places=10, size=(64, 32)).reference()
+    >>> len(drive), drive[-1].shape
+    (10, (32, 64, 3))
+    """
+
     def __len__(self) -> int: ...
     def __getitem__(self, key: SupportsIndex, /) -> _UInt8: ...
     @property
-    def positions(self) -> _Float64: ...
-    def truth(self, reference: Traverse) -> _Int64: ...
+    def positions(self) -> _Float64:
+        """How far along the route each frame was taken, in metres: shape (n,), float64."""
+    def truth(self, reference: Traverse) -> _Int64:
+        """The true place of each frame on a map of the drive ``reference``: shape (n,), int64, -1 off
+        the map.
+        """
 
-# What `surefix bench` measures in Rust.
-def instruction_set() -> str: ...
-def bench_latency(
-    places: int, sequence_length: int, pushes: int
-) -> tuple[npt.NDArray[np.uint64], int]: ...
-def bench_image_latency(
-    places: int, sequence_length: int, pushes: int
-) -> tuple[npt.NDArray[np.uint64], int]: ...
-def bench_read(words: npt.NDArray[np.uint64], seconds: float, threads: int = 1) -> float: ...
+def instruction_set() -> str:
+    """The instruction set that the kernels run on here: "scalar", "avx2", "avx512" or "neon"."""

@@ -10,6 +10,7 @@ use crate::error::Error;
 /// How two descriptors are compared (method 1.6). Less is more alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Metric {
     /// The mean absolute difference (the sum of absolute differences, SAD, divided by the
     /// dimension).

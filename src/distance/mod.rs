@@ -117,6 +117,7 @@ pub(crate) fn products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f32]) 
 }
 
 /// The same, not rounded.
+#[cfg(feature = "pca")]
 pub(crate) fn wide_products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f64]) {
     scan::floats::<Products, _, _, _>(isa, vector, rows, out, |_, sum| sum);
 }

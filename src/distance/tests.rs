@@ -11,6 +11,7 @@ use super::{Metric, Query, Rows, distances, norm};
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::numbers::{Values, View};
+use crate::random::SplitMix64;
 use crate::simd::Isa;
 
 const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosine];
@@ -27,12 +28,8 @@ fn pairs() -> impl Iterator<Item = (Dtype, Dtype)> {
 
 /// `count` numbers of a type from a seed, over its whole range (floats: of mixed sizes).
 fn numbers(dtype: Dtype, count: usize, seed: u64) -> Values {
-    let mut state = seed;
-    let mut draw = || {
-        state =
-            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as u32
-    };
+    let mut random = SplitMix64(seed);
+    let mut draw = || random.next() >> 40;
     let mut float = || (draw() as f32 / 8_388_608.0 - 1.0) * [1.0, 1e-3, 30.0][draw() as usize % 3];
     match dtype {
         Dtype::F32 => Values::F32((0..count).map(|_| float()).collect()),

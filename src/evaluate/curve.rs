@@ -8,6 +8,7 @@ use crate::error::Error;
 
 /// What recall is a share of. Published code differs, so a figure names the one it used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Recall {
     /// True positives of all queries whose match is correct: the paper's wording.
     #[default]

@@ -144,10 +144,15 @@ pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
         return Err(unreadable("a truncated JPEG: its end marker is missing".to_owned()));
     }
     let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let decoded = reader
-        .map_err(|e| unreadable(e.to_string()))?
-        .decode()
-        .map_err(|e| unreadable(e.to_string()))?;
+    let decoded = reader.map_err(|e| unreadable(e.to_string()))?.decode().map_err(|e| {
+        let more = match e {
+            image::ImageError::Unsupported(_) if cfg!(not(feature = "image-formats")) => {
+                "; more formats come with the cargo feature `image-formats`"
+            }
+            _ => "",
+        };
+        unreadable(format!("{e}{more}"))
+    })?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let (channels, pixels) = if decoded.color().has_color() {
         (Channels::Rgb, decoded.into_rgb8().into_raw())

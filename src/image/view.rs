@@ -6,6 +6,7 @@ use crate::error::Error;
 
 /// How many bytes a pixel has, and what they mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Channels {
     /// One byte a pixel: brightness.
     Grey,
@@ -74,15 +75,6 @@ impl Image {
     ) -> Result<Self, Error> {
         ImageView::new(width, height, channels, &pixels)?;
         Ok(Self { width, height, channels, pixels })
-    }
-
-    /// A black image to draw on. Neither side is 0.
-    pub(crate) fn black(width: usize, height: usize, channels: Channels) -> Self {
-        Self { width, height, channels, pixels: vec![0; width * height * channels.count()] }
-    }
-
-    pub(crate) fn pixels_mut(&mut self) -> &mut [u8] {
-        &mut self.pixels
     }
 
     /// The same image, borrowed.

@@ -5,7 +5,6 @@ mod screening;
 use std::sync::Arc;
 
 use crate::config::Config;
-use crate::crew::{Crew, Sought, threads_for};
 use crate::descriptor::Describer;
 use crate::distance::Query;
 use crate::error::Error;
@@ -14,6 +13,7 @@ use crate::map::{Map, Recipe};
 use crate::method::{Column, Fix, Matcher, load};
 use crate::numbers::{Values, View};
 use crate::post::{ChainState, Running};
+use crate::scan::{Job, Pool, threads_for};
 use screening::Screening;
 
 /// The most threads that are accepted.
@@ -55,7 +55,7 @@ pub struct Localizer {
     /// The bounds of a map with a screen.
     screening: Option<Box<Screening>>,
     /// The threads that scan the map; `None` if the caller scans alone.
-    crew: Option<Crew>,
+    pool: Option<Pool>,
     /// Describes images the map's own way, if the map has one.
     describer: Option<(Describer, Values)>,
     /// The state of the map's post-processing: scratch memory, and running statistics of the drive.
@@ -68,7 +68,7 @@ impl Localizer {
     /// # Errors
     /// As for [`Matcher::new`].
     pub fn new(map: Arc<Map>, config: Config) -> Result<Self, Error> {
-        let matcher = Matcher::new(map.places(), config)?;
+        let matcher = Matcher::along(map.route().segments().clone(), config)?;
         Self::with_matcher(map, matcher)
     }
 
@@ -91,12 +91,12 @@ impl Localizer {
             let expected = format!("from 1 to {MAX_THREADS}, and no more than the system starts");
             Error::Option { name: "threads", expected, got }
         };
-        self.crew = match threads {
+        self.pool = match threads {
             None => automatic(&self.map),
             Some(1) => None,
             Some(threads) if (2..=MAX_THREADS).contains(&threads) => {
-                let crew = Crew::new(&self.map, threads);
-                Some(crew.map_err(|why| refused(format!("{threads} ({why})")))?)
+                let pool = Pool::new(&self.map, threads);
+                Some(pool.map_err(|why| refused(format!("{threads} ({why})")))?)
             }
             Some(other) => return Err(refused(other.to_string())),
         };
@@ -105,7 +105,7 @@ impl Localizer {
 
     /// How many threads scan the map, the caller's own among them.
     pub fn threads(&self) -> usize {
-        self.crew.as_ref().map_or(1, Crew::threads)
+        self.pool.as_ref().map_or(1, Pool::threads)
     }
 
     fn with_matcher(map: Arc<Map>, mut matcher: Matcher) -> Result<Self, Error> {
@@ -113,16 +113,16 @@ impl Localizer {
             Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
             Recipe::Ready => None,
         };
-        let screening = match map.screened() {
-            Some(screen) if map.dim() >= screening::SHORTEST => {
-                Some(Box::new(Screening::new(&map, Arc::clone(screen), &mut matcher)?))
+        let screening = match map.codes() {
+            Some(_) if map.dim() >= screening::SHORTEST => {
+                Some(Box::new(Screening::new(&map, &mut matcher)?))
             }
             _ => None,
         };
         let column = vec![0.0; map.places()];
-        let crew = automatic(&map);
+        let pool = automatic(&map);
         let through = map.post().map(ChainState::of_drive);
-        Ok(Self { map, matcher, column, screening, crew, describer, through })
+        Ok(Self { map, matcher, column, screening, pool, describer, through })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -158,7 +158,7 @@ impl Localizer {
         };
         describer.describe(image, values)?;
         let query = self.map.query(values.view())?;
-        let scan = Scan { map: &self.map, crew: &mut self.crew, column: &mut self.column };
+        let scan = Scan { map: &self.map, pool: &mut self.pool, column: &mut self.column };
         scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)
     }
 
@@ -174,7 +174,7 @@ impl Localizer {
     ) -> Result<Fix, Error> {
         let descriptor = self.map.passed(descriptor, self.through.as_mut())?;
         let query = self.map.query(descriptor)?;
-        let scan = Scan { map: &self.map, crew: &mut self.crew, column: &mut self.column };
+        let scan = Scan { map: &self.map, pool: &mut self.pool, column: &mut self.column };
         let fix = scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)?;
         if let Some(through) = &mut self.through {
             through.commit();
@@ -194,9 +194,9 @@ impl Localizer {
     /// The distances from the newest frame to every place; zeros before the first, and right after
     /// a gap. On a map with a screen, those that were not needed for the fix are computed now.
     pub fn distances(&mut self) -> &[f32] {
-        let Self { map, matcher, column, screening, crew, .. } = self;
+        let Self { map, matcher, column, screening, pool, .. } = self;
         let newest = match screening {
-            Some(screening) => screening.newest(matcher, map, crew),
+            Some(screening) => screening.newest(matcher, map, pool),
             None => matcher.window().newest(&mut ()),
         };
         newest.unwrap_or_else(|| {
@@ -321,7 +321,7 @@ impl Localizer {
 /// One query's scan: the map, the threads, and memory for the column.
 struct Scan<'a> {
     map: &'a Map,
-    crew: &'a mut Option<Crew>,
+    pool: &'a mut Option<Pool>,
     column: &'a mut [f32],
 }
 
@@ -334,24 +334,17 @@ impl Scan<'_> {
         query: Query<'_>,
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
-        let Self { map, crew, column } = self;
+        let Self { map, pool, column } = self;
         if let Some(screening) = screening {
-            return screening.push(matcher, map, crew, query, column, trusted);
+            return screening.push(matcher, map, pool, query, column, trusted);
         }
-        scan(map, crew, Sought::Distances(query), column);
+        Job::Distances(query).column(map, pool, column);
         matcher.push_column(Column { lower: column, upper: None }, trusted, &mut ())
     }
 }
 
 /// The pool that suits the map's size; `None` for one thread.
-fn automatic(map: &Arc<Map>) -> Option<Crew> {
+fn automatic(map: &Arc<Map>) -> Option<Pool> {
     let threads = threads_for(map);
-    (threads > 1).then(|| Crew::at_most(map, threads))
-}
-
-fn scan(map: &Map, crew: &mut Option<Crew>, sought: Sought<'_>, out: &mut [f32]) {
-    match crew {
-        Some(crew) => crew.scan(sought, out),
-        None => sought.scan(map, 0..map.places(), out),
-    }
+    (threads > 1).then(|| Pool::at_most(map, threads))
 }

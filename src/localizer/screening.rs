@@ -3,16 +3,14 @@
 
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::Arc;
 
-use super::scan;
-use crate::crew::{Crew, Sought};
 use crate::distance::Query;
 use crate::error::Error;
-use crate::map::{Aim, FAR, Map, Screen};
+use crate::map::Map;
 use crate::method::{Column, Exact, Fix, Matcher, Ring};
 use crate::numbers::{View, first_not_finite};
 use crate::preallocated::Preallocated;
+use crate::scan::{EncodedQuery, Job, MAX_SCREENED, Pool};
 
 /// Below this many numbers, a row costs no more than the work on its bounds.
 pub(super) const SHORTEST: usize = 256;
@@ -20,12 +18,11 @@ pub(super) const SHORTEST: usize = 256;
 /// What a screened localizer has beside its matcher.
 #[derive(Clone, Debug)]
 pub(super) struct Screening {
-    screen: Arc<Screen>,
     /// The newest queries, for as long as their distances can be asked for.
     queries: Ring,
     /// Their lengths, for the cosine, the newest first.
     lengths: Preallocated<VecDeque<f64>>,
-    encoded: Aim,
+    encoded: EncodedQuery,
     products: Vec<f32>,
     upper: Vec<f32>,
     backoff: Backoff,
@@ -38,11 +35,7 @@ impl Screening {
     ///
     /// # Errors
     /// [`Error::Memory`] if there is not enough for a second window.
-    pub(super) fn new(
-        map: &Map,
-        screen: Arc<Screen>,
-        matcher: &mut Matcher,
-    ) -> Result<Self, Error> {
+    pub(super) fn new(map: &Map, matcher: &mut Matcher) -> Result<Self, Error> {
         matcher.accept_bounds()?;
         let (window, remembered) = (matcher.window().capacity(), matcher.window().len());
         // Restored distances may be of any size: until they are forgotten, nothing is added to
@@ -59,10 +52,9 @@ impl Screening {
             lengths.push_front(0.0);
         }
         Ok(Self {
-            screen,
             queries,
             lengths: Preallocated(lengths),
-            encoded: Aim::new(map.dim()),
+            encoded: EncodedQuery::new(map.dim()),
             products: vec![0.0; map.places()],
             upper: vec![0.0; map.places()],
             backoff: Backoff::new(rest),
@@ -78,21 +70,21 @@ impl Screening {
         &mut self,
         matcher: &mut Matcher,
         map: &Map,
-        crew: &mut Option<Crew>,
+        pool: &mut Option<Pool>,
         query: Query<'_>,
         lower: &mut [f32],
         trusted: Option<bool>,
     ) -> Result<Fix, Error> {
         let tries = self.backoff.tries();
-        let screened = tries && self.bounds(map, crew, query, lower);
+        let screened = tries && self.bounds(map, pool, query, lower);
         if !screened {
-            self.scan(matcher, map, crew, query, lower)?;
+            self.scan(matcher, map, pool, query, lower)?;
         }
         self.remember(query);
         let Self { queries, lengths, upper, .. } = self;
         let column = Column { lower, upper: screened.then_some(upper) };
         let fix =
-            matcher.push_column(column, trusted, &mut Rows { map, crew, queries, lengths })?;
+            matcher.push_column(column, trusted, &mut Rows { map, pool, queries, lengths })?;
         let scanned = if screened { 0 } else { map.places() };
         self.looked_at = scanned + matcher.window().asked();
         if tries {
@@ -107,14 +99,15 @@ impl Screening {
     fn bounds(
         &mut self,
         map: &Map,
-        crew: &mut Option<Crew>,
+        pool: &mut Option<Pool>,
         query: Query<'_>,
         lower: &mut [f32],
     ) -> bool {
-        let Self { screen, encoded, products, upper, .. } = self;
-        screen.aim(map.isa(), map.metric(), query, encoded);
-        scan(map, crew, Sought::Products(&encoded.codes), products);
-        map.bounds(screen, encoded, products, lower, upper)
+        let Some(codes) = map.codes() else { return false };
+        let Self { encoded, products, upper, .. } = self;
+        codes.encode(map.isa(), map.metric(), query, encoded);
+        Job::CodeProducts(&encoded.codes).column(map, pool, products);
+        map.bounds(encoded, products, lower, upper)
     }
 
     /// Computes all distances. If some are so large that sums of them can overflow, the whole
@@ -123,25 +116,25 @@ impl Screening {
         &mut self,
         matcher: &mut Matcher,
         map: &Map,
-        crew: &mut Option<Crew>,
+        pool: &mut Option<Pool>,
         query: Query<'_>,
         lower: &mut [f32],
     ) -> Result<(), Error> {
-        scan(map, crew, Sought::Distances(query), lower);
+        Job::Distances(query).column(map, pool, lower);
         if let Some((index, value)) = first_not_finite(lower) {
             return Err(Error::NotFinite { what: "distances", row: None, index, value });
         }
-        if lower.iter().any(|&d| d >= FAR) {
-            self.resolve(matcher, map, crew);
+        if lower.iter().any(|&d| d >= MAX_SCREENED) {
+            self.resolve(matcher, map, pool);
             self.backoff.rest(matcher.window().capacity() + 1);
         }
         Ok(())
     }
 
     /// Computes all distances of the window that are not yet known.
-    pub(super) fn resolve(&self, matcher: &mut Matcher, map: &Map, crew: &mut Option<Crew>) {
+    pub(super) fn resolve(&self, matcher: &mut Matcher, map: &Map, pool: &mut Option<Pool>) {
         let Self { queries, lengths, .. } = self;
-        matcher.window().resolve(&mut Rows { map, crew, queries, lengths });
+        matcher.window().resolve(&mut Rows { map, pool, queries, lengths });
     }
 
     /// The newest query's distances, all of them; `None` before the first, and right after a gap.
@@ -149,10 +142,10 @@ impl Screening {
         &self,
         matcher: &'a mut Matcher,
         map: &Map,
-        crew: &mut Option<Crew>,
+        pool: &mut Option<Pool>,
     ) -> Option<&'a [f32]> {
         let Self { queries, lengths, .. } = self;
-        matcher.window().newest(&mut Rows { map, crew, queries, lengths })
+        matcher.window().newest(&mut Rows { map, pool, queries, lengths })
     }
 
     fn remember(&mut self, query: Query<'_>) {
@@ -225,7 +218,7 @@ impl Backoff {
 /// The map's rows, and the newest queries to compare with them.
 struct Rows<'a> {
     map: &'a Map,
-    crew: &'a mut Option<Crew>,
+    pool: &'a mut Option<Pool>,
     queries: &'a Ring,
     lengths: &'a VecDeque<f64>,
 }
@@ -237,7 +230,7 @@ impl Exact for Rows<'_> {
         let numbers = View::F32(self.queries.column(age));
         let query = Query { numbers, length: self.lengths[age] };
         if places.len() == self.map.places() {
-            scan(self.map, self.crew, Sought::Distances(query), out);
+            Job::Distances(query).column(self.map, self.pool, out);
         } else {
             self.map.scan(query, places, out);
         }

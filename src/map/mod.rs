@@ -1,49 +1,34 @@
-//! The reference map: one descriptor a place, in route order, and all that is needed to use them.
+//! The reference map: one descriptor for each place, in route order, and how to make and compare
+//! descriptors.
 
-mod append;
-mod beside;
-mod build;
+mod block;
+mod codes;
 mod file;
-mod layout;
-mod learned;
-mod names;
-mod parts;
-mod positions;
-mod screen;
-#[cfg(test)]
-mod screen_tests;
+mod grow;
+mod recipe;
+mod route;
 mod storage;
 
 use std::hash::Hasher as _;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
-use crate::descriptor::Sad;
-use crate::distance::{self, Metric, Query, Rows, norm};
+use crate::descriptor::{Sad, describe_into};
+use crate::distance::{Metric, Rows};
 use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::numbers::{Values, View, each_type};
-use crate::post::{ChainState, Post};
+use crate::image::{ImageSource, Progress};
+use crate::numbers::{Values, View};
 use crate::simd::Isa;
-use names::Names;
-pub use positions::Positions;
-pub(crate) use screen::{Aim, FAR, Screen};
-use storage::Storage;
-
-/// How the map's descriptors were made, so that a query can be described the same way.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase")]
-#[non_exhaustive]
-pub enum Recipe {
-    /// Somebody else made them: queries come as descriptors.
-    #[default]
-    Ready,
-    /// The SAD descriptor: queries come as images, or as its descriptors.
-    Sad(Sad),
-}
+use block::{Blocks, lengths};
+pub(crate) use codes::Codes;
+use recipe::Kind;
+pub use recipe::Recipe;
+pub use route::Positions;
+use route::{Names, Route};
+pub(crate) use storage::Storage;
 
 /// A known route: `places` descriptors of `dim` numbers, how to compare them, and how they were
 /// made.
@@ -57,21 +42,12 @@ pub enum Recipe {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Map {
-    /// Copies of a map share its rows.
-    rows: Arc<Storage>,
-    places: usize,
-    dim: usize,
-    metric: Metric,
-    recipe: Recipe,
-    screen: Option<Arc<Screen>>,
-    /// Each row's length, for the cosine; else empty.
-    norms: Vec<f64>,
-    names: Option<Names>,
-    positions: Option<Positions>,
-    /// What the rows, and the queries, go through.
-    post: Option<Arc<Post>>,
-    /// The recipe of the descriptor that somebody else computes, as JSON.
-    learned: Option<Arc<str>>,
+    /// Copies of a map share its blocks.
+    blocks: Blocks,
+    route: Arc<Route>,
+    kind: Kind,
+    /// The rows' codes, if the map has a screen.
+    codes: Option<Arc<Codes>>,
     fingerprint: OnceLock<u64>,
     isa: Isa,
 }
@@ -80,82 +56,120 @@ impl Map {
     /// A map of ready descriptors: rows of `dim` numbers, one after the other, in route order.
     ///
     /// # Errors
-    /// [`Error::Shape`] where `dim` does not divide the numbers, [`Error::TooFewPlaces`] below two
-    /// rows, [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a row of
+    /// [`Error::Shape`] if `dim` does not divide the count of numbers, [`Error::TooFewPlaces`] below
+    /// two rows, [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a row of
     /// zeros under the cosine.
     pub fn from_descriptors(
         rows: impl Into<Values>,
         dim: usize,
         metric: Metric,
     ) -> Result<Self, Error> {
-        Self::assemble(Storage::from(rows.into()), dim, metric, Recipe::Ready)
+        Self::checked(Storage::from(rows.into()), dim, metric, Recipe::Ready)
     }
 
-    /// A map of rows that are all looked at: none of their numbers is a NaN or an infinity.
-    fn assemble(rows: Storage, dim: usize, metric: Metric, recipe: Recipe) -> Result<Self, Error> {
-        let places = count_places(rows.view().len(), dim)?;
+    /// A map of the SAD descriptors of a traverse's images, described on all cores (feature
+    /// `rayon`). Places get the images' names. `progress` is told how many images are done and how
+    /// many there are; `Break` from it stops the work.
+    ///
+    /// # Errors
+    /// [`Error::Image`] or [`Error::Io`] for an image that cannot be read, [`Error::ImageSize`] for
+    /// one of another size, [`Error::TooFewPlaces`] below two images, [`Error::Interrupted`] if
+    /// `progress` breaks.
+    pub fn from_images(
+        images: &(impl ImageSource + ?Sized),
+        sad: Sad,
+        progress: Progress<'_>,
+    ) -> Result<Self, Error> {
+        let places = at_least_two(images.len())?;
+        let mut rows = Storage::zeros(sad.dtype(), places * sad.dim());
+        describe_into(&sad, images, progress, rows.bytes_mut())?;
+        let names = Names::new((0..places).map(|index| images.name(index)))?;
+        Self::checked(rows, sad.dim(), Metric::Manhattan, Recipe::Sad(sad))?.named(names)
+    }
+
+    /// A map of rows whose numbers have not been checked.
+    fn checked(rows: Storage, dim: usize, metric: Metric, recipe: Recipe) -> Result<Self, Error> {
+        count_places(rows.view().len(), dim)?;
         rows.view().check_finite("descriptors", dim)?;
         let norms = lengths(rows.view(), dim, metric)?;
-        Ok(Self::of_parts(rows, places, dim, metric, recipe, norms))
+        let dtype = rows.view().dtype();
+        let kind = Kind { dim, dtype, metric, recipe, post: None, learned: None };
+        Ok(Self::of(rows, &norms, kind))
     }
 
-    /// A map of parts that have been checked.
-    fn of_parts(
-        rows: Storage,
-        places: usize,
-        dim: usize,
-        metric: Metric,
-        recipe: Recipe,
-        norms: Vec<f64>,
-    ) -> Self {
-        Self {
-            rows: Arc::new(rows),
-            places,
-            dim,
-            metric,
-            recipe,
-            screen: None,
-            norms,
-            names: None,
-            positions: None,
-            post: None,
-            learned: None,
-            fingerprint: OnceLock::new(),
-            isa: Isa::best(),
+    /// A map of rows that have been checked.
+    fn of(rows: Storage, norms: &[f64], kind: Kind) -> Self {
+        let blocks = Blocks::of(rows, kind.dim, norms);
+        let route = Route::unbroken(blocks.rows());
+        Self::joining(blocks, route, kind, Isa::best())
+    }
+
+    fn joining(blocks: Blocks, route: Route, kind: Kind, isa: Isa) -> Self {
+        let route = Arc::new(route);
+        Self { blocks, route, kind, codes: None, fingerprint: OnceLock::new(), isa }
+    }
+
+    /// Some of the places, as a map of their own that shares the rows' memory. It has a screen if
+    /// this map has one.
+    ///
+    /// ```
+    /// use surefix::{Map, Metric};
+    /// let map = Map::from_descriptors(vec![0_u8, 1, 2, 3, 4, 5], 2, Metric::Euclidean)?;
+    /// assert_eq!(map.slice(1..3)?.distances([4_u8, 5].as_slice())?[1], 0.0);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Option`] unless `places` is a range of this map's places, [`Error::TooFewPlaces`] for
+    /// less than two; [`Error::Option`] and [`Error::NotFinite`] as for
+    /// [`with_screen`](Self::with_screen), if this map has a screen.
+    pub fn slice(&self, places: Range<usize>) -> Result<Self, Error> {
+        if places.start > places.end || places.end > self.places() {
+            let expected = format!("a range within the {} places", self.places());
+            return Err(Error::Option { name: "places", expected, got: format!("{places:?}") });
+        }
+        at_least_two(places.len())?;
+        let blocks = self.blocks.slice(self.route.rows(places.clone()));
+        self.screened_like(blocks, self.route.slice(places))
+    }
+
+    /// A map of the same kind, with a screen if this one has a screen.
+    fn screened_like(&self, blocks: Blocks, route: Route) -> Result<Self, Error> {
+        let map = Self::joining(blocks, route, self.kind.clone(), self.isa);
+        match self.screen() {
+            Some(dtype) => map.with_screen(dtype),
+            None => Ok(map),
         }
     }
 
     /// The same map with a name for each place, such as its image's file name.
     ///
     /// # Errors
-    /// [`Error::Length`] unless there are as many names as places, [`Error::Option`] for a name
-    /// with a NUL.
+    /// [`Error::Length`] unless there is a name for each place, [`Error::Option`] for a name with a
+    /// NUL.
     pub fn with_names(self, names: Vec<String>) -> Result<Self, Error> {
         self.named(Names::new(names)?)
     }
 
     fn named(mut self, names: Names) -> Result<Self, Error> {
-        if names.len() != self.places {
-            return Err(Error::Length { what: "names", expected: self.places, got: names.len() });
-        }
-        self.names = Some(names);
+        self.one_for_each_place("names", names.len())?;
+        Arc::make_mut(&mut self.route).names = Some(names);
         Ok(self)
     }
 
     /// The same map with a position for each place.
     ///
     /// # Errors
-    /// [`Error::Length`] unless there are as many positions as places.
+    /// [`Error::Length`] unless there is a position for each place.
     pub fn with_positions(mut self, positions: Positions) -> Result<Self, Error> {
-        if positions.len() != self.places {
-            return Err(Error::Length {
-                what: "positions",
-                expected: self.places,
-                got: positions.len(),
-            });
-        }
-        self.positions = Some(positions);
+        self.one_for_each_place("positions", positions.len())?;
+        Arc::make_mut(&mut self.route).positions = Some(positions);
         Ok(self)
+    }
+
+    fn one_for_each_place(&self, what: &'static str, got: usize) -> Result<(), Error> {
+        let expected = self.places();
+        if got == expected { Ok(()) } else { Err(Error::Length { what, expected, got }) }
     }
 
     /// The same map, whose distances are computed with the given instruction set instead of
@@ -170,7 +184,7 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Option`] for an instruction set that this processor lacks.
+    /// [`Error::Option`] for an instruction set that the processor lacks.
     pub fn with_isa(mut self, isa: Isa) -> Result<Self, Error> {
         self.isa = isa.checked()?;
         Ok(self)
@@ -181,182 +195,117 @@ impl Map {
         self.isa
     }
 
-    /// How many places the route has.
+    /// The number of places on the route.
     pub fn places(&self) -> usize {
-        self.places
+        self.route.places()
     }
 
-    /// How many numbers a descriptor has.
+    /// The length of a descriptor.
     pub fn dim(&self) -> usize {
-        self.dim
+        self.kind.dim
     }
 
     /// The type of the descriptors' numbers.
     pub fn dtype(&self) -> Dtype {
-        self.rows.view().dtype()
+        self.kind.dtype
     }
 
     /// How descriptors are compared.
     pub fn metric(&self) -> Metric {
-        self.metric
+        self.kind.metric
     }
 
     /// How the descriptors were made.
     pub fn recipe(&self) -> Recipe {
-        self.recipe
+        self.kind.recipe
     }
 
-    /// All descriptors, place by place.
+    /// All descriptors, place by place. The rows of a map that was [`extended`](Self::extended) lie
+    /// in several pieces: the first call on it copies them into one, which it keeps.
     pub fn descriptors(&self) -> View<'_> {
-        self.rows.view()
+        self.blocks.in_one_piece()
     }
 
-    /// A name for each place, where the map has names. The list is made when it is first asked for.
+    /// A name for each place, if the map has names. The list is made on first use.
     pub fn names(&self) -> Option<&[String]> {
-        self.names.as_ref().map(Names::list)
+        self.route.names.as_ref().map(Names::list)
     }
 
-    /// A position for each place, where the map has positions.
+    /// A position for each place, if the map has positions.
     pub fn positions(&self) -> Option<&Positions> {
-        self.positions.as_ref()
+        self.route.positions.as_ref()
     }
 
-    /// The distances from a descriptor to every place: one number a place, in route order. On a map
-    /// with post-processing, the descriptor goes through that first, as the references did:
-    /// statistics of a drive are a [`Localizer`](crate::Localizer)'s. SAD distances are in units of
-    /// `z`, whatever the type that they are stored in (method 1.7).
-    ///
-    /// # Errors
-    /// As for [`distances_into`](Self::distances_into).
-    pub fn distances<'a>(&self, descriptor: impl Into<View<'a>>) -> Result<Vec<f32>, Error> {
-        let mut out = vec![0.0; self.places];
-        self.distances_into(descriptor.into(), &mut out)?;
-        Ok(out)
+    pub(crate) fn route(&self) -> &Route {
+        &self.route
     }
 
-    /// Like [`distances`](Self::distances), into memory that the caller keeps.
-    ///
-    /// # Errors
-    /// [`Error::Length`] for a descriptor that has not [`input_dim`](Self::input_dim) numbers or an
-    /// `out` that has not `places()`; [`Error::Dtype`] unless it is of the map's own type, or
-    /// float32 on a map of ready descriptors; [`Error::NotFinite`] for a NaN or an infinity;
-    /// [`Error::NoDirection`] for zeros under the cosine, or where post-processing normalises them.
-    /// `out` is then unchanged.
-    pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
-        let mut through = self.post.as_deref().map(ChainState::new);
-        self.distances_of_passed(self.passed(descriptor, through.as_mut())?, out)
+    pub(crate) fn blocks(&self) -> &Blocks {
+        &self.blocks
     }
 
-    /// [`distances_into`](Self::distances_into), of a descriptor after post-processing.
-    pub(crate) fn distances_of_passed(
+    /// The rows' codes, if the map has a screen.
+    pub(crate) fn codes(&self) -> Option<&Arc<Codes>> {
+        self.codes.as_ref()
+    }
+
+    pub(crate) fn with_codes(mut self, codes: Codes) -> Self {
+        self.codes = Some(codes.into());
+        self
+    }
+
+    /// The lengths of all rows, block by block, for the cosine.
+    pub(crate) fn norms(&self) -> impl Iterator<Item = f64> {
+        self.blocks.iter().flat_map(|block| block.norms()).copied()
+    }
+
+    /// Calls `work` with the rows of each block that has some of `places`, and the range of their
+    /// distances.
+    pub(crate) fn each_block(
         &self,
-        descriptor: View<'_>,
-        out: &mut [f32],
-    ) -> Result<(), Error> {
-        let query = self.query(descriptor)?;
-        if out.len() != self.places {
-            return Err(Error::Length { what: "distances", expected: self.places, got: out.len() });
-        }
-        self.scan(query, 0..self.places, out);
-        Ok(())
+        places: Range<usize>,
+        mut work: impl FnMut(Rows<'_>, Range<usize>),
+    ) {
+        let dim = self.kind.dim;
+        self.blocks.each(self.route.rows(places), |block, within, out| {
+            let values = block::part(block.rows(), within.start * dim..within.end * dim);
+            let norms = block.norms().get(within).unwrap_or_default();
+            work(self.kind.rows(values, norms, self.isa), out);
+        });
     }
 
-    /// A descriptor that can be compared with the map's: processed already, where the map has
-    /// post-processing.
-    ///
-    /// # Errors
-    /// Those of [`distances_into`](Self::distances_into) that are about the descriptor.
-    pub(crate) fn query<'a>(&self, descriptor: View<'a>) -> Result<Query<'a>, Error> {
-        let what = "descriptor";
-        if descriptor.len() != self.dim {
-            return Err(Error::Length { what, expected: self.dim, got: descriptor.len() });
-        }
-        // The numbers of SAD in float32 (z) are not those in uint8 (128 + 32 z): one is no query
-        // for the other.
-        if let (Recipe::Sad(_), map, got) = (self.recipe, self.dtype(), descriptor.dtype())
-            && map != got
-        {
-            return Err(Error::Dtype { what, map, or_float: false, got });
-        }
-        Query::new(descriptor, self.as_rows())
+    /// No rows, to check a query against.
+    pub(crate) fn no_rows(&self) -> Rows<'_> {
+        let values = block::part(self.blocks.first(), 0..0);
+        self.kind.rows(values, &[], self.isa)
     }
 
-    /// Writes the distances to some of the places, which must be there, into `out`, which has a
-    /// number for each.
-    pub(crate) fn scan(&self, query: Query<'_>, places: Range<usize>, out: &mut [f32]) {
-        let mut rows = self.as_rows();
-        let numbers = places.start * self.dim..places.end * self.dim;
-        rows.values = each_type!(View, rows.values, v => View::from(&v[numbers]));
-        if !rows.norms.is_empty() {
-            rows.norms = &rows.norms[places];
-        }
-        distance::distances(query, rows, out);
-    }
-
-    /// The screen, to be scanned.
-    pub(crate) fn screened(&self) -> Option<&Arc<Screen>> {
-        self.screen.as_ref()
-    }
-
-    fn as_rows(&self) -> Rows<'_> {
-        let unit = match self.recipe {
-            Recipe::Sad(sad) => sad.unit(),
-            Recipe::Ready => 1.0,
-        };
-        Rows {
-            values: self.rows.view(),
-            dim: self.dim,
-            metric: self.metric,
-            unit,
-            norms: &self.norms,
-            isa: self.isa,
-        }
-    }
-
-    /// A hash of all that decides a distance: a snapshot knows its map by it. Computed once, when
-    /// first asked for.
+    /// A hash of everything that decides a distance: a snapshot identifies its map by it. Computed
+    /// on first use.
     pub(crate) fn fingerprint(&self) -> u64 {
         *self.fingerprint.get_or_init(|| {
             let mut hash = XxHash3_64::with_seed(0);
-            let kind = format!("{} {} {} {:?}", self.dtype(), self.metric, self.dim, self.recipe);
-            hash.write(kind.as_bytes());
-            hash.write(self.rows.view().bytes());
-            if let Some(post) = &self.post {
-                learned::hash(post, &mut hash);
+            let Kind { dtype, metric, dim, recipe, .. } = &self.kind;
+            hash.write(format!("{dtype} {metric} {dim} {recipe:?}").as_bytes());
+            self.blocks.iter().for_each(|block| hash.write(block.rows().bytes()));
+            if let Some(post) = self.post() {
+                recipe::hash(post, &mut hash);
             }
             hash.finish()
         })
     }
 }
 
-/// How many places numbers in rows of `dim` are of.
+/// The number of places in a count of numbers in rows of `dim`.
 fn count_places(numbers: usize, dim: usize) -> Result<usize, Error> {
-    let what = "map";
     if dim == 0 || !numbers.is_multiple_of(dim) {
         let expected = "rows of at least one number, all of one length".to_owned();
-        return Err(Error::Shape {
-            what,
-            expected,
-            got: format!("{numbers} numbers in rows of {dim}"),
-        });
+        let got = format!("{numbers} numbers in rows of {dim}");
+        return Err(Error::Shape { what: "map", expected, got });
     }
-    let places = numbers / dim;
-    if places < 2 {
-        return Err(Error::TooFewPlaces { what, got: places });
-    }
-    Ok(places)
+    at_least_two(numbers / dim)
 }
 
-/// Each row's length where the metric needs it, else nothing.
-fn lengths(rows: View<'_>, dim: usize, metric: Metric) -> Result<Vec<f64>, Error> {
-    let norms: Vec<f64> = match metric {
-        Metric::Cosine => {
-            (0..rows.len() / dim).filter_map(|i| rows.row(i, dim)).map(norm).collect()
-        }
-        Metric::Manhattan | Metric::Euclidean => Vec::new(),
-    };
-    match norms.iter().position(|&norm| norm == 0.0) {
-        Some(row) => Err(Error::NoDirection { what: "descriptors", row: Some(row) }),
-        None => Ok(norms),
-    }
+fn at_least_two(places: usize) -> Result<usize, Error> {
+    if places < 2 { Err(Error::TooFewPlaces { what: "map", got: places }) } else { Ok(places) }
 }

@@ -1,26 +1,26 @@
-//! The memory that a map's rows lie in.
+//! The memory of a map's rows.
 
 use std::fmt;
 #[cfg(feature = "mmap")]
-use std::{ops::Range, sync::Arc};
+use std::ops::Range;
 
 use crate::dtype::Dtype;
 use crate::numbers::{Values, View, each_type};
 
-/// Where rows begin in memory: at a multiple of a cache line, which is the widest vector register
-/// too. Loads that straddle lines cost twice as much where the map is in the cache.
+/// Rows begin at a multiple of a cache line, which is also the widest vector register. Loads that
+/// straddle lines cost twice as much if the map is in the cache.
 const LINE: usize = 64;
 
-/// From so many bytes on, rows lie in memory that is asked for in huge pages where the system has
-/// them. Large maps are then scanned up to 1.9 times as fast, for the processor need not look up
-/// the place of every 4 kB.
+/// From this number of bytes on, rows lie in huge pages if the system has them. Large maps are then
+/// scanned up to 1.9 times as fast, because the processor need not look up the address of every
+/// 4 kB.
 #[cfg(feature = "mmap")]
 const LARGE: usize = 4 << 20;
-/// How much is moved from one memory to another before the first is made shorter.
+/// Bytes that are moved from one memory to another before the first is made shorter.
 #[cfg(feature = "mmap")]
 const PIECE: usize = 32 << 20;
 
-/// A map's rows, one after the other without gaps.
+/// Numbers without gaps, beginning on a cache line unless they are mapped.
 pub(crate) struct Storage(Kind);
 
 enum Kind {
@@ -31,7 +31,7 @@ enum Kind {
     Pages { memory: memmap2::MmapMut, dtype: Dtype },
     /// A part of a file that is mapped into memory: checked to be aligned for its type.
     #[cfg(feature = "mmap")]
-    Mapped { file: Arc<memmap2::Mmap>, span: Range<usize>, dtype: Dtype },
+    Mapped { file: memmap2::Mmap, span: Range<usize>, dtype: Dtype },
 }
 
 impl Storage {
@@ -46,8 +46,8 @@ impl Storage {
         Self(Kind::Owned { numbers, start, len })
     }
 
-    /// The same, or nothing where the system has no room for them.
-    pub(super) fn try_zeros(dtype: Dtype, len: usize) -> Option<Self> {
+    /// The same, or `None` if the system has too little memory.
+    pub(crate) fn try_zeros(dtype: Dtype, len: usize) -> Option<Self> {
         #[cfg(feature = "mmap")]
         if let Some(pages) = pages(dtype, len) {
             return Some(pages);
@@ -57,23 +57,22 @@ impl Storage {
         Some(Self::zeros(dtype, len))
     }
 
-    /// The numbers of one after those of the other, which are of one type.
-    pub(super) fn joined(first: View<'_>, second: View<'_>) -> Self {
-        let mut joined = Self::zeros(first.dtype(), first.len() + second.len());
-        let (head, tail) = joined.bytes_mut().split_at_mut(first.bytes().len());
-        head.copy_from_slice(first.bytes());
-        tail.copy_from_slice(second.bytes());
-        joined
-    }
-
-    /// The numbers of the type `dtype` in a part of a mapped file; nothing where they are not
-    /// aligned for it.
+    /// The numbers of the type `dtype` in a part of a mapped file, or `None` if they are not aligned
+    /// for it.
     #[cfg(feature = "mmap")]
     pub(super) fn mapped(file: memmap2::Mmap, span: Range<usize>, dtype: Dtype) -> Option<Self> {
         let bytes = file.get(span.clone())?;
         let aligned = bytes.as_ptr().addr().is_multiple_of(dtype.size());
-        let file = Arc::new(file);
         aligned.then_some(Self(Kind::Mapped { file, span, dtype }))
+    }
+
+    /// The mapped file that the numbers lie in.
+    #[cfg(feature = "mmap")]
+    pub(super) fn file(&self) -> Option<&memmap2::Mmap> {
+        match &self.0 {
+            Kind::Mapped { file, .. } => Some(file),
+            Kind::Owned { .. } | Kind::Pages { .. } => None,
+        }
     }
 
     /// The numbers.
@@ -91,9 +90,9 @@ impl Storage {
         }
     }
 
-    /// The numbers' memory, to be written; empty where they are mapped, for those are never
+    /// The memory of the numbers, to be written. It is empty for a mapped file, which is never
     /// written.
-    pub(super) fn bytes_mut(&mut self) -> &mut [u8] {
+    pub(crate) fn bytes_mut(&mut self) -> &mut [u8] {
         match &mut self.0 {
             Kind::Owned { numbers, start, len } => {
                 let size = numbers.dtype().size();
@@ -107,8 +106,8 @@ impl Storage {
     }
 }
 
-/// Takes the numbers over, without ever having two copies: they are moved up to the next line
-/// within their own memory, or piece by piece into pages.
+/// Never holds two copies: the numbers are moved to the next line within their own memory, or piece
+/// by piece into pages.
 impl From<Values> for Storage {
     fn from(mut numbers: Values) -> Self {
         #[cfg(feature = "mmap")]
@@ -128,35 +127,18 @@ impl From<Values> for Storage {
     }
 }
 
-impl Clone for Storage {
-    fn clone(&self) -> Self {
-        #[cfg(feature = "mmap")]
-        if let Kind::Mapped { file, span, dtype } = &self.0 {
-            return Self(Kind::Mapped {
-                file: Arc::clone(file),
-                span: span.clone(),
-                dtype: *dtype,
-            });
-        }
-        let view = self.view();
-        let mut copy = Self::zeros(view.dtype(), view.len());
-        copy.bytes_mut().copy_from_slice(view.bytes());
-        copy
-    }
-}
-
-/// Zeros in pages of their own, where they are many and the system gives them.
+/// Zeros in huge pages, if they are many and the system has the memory.
 #[cfg(feature = "mmap")]
 fn pages(dtype: Dtype, len: usize) -> Option<Storage> {
     let bytes = len.checked_mul(dtype.size()).filter(|&bytes| bytes >= LARGE)?;
     let memory = memmap2::MmapMut::map_anon(bytes).ok()?;
-    // Where there are no huge pages, small ones do.
+    // Without huge pages, small ones do.
     #[cfg(target_os = "linux")]
     let _ = memory.advise(memmap2::Advice::HugePage);
     Some(Storage(Kind::Pages { memory, dtype }))
 }
 
-/// Moves the numbers, the last ones first, so that their own memory can be given back as they go.
+/// Moves the numbers, the last ones first, and gives their memory back on the way.
 #[cfg(feature = "mmap")]
 fn move_into<T: bytemuck::NoUninit>(memory: &mut [u8], numbers: &mut Vec<T>) {
     while !numbers.is_empty() {
@@ -169,8 +151,7 @@ fn move_into<T: bytemuck::NoUninit>(memory: &mut [u8], numbers: &mut Vec<T>) {
     }
 }
 
-/// The numbers of bytes that are aligned for them, in whole pages or by a check when they were
-/// mapped: nothing can fail.
+/// The numbers in bytes. Pages are aligned for all types, and mapped files were checked.
 #[cfg(feature = "mmap")]
 fn cast(bytes: &[u8], dtype: Dtype) -> View<'_> {
     match dtype {
@@ -181,7 +162,7 @@ fn cast(bytes: &[u8], dtype: Dtype) -> View<'_> {
     }
 }
 
-/// Not the numbers, of which there may be billions.
+/// Leaves the numbers out: there may be billions.
 impl fmt::Debug for Storage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let view = self.view();
@@ -189,18 +170,18 @@ impl fmt::Debug for Storage {
     }
 }
 
-/// So many numbers more than a line has make sure that there is one to begin at.
+/// Extra numbers, so that a cache line begins inside the memory.
 fn slack(dtype: Dtype) -> usize {
     LINE / dtype.size()
 }
 
-/// Room for `by` numbers more, without a second copy of those that are there.
+/// Appends `by` zeros without a second copy of the numbers.
 fn grow<T: Clone + Default>(numbers: &mut Vec<T>, by: usize) {
     numbers.reserve_exact(by);
     numbers.resize(numbers.len() + by, T::default());
 }
 
-/// The index of the first number that is on a line.
+/// The index of the first number on a cache line.
 fn first_on_a_line(numbers: &Values) -> usize {
     let past = numbers.view().bytes().as_ptr().addr() % LINE;
     (LINE - past) % LINE / numbers.dtype().size()
@@ -232,19 +213,10 @@ mod tests {
             ] {
                 let storage = Storage::from(values.clone());
                 check(&storage, values.view());
-                check(&storage.clone(), values.view());
                 let mut zeros = Storage::zeros(values.dtype(), len);
                 check(&zeros, Values::zeros(values.dtype(), len).view());
                 zeros.bytes_mut().copy_from_slice(values.view().bytes());
                 check(&zeros, values.view());
-                let cut = len / 3;
-                let (head, tail) = match values.view() {
-                    View::F32(v) => (View::F32(&v[..cut]), View::F32(&v[cut..])),
-                    View::F16(v) => (View::F16(&v[..cut]), View::F16(&v[cut..])),
-                    View::I8(v) => (View::I8(&v[..cut]), View::I8(&v[cut..])),
-                    View::U8(v) => (View::U8(&v[..cut]), View::U8(&v[cut..])),
-                };
-                check(&Storage::joined(head, tail), values.view());
             }
         }
     }

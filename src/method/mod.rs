@@ -107,6 +107,15 @@ impl Matcher {
     /// `floor: Global` among them: a stream cannot know the whole matrix; [`Error::Memory`] if
     /// there is not enough for the window.
     pub fn new(places: usize, config: Config) -> Result<Self, Error> {
+        Self::along(Segments::one(places), config)
+    }
+
+    /// A matcher for the places of some segments.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new).
+    pub(crate) fn along(segments: Segments, config: Config) -> Result<Self, Error> {
+        let places = segments.places();
         config.validate(places)?;
         if config.floor == Floor::Global {
             return Err(Error::Option {
@@ -122,7 +131,7 @@ impl Matcher {
             window: Window::new(columns, places)?,
             anchors: Anchors::new(config.sequence_length)?,
             sequence: SequenceSearch::new(&config)?,
-            segments: Segments::one(places),
+            segments,
             isa: Isa::best(),
             frames: 0,
             lowest: f32::INFINITY,

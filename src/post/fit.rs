@@ -1,5 +1,6 @@
 //! What a step keeps of the references.
 
+#[cfg(feature = "pca")]
 use super::pca::principal;
 use super::step::{FittedStep, Step};
 use crate::error::Error;
@@ -55,6 +56,13 @@ pub(super) fn fit(step: Step, rows: &[f32], dim: usize) -> Result<FittedStep, Er
         Step::Normalize => {}
     }
     Ok(fitted)
+}
+
+/// Principal components can be applied without the feature, but not fitted.
+#[cfg(not(feature = "pca"))]
+fn principal(_: &[f32], _: &[f64], wanted: usize, _: bool) -> Result<Vec<f32>, Error> {
+    let expected = "a build with the cargo feature `pca`, which fits them".to_owned();
+    Err(Error::Option { name: "pca", expected, got: format!("{wanted} components to fit") })
 }
 
 /// The mean of each dimension over the rows, and its population standard deviation: exactly 0 where

@@ -2,6 +2,7 @@
 
 mod chain;
 mod fit;
+#[cfg(feature = "pca")]
 mod pca;
 mod running;
 mod running_snapshot;

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from surefix import SurefixError, __version__
-from surefix.cli.bench import bench, latency
+from surefix.cli.bench import bench
 from surefix.cli.demo import demo
 from surefix.cli.eval import eval_
 from surefix.cli.map import append, build, info
@@ -48,10 +48,10 @@ app.command(
     "Example: surefix eval route.safetensors drive.mp4 --every 0.5 --query-positions gps.csv --tolerance 10",
 )(eval_)
 app.command(epilog="Example: surefix reproduce --data data/ -o report/")(reproduce)
-benches = typer.Typer(invoke_without_command=True)
-benches.callback(epilog="Example: surefix bench --only push --out bench/")(bench)
-benches.command(epilog="Example: surefix bench latency --pushes 100000")(latency)
-app.add_typer(benches, name="bench")
+app.command(
+    epilog="Example: surefix bench route.safetensors --threads 2\n\n"
+    "Example: surefix bench --places 100000 --dim 4096 --dtype f32"
+)(bench)
 app.command(epilog="Example: surefix demo --out out/demo")(demo)
 
 

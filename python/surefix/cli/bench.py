@@ -1,195 +1,180 @@
-"""``surefix bench``: how fast it is here, beside the rivals that are installed; and how evenly it
-takes its time.
+"""``surefix bench``: how fast a push is on this machine, and how near the scan is to the memory's
+speed.
 """
 
-import shlex
 import sys
-from collections.abc import Sequence
-from importlib.util import find_spec
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from enum import StrEnum
+from itertools import cycle, islice
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
+import numpy.typing as npt
 import typer
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from surefix import SurefixFileError
-from surefix._core import bench_image_latency, bench_latency
-from surefix.bench import Group, Result, Rivals, Settings, Skipped, run
+from surefix import Localizer, Map, Matcher, Sad
+from surefix._core import instruction_set
 from surefix.machine import machine
 
-__all__ = ["bench", "latency"]
+__all__ = ["bench", "memory_speed"]
 
-QUANTILES = (0.5, 0.99, 0.999, 1.0)
-# Fewer images: each takes as long as many pushes of distances.
-PUSHES, IMAGES = 1_000_000, 20_000
+QUANTILES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
+# By default, the pushes of about 5 seconds, within these limits.
+SECONDS, FEWEST, MOST = 5.0, 200, 100_000
+# Different queries, pushed in turn.
+QUERIES = 32
+# More memory is read no slower.
+LARGEST = 1 << 30
+
+
+class Numbers(StrEnum):
+    """The types of a map's rows."""
+
+    u8 = "u8"
+    i8 = "i8"
+    f16 = "f16"
+    f32 = "f32"
 
 
 def bench(
-    context: typer.Context,
-    only: Annotated[
-        list[Group] | None,
-        typer.Option("--only", help="Only the lines of this group. May be given again."),
-    ] = None,
-    quick: Annotated[
-        bool,
-        typer.Option(
-            "--quick",
-            help="Small sizes and few rounds: to see that it works and that answers agree.",
-        ),
-    ] = False,
-    threads: Annotated[
-        int,
-        typer.Option("--threads", min=1, help="How many threads surefix and its rivals may use."),
-    ] = 1,
-    out: Annotated[
+    map_file: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            help="A folder to write: tables as Markdown and CSV, a page and a picture.",
-        ),
+        typer.Argument(metavar="MAP", help="A map file; a random map without it."),
     ] = None,
-    docs: Annotated[
-        Path | None,
-        typer.Option(
-            "--docs", help="A Markdown page to renew, between its two marks, with its picture."
-        ),
-    ] = None,
-) -> None:
-    """Measure how fast it is here, side by side with the rivals that are installed, every answer
-    checked.
-    """
-    if context.invoked_subcommand is not None:
-        return
-    from surefix.bench.facts import facts
-    from surefix.bench.table import missed, slower, wrong
-
-    rivals, settings = Rivals.find(), Settings(quick, threads)
-    about = facts(settings, rivals)
-    for name, value in about:
-        print(f"{name}: {value}")
-    for sentence in rivals.missing:
-        print(sentence)
-    if (out or docs) and find_spec("matplotlib") is None:
-        print(
-            "matplotlib is not installed, so tables are written and no picture: pip install 'surefix[plot]'"
-        )
-    # Before the minutes that it takes.
-    _make_folder(out)
-    results: list[Result | Skipped] = []
-    with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("") as status:
-        for result in run(settings, rivals, only or [], status.update):
-            results.append(result)
-    _print_table(results)
-    for sentence in missed(results):
-        print(f"Not reached: {sentence}")
-    problems = list(wrong(results))
-    print(
-        f"{len(list(missed(results)))} figures not reached, {len(list(slower(results)))} rivals faster, "
-        f"{len(problems)} answers differ"
-    )
-    for sentence in problems:
-        print(f"surefix: answers differ: {sentence}", file=sys.stderr)
-    _write(results, about, rivals, out, docs)
-    if problems:
-        raise typer.Exit(1)
-
-
-def _print_table(results: list[Result | Skipped]) -> None:
-    from surefix.bench.table import HEADER, cells, limit_cells
-
-    table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-    for name in (*HEADER[:-1], "of limit", HEADER[-1]):
-        numbers = name in ("surefix", "its time", "ratio", "of limit")
-        # On a narrow terminal words are wrapped, numbers are not.
-        table.add_column(name, justify="right" if numbers else "left", no_wrap=numbers or not name)
-    styles = {"met": "green", "MISSED": "yellow", "ERROR": "bold red"}
-    for result in results:
-        if isinstance(result, Skipped):
-            table.add_row(Text(result.work), "", Text(f"not measured: {result.why}", "dim"))
-            continue
-        for index, row in enumerate(result.rows):
-            work, ours, *rest, verdict = cells(row)
-            first = (Text(work), ours) if index == 0 else ("", "")
-            share = limit_cells(result)[-1] if index == 0 else ""
-            table.add_row(*first, *map(Text, rest), share, Text(verdict, styles.get(verdict, "")))
-    # In a pipe a line is as long as it is.
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=240)
-    console.print(table)
-
-
-def _make_folder(out: Path | None) -> None:
-    try:
-        if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SurefixFileError(
-            f"{out}: cannot make the output folder: {error.strerror or error}"
-        ) from None
-
-
-def _write(
-    results: list[Result | Skipped], about: Sequence[tuple[str, str]], rivals: Rivals, out: Path | None,
-    docs: Path | None,
-) -> None:  # fmt: skip
-    from surefix.bench.document import markdown, replace_part
-    from surefix.bench.page import write_folder, write_picture
-
-    if docs is not None:
-        image = Path("images") / f"{docs.stem}.png"
-        shown = write_picture(docs.parent / image, results)
-        replace_part(
-            docs, markdown(results, about, rivals.missing, image.as_posix() if shown else None)
-        )
-        print(f"Renewed {docs}")
-    if out is not None:
-        try:
-            made = write_folder(
-                out, results, about, rivals.missing, shlex.join(["surefix", *sys.argv[1:]])
-            )
-        except OSError as error:
-            raise SurefixFileError(
-                f"{out}: cannot write the results: {error.strerror or error}"
-            ) from None
-        print(f"Made {', '.join(str(file) for file in made)}")
-
-
-def latency(
-    places: Annotated[int, typer.Option("--places", "-n", min=2, help="Places on the map.")] = 1800,
+    places: Annotated[
+        int, typer.Option("--places", "-n", min=2, help="Places on the random map.")
+    ] = 1800,
+    dim: Annotated[int, typer.Option(min=1, help="Numbers of each of its rows.")] = 2048,
+    dtype: Annotated[Numbers, typer.Option(help="Their type.")] = Numbers.u8,
     sequence_length: Annotated[
         int, typer.Option("--sequence-length", "-L", min=1, help="Queries a sequence.")
     ] = 2,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Threads of the scan; by default chosen by size.")
+    ] = None,
     pushes: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help=f"How many pushes: by default {PUSHES:,}, and {IMAGES:,} with --image."
-        ),
+        int | None, typer.Option(min=1, help="Pushes to time; by default those of 5 seconds.")
     ] = None,
     image: Annotated[
-        bool,
-        typer.Option(
-            "--image", help="Push 640 x 480 RGB images on a SAD map in place of distances."
-        ),
+        bool, typer.Option("--image", help="Push 640 x 480 RGB images; the map is one of SAD.")
     ] = False,
 ) -> None:
-    """Time pushes one by one in Rust, and count what they allocate, which must be nothing."""
-    count = pushes or (IMAGES if image else PUSHES)
-    what = "images, 640 x 480 RGB" if image else "distances"
+    """Measure how fast a push and the scan are on this machine."""
+    rng = np.random.default_rng(1)
+    with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Preparing the map"):
+        known = Map.open(map_file) if map_file else _random_map(rng, places, dim, dtype, image)
+        places = len(known)
+        columns = list(rng.random((QUERIES, places), np.float32))
+        frames = _images(rng, 480, 640) if image else _queries(rng, known)
+        localizer = Localizer(known, threads=threads, sequence_length=sequence_length)
+        matcher = Matcher(places, sequence_length=sequence_length)
+    size = known.descriptors.nbytes
+    print(f"{machine()}, {instruction_set()}")
     print(
-        f"{count:,} pushes of {what}, n = {places:,}, L = {sequence_length}, one by one in Rust, on {machine()}"
+        f"{places:,} places x {known.dim:,} {known.dtype}, {known.metric}, {size / 1e6:,.1f} MB; "
+        f"L = {sequence_length}, {localizer.threads} thread{'s' * (localizer.threads > 1)}"
     )
-    measure = bench_image_latency if image else bench_latency
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Pushing"):
-        took, allocations = measure(places, sequence_length, count)
-    for quantile, nanoseconds in zip(QUANTILES, np.quantile(took, QUANTILES), strict=True):
-        name = "max" if quantile == 1 else f"p{100 * quantile:g}"
-        print(f"{name:<12}{nanoseconds / 1000:>10.2f} us{nanoseconds / places:>10.2f} ns a place")
-    print(f"allocations {allocations:>10,}")
-    if allocations:
-        print("surefix: expected no allocation in a push", file=sys.stderr)
-        raise typer.Exit(1)
+        name = "image to fix" if image else "descriptor to fix"
+        print(f"{'':<20}" + "".join(f"{quantile:>12}" for quantile in QUANTILES) + "      pushes")
+        print(_row(name, timed(localizer.push, frames, pushes, sequence_length)))
+        print(_row("distances to fix", timed(matcher.push, columns, pushes, sequence_length)))
+        if known.post is None:
+            # One thread's scan: the whole column of distances, without a screen.
+            scan = float(np.median(timed(known.distances, _queries(rng, known), pushes, 1)))
+            speed = memory_speed(size)
+            print(
+                f"scan on one thread  {size / scan:>9.1f} GB/s ({_duration(scan)}); "
+                f"the memory gives {speed / 1e9:.1f} GB/s"
+            )
+
+
+def timed(
+    push: Callable[[Any], object], queries: Sequence[Any], pushes: int | None, warm_up: int
+) -> npt.NDArray[np.int64]:
+    """Nanoseconds of each push, called from Python one by one, once the window is full."""
+    clock = time.perf_counter_ns
+    following = cycle(queries)
+    for query in islice(following, max(warm_up, len(queries))):
+        push(query)
+    if pushes is None:
+        begin = clock()
+        for query in islice(following, 8):
+            push(query)
+        pushes = round(SECONDS * 1e9 * 8 / max(1, clock() - begin))
+        pushes = min(max(pushes, FEWEST), MOST)
+    took = np.empty(pushes, np.int64)
+    for index, query in zip(range(pushes), following, strict=False):
+        begin = clock()
+        push(query)
+        took[index] = clock() - begin
+    return took
+
+
+def memory_speed(size: int, threads: int = 1, seconds: float = 0.3) -> float:
+    """Bytes a second at which NumPy reads `size` bytes over and over, in the fastest round."""
+    floats = np.ones(max(1024, min(size, LARGEST) // 4), np.float32)
+    best = float("inf")
+    with ThreadPoolExecutor(threads) as pool:
+        parts = np.array_split(floats, threads)
+        begin = time.perf_counter()
+        while best == float("inf") or time.perf_counter() - begin < seconds:
+            # The faster of the two depends on the processor.
+            for read in (np.max, _square):
+                start = time.perf_counter()
+                if threads == 1:
+                    read(floats)
+                else:
+                    list(pool.map(read, parts))
+                best = min(best, time.perf_counter() - start)
+    return floats.nbytes / best
+
+
+def _square(part: Any) -> object:
+    return np.dot(part, part)
+
+
+def _random_map(
+    rng: np.random.Generator, places: int, dim: int, dtype: Numbers, image: bool
+) -> Map:
+    if image:
+        small = rng.integers(0, 256, (places, 32, 64), np.uint8)
+        return Map.from_images(small, Sad(), progress=False)
+    metric = "manhattan" if dtype == Numbers.u8 else "euclidean"
+    rows = _random(rng, (places, dim), np.dtype(dtype.value[0] + str(int(dtype.value[1:]) // 8)))
+    return Map.from_descriptors(rows, metric=metric)
+
+
+def _queries(rng: np.random.Generator, known: Map) -> list[Any]:
+    """Rows from the middle of the map on with noise; if it has post-processing, random vectors."""
+    if known.post is not None:
+        return list(_random(rng, (QUERIES, known.input_dim), np.dtype(np.float32)))
+    rows = known.descriptors[(np.arange(QUERIES) + len(known) // 2) % len(known)]
+    noise = _random(rng, rows.shape, rows.dtype)
+    return list(np.where(rng.random(rows.shape) < 0.3, noise, rows))
+
+
+def _images(rng: np.random.Generator, height: int, width: int) -> list[Any]:
+    return list(rng.integers(0, 256, (QUERIES, height, width, 3), np.uint8))
+
+
+def _random(rng: np.random.Generator, shape: tuple[int, ...], dtype: Any) -> Any:
+    if dtype.kind in "iu":
+        return rng.integers(np.iinfo(dtype).min, np.iinfo(dtype).max, shape, dtype, endpoint=True)
+    return rng.standard_normal(shape, np.float32).astype(dtype)
+
+
+def _row(name: str, took: npt.NDArray[np.int64]) -> str:
+    cells = "".join(f"{_duration(np.quantile(took, q)):>12}" for q in QUANTILES.values())
+    return f"{name:<20}{cells}{len(took):>12,}"
+
+
+def _duration(nanoseconds: float) -> str:
+    for unit, size in (("s", 1e9), ("ms", 1e6), ("us", 1e3)):
+        if nanoseconds >= size:
+            return f"{nanoseconds / size:.3g} {unit}"
+    return f"{nanoseconds:.0f} ns"

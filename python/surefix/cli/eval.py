@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from surefix._words import counted
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
 from surefix.cli.drives import Drives, open_drives, read_matrix, reference_images
+from surefix.cli.flags import with_options
 from surefix.cli.positions import Positions, on_one_plane, read_either
 from surefix.cli.taking import Every, Metres, Odometry, Stride, Taking, Topic
 from surefix.cli.truth import read_truth, truth_by_position
@@ -38,17 +39,6 @@ class Recall(StrEnum):
     rejected = "rejected"
 
 
-def _floor(text: str) -> str | float:
-    if text in ("global", "running"):
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise typer.BadParameter(
-            f'--floor: expected "global", "running" or a number, got {text!r}'
-        ) from None
-
-
 def _methods(names: list[str] | None) -> list[str]:
     for name in names or ():
         if name not in METHODS:
@@ -58,6 +48,7 @@ def _methods(names: list[str] | None) -> list[str]:
     return list(names or DEFAULT_METHODS)
 
 
+@with_options(floor="global", names={"tolerance": "agreement"})
 def eval_(
     route: Annotated[
         str,
@@ -132,25 +123,8 @@ def eval_(
             help="The images of the places, a folder, a pattern or a .npy, for the pictures."
         ),
     ] = None,
-    sequence_length: Annotated[
-        int, typer.Option("--sequence-length", "-L", help="Queries a sequence.")
-    ] = 2,
-    weight: Annotated[
-        float,
-        typer.Option(
-            "--weight", "-w", help="How far a trusted match is drawn to the floor, 0 to 1."
-        ),
-    ] = 0.99,
-    floor: Annotated[
-        str,
-        typer.Option(help='What trusted matches are drawn to: "global", "running" or a number.'),
-    ] = "global",
-    agreement: Annotated[
-        int, typer.Option(help="Places between minimum and gradient peak of a trusted match.")
-    ] = 1,
-    smoothing: Annotated[
-        int, typer.Option(help="Gradients summed, 1 or more; 1 for queries in any order.")
-    ] = 3,
+    *,
+    options: dict[str, Any],
     calibration: Annotated[
         Path | None,
         typer.Option(
@@ -174,14 +148,7 @@ def eval_(
     """
     begin = time.perf_counter()
     names = _methods(method)
-    context = Context(
-        sequence_length=sequence_length,
-        weight=weight,
-        floor=_floor(floor),
-        tolerance=agreement,
-        smoothing=smoothing,
-        calibration_tolerance=calibration_tolerance,
-    )
+    context = Context(calibration_tolerance=calibration_tolerance, **options)
     if similarity and Path(route).suffix != ".npy" and calibration is None:
         raise typer.BadParameter(
             "--similarity: expected a .npy of similarities to read, got a map, which has none"
@@ -222,7 +189,7 @@ def eval_(
             context, calibration=(learned, read_truth(calibration_truth, *learned.shape))
         )
     pictures = None if references is None else reference_images(references, drives.places)
-    _check_options(drives.places, context)
+    _check_options(drives.places, options)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -315,17 +282,10 @@ def _check_usage(
         )
 
 
-def _check_options(places: int, context: Context) -> None:
-    """What the matcher says to its options, before the slow part."""
+def _check_options(places: int, options: dict[str, Any]) -> None:
+    """Runs the matcher's own checks before the slow part."""
     try:
-        match_distances(
-            np.zeros((places, 1), np.float32),
-            floor=context.floor,
-            sequence_length=context.sequence_length,
-            weight=context.weight,
-            tolerance=context.tolerance,
-            smoothing=context.smoothing,
-        )
+        match_distances(np.zeros((places, 1), np.float32), **options)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
 

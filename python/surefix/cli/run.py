@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated, Any, TextIO
 
 import typer
 
 from surefix import Localizer, Map, SurefixFileError, SurefixValueError
 from surefix.cli.fixes import CsvFixes, FixRow, JsonFixes, Moment
+from surefix.cli.flags import with_options
 from surefix.cli.network import network_of
 from surefix.cli.tally import Tally
 from surefix.cli.views import open_views
@@ -41,31 +42,7 @@ class Screen(StrEnum):
     i8 = "i8"
 
 
-class Gradient(StrEnum):
-    """Which form of Eq. 1."""
-
-    halved = "halved"
-    unhalved = "unhalved"
-
-
-def _floor(text: str) -> str | float:
-    if text == "running":
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise typer.BadParameter(f'--floor: expected "running" or a number, got {text!r}') from None
-
-
-def _speeds(text: str) -> list[float]:
-    try:
-        return [float(speed) for speed in text.split(",")]
-    except ValueError:
-        raise typer.BadParameter(
-            f"--speeds: expected numbers with commas, such as 0.9,1,1.1, got {text!r}"
-        ) from None
-
-
+@with_options()
 def run(
     route: Annotated[Path, typer.Argument(help="The map, from `surefix map build`.")],
     queries: Annotated[
@@ -84,31 +61,8 @@ def run(
             "--format", help="A line a fix, as CSV or JSON; by the file's ending, else CSV."
         ),
     ] = None,
-    sequence_length: Annotated[
-        int,
-        typer.Option(
-            "--sequence-length", "-L", help="Queries a sequence, from 1 to the number of places."
-        ),
-    ] = 2,
-    weight: Annotated[
-        float,
-        typer.Option(
-            "--weight", "-w", help="How far a trusted match is drawn to the floor, 0 to 1."
-        ),
-    ] = 0.99,
-    tolerance: Annotated[
-        int, typer.Option(help="Places between minimum and gradient peak of a trusted match.")
-    ] = 1,
-    smoothing: Annotated[
-        int, typer.Option(help="Gradients summed, 1 or more; 1 for queries in any order.")
-    ] = 3,
-    gradient: Annotated[
-        Gradient, typer.Option(help="Eq. 1 as printed, or as in the authors' code.")
-    ] = Gradient.halved,
-    floor: Annotated[
-        str, typer.Option(help='What trusted matches are drawn to: "running" or a number.')
-    ] = "running",
-    speeds: Annotated[str, typer.Option(help="Slopes to try, in places a query.")] = "1.0",
+    *,
+    options: dict[str, Any],
     screen: Annotated[
         Screen | None,
         typer.Option(
@@ -215,13 +169,7 @@ def run(
         localizer = Localizer(
             places.with_screen("i8") if screen else places,
             descriptor=network,
-            sequence_length=sequence_length,
-            weight=weight,
-            tolerance=tolerance,
-            smoothing=smoothing,
-            gradient=gradient.value,
-            floor=_floor(floor),
-            speeds=_speeds(speeds),
+            **options,
         )
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None

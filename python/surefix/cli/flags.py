@@ -1,0 +1,93 @@
+"""Flags of the command line for the method's options, made from the table of them."""
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import Annotated, Any, Literal
+
+import typer
+
+from surefix.options import OPTIONS, Option
+
+__all__ = ["with_options"]
+
+Command = Callable[..., None]
+
+
+def with_options(
+    floor: str = "running", names: dict[str, str] | None = None
+) -> Callable[[Command], Command]:
+    """Gives a command a flag for each option, in place of its parameter ``options``.
+
+    That is a dict of the options that are given. ``floor`` is the default of that option in the
+    help, and ``names`` are other names for flags.
+    """
+
+    def decorate(command: Command) -> Command:
+        flags = {option.name: (names or {}).get(option.name, option.name) for option in OPTIONS}
+
+        @wraps(command)
+        def with_flags(**given: Any) -> None:
+            values = ((option, given.pop(flags[option.name])) for option in OPTIONS)
+            options = {
+                option.name: _value(option, value) for option, value in values if value is not None
+            }
+            command(**given, options=options)
+
+        parameters: list[inspect.Parameter] = []
+        for parameter in inspect.signature(command, eval_str=True).parameters.values():
+            if parameter.name != "options":
+                parameters.append(parameter)
+                continue
+            for option in OPTIONS:
+                default = floor if option.name == "floor" else option.default
+                parameters.append(_parameter(option, flags[option.name], default))
+        with_flags.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        return with_flags
+
+    return decorate
+
+
+def _parameter(option: Option, name: str, default: Any) -> inspect.Parameter:
+    """The option as a parameter that typer reads."""
+    kind: Any = option.type
+    if option.type is str:
+        kind = Literal[option.choices]
+    elif option.type is list:
+        # As it is typed: numbers with commas.
+        kind, default = str, ",".join(f"{each:g}" for each in default)
+    elif option.choices:
+        kind = str
+    names = [f"--{name.replace('_', '-')}", *([f"-{option.short}"] if option.short else [])]
+    help_ = option.help if option.type is str else f"{option.help[:-1]}: {option.range}."
+    help_ = f"{help_[:-1]}; {default} by default."
+    return inspect.Parameter(
+        name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=None,
+        annotation=Annotated[kind | None, typer.Option(*names, help=help_)],
+    )
+
+
+def _value(option: Option, given: Any) -> Any:
+    """The flag's value, of the option's type.
+
+    Raises
+    ------
+    typer.BadParameter
+        If it is of another type.
+    """
+    flag = f"--{option.name}"
+    if option.type is list:
+        try:
+            return [float(each) for each in given.split(",")]
+        except ValueError:
+            raise typer.BadParameter(
+                f"{flag}: expected numbers with commas, such as 0.9,1,1.1, got {given!r}"
+            ) from None
+    if option.type is float and option.choices and given not in option.choices:
+        try:
+            return float(given)
+        except ValueError:
+            raise typer.BadParameter(f"{flag}: expected {option.range}, got {given!r}") from None
+    return given

@@ -1,0 +1,85 @@
+"""The options of the method, stated once: their types, defaults and help.
+
+The Rust ``Config`` says the same to the compiled part, and a test holds the two together. The
+command line makes its flags from this table.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal, SupportsFloat, SupportsIndex, TypeAlias, TypedDict
+
+__all__ = ["OPTIONS", "Floor", "Gradient", "Option", "Options"]
+
+Gradient: TypeAlias = Literal["halved", "unhalved"]
+Floor: TypeAlias = Literal["running", "global"] | SupportsFloat
+
+
+class Options(TypedDict, total=False):
+    """Keyword arguments of ``Matcher``, ``Localizer``, ``match`` and ``match_distances``."""
+
+    sequence_length: SupportsIndex
+    weight: SupportsFloat
+    tolerance: SupportsIndex
+    smoothing: SupportsIndex
+    gradient: Gradient | str
+    floor: Floor | str
+    speeds: Iterable[SupportsFloat]
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option: its default (of a stream, for the floor), the range in words, and its help.
+
+    ``choices`` are the words that it may be; ``floor`` may be a number too.
+    """
+
+    name: str
+    type: type
+    default: Any
+    range: str
+    help: str
+    choices: tuple[str, ...] = ()
+    short: str | None = None
+
+
+# In the order in which they are needed.
+OPTIONS: tuple[Option, ...] = (
+    Option(
+        "sequence_length",
+        int,
+        2,
+        "from 1 to the number of places",
+        "Queries a sequence.",
+        short="L",
+    ),
+    Option(
+        "weight", float, 0.99, "0 to 1", "How far a trusted match is drawn to the floor.", short="w"
+    ),
+    Option(
+        "tolerance",
+        int,
+        1,
+        "0 or more",
+        "Places between minimum and gradient peak of a trusted match.",
+    ),
+    Option("smoothing", int, 3, "1 or more", "Gradients summed; 1 for queries in any order."),
+    Option(
+        "floor",
+        float,
+        "running",
+        '"global", "running" or a number',
+        "The target of trusted matches: the least distance so far, of all queries, or a number.",
+        choices=("global", "running"),
+    ),
+    Option(
+        "speeds", list, (1.0,), "0 or more, such as 0.9,1,1.1", "Slopes to try, in places a query."
+    ),
+    Option(
+        "gradient",
+        str,
+        "halved",
+        '"halved" or "unhalved"',
+        "Eq. 1 as printed, or as in the authors' code.",
+        choices=("halved", "unhalved"),
+    ),
+)

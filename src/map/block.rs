@@ -1,0 +1,262 @@
+//! A map's rows in blocks. A block never changes, so maps share it: a longer map shares those of
+//! the shorter one, a slice of a map those of the whole.
+//!
+//! Blocks that were made together are spans of one memory. A large one lies in huge pages, which
+//! makes a scan up to 1.9 times as fast as one over memory of a block each.
+
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+
+use super::storage::Storage;
+use crate::distance::{Metric, norm};
+use crate::dtype::Dtype;
+use crate::error::Error;
+use crate::numbers::{View, each_type};
+
+/// Bytes of rows in a block: far more than it costs to go from one block to the next.
+const BYTES: usize = 1 << 20;
+/// The rows of a block are a multiple of this, so that kernels that take several rows at a time
+/// find no remainder within a map.
+const ROWS: usize = 16;
+
+/// Consecutive rows.
+#[derive(Debug)]
+pub(crate) struct Block {
+    memory: Arc<Storage>,
+    /// The numbers of this block in the memory.
+    span: Range<usize>,
+    /// The length of each row, for the cosine; else empty.
+    norms: Vec<f64>,
+}
+
+impl Block {
+    pub(crate) fn rows(&self) -> View<'_> {
+        part(self.memory.view(), self.span.clone())
+    }
+
+    pub(crate) fn norms(&self) -> &[f64] {
+        &self.norms
+    }
+}
+
+/// The rows of a map: blocks in route order.
+#[derive(Clone, Debug)]
+pub(crate) struct Blocks {
+    blocks: Vec<Arc<Block>>,
+    /// The first row of each block.
+    starts: Vec<usize>,
+    rows: usize,
+    dim: usize,
+    dtype: Dtype,
+    /// All rows in one piece, once that was asked for and if it took a copy.
+    joined: OnceLock<Arc<Storage>>,
+}
+
+impl Blocks {
+    /// Cuts rows of `dim` numbers into blocks. `norms` holds each row's length or nothing.
+    pub(super) fn of(memory: Storage, dim: usize, norms: &[f64]) -> Self {
+        let (dtype, memory) = (memory.view().dtype(), Arc::new(memory));
+        let rows = memory.view().len() / dim;
+        let step = (BYTES / (dim * dtype.size()) / ROWS * ROWS).max(ROWS);
+        let blocks = (0..rows).step_by(step).map(|first| {
+            let last = rows.min(first + step);
+            let norms = norms.get(first..last).unwrap_or_default().to_vec();
+            Arc::new(Block { memory: Arc::clone(&memory), span: first * dim..last * dim, norms })
+        });
+        Self::joining(blocks.collect(), dim, dtype)
+    }
+
+    fn joining(blocks: Vec<Arc<Block>>, dim: usize, dtype: Dtype) -> Self {
+        let mut rows = 0;
+        let starts = blocks.iter().map(|block| {
+            let start = rows;
+            rows += block.span.len() / dim;
+            start
+        });
+        let starts = starts.collect();
+        Self { blocks, starts, rows, dim, dtype, joined: OnceLock::new() }
+    }
+
+    /// These blocks and then those, which have rows of the same kind. None is copied.
+    pub(super) fn followed_by(&self, more: &Self) -> Self {
+        let blocks = self.blocks.iter().chain(&more.blocks).cloned().collect();
+        Self::joining(blocks, self.dim, self.dtype)
+    }
+
+    /// Some of the rows, which must be there. They share the memory of these.
+    pub(super) fn slice(&self, rows: Range<usize>) -> Self {
+        let mut blocks = Vec::new();
+        self.each(rows, |block, within, _| {
+            blocks.push(if within.len() * self.dim == block.span.len() {
+                Arc::clone(block)
+            } else {
+                let start = block.span.start;
+                Arc::new(Block {
+                    memory: Arc::clone(&block.memory),
+                    span: start + within.start * self.dim..start + within.end * self.dim,
+                    norms: block.norms.get(within).unwrap_or_default().to_vec(),
+                })
+            });
+        });
+        Self::joining(blocks, self.dim, self.dtype)
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Arc<Block>> {
+        self.blocks.iter()
+    }
+
+    /// Calls `work` with each block that holds some of `rows`, their range within the block, and
+    /// their range within `rows`.
+    pub(super) fn each(
+        &self,
+        rows: Range<usize>,
+        mut work: impl FnMut(&Arc<Block>, Range<usize>, Range<usize>),
+    ) {
+        let first = match self.starts.as_slice() {
+            [_] => 0,
+            starts => starts.partition_point(|&start| start <= rows.start).saturating_sub(1),
+        };
+        for (block, &start) in self.blocks[first..].iter().zip(&self.starts[first..]) {
+            if start >= rows.end {
+                break;
+            }
+            let from = rows.start.max(start);
+            let to = rows.end.min(start + block.span.len() / self.dim);
+            work(block, from - start..to - start, from - rows.start..to - rows.start);
+        }
+    }
+
+    /// The rows of the first block.
+    pub(super) fn first(&self) -> View<'_> {
+        self.blocks.first().map_or(View::U8(&[]), |block| block.rows())
+    }
+
+    /// One row, if there is one of that number.
+    pub(crate) fn row(&self, row: usize) -> Option<View<'_>> {
+        let at = self.starts.partition_point(|&start| start <= row).checked_sub(1)?;
+        self.blocks[at].rows().row(row - self.starts[at], self.dim)
+    }
+
+    /// All rows in one piece. They are copied once if they lie in several.
+    pub(super) fn in_one_piece(&self) -> View<'_> {
+        let (Some(first), Some(last)) = (self.blocks.first(), self.blocks.last()) else {
+            return View::U8(&[]);
+        };
+        let follow = |pair: &[Arc<Block>]| {
+            Arc::ptr_eq(&pair[0].memory, &pair[1].memory) && pair[0].span.end == pair[1].span.start
+        };
+        if self.blocks.windows(2).all(follow) {
+            return part(first.memory.view(), first.span.start..last.span.end);
+        }
+        let joined = self.joined.get_or_init(|| {
+            let mut joined = Storage::zeros(self.dtype, self.rows * self.dim);
+            let mut memory = joined.bytes_mut();
+            for block in self.iter() {
+                let rows = block.rows().bytes();
+                let (head, tail) = std::mem::take(&mut memory).split_at_mut(rows.len());
+                head.copy_from_slice(rows);
+                memory = tail;
+            }
+            joined.into()
+        });
+        joined.view()
+    }
+
+    /// Refuses a NaN or an infinity, and says where it stands.
+    pub(crate) fn check_finite(&self, what: &'static str) -> Result<(), Error> {
+        for (block, &start) in self.blocks.iter().zip(&self.starts) {
+            block.rows().check_finite(what, self.dim).map_err(|error| match error {
+                Error::NotFinite { what, row, index, value } => {
+                    Error::NotFinite { what, row: Some(start + row.unwrap_or(0)), index, value }
+                }
+                other => other,
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The mapped files that rows lie in, each once.
+    #[cfg(feature = "mmap")]
+    pub(super) fn mapped_files(&self) -> Vec<&memmap2::Mmap> {
+        let mut files: Vec<&memmap2::Mmap> = Vec::new();
+        for file in self.blocks.iter().filter_map(|block| block.memory.file()) {
+            if !files.iter().any(|known| std::ptr::eq(*known, file)) {
+                files.push(file);
+            }
+        }
+        files
+    }
+}
+
+/// Some of the numbers, which must be there.
+pub(super) fn part(numbers: View<'_>, span: Range<usize>) -> View<'_> {
+    each_type!(View, numbers, v => View::from(&v[span]))
+}
+
+/// The length of each row if the metric needs it, else nothing.
+///
+/// # Errors
+/// [`Error::NoDirection`] for a row of zeros.
+pub(super) fn lengths(rows: View<'_>, dim: usize, metric: Metric) -> Result<Vec<f64>, Error> {
+    if metric != Metric::Cosine {
+        return Ok(Vec::new());
+    }
+    let norms: Vec<f64> =
+        (0..rows.len() / dim).filter_map(|row| rows.row(row, dim)).map(norm).collect();
+    match norms.iter().position(|&norm| norm == 0.0) {
+        Some(row) => Err(Error::NoDirection { what: "descriptors", row: Some(row) }),
+        None => Ok(norms),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numbers::Values;
+
+    fn blocks(rows: usize, dim: usize) -> (Values, Blocks) {
+        let values = Values::U8((0..rows * dim).map(|at| (at * 37 % 251) as u8).collect());
+        let norms: Vec<f64> = (0..rows).map(|row| row as f64).collect();
+        (values.clone(), Blocks::of(values.into(), dim, &norms))
+    }
+
+    #[test]
+    fn every_range_of_rows_is_found_across_blocks() {
+        let (values, all) = blocks(70, 1 << 16);
+        assert_eq!(all.starts, [0, 16, 32, 48, 64]);
+        for range in [0..70, 0..1, 15..17, 16..32, 31..70, 69..70, 20..20] {
+            let (mut seen, mut norms) = (range.start, Vec::new());
+            all.each(range.clone(), |block, within, out| {
+                assert_eq!(out.start, seen - range.start);
+                for row in within.clone() {
+                    let expected = values.view().row(seen, 1 << 16);
+                    assert_eq!(block.rows().row(row, 1 << 16), expected);
+                    assert_eq!(all.row(seen), expected);
+                    seen += 1;
+                }
+                norms.extend_from_slice(&block.norms()[within]);
+            });
+            assert_eq!(seen, range.end);
+            assert_eq!(norms, range.map(|row| row as f64).collect::<Vec<_>>());
+        }
+        assert_eq!(all.row(70), None);
+    }
+
+    #[test]
+    fn longer_and_shorter_maps_share_memory() {
+        let ((values, all), (_, more)) = (blocks(70, 1 << 16), blocks(3, 1 << 16));
+        let memory = |blocks: &Blocks, at: usize| blocks.blocks[at].rows().bytes().as_ptr();
+        let longer = all.followed_by(&more);
+        assert!(longer.iter().zip(all.iter().chain(more.iter())).all(|(a, b)| Arc::ptr_eq(a, b)));
+        assert_eq!(longer.in_one_piece().len(), 73 << 16);
+        let slice = all.slice(10..40);
+        assert_eq!(memory(&slice, 1), memory(&all, 1));
+        assert!(Arc::ptr_eq(&slice.blocks[1], &all.blocks[1]));
+        assert_eq!(slice.in_one_piece(), part(values.view(), 10 << 16..40 << 16));
+        assert_eq!(all.in_one_piece().bytes().as_ptr(), memory(&all, 0), "without a copy");
+    }
+}

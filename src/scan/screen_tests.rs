@@ -1,0 +1,102 @@
+//! The bounds of a screen against the distances, for every place.
+
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use super::{EncodedQuery, MAX_SCREENED};
+use crate::distance::Metric;
+use crate::dtype::Dtype;
+use crate::map::Map;
+use crate::numbers::View;
+use crate::simd::Isa;
+
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> u64 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 >> 20
+    }
+
+    /// From -1 to 1, with a few that stick out.
+    fn number(&mut self) -> f32 {
+        let number = self.next() as f32 / (1_u64 << 43) as f32 - 1.0;
+        if self.next().is_multiple_of(50) { 20.0 * number } else { number }
+    }
+}
+
+/// Numbers of many sizes, by a power of ten for the whole, for a dimension and for a row.
+fn number(dice: &mut Dice, (whole, spread, offset): (i32, i32, f32), row: usize, at: usize) -> f32 {
+    let power = whole + (row as i32 % 3) * spread - (at as i32 % 4) * spread;
+    (offset + dice.number()) * 10_f32.powi(power)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_distance_lies_within_its_bounds(
+        places in 2..8_usize, dim in prop_oneof![4 => 1..70_usize, 1 => 70..700_usize],
+        metric in select(vec![Metric::Euclidean, Metric::Cosine]),
+        shape in (prop_oneof![3 => Just(0), 1 => -40..36_i32], 0..6_i32, select(vec![0.0, 1.0, 300.0])),
+        near in select(vec![1.0, 1e-3, 1e-6, 0.0]), isa: prop::sample::Index, seed: u64,
+    ) {
+        let mut dice = Dice(seed);
+        let rows: Vec<f32> = (0..places * dim).map(|i| number(&mut dice, shape, i / dim, i % dim)).collect();
+        let Ok(map) = Map::from_descriptors(rows.clone(), dim, metric) else { return Ok(()) };
+        let isa = *isa.get(&Isa::available().collect::<Vec<_>>());
+        let map = map.with_isa(isa).unwrap().with_screen(Dtype::I8).unwrap();
+        let codes = map.codes().unwrap();
+        for query in 0..4 {
+            // A row, a vector near it, or any vector.
+            let query: Vec<f32> = (0..dim)
+                .map(|at| (1.0 - near) * rows[query % places * dim + at] + near * number(&mut dice, shape, query, at))
+                .collect();
+            let Ok(query) = map.query(View::F32(&query)) else { continue };
+            let mut encoded = EncodedQuery::new(dim);
+            codes.encode(isa, metric, query, &mut encoded);
+            let mut sums = vec![f32::NAN; places];
+            codes.scan(isa, &encoded.codes, 0..places, &mut sums);
+            let (mut low, mut high) = (vec![f32::NAN; places], vec![f32::NAN; places]);
+            let near = map.bounds(&encoded, &sums, &mut low, &mut high);
+            let mut distances = vec![f32::NAN; places];
+            map.scan(query, 0..places, &mut distances);
+            for (place, d) in distances.into_iter().enumerate() {
+                let (low, high) = (low[place], high[place]);
+                prop_assert!((low..=high).contains(&d), "place {}: {:e} from {:e} to {:e}", place, d, low, high);
+                prop_assert!(!near || high < MAX_SCREENED);
+            }
+        }
+    }
+}
+
+/// Bounds can hold and be useless: these are about as close as a byte allows.
+#[test]
+fn the_bounds_are_close() {
+    const DIM: usize = 1000;
+    let mut dice = Dice(1);
+    let rows: Vec<f32> =
+        (0..100 * DIM).map(|_| dice.next() as f32 / (1_u64 << 43) as f32 - 1.0).collect();
+    for metric in [Metric::Euclidean, Metric::Cosine] {
+        let map = Map::from_descriptors(rows.clone(), DIM, metric)
+            .unwrap()
+            .with_screen(Dtype::I8)
+            .unwrap();
+        let (codes, mut encoded) = (map.codes().unwrap(), EncodedQuery::new(DIM));
+        let query = map.query(View::F32(&rows[..DIM])).unwrap();
+        codes.encode(map.isa(), metric, query, &mut encoded);
+        let [mut sums, mut low, mut high] = [(); 3].map(|()| vec![0.0; 100]);
+        codes.scan(map.isa(), &encoded.codes, 0..100, &mut sums);
+        assert!(map.bounds(&encoded, &sums, &mut low, &mut high));
+        // A byte's step is a 127th of the largest number, its error at most half of that, and a
+        // root of 12 less than the step in the mean: relative to a row's length a 254th; twice that
+        // between the bounds. A distance is about 1.4 lengths.
+        let widest = low[1..]
+            .iter()
+            .zip(&high[1..])
+            .map(|(low, high)| (high - low) / high)
+            .fold(0.0, f32::max);
+        assert!(widest < 2.0 * 1.1 / 254.0, "{metric}: {widest}");
+    }
+}

@@ -1,0 +1,144 @@
+//! Generated cases: options for a route, and distances and descriptors of every awkward kind.
+#![allow(dead_code, reason = "each test program uses its part")]
+
+use crate::random::SplitMix64;
+use proptest::prelude::*;
+use proptest::sample::select;
+use surefix::{Config, Dtype, Fix, Floor, Gradient, Matcher, Values};
+
+/// So many cases, and no files left behind by those that fail: the shrunk case is in the message.
+pub(crate) fn cases(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// The file of a map that was changed, with the checksum of its new bytes.
+pub(crate) fn sealed(mut file: Vec<u8>) -> Vec<u8> {
+    if let Some((bytes, checksum)) = file.split_last_chunk_mut::<8>() {
+        *checksum = twox_hash::XxHash3_64::oneshot(bytes).to_le_bytes();
+    }
+    file
+}
+
+/// Numbers from -1 to 1.
+pub(crate) fn signed(count: usize, seed: u64) -> Vec<f32> {
+    SplitMix64(seed).signed(count)
+}
+
+/// What the distances look like.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Kind {
+    /// Whole numbers from 0 to 3: ties everywhere.
+    Ties,
+    Smooth,
+    /// Of both signs, both zeros among them.
+    Signed,
+    /// Whole columns of one number.
+    Constant,
+    /// From 1e-30 to 1e30 side by side.
+    Wild,
+}
+
+pub(crate) fn kind() -> impl Strategy<Value = Kind> {
+    select(vec![Kind::Ties, Kind::Smooth, Kind::Signed, Kind::Constant, Kind::Wild])
+}
+
+/// The distances of `queries` queries to `places` places, query by query.
+pub(crate) fn columns(kind: Kind, places: usize, queries: usize, seed: u64) -> Vec<Vec<f32>> {
+    let mut dice = SplitMix64(seed);
+    let number = |dice: &mut SplitMix64| match kind {
+        Kind::Ties => dice.below(4) as f32,
+        Kind::Smooth | Kind::Constant => dice.share(),
+        Kind::Signed => [-1.5, -1.0, -0.0, 0.0, 0.5, dice.share() - 0.5][dice.below(6)],
+        Kind::Wild => (dice.share() + 0.1) * 10_f32.powi(dice.below(61) as i32 - 30),
+    };
+    let column = |_| match kind {
+        Kind::Constant if dice.below(2) == 0 => vec![number(&mut dice); places],
+        _ => (0..places).map(|_| number(&mut dice)).collect(),
+    };
+    (0..queries).map(column).collect()
+}
+
+/// Numbers for descriptors of each type, none of them zero: every row has a direction.
+pub(crate) fn numbers(dtype: Dtype, count: usize, seed: u64) -> Values {
+    let mut dice = SplitMix64(seed);
+    let mut draw = || dice.share() * 2.0 - 0.999;
+    match dtype {
+        Dtype::F32 => Values::F32((0..count).map(|_| draw()).collect()),
+        Dtype::F16 => Values::F16((0..count).map(|_| half::f16::from_f32(draw())).collect()),
+        Dtype::I8 => Values::I8((0..count).map(|_| (draw() * 127.0) as i8 | 1).collect()),
+        Dtype::U8 => Values::U8((0..count).map(|_| (draw() * 127.0 + 128.0) as u8 | 1).collect()),
+    }
+}
+
+pub(crate) const DTYPES: [Dtype; 4] = [Dtype::F32, Dtype::F16, Dtype::I8, Dtype::U8];
+
+/// Every option that a stream has, for a route of `places` places.
+pub(crate) fn config(places: usize) -> impl Strategy<Value = Config> {
+    let length = prop_oneof![3 => 1..=places.min(6), 1 => 1..=places];
+    let weight = prop_oneof![select(vec![0.0, 0.5, 0.99, 1.0]), 0.0..=1.0];
+    let smoothing = prop_oneof![4 => 1..=5_usize, 1 => 1..=2 * places];
+    let gradient = select(vec![Gradient::Halved, Gradient::Unhalved]);
+    let floor = prop_oneof![Just(Floor::Running), (-1.0..1.0).prop_map(Floor::Fixed)];
+    let speed = prop_oneof![select(vec![0.0, 0.5, 1.0, 1.25, 1.5, 2.0, 3.0]), 0.0..3.0];
+    let speeds = prop_oneof![1 => Just(vec![1.0]), 1 => proptest::collection::vec(speed, 1..5)];
+    (length, weight, 0..=places, smoothing, gradient, floor, speeds).prop_map(
+        move |(sequence_length, weight, tolerance, smoothing, gradient, floor, mut speeds)| {
+            for speed in &mut speeds {
+                // A diagonal that leaves the route is refused (tests/bad_input.rs).
+                if (*speed * (sequence_length - 1) as f64).round() > (places - 1) as f64 {
+                    *speed = 1.0;
+                }
+            }
+            config! { sequence_length, weight, tolerance, smoothing, gradient, floor, speeds }
+        },
+    )
+}
+
+/// A route with options.
+pub(crate) fn route(places: std::ops::Range<usize>) -> impl Strategy<Value = (usize, Config)> {
+    places.prop_flat_map(|places| (Just(places), config(places)))
+}
+
+/// All numbers of a fix to the last bit: `==` takes -0.0 for 0.0.
+pub(crate) fn bits(fix: &Fix) -> [u64; 12] {
+    let float = |x: f32| u64::from(x.to_bits());
+    let sequence = fix.sequence;
+    [
+        fix.frame,
+        u64::from(fix.trusted),
+        fix.place as u64,
+        float(fix.score),
+        fix.single.place as u64,
+        float(fix.single.distance),
+        fix.gradient.place as u64,
+        float(fix.gradient.value),
+        sequence.map_or(u64::MAX, |s| s.place as u64),
+        sequence.map_or(u64::MAX, |s| float(s.score)),
+        sequence.map_or(u64::MAX, |s| s.anchors as u64),
+        sequence.map_or(u64::MAX, |s| s.speed.to_bits()),
+    ]
+}
+
+pub(crate) fn all_bits(fixes: &[Fix]) -> Vec<[u64; 12]> {
+    fixes.iter().map(bits).collect()
+}
+
+/// Any fix, to be changed: the struct cannot be made outside of the crate.
+pub(crate) fn any_fix() -> Fix {
+    Matcher::new(2, Config::default()).unwrap().push(&[0.0, 1.0]).unwrap()
+}
+
+/// The fixes of a stream.
+pub(crate) fn stream(
+    places: usize,
+    config: &Config,
+    columns: &[Vec<f32>],
+    trusted: Option<&[bool]>,
+) -> Vec<Fix> {
+    let mut matcher = Matcher::new(places, config.clone()).unwrap();
+    let push = |(query, column): (usize, &Vec<f32>)| match trusted {
+        Some(trusted) => matcher.push_with_trust(column, trusted[query]).unwrap(),
+        None => matcher.push(column).unwrap(),
+    };
+    columns.iter().enumerate().map(push).collect()
+}

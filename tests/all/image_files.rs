@@ -1,0 +1,221 @@
+//! Images from files: the order of a route, every format, and files that are none.
+
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
+use surefix::{Channels, Error, ImageFiles, ImageSource as _, Map, Sad, decode_image, read_image};
+use tempfile::tempdir;
+
+fn grey(width: u32, height: u32) -> DynamicImage {
+    GrayImage::from_fn(width, height, |x, y| [(x * 9 + y * 5) as u8].into()).into()
+}
+
+fn rgb(width: u32, height: u32) -> DynamicImage {
+    RgbImage::from_fn(width, height, |x, y| [(x * 9) as u8, (y * 5) as u8, (x + y) as u8].into())
+        .into()
+}
+
+fn names(files: &ImageFiles) -> Vec<String> {
+    (0..files.len()).map(|index| files.name(index)).collect()
+}
+
+fn build(files: &ImageFiles) -> Result<Map, Error> {
+    Map::from_images(files, Sad::default(), &mut |_, _| ControlFlow::Continue(()))
+}
+
+#[test]
+fn every_format_is_read_in_its_own_colours() {
+    let folder = tempdir().unwrap();
+    let formats = [
+        ("png", ImageFormat::Png, true),
+        ("jpg", ImageFormat::Jpeg, false),
+        ("JPEG", ImageFormat::Jpeg, false),
+        #[cfg(feature = "image-formats")]
+        ("bmp", ImageFormat::Bmp, true),
+        #[cfg(feature = "image-formats")]
+        ("tiff", ImageFormat::Tiff, true),
+        #[cfg(feature = "image-formats")]
+        ("tif", ImageFormat::Tiff, true),
+        #[cfg(feature = "image-formats")]
+        ("webp", ImageFormat::WebP, true),
+        #[cfg(feature = "image-formats")]
+        ("pnm", ImageFormat::Pnm, true),
+        #[cfg(feature = "image-formats")]
+        ("pgm", ImageFormat::Pnm, true),
+        #[cfg(feature = "image-formats")]
+        ("ppm", ImageFormat::Pnm, true),
+    ];
+    for (ending, format, lossless) in formats {
+        for image in [grey(23, 17), rgb(23, 17)] {
+            let path = folder.path().join(format!("frame.{ending}"));
+            // WebP has no grey and is written as RGB.
+            let written = if format == ImageFormat::WebP { image.to_rgb8().into() } else { image };
+            written.save_with_format(&path, format).unwrap();
+            let read = read_image(&path).unwrap();
+            assert_eq!((read.width(), read.height()), (23, 17), "{ending}");
+            assert_eq!(decode_image(&fs::read(&path).unwrap(), "frame").unwrap(), read, "{ending}");
+            let coloured = read.channels() == Channels::Rgb;
+            // Some formats keep grey as equal colours: the same brightness in the end.
+            let expected =
+                if coloured { written.to_rgb8().into_raw() } else { written.to_luma8().into_raw() };
+            assert!(coloured || !written.color().has_color(), "{ending}: colours were lost");
+            if lossless {
+                assert_eq!(read.pixels(), expected, "{ending}");
+            } else {
+                let far = read.pixels().iter().zip(&expected).map(|(a, b)| a.abs_diff(*b)).max();
+                assert!(far.unwrap() < 60, "{ending}: {far:?}");
+            }
+            assert_eq!(
+                ImageFiles::find(folder.path()).unwrap().len(),
+                1,
+                "{ending} counts as an image"
+            );
+            fs::remove_file(path).unwrap();
+        }
+    }
+}
+
+#[test]
+fn deeper_and_transparent_images_are_read_as_eight_bits() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    for (image, channels) in [
+        (DynamicImage::ImageLuma16(grey(5, 4).to_luma16()), Channels::Grey),
+        (DynamicImage::ImageLumaA8(grey(5, 4).to_luma_alpha8()), Channels::Grey),
+        (DynamicImage::ImageRgb16(rgb(5, 4).to_rgb16()), Channels::Rgb),
+        (DynamicImage::ImageRgba8(rgb(5, 4).to_rgba8()), Channels::Rgb),
+    ] {
+        image.save(&path).unwrap();
+        let read = read_image(&path).unwrap();
+        assert_eq!(read.channels(), channels);
+        let expected = if channels == Channels::Grey { grey(5, 4) } else { rgb(5, 4) };
+        assert_eq!(read.pixels(), expected.as_bytes());
+    }
+}
+
+#[test]
+fn the_content_decides_not_the_ending() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("really_a_png.jpg");
+    grey(6, 5).save_with_format(&path, ImageFormat::Png).unwrap();
+    assert_eq!(read_image(&path).unwrap().pixels(), grey(6, 5).as_bytes());
+}
+
+fn touch(folder: &Path, names: &[&str]) {
+    for name in names {
+        grey(8, 8).save_with_format(folder.join(name), ImageFormat::Png).unwrap();
+    }
+}
+
+#[test]
+fn frame10_follows_frame9() {
+    let folder = tempdir().unwrap();
+    touch(
+        folder.path(),
+        &["frame10.png", "frame9.png", "frame1.png", "frame100.png", "frame02.png", "a.PNG"],
+    );
+    touch(folder.path(), &[".hidden.png", "._frame9.png"]);
+    fs::write(folder.path().join("notes.txt"), "not an image").unwrap();
+    fs::create_dir(folder.path().join("folder.png")).unwrap();
+    let expected =
+        ["a.PNG", "frame1.png", "frame02.png", "frame9.png", "frame10.png", "frame100.png"];
+    let files = ImageFiles::find(folder.path()).unwrap();
+    assert_eq!(names(&files), expected);
+    assert_eq!(build(&files).unwrap().names().unwrap(), expected);
+
+    let find = |pattern: &str| {
+        ImageFiles::find(folder.path().join(pattern)).map(|files| names(&files)).unwrap()
+    };
+    assert_eq!(find("frame*.png"), expected[1..]);
+    assert_eq!(find("frame1*.png"), ["frame1.png", "frame10.png", "frame100.png"]);
+    assert_eq!(find("frame?.png"), ["frame1.png", "frame9.png"]);
+    assert_eq!(find("frame[19]*.png"), ["frame1.png", "frame9.png", "frame10.png", "frame100.png"]);
+
+    let given = vec![folder.path().join("frame9.png"), folder.path().join("frame1.png")];
+    assert_eq!(ImageFiles::list(given.clone()).paths(), given, "a list keeps its order");
+}
+
+#[test]
+fn a_folder_whose_name_looks_like_a_pattern_is_a_folder() {
+    let folder = tempdir().unwrap();
+    let odd = folder.path().join("run [1]");
+    fs::create_dir(&odd).unwrap();
+    touch(&odd, &["a.png", "b.png"]);
+    assert_eq!(names(&ImageFiles::find(&odd).unwrap()), ["a.png", "b.png"]);
+}
+
+#[test]
+fn nothing_found_is_an_error_that_names_the_place() {
+    let folder = tempdir().unwrap();
+    fs::write(folder.path().join("notes.txt"), "not an image").unwrap();
+    for place in [folder.path().to_owned(), folder.path().join("*.png")] {
+        let error = ImageFiles::find(&place).unwrap_err();
+        assert!(matches!(error, Error::NoImages { .. }), "{error}");
+        let message = error.to_string();
+        assert!(
+            message.starts_with(&place.display().to_string()) && message.contains("png, jpeg"),
+            "{message}"
+        );
+    }
+    let missing = folder.path().join("missing");
+    for place in [missing.clone(), folder.path().join("notes.txt")] {
+        let error = ImageFiles::find(&place).unwrap_err();
+        assert!(matches!(&error, Error::Io { path, .. } if *path == place), "{error}");
+    }
+    let error = ImageFiles::find(folder.path().join("***")).unwrap_err();
+    assert!(matches!(error, Error::Option { .. }), "{error}");
+    assert!(error.to_string().contains("***"), "{error}");
+    let error = read_image(missing).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+}
+
+#[test]
+fn an_unreadable_image_is_named() {
+    let folder = tempdir().unwrap();
+    touch(folder.path(), &["frame1.png", "frame3.png"]);
+    let bad = folder.path().join("frame2.png");
+    let whole = fs::read(folder.path().join("frame1.png")).unwrap();
+    let mut flipped = whole.clone();
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 0x55;
+    for content in [&b"this is a text"[..], b"", &whole[..whole.len() / 2], &whole[..20], &flipped]
+    {
+        fs::write(&bad, content).unwrap();
+        for error in [
+            read_image(&bad).unwrap_err(),
+            build(&ImageFiles::find(folder.path()).unwrap()).unwrap_err(),
+        ] {
+            assert!(matches!(error, Error::Image { .. }), "{error:?}");
+            assert!(error.to_string().contains("frame2.png"), "{error}");
+        }
+        let error = decode_image(content, "message 7").unwrap_err();
+        assert!(matches!(error, Error::Image { .. }), "{error:?}");
+        assert!(error.to_string().contains("message 7"), "{error}");
+    }
+}
+
+#[test]
+fn an_odd_sized_image_is_named() {
+    let folder = tempdir().unwrap();
+    touch(folder.path(), &["frame1.png", "frame3.png"]);
+    grey(8, 9).save(folder.path().join("frame2.png")).unwrap();
+    let error = build(&ImageFiles::find(folder.path()).unwrap()).unwrap_err();
+    assert!(matches!(error, Error::ImageSize { expected: (8, 8), got: (8, 9), .. }), "{error}");
+    assert_eq!(
+        error.to_string(),
+        "image frame2.png: expected 8 x 8 pixels like the ones before it, got 8 x 9"
+    );
+}
+
+#[test]
+fn grey_and_coloured_files_of_one_scene_are_the_same_place() {
+    // A grey camera on a route that was mapped in colour: equal colours have their own brightness.
+    let folder = tempdir().unwrap();
+    let coloured: DynamicImage = grey(64, 32).to_rgb8().into();
+    coloured.save(folder.path().join("a.png")).unwrap();
+    grey(64, 32).save(folder.path().join("b.png")).unwrap();
+    let map = build(&ImageFiles::find(folder.path()).unwrap()).unwrap();
+    assert_eq!(map.descriptors().row(0, map.dim()), map.descriptors().row(1, map.dim()));
+}

@@ -1,0 +1,32 @@
+//! The library from outside, in one program: what it promises, held by properties and examples.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up has failed")]
+
+#[macro_use]
+mod options;
+
+mod bad_input;
+mod cases;
+mod drive;
+mod evaluate;
+mod gaps;
+// On one core the drives take minutes.
+#[cfg(feature = "rayon")]
+mod generated_route;
+#[cfg(feature = "image")]
+mod image_files;
+mod instruction_sets;
+mod map_file;
+#[cfg(unix)]
+mod map_file_unix;
+mod map_long;
+#[cfg(all(feature = "mmap", target_endian = "little"))]
+mod map_mapped;
+mod never_panics;
+mod paper;
+mod post;
+#[path = "../../src/random.rs"]
+mod random;
+mod screen;
+mod snapshot;
+mod stream_is_batch;
+mod threads;

@@ -1,0 +1,289 @@
+//! A robot that restarts goes on as if it had not, and a snapshot that does not fit is refused.
+
+use std::hash::Hasher as _;
+use std::sync::Arc;
+
+use crate::cases::{Kind, bits, cases, columns, kind, numbers, route};
+use proptest::prelude::*;
+use surefix::{Config, Dtype, Error, Floor, Gradient, Localizer, Map, Matcher, Metric};
+
+const DIM: usize = 6;
+
+fn map(seed: u64, metric: Metric) -> Arc<Map> {
+    Arc::new(Map::from_descriptors(numbers(Dtype::F32, 12 * DIM, seed), DIM, metric).unwrap())
+}
+
+/// A localizer that has seen `frames` frames, and its snapshot.
+fn taken(frames: u64) -> (Arc<Map>, Config, Vec<u8>) {
+    let (map, config) = (map(1, Metric::Euclidean), config! { sequence_length: 4 });
+    let mut localizer = Localizer::new(Arc::clone(&map), config.clone()).unwrap();
+    for frame in 0..frames {
+        localizer.push_descriptor(&numbers(Dtype::F32, DIM, 100 + frame)).unwrap();
+    }
+    (map, config, localizer.snapshot().unwrap())
+}
+
+fn reason(result: Result<impl Sized, Error>) -> String {
+    match result {
+        Err(error @ Error::Snapshot { .. }) => error.to_string(),
+        Err(other) => panic!("expected Error::Snapshot, got {other}"),
+        Ok(_) => panic!("expected Error::Snapshot, but it was taken"),
+    }
+}
+
+/// The JSON of the one metadata entry, changed by `change`, in an otherwise equal snapshot whose
+/// checksum fits: what somebody forges on purpose.
+fn with_header(snapshot: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
+    let length = u64::from_le_bytes(snapshot[..8].try_into().unwrap()) as usize;
+    let mut outer: serde_json::Value = serde_json::from_slice(&snapshot[8..8 + length]).unwrap();
+    let entry = &mut outer["__metadata__"]["surefix"];
+    let mut inner: serde_json::Value = serde_json::from_str(entry.as_str().unwrap()).unwrap();
+    change(&mut inner);
+    let header = inner.to_string();
+    *entry = header.clone().into();
+    let mut text = outer.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(8), b' ');
+    let mut out = (text.len() as u64).to_le_bytes().to_vec();
+    out.extend(text);
+    // The tensors, without the checksum at the end.
+    out.extend(&snapshot[8 + length..snapshot.len() - 8]);
+    let mut hash = twox_hash::XxHash3_64::with_seed(0);
+    hash.write(&out);
+    out.extend(hash.finish().to_le_bytes());
+    out
+}
+
+proptest! {
+    #![proptest_config(cases(3_000))]
+
+    /// Cuts before, inside and after the warm-up.
+    #[test]
+    fn a_restored_matcher_goes_on_to_the_last_bit(
+        (n, config) in route(2..40), cut in 0..50_usize, more in 1..50_usize, kind in kind(), seed: u64,
+    ) {
+        let d = columns(kind, n, cut + more, seed);
+        let mut whole = Matcher::new(n, config.clone())?;
+        for column in &d[..cut] {
+            whole.push(column)?;
+        }
+        let blob = whole.snapshot()?;
+        let mut restored = Matcher::restore(&blob, Some(&config))?;
+        prop_assert_eq!(&restored.snapshot()?, &blob);
+        prop_assert_eq!((restored.frames(), restored.places()), (cut as u64, n));
+        for column in &d[cut..] {
+            prop_assert_eq!(bits(&restored.push(column)?), bits(&whole.push(column)?));
+        }
+    }
+
+    /// The running minimum goes through text: every f32 must come back.
+    #[test]
+    fn any_running_minimum_survives(number in any::<u32>().prop_map(f32::from_bits)) {
+        prop_assume!(number.is_finite());
+        let config = config! { weight: 1.0 };
+        let mut whole = Matcher::new(2, config)?;
+        whole.push(&[number, f32::MAX])?;
+        let mut restored = Matcher::restore(&whole.snapshot()?, None)?;
+        for matcher in [&mut whole, &mut restored] {
+            // Scrolls the minimum out of the window: only the header still knows it.
+            for _ in 0..3 {
+                matcher.push_with_trust(&[f32::MAX; 2], true)?;
+            }
+        }
+        let [a, b] = [&mut whole, &mut restored].map(|m| m.push_with_trust(&[f32::MAX; 2], true));
+        prop_assert_eq!(bits(&a?), bits(&b?));
+    }
+
+    #[test]
+    fn damaged_bytes_never_panic(at: prop::sample::Index, to: u8, also: prop::sample::Index, with: u8) {
+        let (map, config, mut blob) = taken(6);
+        for (at, to) in [(at, to), (also, with)] {
+            let at = at.index(blob.len());
+            blob[at] = to;
+        }
+        for expected in [None, Some(&config)] {
+            match Localizer::restore(Arc::clone(&map), &blob, expected) {
+                // A flip in a blank, or in a number of the header.
+                Ok(mut localizer) => drop(localizer.push_descriptor(&numbers(Dtype::F32, DIM, 1))?),
+                Err(Error::Snapshot { .. }) => {}
+                Err(other) => prop_assert!(false, "{}", other),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_restored_localizer_goes_on_to_the_last_bit() {
+    for frames in [0, 1, 3, 4, 50] {
+        let (map, config, blob) = taken(frames);
+        let mut whole = Localizer::new(Arc::clone(&map), config.clone()).unwrap();
+        for frame in 0..frames {
+            whole.push_descriptor(&numbers(Dtype::F32, DIM, 100 + frame)).unwrap();
+        }
+        let mut restored = Localizer::restore(map, &blob, Some(&config)).unwrap();
+        for frame in 0..10 {
+            let query = numbers(Dtype::F32, DIM, 900 + frame);
+            let (a, b) =
+                (whole.push_descriptor(&query).unwrap(), restored.push_descriptor(&query).unwrap());
+            assert_eq!(bits(&a), bits(&b), "cut at {frames}");
+        }
+    }
+}
+
+#[test]
+fn another_map_is_refused() {
+    let (own, config, blob) = taken(5);
+    let longer =
+        Map::from_descriptors(numbers(Dtype::F32, 13 * DIM, 1), DIM, Metric::Euclidean).unwrap();
+    for other in [map(2, Metric::Euclidean), map(1, Metric::Manhattan), Arc::new(longer)] {
+        let message = reason(Localizer::restore(other, &blob, Some(&config)));
+        assert!(message.contains("another map"), "{message}");
+    }
+    // The same descriptors are the same map, wherever they came from.
+    assert!(Localizer::restore(map(1, Metric::Euclidean), &blob, Some(&config)).is_ok());
+
+    let alone = Matcher::new(12, config.clone()).unwrap().snapshot().unwrap();
+    assert!(reason(Localizer::restore(own, &alone, None)).contains("Matcher"));
+}
+
+#[test]
+fn other_options_are_refused_where_options_are_expected() {
+    let (map, config, blob) = taken(5);
+    let others = [
+        config! { config.clone() => sequence_length: 3 },
+        config! { config.clone() => weight: 0.5 },
+        config! { config.clone() => tolerance: 2 },
+        config! { config.clone() => smoothing: 1 },
+        config! { config.clone() => gradient: Gradient::Unhalved },
+        config! { config.clone() => floor: Floor::Fixed(0.0) },
+        config! { config.clone() => speeds: vec![1.0, 0.9] },
+    ];
+    for other in others {
+        let message = reason(Localizer::restore(Arc::clone(&map), &blob, Some(&other)));
+        // Just the options that differ, each by its name.
+        assert!(message.contains("other options: "), "{message}");
+        assert_eq!(message.matches(": expected ").count(), 1, "{message}");
+    }
+    let restored = Localizer::restore(map, &blob, None).unwrap();
+    assert_eq!(restored.config(), &config, "without expectations, the snapshot's own options hold");
+}
+
+#[test]
+fn every_truncation_is_refused() {
+    let (map, config, blob) = taken(5);
+    for length in 0..blob.len() {
+        reason(Localizer::restore(Arc::clone(&map), &blob[..length], Some(&config)));
+        reason(Matcher::restore(&blob[..length], None));
+    }
+    let mut longer = blob;
+    longer.push(0);
+    reason(Localizer::restore(map, &longer, Some(&config)));
+}
+
+#[test]
+fn every_flipped_bit_of_the_numbers_is_refused() {
+    let (map, config, blob) = taken(5);
+    let payload = 8 + u64::from_le_bytes(blob[..8].try_into().unwrap()) as usize;
+    assert!(blob.len() - payload >= 4 * 12 * 4, "four columns of twelve places");
+    for at in payload..blob.len() {
+        for bit in 0..8 {
+            let mut blob = blob.clone();
+            blob[at] ^= 1 << bit;
+            let message = reason(Localizer::restore(Arc::clone(&map), &blob, Some(&config)));
+            assert!(message.contains("damaged"), "{message}");
+        }
+    }
+}
+
+#[test]
+fn a_changed_digit_of_the_header_is_refused() {
+    let (map, config, blob) = taken(5);
+    let digits: Vec<usize> = (8..blob.len()).filter(|&at| blob[at].is_ascii_digit()).collect();
+    assert!(digits.len() > 20);
+    for at in digits {
+        let mut blob = blob.clone();
+        blob[at] = if blob[at] == b'3' { b'4' } else { b'3' };
+        reason(Localizer::restore(Arc::clone(&map), &blob, Some(&config)));
+    }
+}
+
+#[test]
+fn a_newer_version_says_to_upgrade() {
+    let (map, config, blob) = taken(5);
+    // A newer one may lack what this version needs, so the version is looked at first.
+    for lacks in ["", "anchors", "config"] {
+        let newer = with_header(&blob, |header| {
+            header["version"] = 2.into();
+            header.as_object_mut().unwrap().remove(lacks);
+        });
+        let message = reason(Localizer::restore(Arc::clone(&map), &newer, Some(&config)));
+        assert!(message.contains("format 2") && message.contains("upgrade"), "{message}");
+    }
+    let foreign = with_header(&blob, |header| header["format"] = "surefix-map".into());
+    reason(Matcher::restore(&foreign, None));
+    let unchanged = with_header(&blob, |_| {});
+    assert!(
+        Localizer::restore(map, &unchanged, Some(&config)).is_ok(),
+        "the craft itself does no harm"
+    );
+}
+
+/// Headers that no matcher wrote, over an honest payload.
+#[test]
+fn impossible_headers_are_refused() {
+    let (_, _, blob) = taken(5);
+    let forgeries: [(&str, serde_json::Value); 10] = [
+        ("places", 0.into()),
+        ("places", 11.into()),
+        ("places", u64::MAX.into()),
+        ("frames", 2.into()),
+        ("frames", u64::MAX.into()),
+        ("lowest", "x".into()),
+        ("anchors", serde_json::json!([])),
+        ("anchors", serde_json::json!([[12, true], [0, true], [0, true], [0, true]])),
+        ("config", serde_json::json!({})),
+        ("map", (-1).into()),
+    ];
+    let mut taken_or_panicked = Vec::new();
+    for (key, value) in forgeries {
+        let forged = with_header(&blob, |header| header[key] = value.clone());
+        // What is taken must at least go on without a panic.
+        let outcome = std::panic::catch_unwind(|| match Matcher::restore(&forged, None) {
+            Err(error) => {
+                matches!(error, Error::Snapshot { .. }).then_some(()).ok_or(error.to_string())
+            }
+            Ok(mut matcher) => Err(format!("taken; its next fix: {:?}", matcher.push(&[0.5; 12]))),
+        });
+        if !matches!(outcome, Ok(Ok(()))) {
+            taken_or_panicked.push((key, value, outcome));
+        }
+    }
+    assert!(taken_or_panicked.is_empty(), "{taken_or_panicked:#?}");
+}
+
+/// Memory is asked for only once the payload is known to fill it: an allocation that fails ends the
+/// whole program.
+#[test]
+fn a_forged_size_is_refused_before_memory_is_taken() {
+    let (_, _, blob) = taken(5);
+    for places in [1_u64 << 40, 1 << 58] {
+        let forged = with_header(&blob, |header| header["places"] = places.into());
+        reason(Matcher::restore(&forged, None));
+    }
+    let length = with_header(&blob, |header| {
+        header["places"] = (1_u64 << 40).into();
+        header["config"]["sequence_length"] = (1_u64 << 39).into();
+    });
+    reason(Matcher::restore(&length, None));
+}
+
+#[test]
+fn a_snapshot_is_small_and_the_same_each_time() {
+    let config = config! { sequence_length: 5 };
+    let mut matcher = Matcher::new(100, config).unwrap();
+    for column in columns(Kind::Smooth, 100, 20, 1) {
+        matcher.push(&column).unwrap();
+    }
+    let blob = matcher.snapshot().unwrap();
+    assert_eq!(blob, matcher.snapshot().unwrap());
+    assert!(blob.len() < (5 + 3) * 100 * 4 + 1500, "{} bytes", blob.len());
+}
