@@ -17,13 +17,14 @@ TOOLS := .tools/bin
 # What the public names are compared with: the last release before this commit, or the commit before it.
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
-.PHONY: demo test quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
+.PHONY: demo test test-long quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
 .PHONY: rivals-quick stubs clean help
 .PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
+	@echo "make test-long            the kernels once more, 100,000 cases each"
 	@echo "make quick   after an edit, in under a minute: Rust's unit tests, and Python's without the slow ones"
 	@echo "make stubs   the docstrings of the binding, copied into its stub"
 	@echo "make docs    the documentation, in out/docs/index.html"
@@ -40,16 +41,16 @@ help:
 demo: $(VENV)/installed
 	$(BIN)/surefix demo --out out/demo
 
-# An editable build of an unoptimised profile, in an environment of its own.
+# An editable build of a profile that builds fast, in an environment of its own; kernels with fewer random cases.
 quick: $(VENV)/quick/made
-	cargo test --locked --lib
-	$(VENV)/quick/bin/maturin develop --quiet --locked --profile test-release
+	PROPTEST_CASES=2000 cargo test --quiet --locked --lib --profile quick
+	$(VENV)/quick/bin/maturin develop --quiet --locked --profile quick
 	$(VENV)/quick/bin/python -m pytest -q -m "not slow"
 
 $(VENV)/quick/made:
 	$(PYTHON) -m venv $(VENV)/quick
 	$(VENV)/quick/bin/python -m pip install --quiet --upgrade pip "maturin>=1.16,<2"
-	$(VENV)/quick/bin/maturin develop --quiet --locked --profile test-release --extras dev
+	$(VENV)/quick/bin/maturin develop --quiet --locked --profile quick --extras dev
 	@touch $@
 
 stubs: $(VENV)/installed $(VENV)/dev
@@ -68,6 +69,10 @@ lint: $(VENV)/dev
 	cargo clippy --locked --no-default-features -- -D warnings
 	$(BIN)/ruff check python tests benches examples packaging docs/*.py docs/_ext
 	$(BIN)/ruff format --check python tests benches examples packaging docs/*.py docs/_ext
+
+# Every kernel in ten times as many cases.
+test-long:
+	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib kernels
 
 # The same tests on all cores and on one; then the examples in the documentation.
 rust:

@@ -64,7 +64,7 @@ fn image(criterion: &mut Criterion) {
     let mut next = frames.iter().cycle();
     criterion.bench_function("describe, 640 x 480 RGB", |b| {
         b.iter(|| {
-            describer.describe(black_box(next.next().unwrap().view()), &mut descriptor).unwrap()
+            describer.describe(black_box(next.next().unwrap().view()), &mut descriptor).unwrap();
         });
     });
     let mut localizer = Localizer::new(map, config! { sequence_length: 3 }).unwrap();

@@ -22,7 +22,7 @@ pub enum Gradient {
     Unhalved,
 }
 
-/// What a trusted cell is drawn towards: the `floor` of Eq. 4.
+/// The `floor` of Eq. 4, towards which a trusted cell is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -30,7 +30,7 @@ pub enum Floor {
     /// The smallest distance of all queries so far, applied afresh to the whole window.
     #[default]
     Running,
-    /// This number, or the running minimum where that is smaller.
+    /// This number, or the running minimum if that is smaller.
     Fixed(f64),
     /// The smallest distance of the whole matrix, the paper's own: for batches, which know it.
     Global,
@@ -47,20 +47,20 @@ pub enum Floor {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Config {
-    /// `L`, how many queries a sequence has (Eq. 5). From 1 to the number of places; 2 by default.
+    /// `L`, the queries of a sequence (Eq. 5). From 1 to the number of places; 2 by default.
     pub sequence_length: usize,
     /// `w`, how far a trusted cell is drawn to the floor (Eq. 4). From 0 (the plain sequence) to 1;
     /// 0.99 by default.
     pub weight: f64,
-    /// How many frames the minimum and the gradient's peak may lie apart in a trusted match (Eq.
-    /// 3). 1 by default.
+    /// The most frames between the minimum and the gradient's peak of a trusted match (Eq. 3). 1 by
+    /// default.
     pub tolerance: usize,
-    /// How many gradients are summed along the diagonal (the paper's 3 x 3 kernel). 3 by default; 1
-    /// for none, where queries arrive in any order.
+    /// The gradients that are summed along the diagonal (the paper's 3 x 3 kernel). 3 by default; 1
+    /// for none, if queries arrive in any order.
     pub smoothing: usize,
     /// Which form of the gradient (Eq. 1).
     pub gradient: Gradient,
-    /// What trusted cells are drawn towards (Eq. 4).
+    /// The value that trusted cells are drawn towards (Eq. 4).
     pub floor: Floor,
     /// Slopes to try, in places a query: the sequence's diagonals. `[1.0]` by default, as in the
     /// paper.

@@ -1,4 +1,4 @@
-//! What can go wrong, said once: what was expected, what came, and where.
+//! Every error, with the value that was expected, the one given, and its place.
 
 use std::io;
 use std::path::PathBuf;
@@ -16,25 +16,25 @@ pub enum Error {
     Option {
         /// The option's name, the same in Rust, Python and on the command line.
         name: &'static str,
-        /// What it may be.
+        /// Its range.
         expected: String,
-        /// What came.
+        /// The value given.
         got: String,
     },
 
-    /// A route of no or one place: there is nothing to tell apart.
+    /// A route of no or one place.
     #[error("{what}: expected at least 2 places, got {got}")]
     TooFewPlaces {
-        /// What held the places.
+        /// The object that held the places.
         what: &'static str,
-        /// How many came.
+        /// The number of places.
         got: usize,
     },
 
     /// A vector of the wrong length.
     #[error("{what}: expected {expected} values, got {got}")]
     Length {
-        /// What the vector is.
+        /// The vector's name.
         what: &'static str,
         /// The length it must have.
         expected: usize,
@@ -45,7 +45,7 @@ pub enum Error {
     /// An array, matrix or pixel buffer of the wrong shape.
     #[error("{what}: expected {expected}, got {got}")]
     Shape {
-        /// What the array is.
+        /// The array's name.
         what: &'static str,
         /// The shape it must have.
         expected: String,
@@ -53,7 +53,7 @@ pub enum Error {
         got: String,
     },
 
-    /// More memory than there is.
+    /// Not enough memory.
     #[error(
         "matcher: not enough memory for a window of {columns} columns of {places} places, 4 bytes each"
     )]
@@ -64,38 +64,38 @@ pub enum Error {
         columns: usize,
     },
 
-    /// A NaN or an infinity where a finite number must be.
+    /// A NaN or an infinity.
     #[error("{what}: expected finite numbers, got {value} at {}", place(*.row, *.index))]
     NotFinite {
-        /// What the numbers are.
+        /// The numbers' name.
         what: &'static str,
-        /// The row (place or query), where there are rows.
+        /// The row (place or query), if there are several.
         row: Option<usize>,
         /// The index within the row.
         index: usize,
-        /// What stands there.
+        /// The number.
         value: f32,
     },
 
     /// A vector of zeros has no direction: neither a cosine distance nor a multiple of length 1.
     #[error("{what}{}: expected a vector that is not all zeros, which have no direction", of_row(*.row))]
     NoDirection {
-        /// What the vector is.
+        /// The vector's name.
         what: &'static str,
-        /// Its row, where there are rows.
+        /// Its row, if there are several.
         row: Option<usize>,
     },
 
     /// A descriptor of a type that cannot be compared with the map's.
     #[error("{what}: expected {}, got {got}", either(*.map, *.or_float))]
     Dtype {
-        /// What has the wrong type.
+        /// The descriptor's name.
         what: &'static str,
         /// The map's own type.
         map: Dtype,
-        /// Whether float32 would do too: on a map of ready descriptors.
+        /// Whether float32 is accepted too, as on a map of ready descriptors.
         or_float: bool,
-        /// What came.
+        /// The type given.
         got: Dtype,
     },
 
@@ -131,9 +131,9 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried.
+        /// The action that failed.
         action: &'static str,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
 
@@ -142,7 +142,7 @@ pub enum Error {
     MapFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The defect.
         reason: String,
     },
 
@@ -162,16 +162,16 @@ pub enum Error {
     Append {
         /// The map's file, or "the map".
         map: String,
-        /// What the map has.
+        /// A value of the map.
         expected: String,
-        /// What the places that come have.
+        /// That of the new places.
         got: String,
     },
 
     /// A snapshot that does not fit: damaged, of another map, or of another configuration.
     #[error("snapshot: {reason}")]
     Snapshot {
-        /// What does not fit.
+        /// The part that does not fit.
         reason: String,
     },
 

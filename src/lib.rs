@@ -8,7 +8,7 @@
 //! - [`Map`] is the known route: one descriptor a place, from images ([`Map::from_images`]) or from
 //!   any technique ([`Map::from_descriptors`]), kept as one file.
 //! - [`Localizer`] is the robot's loop: a frame in, a [`Fix`] out. It allocates nothing on its way.
-//! - [`Matcher`] is the paper by itself, for whoever has distances already.
+//! - [`Matcher`] is the paper by itself, for distances that are computed elsewhere.
 //! - [`match_descriptors`] and [`match_distances`] do whole runs at once, with the same answers.
 //!
 //! ```

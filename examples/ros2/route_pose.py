@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 import surefix
-from surefix.streams import image_of
+from surefix.frames import image_of
 
 __all__ = ["Answer", "Pose", "RoutePose"]
 

@@ -127,7 +127,7 @@ pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyRe
 fn gives_the_same(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyResult<bool> {
     let (py, Some(known)) = (descriptor.py(), map.learned_recipe()) else { return Ok(false) };
     let known = py.import("json")?.call_method1("loads", (known,))?;
-    let module = py.import("surefix.descriptors.recipe")?;
+    let module = py.import("surefix.descriptors.descriptor")?;
     let given = module.call_method1("recipe_of", (descriptor,))?;
     module.call_method1("same_vectors", (known, given))?.extract()
 }

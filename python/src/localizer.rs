@@ -131,9 +131,8 @@ impl Localizer {
     /// ----------
     /// frames : iterable of arrays or paths, or a path
     ///     Each as for ``push``. A path is a folder or a pattern of images, or whatever else
-    ///     ``surefix.streams.open_stream`` opens: a video, a bag, a camera by its number or URL, a
-    ///     file of arrays. Or a source that reports lost frames, such as those of
-    ///     ``surefix.streams``: an iterable of objects with an ``image`` to push, and ``gap`` and
+    ///     ``surefix.frames.open`` opens: a video, a bag, a camera by its number or URL, a
+    ///     file of arrays. Or a source that reports lost frames, such as ``surefix.frames.Frames``: an iterable of objects with an ``image`` to push, and ``gap`` and
     ///     ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
     ///     before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
     ///     image is then refused.
@@ -158,8 +157,7 @@ impl Localizer {
     /// [(0, False), (1, True), (3, False), (4, True)]
     fn stream(slf: &Bound<'_, Self>, frames: &Bound<'_, PyAny>) -> PyResult<FixStream> {
         let py = slf.py();
-        let opened =
-            || py.import("surefix.streams")?.call_method1("open_stream", (frames,))?.try_iter();
+        let opened = || py.import("surefix.frames")?.call_method1("open", (frames,))?.try_iter();
         let frames = match path_of(frames) {
             Some(place) => match find_images(py, place) {
                 Ok(images) => images.into_pyobject(py)?.try_iter()?,
@@ -328,7 +326,7 @@ impl FixStream {
     }
 }
 
-/// The image of a frame that reports lost frames (``surefix.streams.Frame``), and whether it
+/// The image of a frame that reports lost frames (``surefix.frames.Frame``), and whether it
 /// follows on the one before; `None` for an array or a path.
 fn frame_of<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>, bool)>> {
     if item.is_instance_of::<PyUntypedArray>() {

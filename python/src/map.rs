@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use surefix::{Dtype, Recipe};
 
 use crate::arrays::{Numbers, as_array, check_axes, query, rows_to_py};
@@ -437,8 +438,9 @@ impl Map {
         Ok(Self(Arc::new(screened(py, surefix::Map::clone(&self.0), Some(dtype))?)))
     }
 
-    /// Saves the map as one safetensors file with all that is needed to use it. It is written
-    /// beside its place and then renamed: there is never half a file.
+    /// Saves the map as one safetensors file with everything that it takes to use it. It is written
+    /// beside its place and then renamed: there is never half a file. Symbolic links and the mode of
+    /// an old file stay.
     ///
     /// Raises
     /// ------
@@ -446,6 +448,93 @@ impl Map {
     ///     If the file cannot be written.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| self.0.save(path)).or_raise(py)
+    }
+
+    /// The bytes of the file that ``save`` writes.
+    ///
+    /// Returns
+    /// -------
+    /// bytes
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &py.detach(|| self.0.to_bytes()).or_raise(py)?))
+    }
+
+    /// A map from the bytes of its file. Maps are pickled this way, too.
+    ///
+    /// Parameters
+    /// ----------
+    /// data : bytes
+    /// screen : {"i8"}, optional
+    ///     As for ``with_screen``.
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     If the bytes are not a map's, are damaged, or of a newer version of the library.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> route = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32))
+    /// >>> surefix.Map.from_bytes(route.to_bytes())
+    /// Map(3 places x 3 float32, cosine, 0.0 MB)
+    #[staticmethod]
+    #[pyo3(signature = (data, screen=None))]
+    fn from_bytes(
+        py: Python<'_>,
+        data: &[u8],
+        screen: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
+        let map = py.detach(|| surefix::Map::from_bytes(data)).or_raise(py)?;
+        Ok(Self(Arc::new(screened(py, map, screen)?)))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let (py, map) = (slf.py(), slf.get());
+        let arguments = (map.to_bytes(py)?, map.screen());
+        Ok((slf.get_type().getattr("from_bytes")?, arguments).into_pyobject(py)?.into_any())
+    }
+
+    /// Checks a map that was opened with ``mmap=True``: reads its whole file, and compares its
+    /// checksum. A map in memory was checked when it was opened.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     If the file is damaged.
+    fn verify(&self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| self.0.verify()).or_raise(py)
+    }
+
+    /// The places from ``start`` to before ``stop``, as a map of their own. It shares the memory of
+    /// this map's rows.
+    ///
+    /// Parameters
+    /// ----------
+    /// start, stop : int
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     Unless this map has these places, or for less than two.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> route = surefix.Map.from_descriptors(np.eye(5, dtype=np.float32))
+    /// >>> len(route.slice(1, 4))
+    /// 3
+    fn slice(&self, py: Python<'_>, start: usize, stop: usize) -> PyResult<Self> {
+        Ok(Self(Arc::new(py.detach(|| self.0.slice(start..stop)).or_raise(py)?)))
     }
 
     /// The distances from a descriptor to every place.
@@ -559,7 +648,7 @@ impl Map {
     pub(crate) fn __repr__(&self) -> String {
         let (places, dim, dtype, metric) =
             (self.0.places(), self.0.dim(), self.0.dtype(), self.0.metric());
-        let bytes = self.0.descriptors().len() * dtype.size();
+        let bytes = places * dim * dtype.size();
         format!("Map({places} places x {dim} {dtype}, {metric}, {:.1} MB)", bytes as f64 / 1e6)
     }
 }

@@ -65,14 +65,14 @@ if TYPE_CHECKING:
     from surefix import baselines as baselines
     from surefix import datasets as datasets
     from surefix import descriptors as descriptors
+    from surefix import frames as frames
     from surefix import live as live
     from surefix import plot as plot
     from surefix import post as post
     from surefix import simulate as simulate
-    from surefix import streams as streams
 else:
-    # Imported when they are asked for: some take long, or need packages that not everybody has.
-    _PARTS = ("baselines", "datasets", "descriptors", "live", "plot", "post", "simulate", "streams")
+    # Imported on use: some take long, or need optional packages.
+    _PARTS = ("baselines", "datasets", "descriptors", "frames", "live", "plot", "post", "simulate")
 
     def __getattr__(name):
         if name in _PARTS:

@@ -1,25 +1,21 @@
-"""The packages that surefix needs only for some things."""
+"""The optional packages."""
 
 from importlib import import_module
 from typing import Any
 
 from surefix.errors import SurefixError
 
-__all__ = ["needed"]
+__all__ = ["require"]
 
 
-def needed(module: str, what: str, package: str, install: str) -> Any:
-    """Imports an optional package.
-
-    Raises
-    ------
-    SurefixError
-        Where it is missing, or cannot be loaded: one line that says what to install.
+def require(module: str, what: str, package: str, install: str) -> Any:
+    """Imports an optional package. If that fails, a SurefixError says in a line how to install it;
+    ``what`` is the thing that takes it: "a video".
     """
     try:
         return import_module(module)
     except ImportError as error:
-        # One that is there and does not load, for want of a system library, says so itself.
+        # A package that is there may still lack a system library: then it says so itself.
         absent = isinstance(error, ModuleNotFoundError) and error.name == module.partition(".")[0]
         why = "which is not installed" if absent else f"which cannot be loaded ({error})"
         raise SurefixError(f'{what} takes {package}, {why}: pip install "{install}"') from None

@@ -1,6 +1,6 @@
-"""What can go wrong. Each message says what was expected, what came, and where."""
+"""Errors. Each message says where, what was expected, and what came."""
 
-__all__ = ["SurefixError", "SurefixFileError", "SurefixValueError"]
+__all__ = ["SurefixError", "SurefixFileError", "SurefixValueError", "mismatch", "refusal"]
 
 
 class SurefixError(Exception):
@@ -13,3 +13,13 @@ class SurefixValueError(SurefixError, ValueError):
 
 class SurefixFileError(SurefixError, OSError):
     """The operating system refused a file or a folder."""
+
+
+def mismatch(where: object, expected: object, got: object) -> SurefixValueError:
+    """The error of a value: where, what was expected, and what came."""
+    return SurefixValueError(f"{where}: expected {expected}, got {got}")
+
+
+def refusal(where: object, problem: str, error: OSError) -> SurefixFileError:
+    """The error of the operating system: where, ``cannot read the image``, and why."""
+    return SurefixFileError(f"{where}: {problem}: {error.strerror or error}")

@@ -6,21 +6,27 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 
 __all__ = ["Matches"]
 
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """One match a query, of any method: what ``surefix.evaluate`` takes beside a ``Run``.
+    """One match a query, of any method, for ``surefix.evaluate``.
 
-    Parameters ---------- place : array of int, shape (m,) The place that each query was matched to.
-    score : array of float32, shape (m,) How good each match is; less is better. ready : array of
-    bool, shape (m,), optional False where the method had no answer yet, as in a sequence's warm-up:
-    such queries are left out. All True by default. accepted : array of bool, shape (m,), optional
-    False where the method refuses the match whatever its score, as a mask does: such queries are
-    never accepted, but count. All True by default.
+    Parameters
+    ----------
+    place : array of int, shape (m,)
+        The place that each query was matched to.
+    score : array of float32, shape (m,)
+        Of each match; less is better.
+    ready : array of bool, shape (m,), optional
+        False if the method had no answer yet, as in a sequence's warm-up: such queries are left
+        out. All True by default.
+    accepted : array of bool, shape (m,), optional
+        False if the method rejects the match at any score, as a mask does: such queries still count
+        towards recall. All True by default.
 
     Examples
     --------
@@ -39,11 +45,9 @@ class Matches:
     def __post_init__(self) -> None:
         place, score = np.asarray(self.place), np.asarray(self.score)
         if place.ndim != 1 or (place.size and place.dtype.kind not in "iu"):
-            raise SurefixValueError(
-                f"place: expected whole numbers, one a query, got {place.dtype} {place.shape}"
-            )
+            raise mismatch("place", "whole numbers, one a query", f"{place.dtype} {place.shape}")
         if score.dtype.kind not in "fiu":
-            raise SurefixValueError(f"score: expected numbers, one a query, got {score.dtype}")
+            raise mismatch("score", "numbers, one a query", score.dtype)
         fields: dict[str, Any] = {
             "place": place.astype(np.int64),
             "score": score.astype(np.float32),
@@ -52,9 +56,7 @@ class Matches:
             flags = getattr(self, name)
             fields[name] = np.ones(len(place), bool) if flags is None else np.asarray(flags)
             if fields[name].dtype != np.bool_:
-                raise SurefixValueError(
-                    f"{name}: expected bool, one a query, got {fields[name].dtype}"
-                )
+                raise mismatch(name, "bool, one a query", fields[name].dtype)
         for name, array in fields.items():
             if array.shape != place.shape:
                 expected = f"expected one number a query, {place.shape}"
@@ -62,5 +64,5 @@ class Matches:
             object.__setattr__(self, name, array)
 
     def __len__(self) -> int:
-        """How many queries."""
+        """The number of queries."""
         return len(self.place)

@@ -1,5 +1,5 @@
-"""Post-processing of learned descriptors: fitted on the references, kept with the map, done to each
-query.
+"""Post-processing of learned descriptors: fitted on the references, kept in the map, applied to
+each query.
 
 >>> import numpy as np, surefix
 >>> from surefix.post import Normalize, Pca, Standardize
@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Post, Running, fit_post
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 
 __all__ = [
     "Normalize",
@@ -38,17 +38,16 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Standardize:
-    """Each dimension less its mean over the references, in units of its population standard
-    deviation.
+    """Each dimension less its mean over the references, divided by its population standard
+    deviation. A dimension that is the same in all references becomes 0.
 
-    A dimension that is the same in all references becomes 0.
-
-    Parameters ---------- statistics : "references" or "running" What the queries of a drive are
-    standardised by: the references' own mean and deviation, or those of the drive's queries so far,
-    the newest among them, which begin with the references' as if these were one query. With
-    "running", a ``Localizer`` keeps the drive's, in its snapshots too, until ``reset``, and
-    ``match`` takes its queries as one drive. The references are standardised by their own either
-    way.
+    Parameters
+    ----------
+    statistics : "references" or "running"
+        The statistics for queries: those of the references; or those of the drive's queries so far,
+        the newest included, which begin with the references' as if these were one query. With
+        "running", a ``Localizer`` keeps the drive's, in its snapshots too, until ``reset``, and
+        ``match`` takes its queries as one drive. The references always have their own.
     """
 
     statistics: Literal["references", "running"] = "references"
@@ -57,11 +56,9 @@ class Standardize:
 
 @dataclass(frozen=True, slots=True)
 class Pca:
-    """The coordinates along the ``dim`` directions in which the references differ most; whitened by
-    default.
-
-    As scikit-learn's ``PCA(dim, whiten=True)`` computes them. There are no more than the references
-    span: fewer than there are references.
+    """The coordinates along the ``dim`` directions in which the references differ most, whitened by
+    default, as of scikit-learn's ``PCA(dim, whiten=True)``. ``dim`` must be below the number of
+    references.
     """
 
     dim: int
@@ -71,18 +68,16 @@ class Pca:
 
 @dataclass(frozen=True, slots=True)
 class Normalize:
-    """To the length 1."""
+    """Scales to length 1."""
 
     step: ClassVar[str] = "normalize"
 
 
 @dataclass(frozen=True, slots=True)
 class RandomProjection:
-    """The products with ``dim`` vectors of random signs, divided by ``sqrt(dim)``: distances stay
-    about what they are.
-
-    Achlioptas, *Database-friendly random projections*, 2003. The same ``seed`` gives the same signs
-    everywhere.
+    """The products with ``dim`` vectors of random signs, divided by ``sqrt(dim)``, which preserve
+    distances approximately: Achlioptas, *Database-friendly random projections*, 2003. The same
+    ``seed`` gives the same signs everywhere.
     """
 
     dim: int
@@ -94,16 +89,18 @@ Step = Standardize | Pca | Normalize | RandomProjection
 
 
 def fit(references: Any, steps: Iterable[Step]) -> Post:
-    """A chain of steps, fitted on references: each on what those before it make of them.
+    """A chain of steps, each fitted on the references as the steps before it leave them.
 
     Parameters
     ----------
     references : array of float32, shape (n, dim)
     steps : iterable of Standardize, Pca, Normalize and RandomProjection
 
-    Raises ------ SurefixValueError For references of another shape or type, fewer than two, a NaN
-    or an infinity; for more principal components than they span; for a row of zeros that is to have
-    the length 1.
+    Raises
+    ------
+    SurefixValueError
+        For references of another shape or type, fewer than two, a NaN or an infinity; for more
+        principal components than they span; for a row of zeros, which has no direction.
 
     Examples
     --------
@@ -116,8 +113,7 @@ def fit(references: Any, steps: Iterable[Step]) -> Post:
 
 
 def standardized(rows: Any) -> npt.NDArray[np.float32]:
-    """Rows standardised by their own statistics: for a whole drive that is there before it is
-    matched.
+    """Rows standardised by their own statistics: for a whole drive that is known before matching.
 
     Examples
     --------
@@ -131,27 +127,19 @@ def standardized(rows: Any) -> npt.NDArray[np.float32]:
 
 
 def as_json(steps: Any) -> str:
-    """The steps as the core reads them.
-
-    Raises
-    ------
-    SurefixValueError
-        Where one is none.
-    """
+    """The steps as the core reads them."""
     listed = [steps] if isinstance(steps, Step) else list(steps)
     for step in listed:
         if not isinstance(step, Step):
-            raise SurefixValueError(
-                f"post: expected steps such as Standardize(), Pca(512), RandomProjection(512), Normalize(), "
-                f"got {step!r}"
-            )
+            expected = "steps such as Standardize(), Pca(512), RandomProjection(512), Normalize()"
+            raise mismatch("post", expected, repr(step))
         for name, value in asdict(step).items():
             expected, fits = _EXPECTED[name]
             if not fits(value):
                 raise SurefixValueError(
                     f"post: {type(step).__name__}: expected {name} to be {expected}, got {value!r}"
                 )
-    # Numbers of NumPy's as those of Python.
+    # NumPy's numbers as Python's.
     return json.dumps([_plain(step) for step in listed], default=lambda number: number.item())
 
 
@@ -169,7 +157,7 @@ def _is_whole(value: object) -> bool:
     )
 
 
-# What each field of a step may be.
+# The values of each field of a step.
 _EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
     "statistics": ('"references" or "running"', lambda value: value in ("references", "running")),
     "whiten": ("True or False", lambda value: isinstance(value, (bool, np.bool_))),

@@ -108,7 +108,7 @@ impl Route {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] where an option of `config` is out of its range.
+    /// [`Error::Option`] if an option of `config` is out of its range.
     pub fn new(config: RouteConfig) -> Result<Self, Error> {
         config.validate()?;
         Ok(Self { config })
@@ -118,7 +118,7 @@ impl Route {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] where one of the `conditions` is out of its range.
+    /// [`Error::Option`] if one of the `conditions` is out of its range.
     pub fn traverse(&self, conditions: Conditions) -> Result<Traverse, Error> {
         conditions.validate()?;
         Ok(Traverse::new(self.config.clone(), conditions))

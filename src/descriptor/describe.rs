@@ -9,14 +9,14 @@ use crate::image::{ImageSource, Progress, go_on};
 use crate::numbers::Values;
 use crate::parallel::{each_row, threads};
 
-/// How many images each thread describes between two reports of progress.
+/// Images that each thread describes between two reports of progress.
 const BATCH: usize = 32;
 
 /// The descriptors of all images, one after the other, on all cores (feature `rayon`).
 ///
 /// # Errors
 /// Whatever loading an image gives; [`Error::ImageSize`] for one whose size is not the first one's;
-/// [`Error::Interrupted`] where `progress` breaks. The first image in route order that fails is the
+/// [`Error::Interrupted`] if `progress` breaks. The first image in route order that fails is the
 /// one named.
 pub fn describe_all(
     sad: &Sad,
@@ -30,8 +30,8 @@ pub fn describe_all(
     Ok(all)
 }
 
-/// The same, straight into `memory`, which has room for the descriptors of all images; there is at
-/// least one.
+/// The same, straight into `memory`, which has the size of the descriptors of all images, of which
+/// there is at least one.
 pub(crate) fn describe_into(
     sad: &Sad,
     images: &(impl ImageSource + ?Sized),
@@ -81,14 +81,14 @@ fn in_batches(
     report(total)
 }
 
-/// Describers, as many as there are threads at work, and the images that they describe. An image is
-/// in memory only while it is described.
+/// A describer for each thread at work, and the images that they describe. An image is in memory
+/// only while it is described.
 struct DescriberPool<'a, I: ?Sized> {
     sad: &'a Sad,
     images: &'a I,
     /// Width and height of the first image, and so of all.
     size: (usize, usize),
-    /// Those without work just now, each with room for a descriptor.
+    /// The idle ones, each with a descriptor's memory.
     idle: Mutex<Vec<(Describer, Values)>>,
 }
 
@@ -104,7 +104,7 @@ impl<'a, I: ImageSource + ?Sized> DescriberPool<'a, I> {
         self.sad.dim() * self.sad.dtype().size()
     }
 
-    /// Describes the images from `start` on into `rows`, as many as there are rows.
+    /// Describes the images from `start` on, one a row, into `rows`.
     fn describe(&self, start: usize, rows: &mut [u8]) -> Result<(), Error> {
         let done =
             each_row(rows, self.width(), |row, memory| self.describe_one(start + row, memory));

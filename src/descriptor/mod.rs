@@ -5,12 +5,8 @@
 )]
 
 mod describe;
-#[cfg(test)]
-mod naive;
 mod patches;
 mod sad;
-#[cfg(test)]
-mod tests;
 
 pub use describe::describe_all;
 pub(crate) use describe::{describe_each, describe_into};

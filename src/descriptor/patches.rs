@@ -4,7 +4,7 @@
 pub(super) const LEVELS: f64 = 32.0;
 const MIDDLE: f64 = 128.0;
 
-/// Normalises images of one width, a band of patches at a time. What is known of a patch is written
+/// Normalises images of one width, a band of patches at a time. A patch's sum and scale are written
 /// to each of its columns, so that whole rows of pixels are worked on, whatever the patch.
 #[derive(Clone, Debug)]
 pub(super) struct Patches {
@@ -12,7 +12,7 @@ pub(super) struct Patches {
     /// Each column's sum, and that of its squares. A patch has 4096 rows at most: they fit.
     sums: Vec<u32>,
     squares: Vec<u32>,
-    /// The sum of the patch that the column is in, and what to multiply by.
+    /// The sum of the column's patch, and the factor.
     totals: Vec<f64>,
     scales: Vec<f64>,
 }
@@ -24,7 +24,7 @@ impl Patches {
         Self { side, sums: whole.clone(), squares: whole, totals: real.clone(), scales: real }
     }
 
-    /// Each patch by itself: `z = (p - mean) / std`, and 0 where the std is below one grey level.
+    /// Each patch by itself: `z = (p - mean) / std`, and 0 if the std is below one grey level.
     /// The sums are whole numbers, so nothing is lost before the last division.
     #[inline(always)]
     pub(super) fn normalise<T>(&mut self, small: &[u8], out: &mut [T], store: impl Fn(f64) -> T) {

@@ -23,15 +23,15 @@ const MAX_SIDE: usize = 4096;
 /// # Ok::<(), surefix::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(try_from = "Unchecked", into = "Unchecked")]
+#[serde(try_from = "Unchecked")]
 pub struct Sad {
     size: (usize, usize),
     patch: usize,
     dtype: Dtype,
 }
 
-/// A recipe as it stands in a file, before it is checked.
-#[derive(Serialize, Deserialize)]
+/// A recipe of a file, before it is checked.
+#[derive(Deserialize)]
 struct Unchecked {
     size: (usize, usize),
     patch: usize,
@@ -46,12 +46,6 @@ impl TryFrom<Unchecked> for Sad {
     }
 }
 
-impl From<Sad> for Unchecked {
-    fn from(Sad { size, patch, dtype }: Sad) -> Self {
-        Self { size, patch, dtype }
-    }
-}
-
 impl Default for Sad {
     fn default() -> Self {
         Self { size: (64, 32), patch: 8, dtype: Dtype::U8 }
@@ -63,7 +57,7 @@ impl Sad {
     /// as `U8` (`128 + 32 z`) or `F32` (`z`).
     ///
     /// # Errors
-    /// [`Error::Option`] where a side is not a multiple of the patch or above 4096, or for another
+    /// [`Error::Option`] if a side is not a multiple of the patch or above 4096, or for another
     /// type.
     pub fn new(size: (usize, usize), patch: usize, dtype: Dtype) -> Result<Self, Error> {
         let (width, height) = size;
@@ -98,12 +92,12 @@ impl Sad {
         self.dtype
     }
 
-    /// How many numbers a descriptor has: width times height.
+    /// The numbers of a descriptor: width times height.
     pub fn dim(&self) -> usize {
         self.size.0 * self.size.1
     }
 
-    /// What one unit of distance (of `z`) is in the descriptor's own numbers.
+    /// One unit of distance (of `z`) in the descriptor's own numbers.
     pub(crate) fn unit(&self) -> f64 {
         if self.dtype == Dtype::U8 { LEVELS } else { 1.0 }
     }
@@ -118,21 +112,20 @@ impl Sad {
         Ok(values)
     }
 
-    /// What the descriptor sees before it is normalised: the image in grey, at the descriptor's
-    /// size.
+    /// The image in grey, at the descriptor's size, before it is normalised.
     ///
     /// # Errors
     /// None today: an [`ImageView`] is checked when it is made.
     pub fn thumbnail(&self, image: ImageView<'_>) -> Result<Image, Error> {
-        Image::new(self.size.0, self.size.1, Channels::Grey, Describer::new(*self).thumbnail(image))
+        let grey = Describer::new(*self).thumbnail(image).to_vec();
+        Image::new(self.size.0, self.size.1, Channels::Grey, grey)
     }
 }
 
 /// Describes image after image without allocating, as long as the images keep their size.
 ///
 /// ```
-/// use surefix::Describer;
-/// use surefix::{Channels, ImageView, Sad, Values};
+/// use surefix::{Channels, Describer, ImageView, Sad, Values};
 /// let mut describer = Describer::new(Sad::default());
 /// let mut descriptor = Values::U8(vec![0; 2048]);
 /// for frame in [vec![7; 320 * 240 * 3], vec![8; 320 * 240 * 3]] {
@@ -159,7 +152,7 @@ impl Describer {
     /// The same describer on another instruction set. The descriptors are the same on all of them.
     ///
     /// # Errors
-    /// [`Error::Option`] where this processor lacks it.
+    /// [`Error::Option`] if this CPU lacks it.
     pub fn with_isa(self, isa: Isa) -> Result<Self, Error> {
         Ok(Self { isa: isa.checked()?, ..self })
     }
@@ -177,17 +170,17 @@ impl Describer {
     /// Writes the image's descriptor into `out`, which has the recipe's type and length.
     ///
     /// # Errors
-    /// [`Error::Length`] or [`Error::Dtype`] where `out` has not.
+    /// [`Error::Length`] or [`Error::Dtype`] if it has another.
     pub fn describe(&mut self, image: ImageView<'_>, out: &mut Values) -> Result<(), Error> {
-        let Self { sad, isa, resize, small, patches } = self;
-        let what = "descriptor";
+        let (sad, what) = (&self.sad, "descriptor");
         if out.len() != sad.dim() {
             return Err(Error::Length { what, expected: sad.dim(), got: out.len() });
         }
         if out.dtype() != sad.dtype() {
             return Err(Error::Dtype { what, map: sad.dtype(), or_float: false, got: out.dtype() });
         }
-        isa.run(Shrink { isa: *isa, resize, image, to: sad.size(), small });
+        self.thumbnail(image);
+        let Self { isa, small, patches, .. } = self;
         match out {
             Values::U8(out) => isa.run(Normalise { patches, small, out, store: level }),
             Values::F32(out) => isa.run(Normalise { patches, small, out, store: |z| z as f32 }),
@@ -197,11 +190,11 @@ impl Describer {
         Ok(())
     }
 
-    /// The image in grey, at the recipe's size: row by row.
-    fn thumbnail(mut self, image: ImageView<'_>) -> Vec<u8> {
-        let Self { sad, isa, resize, small, .. } = &mut self;
+    /// The image in grey, at the recipe's size, before it is normalised: row by row.
+    pub fn thumbnail(&mut self, image: ImageView<'_>) -> &[u8] {
+        let Self { sad, isa, resize, small, .. } = self;
         isa.run(Shrink { isa: *isa, resize, image, to: sad.size(), small });
-        self.small
+        small
     }
 }
 
@@ -223,7 +216,7 @@ impl Compiled for Shrink<'_> {
     }
 }
 
-/// From grey levels to `z`, kept as `store` has it.
+/// From grey levels to `z`, converted by `store`.
 struct Normalise<'a, T, S> {
     patches: &'a mut Patches,
     small: &'a [u8],

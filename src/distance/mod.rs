@@ -1,7 +1,7 @@
 //! Distances between a query's descriptor and every row of a map (method 1.6).
 //!
 //! Manhattan and euclidean distances are computed by direct differences: the expansion
-//! `|a|^2 + |b|^2 - 2ab` loses its digits exactly where a match is found, near zero.
+//! `|a|^2 + |b|^2 - 2ab` loses its digits near zero, which is where matches are.
 //!
 //! # Instruction sets
 //!
@@ -49,16 +49,15 @@ pub(crate) struct Rows<'a> {
     pub(crate) values: View<'a>,
     pub(crate) dim: usize,
     pub(crate) metric: Metric,
-    /// What one unit of distance is, in the numbers of the rows: 32 for SAD in u8, else 1.
+    /// One unit of distance, in the numbers of the rows: 32 for SAD in u8, else 1.
     pub(crate) unit: f64,
     /// The length of each row, for the cosine; else empty.
     pub(crate) norms: &'a [f64],
-    /// What the kernels run on. It decides the speed only.
+    /// The instruction set of the kernels. It decides the speed only.
     pub(crate) isa: Isa,
 }
 
-/// A query that can be compared with the rows of a map: all that can be wrong with it has been
-/// looked for.
+/// A query that has been checked: it can be compared with the rows of a map.
 #[derive(Clone, Copy)]
 pub(crate) struct Query<'a> {
     pub(crate) numbers: View<'a>,
@@ -67,8 +66,7 @@ pub(crate) struct Query<'a> {
 }
 
 impl<'a> Query<'a> {
-    /// A query is float32, or of the rows' own type; that it has as many numbers as a row is the
-    /// caller's to have checked.
+    /// A query is float32, or of the rows' own type. The caller has checked its length.
     ///
     /// # Errors
     /// [`Error::Dtype`] for another type, [`Error::NotFinite`] for a NaN or an infinity,

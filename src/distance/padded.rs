@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-/// A query as whole blocks, the last one filled up with zeros. Where a row's last block is filled
-/// up in the same way, the terms of what was filled in are zeros too.
+/// A query as whole blocks, the last one padded with zeros. If a row's last block is padded too,
+/// the terms of the padding are zeros.
 pub(super) struct Padded<'a, N, const WIDTH: usize> {
     dim: usize,
     pub(super) blocks: &'a [[N; WIDTH]],
@@ -20,16 +20,16 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
         Self { dim: numbers.len(), blocks, last, broken: rest.len() }
     }
 
-    /// The whole blocks of a row, as many as the query has.
+    /// The whole blocks of a row.
     #[inline(always)]
     pub(super) fn row<'b, R>(&self, values: &'b [R], row: usize) -> &'b [[R; WIDTH]] {
         let start = row * self.dim;
         &values[start..start + self.dim].as_chunks().0[..self.blocks.len()]
     }
 
-    /// While a row and the next are read side by side, memory is asked for that is read `ahead`
-    /// bytes later in each: at the end of a row that is two rows on. Gives the blocks of a row in
-    /// two parts, each with how many bytes further on that memory lies.
+    /// A row and the next are read side by side, and memory is prefetched that is read `ahead`
+    /// bytes later in each: near the end of a row, that is two rows on. Gives the blocks of a row
+    /// in two parts, each with the distance to that memory in bytes.
     #[inline(always)]
     pub(super) fn ahead_of_two<R>(&self, ahead: usize) -> [(Range<usize>, usize); 2] {
         let (row, count) = (self.dim * size_of::<R>(), self.blocks.len());
@@ -38,14 +38,14 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
         [(0..here, ahead + rows * row), (here..count, ahead + (rows + 1) * row)]
     }
 
-    /// The last, broken block of a row, filled up with zeros.
+    /// The last, broken block of a row, padded with zeros.
     #[inline(always)]
     pub(super) fn last_of<R: Copy + Default>(&self, values: &[R], row: usize) -> [R; WIDTH] {
         let start = row * self.dim + self.blocks.len() * WIDTH;
         let mut last = [R::default(); WIDTH];
         match values.get(start..).and_then(|from| from.first_chunk::<WIDTH>()) {
-            // What stands behind the row is read as well, and dropped: a copy of one size is far
-            // faster.
+            // The numbers behind the row are read as well, and dropped: a copy of a fixed size is
+            // far faster.
             Some(numbers) => {
                 for (index, (last, number)) in last.iter_mut().zip(numbers).enumerate() {
                     *last = if index < self.broken { *number } else { R::default() };

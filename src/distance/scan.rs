@@ -2,11 +2,13 @@
 
 use std::marker::PhantomData;
 
+use bytemuck::must_cast_ref;
+
 use super::padded::Padded;
 use super::term::Term;
 use crate::simd::{BLOCK, Byte, Isa, Kernel, LANES, Machine, Number, run, scalar};
 
-/// After how many blocks of bytes the sums are emptied. A lane of 32 bits gets at most sixteen
+/// The sums are emptied after this many blocks of bytes. A lane of 32 bits gets at most sixteen
 /// terms a block, each below 2^16, so that it stays below 2^30; and a row's last, broken block fits
 /// in as well.
 const RUN: usize = 1024;
@@ -15,13 +17,12 @@ const RUN: usize = 1024;
 /// last block more.
 const SHORTS_RUN: usize = 64;
 
-/// How many blocks of a row are taken at a time, each with sums of its own: none waits for another.
+/// Blocks of a row that are taken at a time, each with sums of its own: none waits for another.
 const UNROLLED: usize = 4;
 
-/// How many bytes ahead of what it reads a scan asks for memory. Rows come as fast as the memory
-/// gives them, and the processor by itself stops looking ahead at the end of a page.
+/// A scan prefetches this many bytes ahead: by itself the CPU stops at the end of a page.
 const AHEAD: usize = 4096;
-/// Of f32, of which two rows are read at a time.
+/// Of f32, whose rows are read two at a time.
 const AHEAD_OF_F32: usize = 2560;
 /// Of bytes under a query of bytes.
 const AHEAD_OF_BYTES: usize = 2048;
@@ -47,7 +48,7 @@ pub(super) fn bytes<T: Term, B: Byte, O>(
     out: &mut [O],
     finish: impl Fn(usize, i64) -> O,
 ) {
-    run(isa, Bytes::<T, B, O, _> { query, values, out, finish, term: PhantomData });
+    run(isa, Whole::<OfBytes<T, B>, O, _> { query, values, out, finish });
 }
 
 /// The sums of the products of numbers of up to 14 bits with the bytes of each row, exactly, each
@@ -59,7 +60,7 @@ pub(super) fn shorts<O>(
     out: &mut [O],
     finish: impl Fn(usize, i64) -> O,
 ) {
-    run(isa, Shorts { query, values, out, finish });
+    run(isa, Whole::<OfShorts, O, _> { query, values, out, finish });
 }
 
 struct Floats<'a, T, Q, R, O, F> {
@@ -100,22 +101,20 @@ impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Kernel
     }
 }
 
-struct Bytes<'a, T, B, O, F> {
-    query: &'a [B],
-    values: &'a [B],
+struct Whole<'a, C: Counted, O, F> {
+    query: &'a [C::Query],
+    values: &'a [C::Row],
     out: &'a mut [O],
     finish: F,
-    term: PhantomData<T>,
 }
 
-impl<T: Term, B: Byte, O, F: Fn(usize, i64) -> O> Kernel for Bytes<'_, T, B, O, F> {
+impl<C: Counted, O, F: Fn(usize, i64) -> O> Kernel for Whole<'_, C, O, F> {
     #[inline(always)]
     fn simd<M: Machine>(self, machine: M) {
-        let excess = T::excess::<M, B>(self.query);
-        let query = Padded::new(bytemuck::must_cast_slice::<B, u8>(self.query));
-        let values: &[u8] = bytemuck::must_cast_slice(self.values);
+        let excess = C::excess::<M>(self.query);
+        let query = Padded::new(self.query);
         for (row, out) in self.out.iter_mut().enumerate() {
-            let total = total::<M, OfBytes<T, B>>(machine, &query, values, row);
+            let total = total::<M, C>(machine, &query, self.values, row);
             *out = (self.finish)(row, total - excess);
         }
     }
@@ -124,33 +123,7 @@ impl<T: Term, B: Byte, O, F: Fn(usize, i64) -> O> Kernel for Bytes<'_, T, B, O, 
         let dim = self.query.len();
         for (index, out) in self.out.iter_mut().enumerate() {
             let row = &self.values[index * dim..(index + 1) * dim];
-            *out = (self.finish)(index, scalar::total(self.query, row, T::byte));
-        }
-    }
-}
-
-struct Shorts<'a, O, F> {
-    query: &'a [i16],
-    values: &'a [i8],
-    out: &'a mut [O],
-    finish: F,
-}
-
-impl<O, F: Fn(usize, i64) -> O> Kernel for Shorts<'_, O, F> {
-    #[inline(always)]
-    fn simd<M: Machine>(self, machine: M) {
-        let query = Padded::new(self.query);
-        for (row, out) in self.out.iter_mut().enumerate() {
-            let total = total::<M, OfShorts>(machine, &query, self.values, row);
-            *out = (self.finish)(row, total);
-        }
-    }
-
-    fn scalar(self) {
-        let dim = self.query.len();
-        for (index, out) in self.out.iter_mut().enumerate() {
-            let row = &self.values[index * dim..(index + 1) * dim];
-            *out = (self.finish)(index, scalar::short_total(self.query, row));
+            *out = (self.finish)(index, C::plain(self.query, row));
         }
     }
 }
@@ -217,12 +190,12 @@ fn finish<M: Machine, T: Term, Q: Number, R: Number>(
     scalar::sum_of_lanes(machine.store(lanes))
 }
 
-/// How the terms of a block of whole numbers are counted. (No closure: those are not surely
+/// How the terms of a block of whole numbers are counted. (A trait, since closures are not surely
 /// inlined, and what is not inlined is not compiled for the instruction set.)
 trait Counted {
     type Query: Copy + Default;
     type Row: Copy + Default;
-    /// After how many blocks the sums are emptied.
+    /// After this many blocks the sums are emptied.
     const RUN: usize;
     fn count<M: Machine>(
         machine: M,
@@ -231,6 +204,10 @@ trait Counted {
         row: &[Self::Row; BLOCK],
     ) -> M::Counts;
     fn total<M: Machine>(machine: M, sum: M::Counts) -> i64;
+    /// By how much the totals of this query are too large on this machine.
+    fn excess<M: Machine>(query: &[Self::Query]) -> i64;
+    /// The total of a row, without a machine.
+    fn plain(query: &[Self::Query], row: &[Self::Row]) -> i64;
 }
 
 /// The terms `T` of bytes.
@@ -239,23 +216,33 @@ struct OfBytes<T, B>(PhantomData<(T, B)>);
 struct OfShorts;
 
 impl<T: Term, B: Byte> Counted for OfBytes<T, B> {
-    type Query = u8;
-    type Row = u8;
+    type Query = B;
+    type Row = B;
     const RUN: usize = RUN;
 
     #[inline(always)]
     fn count<M: Machine>(
         machine: M,
         sum: M::Counts,
-        query: &[u8; BLOCK],
-        row: &[u8; BLOCK],
+        query: &[B; BLOCK],
+        row: &[B; BLOCK],
     ) -> M::Counts {
-        T::count::<M, B>(machine, sum, machine.block(query), machine.block(row))
+        let [query, row] = [query, row].map(|numbers| machine.block(must_cast_ref(numbers)));
+        T::count::<M, B>(machine, sum, query, row)
     }
 
     #[inline(always)]
     fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
         T::total(machine, sum)
+    }
+
+    #[inline(always)]
+    fn excess<M: Machine>(query: &[B]) -> i64 {
+        T::excess::<M, B>(query)
+    }
+
+    fn plain(query: &[B], row: &[B]) -> i64 {
+        scalar::total(query, row, T::byte)
     }
 }
 
@@ -277,6 +264,15 @@ impl Counted for OfShorts {
     #[inline(always)]
     fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
         machine.total(sum)
+    }
+
+    #[inline(always)]
+    fn excess<M: Machine>(_: &[i16]) -> i64 {
+        0
+    }
+
+    fn plain(query: &[i16], row: &[i8]) -> i64 {
+        scalar::short_total(query, row)
     }
 }
 

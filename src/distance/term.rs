@@ -1,4 +1,4 @@
-//! What is summed over a row: differences, squares or products, of floats or of bytes.
+//! The terms that are summed over a row: differences, squares or products, of floats or of bytes.
 
 use crate::simd::{Byte, Machine};
 
@@ -17,7 +17,7 @@ pub(super) trait Term: Copy {
         query: M::Block,
         row: M::Block,
     ) -> M::Counts;
-    /// What [`count`](Self::count) summed.
+    /// The total of [`count`](Self::count).
     fn total<M: Machine>(machine: M, sum: M::Counts) -> i64;
     /// By how much that is too large, for any row.
     fn excess<M: Machine, B: Byte>(query: &[B]) -> i64;

@@ -18,7 +18,7 @@ const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosi
 const DTYPES: [Dtype; 4] = [Dtype::F32, Dtype::F16, Dtype::I8, Dtype::U8];
 const ROWS: usize = 3;
 
-/// What may be compared with rows of this type: float32, and the type itself.
+/// The types of query and rows that may be compared: float32, or the rows' own.
 fn pairs() -> impl Iterator<Item = (Dtype, Dtype)> {
     DTYPES.into_iter().flat_map(|rows| {
         let own = (rows != Dtype::F32).then_some((rows, rows));
@@ -83,7 +83,7 @@ fn run(metric: Metric, query: View<'_>, values: View<'_>, unit: f64) -> Result<V
     };
     let plain = on(Isa::Scalar);
     for isa in Isa::available() {
-        // Every bit: what is one unit off on one machine would be another answer there.
+        // Every bit: one unit off would be another answer on that machine.
         match (&plain, on(isa)) {
             (Ok(plain), Ok(out)) => assert_eq!(bits(plain), bits(&out), "{isa}"),
             (plain, out) => assert_eq!(format!("{plain:?}"), format!("{out:?}"), "{isa}"),

@@ -15,10 +15,9 @@ const MOST_SAMPLES: usize = 100_000_000;
 /// How to draw. Flat, with defaults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bootstrap {
-    /// How many times the queries are drawn anew. 1000 by default.
+    /// Times that the queries are drawn anew. 1000 by default.
     pub samples: usize,
-    /// How many consecutive queries a block has; by default the root of the number of queries,
-    /// rounded.
+    /// Consecutive queries a block; by default the root of the number of queries, rounded.
     pub block: Option<usize>,
     /// The share of the samples inside the interval. 0.95 by default.
     pub level: f64,
@@ -99,7 +98,7 @@ impl Bootstrap {
 }
 
 impl Curve {
-    /// An interval for [`auc`](Self::auc): what it might have been on another drive like this one.
+    /// An interval for [`auc`](Self::auc) on other drives like this one.
     ///
     /// # Errors
     /// [`Error::Option`] for an option of the bootstrap outside its range.
@@ -108,11 +107,11 @@ impl Curve {
     }
 
     /// An interval for the difference of two areas on the same queries, this one's less the
-    /// other's: each sample draws the same queries for both. Where it holds 0, the drive does not
-    /// tell which is better.
+    /// other's: each sample draws the same queries for both. If it holds 0, the drive does not tell
+    /// which is better.
     ///
     /// # Errors
-    /// [`Error::Length`] where the other is of another number of queries, [`Error::Option`] for an
+    /// [`Error::Length`] if the other has another number of queries, [`Error::Option`] for an
     /// option of the bootstrap outside its range.
     pub fn auc_difference_interval(
         &self,

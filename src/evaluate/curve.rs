@@ -6,7 +6,7 @@ use super::truth::{Truth, Verdict};
 use crate::batch::Run;
 use crate::error::Error;
 
-/// What recall is a share of. Published code differs, so a figure names the one it used.
+/// The whole that recall is a share of. Published code differs, so a figure names its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Recall {
@@ -43,10 +43,9 @@ pub struct Match {
     pub place: usize,
     /// How good the match is; less is better. Not a NaN.
     pub score: f32,
-    /// Whether the method had an answer: not so in a sequence's warm-up. Such queries are left out.
+    /// False if the method had no answer, as in a sequence's warm-up. The query is left out then.
     pub ready: bool,
-    /// Whether the match may be accepted at all: a mask may refuse it whatever its score. Such
-    /// queries count all the same.
+    /// False if a mask rejects the match at any score. It still counts towards recall.
     pub accepted: bool,
 }
 
@@ -72,7 +71,7 @@ pub struct Point {
     pub precision: f64,
     /// The share found, by the curve's recall convention.
     pub recall: f64,
-    /// How many accepted matches are wrong.
+    /// Accepted matches that are wrong.
     pub false_positives: usize,
 }
 
@@ -114,7 +113,7 @@ pub struct Curve {
 /// ```
 ///
 /// # Errors
-/// [`Error::Length`] where the truth speaks of another number of queries, [`Error::NotFinite`] for
+/// [`Error::Length`] if the truth has another number of queries, [`Error::NotFinite`] for
 /// a score that is a NaN.
 pub fn evaluate(matches: &[Match], truth: &Truth, recall: Recall) -> Result<Curve, Error> {
     if truth.len() != matches.len() {
@@ -166,7 +165,7 @@ fn sweep(judged: &[Judged], recall: Recall, times: impl Fn(&Judged) -> usize) ->
         points.push(Point {
             threshold: equals[0].score,
             precision: true_positives as f64 / accepted as f64,
-            // Nothing to find: nothing found.
+            // If there is nothing to find, the recall is 0.
             recall: true_positives as f64 / relevant.max(1) as f64,
             false_positives: accepted - true_positives,
         });
@@ -180,18 +179,17 @@ impl Curve {
         &self.points
     }
 
-    /// How many queries were judged: ready, and not ignored.
+    /// The number of judged queries: ready, and not ignored.
     pub fn judged(&self) -> usize {
         self.judged.len()
     }
 
-    /// How many of the judged matches are correct, accepted or not.
+    /// The number of judged matches that are correct, accepted or not.
     pub fn correct(&self) -> usize {
         self.judged.iter().filter(|j| j.correct).count()
     }
 
-    /// The curve's points where each query counts as often as `times` says: what the bootstrap
-    /// draws.
+    /// The points of the curve if each query counts `times` times: a sample of the bootstrap.
     pub(super) fn redrawn(&self, times: &[usize]) -> Vec<Point> {
         sweep(&self.judged, self.recall, |j| times[j.query])
     }

@@ -1,4 +1,4 @@
-//! Single figures from a curve. Each is a number at every corner: an empty curve has found nothing.
+//! Single figures from a curve. Each is a number even for an empty curve, which has found nothing.
 
 use super::curve::{Curve, Point};
 
@@ -16,7 +16,7 @@ pub struct BestF1 {
 }
 
 impl Curve {
-    /// The area under the curve up to the recall `upto`, divided by `upto`: 1 where every match
+    /// The area under the curve up to the recall `upto`, divided by `upto`: 1 if every match
     /// accepted by then is correct. Trapezoids between the lowest precisions at each recall; in the
     /// segment that `upto` cuts, the sweep's own line, which leads to the highest precision at the
     /// next recall. The first precision is held back to recall 0. A curve that ends before `upto`
@@ -30,20 +30,19 @@ impl Curve {
         self.points().last().map_or(0.0, |point| point.recall)
     }
 
-    /// The largest recall at a precision of at least `precision`; 0 where there is none.
+    /// The largest recall at a precision of at least `precision`; 0 if there is none.
     pub fn recall_at_precision(&self, precision: f64) -> f64 {
         let enough = self.points().iter().filter(|point| point.precision >= precision);
         enough.map(|point| point.recall).fold(0.0, f64::max)
     }
 
-    /// How many wrong matches are accepted by the time that the recall is reached; nothing where it
-    /// never is.
+    /// The wrong matches accepted by the time that the recall is reached; `None` if it never is.
     pub fn false_positives_at(&self, recall: f64) -> Option<usize> {
         self.points().iter().find(|point| point.recall >= recall).map(|point| point.false_positives)
     }
 
     /// The threshold with the largest harmonic mean of precision and recall, the strictest of
-    /// equals; zeros where nothing is correct.
+    /// equals; zeros if nothing is correct.
     pub fn best_f1(&self) -> BestF1 {
         let mut best = BestF1::default();
         for &Point { threshold, precision, recall, .. } in self.points() {

@@ -1,4 +1,4 @@
-//! How good the answers are: exact precision-recall curves and what follows from them (method 1.8).
+//! How good the answers are: exact precision-recall curves and figures of them (method 1.8).
 
 mod bootstrap;
 mod curve;

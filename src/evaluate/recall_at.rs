@@ -10,7 +10,7 @@ use crate::numbers::first_not_finite;
 use crate::parallel::each;
 
 /// For each `K` of `ks`: the share of the queries that have a true place which have one among their
-/// `K` nearest places. Ties go to the lowest place; 0 where no query has a true place.
+/// `K` nearest places. Ties go to the lowest place; 0 if no query has a true place.
 ///
 /// ```
 /// use ndarray::array;
@@ -24,7 +24,7 @@ use crate::parallel::each;
 /// ```
 ///
 /// # Errors
-/// [`Error::Length`] where the truth speaks of another number of queries than the matrix (places by
+/// [`Error::Length`] if the truth has another number of queries than the matrix (places by
 /// queries) has columns, or of another route (see [`Truth::check_places`]); [`Error::Option`] for a
 /// K of 0; [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity.
 pub fn recall_at(
@@ -44,7 +44,7 @@ pub fn recall_at(
             got: "0".to_owned(),
         });
     }
-    // How many places come before the nearest true one; nothing where the query has none.
+    // The places before the nearest true one; `None` if the query has none.
     let rank = |query: usize| -> Result<Option<usize>, Error> {
         let column = distances.column(query).to_vec();
         if let Some((index, value)) = first_not_finite(&column) {

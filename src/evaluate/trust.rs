@@ -25,23 +25,23 @@ pub struct TrustTable {
 }
 
 impl TrustTable {
-    /// The share of the trusted matches that is correct; 0 where none is trusted.
+    /// The share of the trusted matches that is correct; 0 if none is trusted.
     pub fn precision(&self) -> f64 {
         share(self.true_positives, self.true_positives + self.false_positives)
     }
 
-    /// The share of the correct matches that is trusted (the true positive rate); 0 where none is
+    /// The share of the correct matches that is trusted (the true positive rate); 0 if none is
     /// correct.
     pub fn recall(&self) -> f64 {
         share(self.true_positives, self.true_positives + self.false_negatives)
     }
 
-    /// The share of the wrong matches that is trusted; 0 where none is wrong.
+    /// The share of the wrong matches that is trusted; 0 if none is wrong.
     pub fn false_positive_rate(&self) -> f64 {
         share(self.false_positives, self.false_positives + self.true_negatives)
     }
 
-    /// The share of all matches that is trusted; 0 where there are none.
+    /// The share of all matches that is trusted; 0 if there are none.
     pub fn share_trusted(&self) -> f64 {
         let trusted = self.true_positives + self.false_positives;
         share(trusted, trusted + self.false_negatives + self.true_negatives)
@@ -56,7 +56,7 @@ fn share(part: usize, whole: usize) -> f64 {
 /// truth ignores are left out.
 ///
 /// # Errors
-/// [`Error::Length`] where the truth speaks of another number of queries or, like
+/// [`Error::Length`] if the truth has another number of queries or, like
 /// [`Error::Option`], of another route.
 pub fn evaluate_trust(run: &Run, truth: &Truth) -> Result<TrustTable, Error> {
     if truth.len() != run.fixes.len() {

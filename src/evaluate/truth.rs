@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::map::Positions;
 use crate::parallel::each;
 
-/// Where each query really was.
+/// The true place of each query.
 ///
 /// By place, a query off the map among them; or by metres:
 ///
@@ -28,34 +28,34 @@ pub struct Truth(Kind);
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// The true place of each query, if it has one, and how many places off still count as correct.
+    /// The true place of each query, if it has one; up to `tolerance` places off is correct.
     Places { truth: Vec<Option<usize>>, tolerance: usize },
-    /// For each query its column of cells, and how many places off still count as correct.
+    /// For each query its column of cells; up to `tolerance` places off is correct.
     Cells { columns: Vec<Vec<i8>>, tolerance: usize },
-    /// Where places and queries are, and how many metres apart still count as correct.
+    /// The positions of places and queries; up to `metres` apart is correct.
     Positions { places: Positions, queries: Positions, metres: f64, exists: Vec<bool> },
 }
 
-/// What the truth says of one match.
+/// The truth's verdict on one match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The place is the true one, within the tolerance.
     Correct,
     /// It is not.
     Wrong,
-    /// The truth does not say: the query is left out.
+    /// The truth does not say. The query is left out.
     Ignored,
 }
 
 impl Truth {
-    /// The true place of each query; nothing for a query that was off the map. A match within
+    /// The true place of each query; `None` for a query off the map. A match within
     /// `tolerance` places is correct.
     pub fn places(truth: Vec<Option<usize>>, tolerance: usize) -> Self {
         Self(Kind::Places { truth, tolerance })
     }
 
-    /// A matrix, places by queries: 1 where they show the same place, 0 where they do not, -1 where
-    /// that is to be ignored. A match within `tolerance` places of a 1 is correct.
+    /// A matrix, places by queries: 1 if they show the same place, 0 if they do not, -1 if that is
+    /// to be ignored. A match within `tolerance` places of a 1 is correct.
     ///
     /// # Errors
     /// [`Error::Shape`] for any other number in a cell.
@@ -71,11 +71,11 @@ impl Truth {
         Ok(Self(Kind::Cells { columns, tolerance }))
     }
 
-    /// Where each place and each query is. A match within `metres` is correct; a query that has no
+    /// The positions of places and queries. A match within `metres` is correct; a query that has no
     /// place within `metres` is off the map.
     ///
     /// # Errors
-    /// [`Error::Shape`] where one has two axes and the other three, [`Error::Option`] for a
+    /// [`Error::Shape`] if one has two axes and the other three, [`Error::Option`] for a
     /// tolerance that is not a number of 0 or more.
     pub fn positions(places: Positions, queries: Positions, metres: f64) -> Result<Self, Error> {
         if places.axes() != queries.axes() {
@@ -96,7 +96,7 @@ impl Truth {
         Ok(Self(Kind::Positions { places, queries, metres, exists }))
     }
 
-    /// How many queries it speaks of.
+    /// The number of queries.
     pub fn len(&self) -> usize {
         match &self.0 {
             Kind::Places { truth, .. } => truth.len(),
@@ -105,12 +105,12 @@ impl Truth {
         }
     }
 
-    /// Whether it speaks of none.
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Refuses a truth that speaks of another route than one of `places` places.
+    /// Refuses a truth of another route than one of `places` places.
     ///
     /// # Errors
     /// [`Error::Option`] for a true place past the end, [`Error::Length`] for a matrix or positions
@@ -154,7 +154,7 @@ impl Truth {
         }
     }
 
-    /// What it says of matching query `query` to `place`. Off the map and past the end, every match
+    /// The verdict on matching query `query` to `place`. Off the map and past the end, every match
     /// is wrong.
     pub fn judge(&self, query: usize, place: usize) -> Verdict {
         let correct = match &self.0 {

@@ -2,7 +2,7 @@
 //! apart into bytes, for the instruction that adds up four products of bytes at once (VNNI).
 //!
 //! A weight of 22 bits is `low + 256 middle + 65536 high`, three bytes with a sign; sums of 32 bits
-//! wrap around, and what comes out is the same whole number.
+//! wrap around, and the result is the same whole number.
 
 #![allow(unsafe_code, reason = "intrinsics, which run only where the processor was asked")]
 #![allow(clippy::wildcard_imports, reason = "their names are prefixed")]
@@ -38,7 +38,7 @@ pub(super) struct Columns {
     of: (usize, usize),
     /// For each target column: its first group of four source columns.
     firsts: Vec<usize>,
-    /// How many groups each target column has weights for; some of them may be zeros.
+    /// The groups of each target column that have weights; some of these may be zeros.
     reach: usize,
     weights: Vec<Weights>,
     /// `BYTES` columns of each row, then the next.
@@ -62,7 +62,7 @@ impl Columns {
         self.reach = across.each().map(groups).max().unwrap_or(0);
         let lines = |columns: usize| columns.div_ceil(BYTES);
         self.grey.resize(lines(of.0), [EMPTY; ROWS]);
-        // What follows the last column has no weight.
+        // Columns past the last one have no weight.
         self.wide.resize(lines(of.0) * ROWS + self.reach, EMPTY);
         self.narrow.resize(lines(of.1) * ROWS, EMPTY);
         self.firsts.clear();
@@ -82,8 +82,8 @@ impl Columns {
         self.weights.resize(self.firsts.len() * self.reach, Weights::default());
     }
 
-    /// The rows of `image` in grey, each as wide as the target of `across`, into `out`. `false`,
-    /// and nothing done, where the processor lacks the instructions.
+    /// The rows of `image` in grey, each as wide as the target of `across`, into `out`. Does
+    /// nothing and gives `false` if the CPU lacks the instructions.
     pub(super) fn run(&mut self, image: ImageView<'_>, across: &Axis, out: &mut [u8]) -> bool {
         if !Isa::Avx512.is_available() {
             return false;
@@ -99,7 +99,7 @@ impl Columns {
         let (wide, narrow) = self.of;
         let row = wide * image.channels().count();
         for (pixels, out) in image.pixels().chunks(row * ROWS).zip(out.chunks_mut(narrow * ROWS)) {
-            // In the last block, what is left of the one before takes the place of missing rows.
+            // In the last block, rows of the one before take the place of missing ones.
             for (index, pixels) in pixels.chunks_exact(row).enumerate() {
                 match image.channels() {
                     Channels::Grey => {
@@ -266,7 +266,7 @@ fn grey(rgb: &[u8; 3 * BYTES]) -> __m512i {
     _mm512_shuffle_epi8(abcd, turn)
 }
 
-/// The bits of `one` where `mask` has them, else those of `other`.
+/// The bits of `one` that `mask` has, else those of `other`.
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn choose(mask: i32, one: __m512i, other: __m512i) -> __m512i {

@@ -13,8 +13,7 @@ pub(super) const END: i32 = -1;
 pub(super) struct Axis {
     pub(super) source: usize,
     pub(super) target: usize,
-    /// For each target pixel: its first source pixel, and where its weights and their `END` are in
-    /// `weights`.
+    /// For each target pixel: its first source pixel, and the range of its weights and their `END`.
     taps: Vec<(usize, Range<usize>)>,
     /// The weights of one target pixel after the other, each with an `END`. (A loop that ends at a
     /// mark is one that the compiler leaves alone: with a count, it would vectorise along the

@@ -35,8 +35,8 @@ impl ImageFiles {
     /// `route/*.png` matches.
     ///
     /// # Errors
-    /// [`Error::Io`] where there is no such folder, [`Error::Option`] for a malformed pattern,
-    /// [`Error::NoImages`] where nothing is found.
+    /// [`Error::Io`] if there is no such folder, [`Error::Option`] for a malformed pattern,
+    /// [`Error::NoImages`] if none is found.
     pub fn find(place: impl AsRef<Path>) -> Result<Self, Error> {
         let place = place.as_ref();
         let pattern = place.to_string_lossy();
@@ -67,7 +67,7 @@ fn inside(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let refused = |source| Error::Io { path: folder.to_owned(), action: "list the folder", source };
     if folder.is_file() {
         return Err(refused(io::Error::other(
-            "it is a file, where a folder of images or a pattern is expected",
+            "it is a file; a folder of images or a pattern is expected",
         )));
     }
     let mut paths = Vec::new();
@@ -123,7 +123,7 @@ impl ImageSource for ImageFiles {
 /// scaled to 8 bits; transparency and EXIF orientation are ignored.
 ///
 /// # Errors
-/// [`Error::Io`] where the file cannot be opened, [`Error::Image`] where it is not an image that
+/// [`Error::Io`] if the file cannot be opened, [`Error::Image`] if it is not an image that
 /// can be decoded.
 pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
     let path = path.as_ref();
@@ -134,10 +134,10 @@ pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
 /// Decodes the bytes of an image file, such as a camera driver's compressed frame, as
 /// [`read_image`] does.
 ///
-/// `name` is what the error calls it.
+/// An error calls it `name`.
 ///
 /// # Errors
-/// [`Error::Image`] where they are not an image that can be decoded.
+/// [`Error::Image`] if they are not an image that can be decoded.
 pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
     let unreadable = |reason: String| Error::Image { name: name.to_owned(), reason };
     if is_cut_short(bytes) {
@@ -162,8 +162,7 @@ pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
     Image::new(width, height, channels, pixels).map_err(|e| unreadable(e.to_string()))
 }
 
-/// Whether these are the bytes of a JPEG without its end marker: decoders fill in grey what is
-/// missing.
+/// Whether these are the bytes of a JPEG without its end marker: decoders fill the rest in grey.
 fn is_cut_short(bytes: &[u8]) -> bool {
     const START_OF_SCAN: u8 = 0xDA;
     let Some(mut rest) = bytes.strip_prefix(&[0xFF, 0xD8]) else { return false };

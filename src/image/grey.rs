@@ -4,10 +4,10 @@
 /// 16`, pixel by pixel.
 ///
 /// Each weight is taken apart into `256 high + low`, so that 16 bits hold every sum, and a register
-/// twice as many pixels: `(256 H + L + 128 * 256) >> 16 = (H + (L >> 8) + 128) >> 8`, where `H` and
+/// twice the pixels: `(256 H + L + 128 * 256) >> 16 = (H + (L >> 8) + 128) >> 8`, where `H` and
 /// `L` are at most `255 * 255` and `255 * 256`.
 #[inline(always)]
-pub(crate) fn brightness(rgb: &[u8], grey: &mut [u8]) {
+pub(super) fn brightness(rgb: &[u8], grey: &mut [u8]) {
     for (grey, &[red, green, blue]) in grey.iter_mut().zip(rgb.as_chunks::<3>().0) {
         let (red, green, blue) = (u16::from(red), u16::from(green), u16::from(blue));
         let high = 76 * red + 150 * green + 29 * blue;

@@ -17,11 +17,7 @@ mod view;
 
 #[cfg(feature = "image")]
 pub use files::{ImageFiles, decode_image, read_image};
-#[cfg(test)]
-pub(crate) use grey::brightness;
 pub(crate) use resize::Resize;
-#[cfg(test)]
-pub(crate) use resize::shrunk;
 pub(crate) use source::go_on;
 pub use source::{ImageSource, Progress};
 pub use view::{Channels, Image, ImageView};

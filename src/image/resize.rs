@@ -16,7 +16,7 @@ use super::transpose::{deinterleave, interleave};
 use super::view::{Channels, ImageView};
 use crate::simd::Isa;
 
-/// Rows a block: as many 32-bit sums as the widest registers hold.
+/// Rows a block: the 32-bit sums of the widest register.
 const ROWS: usize = 16;
 
 /// Makes images grey and small, and remembers the tables and the memory of the last size.
@@ -114,7 +114,7 @@ impl Block {
 
         let blocks = image.pixels().chunks(wide * channels.count() * ROWS);
         for (pixels, out) in blocks.zip(out.chunks_mut(narrow * ROWS)) {
-            // In the last block, what is left of the one before takes the place of missing rows.
+            // In the last block, rows of the one before take the place of missing ones.
             match channels {
                 Channels::Grey => self.grey[..pixels.len()].copy_from_slice(pixels),
                 Channels::Rgb => brightness(pixels, &mut self.grey),
@@ -159,7 +159,7 @@ impl Block {
         }
     }
 
-    /// The target's columns as rows again, as many as there are in `out`.
+    /// The target's columns as the rows of `out` again.
     #[inline(always)]
     fn turn_back(&mut self, width: usize, out: &mut [u8]) {
         let [a, b, c, d] = &mut self.words;
@@ -184,12 +184,4 @@ impl Block {
 #[inline(always)]
 fn rounded(sum: i32) -> u8 {
     ((sum + (1 << (PRECISION - 1))) >> PRECISION).clamp(0, 255) as u8
-}
-
-/// `image` in grey and as large as `to`, by a resizer of its own.
-#[cfg(test)]
-pub(crate) fn shrunk(isa: Isa, image: ImageView<'_>, to: (usize, usize)) -> Vec<u8> {
-    let mut out = vec![0; to.0 * to.1];
-    Resize::default().run(isa, image, to, &mut out);
-    out
 }

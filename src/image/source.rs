@@ -31,7 +31,7 @@ use crate::error::Error;
 /// # Ok::<(), Error>(())
 /// ```
 pub trait ImageSource: Sync {
-    /// How many images there are.
+    /// The number of images.
     fn len(&self) -> usize;
 
     /// Whether there are none.
@@ -42,10 +42,10 @@ pub trait ImageSource: Sync {
     /// The image `index`, below `len()`.
     ///
     /// # Errors
-    /// [`Error::Image`], or [`Error::Io`], where it cannot be read; the error names it.
+    /// [`Error::Image`], or [`Error::Io`], if it cannot be read; the error names it.
     fn load(&self, index: usize) -> Result<Image, Error>;
 
-    /// What to call the image `index`: its file's name, where it has one.
+    /// The name of the image `index`: its file's, if it has one, else the index.
     fn name(&self, index: usize) -> String {
         index.to_string()
     }
@@ -71,10 +71,10 @@ impl ImageSource for Vec<Image> {
     }
 }
 
-/// Hears how many images of how many are done, on the calling thread; `Break` stops the work.
+/// Is told the number of images done and of all, on the calling thread; `Break` stops the work.
 pub type Progress<'a> = &'a mut (dyn FnMut(usize, usize) -> ControlFlow<()> + Send);
 
-/// What `progress` has answered, as a result.
+/// The answer of a [`Progress`] as a result.
 pub(crate) fn go_on(answer: ControlFlow<()>, done: usize, total: usize) -> Result<(), Error> {
     if answer.is_break() { Err(Error::Interrupted { done, total }) } else { Ok(()) }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::error::Error;
 
-/// How many bytes a pixel has, and what they mean.
+/// The bytes of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Channels {
@@ -43,7 +43,7 @@ pub struct Image {
     pixels: Vec<u8>,
 }
 
-/// An image in somebody else's memory: what a camera driver hands over, without a copy.
+/// An image in borrowed memory, such as a camera driver's buffer.
 ///
 /// ```
 /// use surefix::{Channels, ImageView};
@@ -66,7 +66,7 @@ impl Image {
     /// An image of `width x height` pixels, row by row from the top left.
     ///
     /// # Errors
-    /// [`Error::Shape`] where a side is zero or `pixels` is not `width * height * channels` bytes.
+    /// [`Error::Shape`] if a side is zero or `pixels` is not `width * height * channels` bytes.
     pub fn new(
         width: usize,
         height: usize,
@@ -79,27 +79,8 @@ impl Image {
 
     /// The same image, borrowed.
     pub fn view(&self) -> ImageView<'_> {
-        ImageView {
-            width: self.width,
-            height: self.height,
-            channels: self.channels,
-            pixels: &self.pixels,
-        }
-    }
-
-    /// Pixels a row.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Rows.
-    pub fn height(&self) -> usize {
-        self.height
-    }
-
-    /// Grey or RGB.
-    pub fn channels(&self) -> Channels {
-        self.channels
+        let &Self { width, height, channels, ref pixels } = self;
+        ImageView { width, height, channels, pixels }
     }
 
     /// The bytes, row by row.
@@ -117,7 +98,7 @@ impl<'a> ImageView<'a> {
     /// A borrowed image of `width x height` pixels, row by row from the top left.
     ///
     /// # Errors
-    /// [`Error::Shape`] where a side is zero or `pixels` is not `width * height * channels` bytes.
+    /// [`Error::Shape`] if a side is zero or `pixels` is not `width * height * channels` bytes.
     pub fn new(
         width: usize,
         height: usize,
@@ -138,26 +119,34 @@ impl<'a> ImageView<'a> {
         Ok(Self { width, height, channels, pixels })
     }
 
-    /// Pixels a row.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Rows.
-    pub fn height(&self) -> usize {
-        self.height
-    }
-
-    /// Grey or RGB.
-    pub fn channels(&self) -> Channels {
-        self.channels
-    }
-
     /// The bytes, row by row.
     pub fn pixels(&self) -> &'a [u8] {
         self.pixels
     }
 }
+
+macro_rules! sides {
+    ($image:ty) => {
+        impl $image {
+            /// Pixels a row.
+            pub fn width(&self) -> usize {
+                self.width
+            }
+
+            /// Rows.
+            pub fn height(&self) -> usize {
+                self.height
+            }
+
+            /// Grey or RGB.
+            pub fn channels(&self) -> Channels {
+                self.channels
+            }
+        }
+    };
+}
+sides!(Image);
+sides!(ImageView<'_>);
 
 impl<'a> From<&'a Image> for ImageView<'a> {
     fn from(image: &'a Image) -> Self {

@@ -42,7 +42,7 @@ impl Block {
 /// The rows of a map: blocks in route order.
 #[derive(Clone, Debug)]
 pub(crate) struct Blocks {
-    blocks: Vec<Arc<Block>>,
+    list: Vec<Arc<Block>>,
     /// The first row of each block.
     starts: Vec<usize>,
     rows: usize,
@@ -74,12 +74,12 @@ impl Blocks {
             start
         });
         let starts = starts.collect();
-        Self { blocks, starts, rows, dim, dtype, joined: OnceLock::new() }
+        Self { list: blocks, starts, rows, dim, dtype, joined: OnceLock::new() }
     }
 
     /// These blocks and then those, which have rows of the same kind. None is copied.
     pub(super) fn followed_by(&self, more: &Self) -> Self {
-        let blocks = self.blocks.iter().chain(&more.blocks).cloned().collect();
+        let blocks = self.list.iter().chain(&more.list).cloned().collect();
         Self::joining(blocks, self.dim, self.dtype)
     }
 
@@ -106,7 +106,7 @@ impl Blocks {
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Arc<Block>> {
-        self.blocks.iter()
+        self.list.iter()
     }
 
     /// Calls `work` with each block that holds some of `rows`, their range within the block, and
@@ -120,7 +120,7 @@ impl Blocks {
             [_] => 0,
             starts => starts.partition_point(|&start| start <= rows.start).saturating_sub(1),
         };
-        for (block, &start) in self.blocks[first..].iter().zip(&self.starts[first..]) {
+        for (block, &start) in self.list[first..].iter().zip(&self.starts[first..]) {
             if start >= rows.end {
                 break;
             }
@@ -132,24 +132,24 @@ impl Blocks {
 
     /// The rows of the first block.
     pub(super) fn first(&self) -> View<'_> {
-        self.blocks.first().map_or(View::U8(&[]), |block| block.rows())
+        self.list.first().map_or(View::U8(&[]), |block| block.rows())
     }
 
     /// One row, if there is one of that number.
     pub(crate) fn row(&self, row: usize) -> Option<View<'_>> {
         let at = self.starts.partition_point(|&start| start <= row).checked_sub(1)?;
-        self.blocks[at].rows().row(row - self.starts[at], self.dim)
+        self.list[at].rows().row(row - self.starts[at], self.dim)
     }
 
     /// All rows in one piece. They are copied once if they lie in several.
     pub(super) fn in_one_piece(&self) -> View<'_> {
-        let (Some(first), Some(last)) = (self.blocks.first(), self.blocks.last()) else {
+        let (Some(first), Some(last)) = (self.list.first(), self.list.last()) else {
             return View::U8(&[]);
         };
         let follow = |pair: &[Arc<Block>]| {
             Arc::ptr_eq(&pair[0].memory, &pair[1].memory) && pair[0].span.end == pair[1].span.start
         };
-        if self.blocks.windows(2).all(follow) {
+        if self.list.windows(2).all(follow) {
             return part(first.memory.view(), first.span.start..last.span.end);
         }
         let joined = self.joined.get_or_init(|| {
@@ -168,7 +168,7 @@ impl Blocks {
 
     /// Refuses a NaN or an infinity, and says where it stands.
     pub(crate) fn check_finite(&self, what: &'static str) -> Result<(), Error> {
-        for (block, &start) in self.blocks.iter().zip(&self.starts) {
+        for (block, &start) in self.list.iter().zip(&self.starts) {
             block.rows().check_finite(what, self.dim).map_err(|error| match error {
                 Error::NotFinite { what, row, index, value } => {
                     Error::NotFinite { what, row: Some(start + row.unwrap_or(0)), index, value }
@@ -183,7 +183,7 @@ impl Blocks {
     #[cfg(feature = "mmap")]
     pub(super) fn mapped_files(&self) -> Vec<&memmap2::Mmap> {
         let mut files: Vec<&memmap2::Mmap> = Vec::new();
-        for file in self.blocks.iter().filter_map(|block| block.memory.file()) {
+        for file in self.list.iter().filter_map(|block| block.memory.file()) {
             if !files.iter().any(|known| std::ptr::eq(*known, file)) {
                 files.push(file);
             }
@@ -249,13 +249,13 @@ mod tests {
     #[test]
     fn longer_and_shorter_maps_share_memory() {
         let ((values, all), (_, more)) = (blocks(70, 1 << 16), blocks(3, 1 << 16));
-        let memory = |blocks: &Blocks, at: usize| blocks.blocks[at].rows().bytes().as_ptr();
+        let memory = |blocks: &Blocks, at: usize| blocks.list[at].rows().bytes().as_ptr();
         let longer = all.followed_by(&more);
         assert!(longer.iter().zip(all.iter().chain(more.iter())).all(|(a, b)| Arc::ptr_eq(a, b)));
         assert_eq!(longer.in_one_piece().len(), 73 << 16);
         let slice = all.slice(10..40);
         assert_eq!(memory(&slice, 1), memory(&all, 1));
-        assert!(Arc::ptr_eq(&slice.blocks[1], &all.blocks[1]));
+        assert!(Arc::ptr_eq(&slice.list[1], &all.list[1]));
         assert_eq!(slice.in_one_piece(), part(values.view(), 10 << 16..40 << 16));
         assert_eq!(all.in_one_piece().bytes().as_ptr(), memory(&all, 0), "without a copy");
     }

@@ -9,7 +9,7 @@ use super::storage::Storage;
 pub(crate) struct Codes {
     /// Signed bytes, row by row. They are in one piece, because offsets and scales are those of all
     /// rows.
-    pub(crate) codes: Storage,
+    pub(crate) rows: Storage,
     pub(crate) offset: Vec<f64>,
     pub(crate) scale: Vec<f64>,
     pub(crate) error: Vec<f64>,

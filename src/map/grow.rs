@@ -6,7 +6,8 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::file::{Parts, Sidecar, write};
+use super::contents::{Parts, Sidecar};
+use super::file::write;
 use super::recipe::Kind;
 use super::route::Names;
 use super::{Map, Positions, Recipe};

@@ -3,6 +3,7 @@
 
 mod block;
 mod codes;
+mod contents;
 mod file;
 mod grow;
 mod recipe;
@@ -56,9 +57,9 @@ impl Map {
     /// A map of ready descriptors: rows of `dim` numbers, one after the other, in route order.
     ///
     /// # Errors
-    /// [`Error::Shape`] if `dim` does not divide the count of numbers, [`Error::TooFewPlaces`] below
-    /// two rows, [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a row of
-    /// zeros under the cosine.
+    /// [`Error::Shape`] if `dim` does not divide the count of numbers, [`Error::TooFewPlaces`]
+    /// below two rows, [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a
+    /// row of zeros under the cosine.
     pub fn from_descriptors(
         rows: impl Into<Values>,
         dim: usize,
@@ -120,8 +121,8 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Option`] unless `places` is a range of this map's places, [`Error::TooFewPlaces`] for
-    /// less than two; [`Error::Option`] and [`Error::NotFinite`] as for
+    /// [`Error::Option`] unless `places` is a range of this map's places, [`Error::TooFewPlaces`]
+    /// for less than two; [`Error::Option`] and [`Error::NotFinite`] as for
     /// [`with_screen`](Self::with_screen), if this map has a screen.
     pub fn slice(&self, places: Range<usize>) -> Result<Self, Error> {
         if places.start > places.end || places.end > self.places() {

@@ -117,7 +117,7 @@ impl Map {
             return Err(refused("a map of SAD descriptors".to_owned()));
         }
         if recipe.len() > LONGEST_RECIPE {
-            return Err(refused(format!("{} bytes, more than {LONGEST_RECIPE}", recipe.len())));
+            return Err(refused(format!("{} bytes: {LONGEST_RECIPE} are the most", recipe.len())));
         }
         // Parsed one level deeper, as it lies in the file: the parser's limit must not refuse it
         // there.

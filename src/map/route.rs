@@ -7,8 +7,8 @@ use crate::error::Error;
 use crate::segments::Segments;
 
 /// The route along the map's rows. Today it is one segment with one row for each place. The rest of
-/// the crate asks [`segments`](Self::segments) where neighbours end and [`fold`](Self::fold) which rows are
-/// a place, so that breaks and several traverses are changes to this file.
+/// the crate asks [`segments`](Self::segments) where neighbours end and [`fold`](Self::fold) which
+/// rows are a place, so that breaks and several traverses are changes to this file.
 #[derive(Clone, Debug)]
 pub(crate) struct Route {
     segments: Segments,
@@ -139,8 +139,8 @@ impl Positions {
     }
 }
 
-/// Place names in one string, as in the file: a NUL after each, split on first use. Making a million
-/// strings would take longer than opening the rest of a map.
+/// Place names in one string, as in the file: a NUL after each, split on first use. Making a
+/// million strings would take longer than opening the rest of a map.
 #[derive(Clone, Debug)]
 pub(super) struct Names {
     text: String,

@@ -57,8 +57,8 @@ impl Storage {
         Some(Self::zeros(dtype, len))
     }
 
-    /// The numbers of the type `dtype` in a part of a mapped file, or `None` if they are not aligned
-    /// for it.
+    /// The numbers of the type `dtype` in a part of a mapped file, or `None` if they are not
+    /// aligned for it.
     #[cfg(feature = "mmap")]
     pub(super) fn mapped(file: memmap2::Mmap, span: Range<usize>, dtype: Dtype) -> Option<Self> {
         let bytes = file.get(span.clone())?;

@@ -6,7 +6,7 @@ use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::simd::Isa;
 
-/// How many numbers are checked at a time.
+/// Numbers that are checked at a time.
 const BLOCK: usize = 1024;
 
 /// Numbers of one of the four types, owned: one descriptor, or many in a row.
@@ -74,7 +74,7 @@ impl Values {
         each_type!(Self, self, v => bytemuck::must_cast_slice_mut(v.as_mut_slice()))
     }
 
-    /// How many numbers.
+    /// The number of numbers.
     pub fn len(&self) -> usize {
         self.view().len()
     }
@@ -91,7 +91,7 @@ impl Values {
 }
 
 impl<'a> View<'a> {
-    /// How many numbers.
+    /// The number of numbers.
     pub fn len(&self) -> usize {
         each_type!(View, self, v => v.len())
     }
@@ -111,7 +111,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The row `index` of rows of `dim` numbers, or nothing past the end.
+    /// The row `index` of rows of `dim` numbers; `None` past the end.
     pub fn row(&self, index: usize, dim: usize) -> Option<View<'a>> {
         let span = index.checked_mul(dim)?..index.checked_add(1)?.checked_mul(dim)?;
         Some(match self {
@@ -142,8 +142,8 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Refuses a NaN or an infinity, and says where it stands in rows of `dim` numbers (a single
-    /// row needs no number).
+    /// Refuses a NaN or an infinity, and names its row of `dim` numbers (if there are several) and
+    /// its index.
     pub(crate) fn check_finite(&self, what: &'static str, dim: usize) -> Result<(), Error> {
         let found = match self {
             Self::F32(v) => first_not_finite(v),

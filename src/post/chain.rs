@@ -31,7 +31,7 @@ impl Post {
     /// before it make of them. Gives the chain, and the references as the chain makes them.
     ///
     /// # Errors
-    /// [`Error::Shape`] where `dim` does not divide the numbers; [`Error::NotFinite`] for a NaN or
+    /// [`Error::Shape`] if `dim` does not divide the numbers; [`Error::NotFinite`] for a NaN or
     /// an infinity, in the references or after a step; [`Error::Option`] for a `dim` of 0, or of
     /// more than the references span or memory holds; [`Error::NoDirection`] for a row of zeros
     /// that is to have the length 1; [`Error::TooFewPlaces`] below two rows.
@@ -49,53 +49,45 @@ impl Post {
         Ok((post, rows))
     }
 
-    /// A chain of steps that were fitted before: those of a file.
+    /// A chain of steps that were fitted before, such as those of a file.
     ///
     /// # Errors
-    /// What does not fit, in words.
+    /// The part that does not fit, in words.
     pub(crate) fn from_fitted(steps: Vec<FittedStep>, output: usize) -> Result<Self, String> {
         let mut width = output;
-        // From the last to the first: what each must take in.
+        // From the last to the first: each must give `width` numbers.
         for (index, fitted) in steps.iter().enumerate().rev() {
-            let name = |part: &str| format!("post.{index}.{part}");
-            let finite = fitted.offset.iter().chain(&fitted.scale).all(|x| x.is_finite())
-                && fitted.matrix.iter().all(|x| x.is_finite())
-                && (fitted.step != Step::StandardizeRunning
-                    || fitted.variances().all(f64::is_finite));
+            let FittedStep { step, offset, scale, matrix } = fitted;
+            let refused = |part, expected: &str, got: usize| {
+                Err(format!("post.{index}.{part}: expected {expected}, got {got} numbers"))
+            };
+            let finite = offset.iter().chain(scale).all(|x| x.is_finite())
+                && matrix.iter().all(|x| x.is_finite())
+                && (*step != Step::StandardizeRunning || fitted.variances().all(f64::is_finite));
             if !finite {
-                return Err(format!("{}: expected finite numbers", name("*")));
+                return Err(format!("post.{index}.*: expected finite numbers"));
             }
             if fitted.output(width) != width || width == 0 {
-                return Err(format!(
-                    "{}: expected {width} numbers a vector, got {}",
-                    name("*"),
-                    fitted.output(width)
-                ));
+                return refused("*", &format!("{width} numbers a vector"), fitted.output(width));
             }
-            width = match fitted.step {
-                Step::Pca { .. } | Step::Projection { .. } => {
-                    if fitted.matrix.is_empty() || !fitted.matrix.len().is_multiple_of(width) {
-                        let got = fitted.matrix.len();
-                        return Err(format!(
-                            "{}: expected {width} rows, got {got} numbers",
-                            name("matrix")
-                        ));
-                    }
-                    fitted.matrix.len() / width
+            if matches!(step, Step::Pca { .. } | Step::Projection { .. }) {
+                if matrix.is_empty() || !matrix.len().is_multiple_of(width) {
+                    return refused("matrix", &format!("{width} rows"), matrix.len());
                 }
-                _ if fitted.matrix.is_empty() => width,
-                _ => return Err(format!("{}: expected none in such a step", name("matrix"))),
-            };
-            let (offset, scale) = match fitted.step {
+                width = matrix.len() / width;
+            } else if !matrix.is_empty() {
+                return refused("matrix", "none in such a step", matrix.len());
+            }
+            let (offsets, scales) = match step {
                 Step::Standardize | Step::StandardizeRunning => (width, width),
                 Step::Pca { .. } => (width, 0),
                 _ => (0, 0),
             };
             for (part, expected, got) in
-                [("offset", offset, fitted.offset.len()), ("scale", scale, fitted.scale.len())]
+                [("offset", offsets, offset.len()), ("scale", scales, scale.len())]
             {
                 if expected != got {
-                    return Err(format!("{}: expected {expected} numbers, got {got}", name(part)));
+                    return refused(part, &format!("{expected} numbers"), got);
                 }
             }
         }
@@ -111,31 +103,31 @@ impl Post {
         self.steps.iter().map(|fitted| fitted.step).collect()
     }
 
-    /// How many numbers a vector has before.
+    /// The numbers of a vector before the chain.
     pub fn input(&self) -> usize {
         self.input
     }
 
-    /// How many numbers a vector has after.
+    /// The numbers of a vector after the chain.
     pub fn output(&self) -> usize {
         self.output
     }
 
-    /// The steps whose statistics run along with a drive.
+    /// The steps that keep statistics of the queries.
     pub(super) fn running(&self) -> impl Iterator<Item = &FittedStep> {
         self.steps.iter().filter(|fitted| fitted.step == Step::StandardizeRunning)
     }
 
-    /// Whether what a query becomes depends on those before it.
+    /// Whether a query's result depends on the queries before it.
     pub(crate) fn runs(&self) -> bool {
         self.running().next().is_some()
     }
 
-    /// Does the steps to vectors of [`input`](Self::input) numbers, one after the other, on all
-    /// cores. Each is treated as the references were: statistics of a drive are a localizer's.
+    /// Applies the chain to each row of [`input`](Self::input) numbers, on all cores, with the
+    /// references' statistics. Running ones live in a [`Localizer`](crate::Localizer).
     ///
     /// # Errors
-    /// [`Error::Shape`] where these are no such vectors, [`Error::NotFinite`] for a NaN or an
+    /// [`Error::Shape`] if these are no such vectors, [`Error::NotFinite`] for a NaN or an
     /// infinity, in them or after a step, and [`Error::NoDirection`] for one of zeros that is to
     /// have the length 1; each names the row.
     pub fn apply(&self, rows: &[f32]) -> Result<Vec<f32>, Error> {
@@ -151,7 +143,7 @@ impl Post {
         apply(&self.steps, rows, self.input, self.output, several)
     }
 
-    /// Does the steps to one vector, in memory that is used again.
+    /// Applies the chain to one vector, in memory that is used again.
     ///
     /// # Errors
     /// [`Error::Length`] for another length, and those of [`apply`](Self::apply).
@@ -168,7 +160,7 @@ impl Post {
     }
 }
 
-/// Does the steps to each row. `named` says whether errors name the row.
+/// Applies the steps to each row. `named` says whether errors name the row.
 fn apply(
     steps: &[FittedStep],
     rows: &[f32],
@@ -215,8 +207,8 @@ fn pass<'a>(
     Ok(&state.now)
 }
 
-/// Rows standardised by their own statistics, as [`Step::Standardize`] does: for a whole drive that
-/// is there before it is matched.
+/// Rows standardised by their own statistics, as [`Step::Standardize`] does: for queries that are
+/// all recorded before they are matched.
 ///
 /// ```
 /// let rows = [1.0_f32, 5.0, 3.0, 5.0];
@@ -230,17 +222,17 @@ pub fn standardized(rows: &[f32], dim: usize) -> Result<Vec<f32>, Error> {
     Post::fit(&[Step::Standardize], rows, dim).map(|(_, rows)| rows)
 }
 
-/// By itself, for vectors that are treated as the references were; [`of_drive`](Self::of_drive) for
-/// the queries of a drive.
+/// The memory of one vector on its way along a chain and, if it is [`of_drive`](Self::of_drive),
+/// the statistics of the queries.
 #[derive(Debug, Default)]
 pub(crate) struct ChainState {
     now: Vec<f32>,
     next: Vec<f32>,
-    /// One for each step that runs along; or none.
+    /// One for each running step, or none.
     running: Vec<RunningStep>,
 }
 
-/// A drive's statistics at one step.
+/// The queries' statistics at one step.
 #[derive(Clone, Debug)]
 struct RunningStep {
     so_far: Running,
@@ -249,7 +241,7 @@ struct RunningStep {
 }
 
 impl Clone for ChainState {
-    /// A copy with room for as much, so that it need not grow.
+    /// A copy with the same capacity, so that it need not grow.
     fn clone(&self) -> Self {
         Self {
             now: Vec::with_capacity(self.now.capacity()),
@@ -260,7 +252,7 @@ impl Clone for ChainState {
 }
 
 impl ChainState {
-    /// Through `post`, without a drive.
+    /// For vectors that are treated as the references were.
     pub(crate) fn new(post: &Post) -> Self {
         let (mut width, mut room) = (post.input(), post.input());
         for step in &post.steps {
@@ -272,7 +264,7 @@ impl ChainState {
         Self { now: Vec::with_capacity(room), next: Vec::with_capacity(room), running: Vec::new() }
     }
 
-    /// Through `post`, at the beginning of a drive.
+    /// For the queries of a drive that begins.
     pub(crate) fn of_drive(post: &Post) -> Self {
         let running =
             post.running().map(|step| RunningStep::from(Running::after_step(step))).collect();
@@ -293,12 +285,12 @@ impl ChainState {
         }
     }
 
-    /// What is known of the drive.
+    /// The statistics so far.
     pub(crate) fn running(&self) -> impl ExactSizeIterator<Item = &Running> {
         self.running.iter().map(|drive| &drive.so_far)
     }
 
-    /// Goes on with what was known of a drive; false where it does not fit.
+    /// Goes on with known statistics; false if they do not fit.
     pub(crate) fn resume(&mut self, known: Vec<Running>) -> bool {
         let fits = known.len() == self.running.len()
             && known.iter().zip(self.running()).all(|(known, own)| known.dim() == own.dim());
@@ -310,7 +302,7 @@ impl ChainState {
 }
 
 impl RunningStep {
-    /// Writes a query, standardised, to `out`. It counts once it is [kept](ChainState::commit).
+    /// Writes a query, standardised, to `out`. It counts after [`commit`](ChainState::commit).
     fn peek(&mut self, vector: &[f32], out: &mut Vec<f32>) {
         out.clear();
         out.resize(vector.len(), 0.0);

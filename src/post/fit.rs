@@ -1,4 +1,4 @@
-//! What a step keeps of the references.
+//! Fitting a step on the references.
 
 #[cfg(feature = "pca")]
 use super::pca::principal;
@@ -7,10 +7,10 @@ use crate::error::Error;
 use crate::numbers::View;
 use crate::random::SplitMix64;
 
-/// The most numbers that a projection gives.
+/// The most dimensions that a projection gives.
 const MOST: usize = 1 << 20;
 
-/// Refuses references that nothing can be fitted on.
+/// Refuses references that no step can be fitted on.
 ///
 /// # Errors
 /// As for [`Post::fit`](super::Post::fit).
@@ -65,7 +65,7 @@ fn principal(_: &[f32], _: &[f64], wanted: usize, _: bool) -> Result<Vec<f32>, E
     Err(Error::Option { name: "pca", expected, got: format!("{wanted} components to fit") })
 }
 
-/// The mean of each dimension over the rows, and its population standard deviation: exactly 0 where
+/// The mean of each dimension over the rows, and its population standard deviation: exactly 0 if
 /// all are the same.
 pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
     let count = (rows.len() / dim) as f64;
@@ -93,7 +93,7 @@ pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// `rows` rows of `dim` signs, 1 or -1, drawn by `SplitMix64` from `seed`: 64 a draw, the lowest
-/// bit first. Nothing where there is no memory for them.
+/// bit first. `None` if there is no memory for them.
 pub(super) fn signs(rows: usize, dim: usize, seed: u64) -> Option<Vec<f32>> {
     let count = rows.checked_mul(dim)?;
     let mut signs = Vec::new();

@@ -1,4 +1,4 @@
-//! What is done to descriptors of other techniques (method 1.10).
+//! Post-processing of learned descriptors: steps that make a vector a better one (method 1.10).
 
 mod chain;
 mod fit;

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::parallel::each;
 use crate::simd::Isa;
 
-/// A component whose variance is less than this part of the largest is nothing but rounding.
+/// A component whose variance is less than this part of the largest is rounding alone.
 const LEAST: f64 = 1e-10;
 
 /// The first `wanted` principal components of rows with this mean, as rows of a matrix, each

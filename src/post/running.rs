@@ -1,4 +1,4 @@
-//! A drive's statistics, as far as it has come.
+//! Running statistics of the queries so far.
 
 use super::fit::{check_references, fit};
 use super::step::{FittedStep, Step};
@@ -6,11 +6,11 @@ use crate::error::Error;
 use crate::numbers::View;
 
 /// Standardises vector after vector by the mean and the population standard deviation of those that
-/// came, the newest among them (Welford, 1962): what a stream can know of its own statistics.
+/// came, the newest among them (Welford, 1962): the statistics that a stream can know.
 ///
 /// It gives what [`standardized`](super::standardized) would give for the newest of the rows so
-/// far, up to rounding; the first vector becomes zeros. Where a dimension has been the same so far,
-/// it gives 0.
+/// far, up to rounding; the first vector becomes zeros, and so does a dimension that has not
+/// changed.
 ///
 /// ```
 /// use surefix::Running;
@@ -36,9 +36,9 @@ impl Running {
         Self { count: 0, mean: vec![0.0; dim], square: vec![0.0; dim] }
     }
 
-    /// The same, as if one vector had come before: the mean of references, that far from itself as
-    /// these are on average. So the first ones of a drive are standardised by the references, and
-    /// what follows more and more by the drive.
+    /// The same, as if one vector had come before: the references' mean, with their variance. So
+    /// the first queries are standardised by the references, and later ones more and more by the
+    /// queries.
     ///
     /// ```
     /// # use surefix::Running;
@@ -74,8 +74,8 @@ impl Running {
     /// Takes a vector in, and writes it standardised to `out`.
     ///
     /// # Errors
-    /// [`Error::Length`] for another length, [`Error::NotFinite`] for a NaN or an infinity. Nothing
-    /// has changed then.
+    /// [`Error::Length`] for another length, [`Error::NotFinite`] for a NaN or an infinity. The
+    /// statistics are unchanged then.
     pub fn push(&mut self, vector: &[f32], out: &mut [f32]) -> Result<(), Error> {
         for (what, got) in [("descriptor", vector.len()), ("out", out.len())] {
             if got != self.mean.len() {
@@ -91,8 +91,7 @@ impl Running {
         Ok(())
     }
 
-    /// What [`push`](Self::push) does, of as many numbers and finite ones; the statistics with the
-    /// vector go to `next`.
+    /// As [`push`](Self::push), for a vector that is checked; the statistics with it go to `next`.
     pub(super) fn peek(&self, vector: &[f32], next: &mut Self, out: &mut [f32]) {
         next.count = self.count + 1;
         let state =
@@ -104,12 +103,12 @@ impl Running {
         }
     }
 
-    /// How many vectors have come, the references as one.
+    /// The vectors that have come, the references counted as one.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// How many numbers a vector has.
+    /// The numbers of a vector.
     pub fn dim(&self) -> usize {
         self.mean.len()
     }

@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::distance::{norm, products};
 use crate::simd::Isa;
 
-/// One step of post-processing, as it is asked for. In a chain, each works on what the one before
-/// gives.
+/// One step of post-processing. In a chain, each works on the result of the one before.
 ///
 /// As JSON: `{"step": "standardize"}`, `{"step": "standardize_running"}`, `{"step": "pca", "dim":
 /// 512, "whiten": true}`, `{"step": "normalize"}`, `{"step": "projection", "dim": 512, "seed": 0}`.
@@ -15,7 +14,7 @@ use crate::simd::Isa;
 #[non_exhaustive]
 pub enum Step {
     /// Each dimension less its mean over the references, in units of its population standard
-    /// deviation; 0 where all references have the same number.
+    /// deviation; 0 if all references have the same number.
     Standardize,
     /// The references as by [`Standardize`](Self::Standardize); each query of a drive by the mean
     /// and the deviation of the drive's queries so far, which begin with the references' own as if
@@ -25,7 +24,7 @@ pub enum Step {
     /// The coordinates along the `dim` directions in which the references differ most (principal
     /// component analysis).
     Pca {
-        /// How many, up to what the references span.
+        /// Their number, at most that of the dimensions that the references span.
         dim: usize,
         /// Whether each is divided by its standard deviation over the references (with `n - 1`).
         whiten: bool,
@@ -35,23 +34,22 @@ pub enum Step {
     /// The products with `dim` vectors of random signs, divided by `sqrt(dim)`: distances stay
     /// about what they are (Achlioptas, 2003).
     Projection {
-        /// How many.
+        /// Their number.
         dim: usize,
         /// Which signs.
         seed: u64,
     },
 }
 
-/// A step that knows what it does: all are `matrix (x - offset) scale`, or the division by the
-/// length.
+/// A fitted step: `matrix (x - offset) scale`, or the division by the length.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FittedStep {
     pub(crate) step: Step,
-    /// What is subtracted, a number a dimension; or nothing.
+    /// Is subtracted, a number a dimension; or empty.
     pub(crate) offset: Vec<f64>,
-    /// What is multiplied with, a number a dimension; or nothing.
+    /// Is multiplied with, a number a dimension; or empty.
     pub(crate) scale: Vec<f64>,
-    /// Rows that are multiplied with; or nothing.
+    /// Rows that are multiplied with; or empty.
     pub(crate) matrix: Vec<f32>,
 }
 
@@ -61,7 +59,7 @@ impl FittedStep {
         Self { step, offset: Vec::new(), scale: Vec::new(), matrix: Vec::new() }
     }
 
-    /// What a vector is after this, for errors.
+    /// The name of its result, for errors.
     pub(super) fn name(&self) -> &'static str {
         match self.step {
             Step::Standardize | Step::StandardizeRunning => "descriptor, standardized",
@@ -71,7 +69,7 @@ impl FittedStep {
         }
     }
 
-    /// How many numbers a vector has after this, of `input` before.
+    /// The numbers of a vector after this, of `input` before.
     pub(crate) fn output(&self, input: usize) -> usize {
         match self.step {
             Step::Pca { dim, .. } | Step::Projection { dim, .. } => dim,
@@ -84,7 +82,7 @@ impl FittedStep {
         self.scale.iter().map(|&s| if s == 0.0 { 0.0 } else { (s * s).recip() })
     }
 
-    /// Does the step, as to references; nothing for zeros that have no direction.
+    /// Applies the step as to references; `None` if it is to divide by a length of 0.
     pub(super) fn apply(&self, vector: &[f32], out: &mut Vec<f32>) -> Option<()> {
         out.clear();
         let dim = vector.len();

@@ -47,8 +47,8 @@ impl Job<'_> {
 impl Map {
     /// The distances from a descriptor to every place: one number for each place, in route order.
     /// On a map with post-processing, the descriptor goes through that first, as the references
-    /// did; running statistics live in a [`Localizer`](crate::Localizer). SAD distances are in units
-    /// of `z`, whichever type they are stored in (method 1.7).
+    /// did; running statistics live in a [`Localizer`](crate::Localizer). SAD distances are in
+    /// units of `z`, whichever type they are stored in (method 1.7).
     ///
     /// # Errors
     /// As for [`distances_into`](Self::distances_into).
@@ -84,7 +84,8 @@ impl Map {
         Ok(())
     }
 
-    /// A descriptor that can be compared with the map's: after post-processing, if the map has some.
+    /// A descriptor that can be compared with the map's: after post-processing, if the map has
+    /// some.
     ///
     /// # Errors
     /// Those of [`distances_into`](Self::distances_into) that are about the descriptor.

@@ -1,11 +1,11 @@
 //! Threads that scan one map together, for a localizer whose map is larger than the processor's
 //! cache.
 //!
-//! The threads are started once and sleep between frames. Each takes the next chunk of the map until
-//! all are taken, and so does the caller. The caller never waits for another thread: it scans those
-//! chunks itself that were taken and whose results have not come when all are taken. So a thread
-//! that wakes late does less, and one that is delayed or dead does not hold a frame up. Rows are
-//! independent of each other, so the results do not depend on the thread, to the last bit.
+//! The threads are started once and sleep between frames. Each takes the next chunk of the map
+//! until all are taken, and so does the caller. The caller never waits for another thread: it scans
+//! those chunks itself that were taken and whose results have not come when all are taken. So a
+//! thread that wakes late does less, and one that is delayed or dead does not hold a frame up. Rows
+//! are independent of each other, so the results do not depend on the thread, to the last bit.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,10 +18,10 @@ use super::mailbox::Mailbox;
 use crate::map::Map;
 
 /// Bytes of rows for each thread that is started by default: two for 16 MB. Two threads against
-/// one, whole pushes on a Xeon with 2 MB of cache for each core, AVX-512, medians: 1.0 times as fast
-/// at 3.7 MB, 1.3 at 8 MB, 1.5 at 16 MB, 1.7 at 33 MB, 1.9 at 205 MB. On a machine whose cores are
-/// all busy, waking others gains nothing and can cost the caller its turn, so small maps, which are
-/// scanned within one turn, get no threads.
+/// one, whole pushes on a Xeon with 2 MB of cache for each core, AVX-512, medians: 1.0 times as
+/// fast at 3.7 MB, 1.3 at 8 MB, 1.5 at 16 MB, 1.7 at 33 MB, 1.9 at 205 MB. On a machine whose cores
+/// are all busy, waking others gains nothing and can cost the caller its turn, so small maps, which
+/// are scanned within one turn, get no threads.
 const BYTES_A_THREAD: usize = 8 << 20;
 /// Bytes of rows in a chunk, a quarter of a block: far more than its handling costs, and far less
 /// than a frame, because one chunk for each thread may be scanned twice.

@@ -3,8 +3,8 @@
 //!
 //! Most rows of a large map are far from being a query's nearest, and bounds show that as well as
 //! distances do. A row's code leaves out a remainder whose length is known. By the triangle's
-//! inequality and by that of Cauchy and Schwarz, this length limits how far the distance can be from
-//! the one to the code. Only rows whose bounds leave a doubt are then read.
+//! inequality and by that of Cauchy and Schwarz, this length limits how far the distance can be
+//! from the one to the code. Only rows whose bounds leave a doubt are then read.
 
 #![allow(clippy::inline_always, reason = "what is inlined is compiled for the instruction set")]
 
@@ -36,7 +36,8 @@ pub(crate) struct EncodedQuery {
     /// The query's numbers, times the scales, in units of `step`.
     pub(crate) codes: Vec<i16>,
     step: f64,
-    /// The part that does not depend on the row: of the product with it, or of the squared distance.
+    /// The part that does not depend on the row: of the product with it, or of the squared
+    /// distance.
     constant: f64,
     /// The error that the codes of the query, and rounding, can cause.
     slack: f64,
@@ -64,7 +65,8 @@ impl Map {
     ///
     /// ```
     /// use surefix::{Dtype, Map, Metric};
-    /// let map = Map::from_descriptors(vec![0.0_f32, 1.0, 1.0, 0.0], 2, Metric::Cosine)?.with_screen(Dtype::I8)?;
+    /// let map = Map::from_descriptors(vec![0.0_f32, 1.0, 1.0, 0.0], 2, Metric::Cosine)?;
+    /// let map = map.with_screen(Dtype::I8)?;
     /// assert_eq!(map.screen(), Some(Dtype::I8));
     /// # Ok::<(), surefix::Error>(())
     /// ```
@@ -98,11 +100,11 @@ impl Map {
 
     /// The type of the screen's numbers, if the map has a screen.
     pub fn screen(&self) -> Option<Dtype> {
-        self.codes().map(|codes| codes.codes.view().dtype())
+        self.codes().map(|codes| codes.rows.view().dtype())
     }
 
-    /// Writes the bounds of each distance, from the sums of [`Codes::scan`]. True if all of them are
-    /// below [`MAX_SCREENED`].
+    /// Writes the bounds of each distance, from the sums of [`Codes::scan`]. True if all of them
+    /// are below [`MAX_SCREENED`].
     pub(crate) fn bounds(
         &self,
         query: &EncodedQuery,
@@ -168,7 +170,7 @@ impl Codes {
             .collect();
         let square = made.iter().map(|row| row.square).collect();
         let row_square = made.iter().map(|row| row.row_square).collect();
-        Some(Self { codes, offset, scale, error, square, row_square, longest, extent })
+        Some(Self { rows: codes, offset, scale, error, square, row_square, longest, extent })
     }
 
     /// Encodes a query of float32.
@@ -223,7 +225,7 @@ impl Codes {
 
     /// Writes the products of a query's codes with those of some places into `out`.
     pub(crate) fn scan(&self, isa: Isa, codes: &[i16], places: Range<usize>, out: &mut [f32]) {
-        if let View::I8(rows) = self.codes.view() {
+        if let View::I8(rows) = self.rows.view() {
             short_products(
                 isa,
                 codes,

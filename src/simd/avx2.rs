@@ -18,7 +18,7 @@ use super::machine::{BLOCK, Kernel, LANES, Machine};
 pub(super) struct Avx2(());
 
 impl Avx2 {
-    /// Nothing where the processor has it not.
+    /// `None` if the CPU lacks AVX2, FMA or F16C.
     pub(super) fn new() -> Option<Self> {
         Isa::Avx2.is_available().then_some(Self(()))
     }
@@ -29,8 +29,6 @@ fn inside<K: Kernel>(machine: Avx2, kernel: K) {
     kernel.simd(machine);
 }
 
-// SAFETY, of every block below: `self` exists only where the processor has these instructions, and
-// a load reads no more than the array that it is given.
 impl Machine for Avx2 {
     type Floats = [__m128; 4];
     type Wide = __m256d;
@@ -42,60 +40,56 @@ impl Machine for Avx2 {
 
     #[inline(always)]
     fn run<K: Kernel>(self, kernel: K) {
-        // SAFETY: as said above.
-        unsafe { inside(self, kernel) }
+        intrinsics!(inside(self, kernel));
     }
 
     #[inline(always)]
     fn lanes(self) -> Self::Lanes {
-        // SAFETY: as said above.
-        unsafe { [_mm256_setzero_pd(); 4] }
+        intrinsics!([_mm256_setzero_pd(); 4])
     }
 
     #[inline(always)]
     fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe { _mm_loadu_ps(parts[part].as_ptr()) })
+        [0, 1, 2, 3].map(|part: usize| intrinsics!(_mm_loadu_ps(parts[part].as_ptr())))
     }
 
     #[inline(always)]
     fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe {
-            _mm_cvtph_ps(_mm_loadl_epi64(parts[part].as_ptr().cast()))
+        [0, 1, 2, 3].map(|part: usize| {
+            intrinsics!(_mm_cvtph_ps(_mm_loadl_epi64(parts[part].as_ptr().cast())))
         })
     }
 
     #[inline(always)]
     fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe {
-            _mm_cvtepi32_ps(_mm_cvtepi8_epi32(_mm_loadu_si32(parts[part].as_ptr().cast())))
+        [0, 1, 2, 3].map(|part: usize| {
+            intrinsics!(_mm_cvtepi32_ps(_mm_cvtepi8_epi32(_mm_loadu_si32(
+                parts[part].as_ptr().cast()
+            ))))
         })
     }
 
     #[inline(always)]
     fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe {
-            _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_loadu_si32(parts[part].as_ptr().cast())))
+        [0, 1, 2, 3].map(|part: usize| {
+            intrinsics!(_mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_loadu_si32(
+                parts[part].as_ptr().cast()
+            ))))
         })
     }
 
     #[inline(always)]
     fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe { _mm_sub_ps(a[part], b[part]) })
+        [0, 1, 2, 3].map(|part: usize| intrinsics!(_mm_sub_ps(a[part], b[part])))
     }
 
     #[inline(always)]
     fn widen(self, numbers: Self::Floats) -> Self::Lanes {
-        // SAFETY: as said above.
-        numbers.map(|part| unsafe { _mm256_cvtps_pd(part) })
+        numbers.map(|part| intrinsics!(_mm256_cvtps_pd(part)))
     }
 
     #[inline(always)]
@@ -105,59 +99,54 @@ impl Machine for Avx2 {
 
     #[inline(always)]
     fn absolute(self, sum: __m256d, a: __m256d) -> __m256d {
-        // SAFETY: as said above.
-        unsafe { _mm256_add_pd(sum, _mm256_andnot_pd(_mm256_set1_pd(-0.0), a)) }
+        intrinsics!(_mm256_add_pd(sum, _mm256_andnot_pd(_mm256_set1_pd(-0.0), a)))
     }
 
     #[inline(always)]
     fn product(self, sum: __m256d, a: __m256d, b: __m256d) -> __m256d {
-        // SAFETY: as said above.
-        unsafe { _mm256_fmadd_pd(a, b, sum) }
+        intrinsics!(_mm256_fmadd_pd(a, b, sum))
     }
 
     #[inline(always)]
     fn store(self, lanes: Self::Lanes) -> [f64; LANES] {
         let mut sums = [0.0; LANES];
         for (sums, register) in sums.as_chunks_mut::<4>().0.iter_mut().zip(lanes) {
-            // SAFETY: as said above.
-            unsafe { _mm256_storeu_pd(sums.as_mut_ptr(), register) }
+            intrinsics!(_mm256_storeu_pd(sums.as_mut_ptr(), register));
         }
         sums
     }
 
     #[inline(always)]
     fn counts(self) -> __m256i {
-        // SAFETY: as said above.
-        unsafe { _mm256_setzero_si256() }
+        intrinsics!(_mm256_setzero_si256())
     }
 
     #[inline(always)]
     fn block(self, bytes: &[u8; BLOCK]) -> Self::Block {
         let [low, high] = [0, 1].map(|half| bytes.as_chunks::<32>().0[half].as_ptr());
-        // SAFETY: as said above.
-        unsafe { [_mm256_loadu_si256(low.cast()), _mm256_loadu_si256(high.cast())] }
+        intrinsics!([_mm256_loadu_si256(low.cast()), _mm256_loadu_si256(high.cast())])
     }
 
     #[inline(always)]
     fn flip(self, block: Self::Block) -> Self::Block {
-        // SAFETY: as said above.
-        block.map(|half| unsafe { _mm256_xor_si256(half, _mm256_set1_epi8(i8::MIN)) })
+        block.map(|half| intrinsics!(_mm256_xor_si256(half, _mm256_set1_epi8(i8::MIN))))
     }
 
     #[inline(always)]
     fn differences(self, sum: __m256i, a: Self::Block, b: Self::Block) -> __m256i {
-        // SAFETY: as said above.
-        unsafe {
+        intrinsics!({
             let low = _mm256_add_epi64(sum, _mm256_sad_epu8(a[0], b[0]));
             _mm256_add_epi64(low, _mm256_sad_epu8(a[1], b[1]))
-        }
+        })
     }
 
     #[inline(always)]
     fn squares(self, sum: __m256i, a: Self::Block, b: Self::Block) -> __m256i {
-        // SAFETY: as said above.
-        let differences = [0, 1].map(|half| unsafe {
-            _mm256_sub_epi8(_mm256_max_epu8(a[half], b[half]), _mm256_min_epu8(a[half], b[half]))
+        let differences = [0, 1].map(|half| {
+            intrinsics!(_mm256_sub_epi8(
+                _mm256_max_epu8(a[half], b[half]),
+                _mm256_min_epu8(a[half], b[half])
+            ))
         });
         self.products_u8(sum, differences, differences)
     }
@@ -165,13 +154,12 @@ impl Machine for Avx2 {
     #[inline(always)]
     fn products_u8(self, mut sum: __m256i, a: Self::Block, b: Self::Block) -> __m256i {
         for (a, b) in a.into_iter().zip(b) {
-            // SAFETY: as said above.
-            unsafe {
+            intrinsics!({
                 let even = |x| _mm256_and_si256(x, _mm256_set1_epi16(0xFF));
                 let odd = |x| _mm256_srli_epi16::<8>(x);
                 sum = _mm256_add_epi32(sum, _mm256_madd_epi16(even(a), even(b)));
                 sum = _mm256_add_epi32(sum, _mm256_madd_epi16(odd(a), odd(b)));
-            }
+            });
         }
         sum
     }
@@ -179,13 +167,12 @@ impl Machine for Avx2 {
     #[inline(always)]
     fn products_i8(self, mut sum: __m256i, query: Self::Block, row: Self::Block) -> __m256i {
         for (a, b) in query.into_iter().zip(row) {
-            // SAFETY: as said above.
-            unsafe {
+            intrinsics!({
                 let even = |x| _mm256_srai_epi16::<8>(_mm256_slli_epi16::<8>(x));
                 let odd = |x| _mm256_srai_epi16::<8>(x);
                 sum = _mm256_add_epi32(sum, _mm256_madd_epi16(even(a), even(b)));
                 sum = _mm256_add_epi32(sum, _mm256_madd_epi16(odd(a), odd(b)));
-            }
+            });
         }
         sum
     }
@@ -193,18 +180,16 @@ impl Machine for Avx2 {
     #[inline(always)]
     fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
         let parts = numbers.as_chunks::<16>().0;
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe { _mm256_loadu_si256(parts[part].as_ptr().cast()) })
+        [0, 1, 2, 3].map(|part: usize| intrinsics!(_mm256_loadu_si256(parts[part].as_ptr().cast())))
     }
 
     #[inline(always)]
     fn products_i16(self, mut sum: __m256i, query: Self::Shorts, row: &[i8; BLOCK]) -> __m256i {
         for (query, row) in query.into_iter().zip(row.as_chunks::<16>().0) {
-            // SAFETY: as said above.
-            unsafe {
+            intrinsics!({
                 let row = _mm256_cvtepi8_epi16(_mm_loadu_si128(row.as_ptr().cast()));
                 sum = _mm256_add_epi32(sum, _mm256_madd_epi16(query, row));
-            }
+            });
         }
         sum
     }
@@ -212,18 +197,16 @@ impl Machine for Avx2 {
     #[inline(always)]
     fn total_differences(self, sum: __m256i) -> i64 {
         let mut sums = [0_i64; 4];
-        // SAFETY: as said above.
-        unsafe { _mm256_storeu_si256(sums.as_mut_ptr().cast(), sum) }
+        intrinsics!(_mm256_storeu_si256(sums.as_mut_ptr().cast(), sum));
         sums.iter().sum()
     }
 
     #[inline(always)]
     fn total(self, sum: __m256i) -> i64 {
-        // SAFETY: as said above.
-        unsafe {
+        intrinsics!({
             let low = _mm256_cvtepi32_epi64(_mm256_castsi256_si128(sum));
             let high = _mm256_cvtepi32_epi64(_mm256_extracti128_si256::<1>(sum));
             self.total_differences(_mm256_add_epi64(low, high))
-        }
+        })
     }
 }

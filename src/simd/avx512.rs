@@ -18,7 +18,7 @@ use super::machine::{BLOCK, Kernel, LANES, Machine};
 pub(super) struct Avx512(());
 
 impl Avx512 {
-    /// Nothing where the processor has it not.
+    /// `None` if the CPU lacks one of them.
     pub(super) fn new() -> Option<Self> {
         Isa::Avx512.is_available().then_some(Self(()))
     }
@@ -29,8 +29,6 @@ fn inside<K: Kernel>(machine: Avx512, kernel: K) {
     kernel.simd(machine);
 }
 
-// SAFETY, of every block below: `self` exists only where the processor has these instructions, and
-// a load reads no more than the array that it is given.
 impl Machine for Avx512 {
     type Floats = [__m256; 2];
     type Wide = __m512d;
@@ -42,60 +40,56 @@ impl Machine for Avx512 {
 
     #[inline(always)]
     fn run<K: Kernel>(self, kernel: K) {
-        // SAFETY: as said above.
-        unsafe { inside(self, kernel) }
+        intrinsics!(inside(self, kernel));
     }
 
     #[inline(always)]
     fn lanes(self) -> Self::Lanes {
-        // SAFETY: as said above.
-        unsafe { [_mm512_setzero_pd(); 2] }
+        intrinsics!([_mm512_setzero_pd(); 2])
     }
 
     #[inline(always)]
     fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        // SAFETY: as said above.
-        [0, 1].map(|part: usize| unsafe { _mm256_loadu_ps(parts[part].as_ptr()) })
+        [0, 1].map(|part: usize| intrinsics!(_mm256_loadu_ps(parts[part].as_ptr())))
     }
 
     #[inline(always)]
     fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        // SAFETY: as said above.
-        [0, 1].map(|part: usize| unsafe {
-            _mm256_cvtph_ps(_mm_loadu_si128(parts[part].as_ptr().cast()))
+        [0, 1].map(|part: usize| {
+            intrinsics!(_mm256_cvtph_ps(_mm_loadu_si128(parts[part].as_ptr().cast())))
         })
     }
 
     #[inline(always)]
     fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        // SAFETY: as said above.
-        [0, 1].map(|part: usize| unsafe {
-            _mm256_cvtepi32_ps(_mm256_cvtepi8_epi32(_mm_loadl_epi64(parts[part].as_ptr().cast())))
+        [0, 1].map(|part: usize| {
+            intrinsics!(_mm256_cvtepi32_ps(_mm256_cvtepi8_epi32(_mm_loadl_epi64(
+                parts[part].as_ptr().cast()
+            ))))
         })
     }
 
     #[inline(always)]
     fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        // SAFETY: as said above.
-        [0, 1].map(|part: usize| unsafe {
-            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(parts[part].as_ptr().cast())))
+        [0, 1].map(|part: usize| {
+            intrinsics!(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(
+                parts[part].as_ptr().cast()
+            ))))
         })
     }
 
     #[inline(always)]
     fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        // SAFETY: as said above.
-        [0, 1].map(|part: usize| unsafe { _mm256_sub_ps(a[part], b[part]) })
+        [0, 1].map(|part: usize| intrinsics!(_mm256_sub_ps(a[part], b[part])))
     }
 
     #[inline(always)]
     fn widen(self, numbers: Self::Floats) -> Self::Lanes {
-        // SAFETY: as said above.
-        numbers.map(|part| unsafe { _mm512_cvtps_pd(part) })
+        numbers.map(|part| intrinsics!(_mm512_cvtps_pd(part)))
     }
 
     #[inline(always)]
@@ -105,107 +99,93 @@ impl Machine for Avx512 {
 
     #[inline(always)]
     fn absolute(self, sum: __m512d, a: __m512d) -> __m512d {
-        // SAFETY: as said above.
-        unsafe { _mm512_add_pd(sum, _mm512_abs_pd(a)) }
+        intrinsics!(_mm512_add_pd(sum, _mm512_abs_pd(a)))
     }
 
     #[inline(always)]
     fn product(self, sum: __m512d, a: __m512d, b: __m512d) -> __m512d {
-        // SAFETY: as said above.
-        unsafe { _mm512_fmadd_pd(a, b, sum) }
+        intrinsics!(_mm512_fmadd_pd(a, b, sum))
     }
 
     #[inline(always)]
     fn store(self, lanes: Self::Lanes) -> [f64; LANES] {
         let mut sums = [0.0; LANES];
         for (sums, register) in sums.as_chunks_mut::<8>().0.iter_mut().zip(lanes) {
-            // SAFETY: as said above.
-            unsafe { _mm512_storeu_pd(sums.as_mut_ptr(), register) }
+            intrinsics!(_mm512_storeu_pd(sums.as_mut_ptr(), register));
         }
         sums
     }
 
     #[inline(always)]
     fn counts(self) -> __m512i {
-        // SAFETY: as said above.
-        unsafe { _mm512_setzero_si512() }
+        intrinsics!(_mm512_setzero_si512())
     }
 
     #[inline(always)]
     fn block(self, bytes: &[u8; BLOCK]) -> __m512i {
-        // SAFETY: as said above.
-        unsafe { _mm512_loadu_si512(bytes.as_ptr().cast()) }
+        intrinsics!(_mm512_loadu_si512(bytes.as_ptr().cast()))
     }
 
     #[inline(always)]
     fn flip(self, block: __m512i) -> __m512i {
-        // SAFETY: as said above.
-        unsafe { _mm512_xor_si512(block, _mm512_set1_epi8(i8::MIN)) }
+        intrinsics!(_mm512_xor_si512(block, _mm512_set1_epi8(i8::MIN)))
     }
 
     #[inline(always)]
     fn differences(self, sum: __m512i, a: __m512i, b: __m512i) -> __m512i {
-        // SAFETY: as said above.
-        unsafe { _mm512_add_epi64(sum, _mm512_sad_epu8(a, b)) }
+        intrinsics!(_mm512_add_epi64(sum, _mm512_sad_epu8(a, b)))
     }
 
     #[inline(always)]
     fn squares(self, sum: __m512i, a: __m512i, b: __m512i) -> __m512i {
-        // SAFETY: as said above.
-        unsafe {
+        intrinsics!({
             let difference = _mm512_sub_epi8(_mm512_max_epu8(a, b), _mm512_min_epu8(a, b));
             self.products_u8(sum, difference, difference)
-        }
+        })
     }
 
     #[inline(always)]
     fn products_u8(self, sum: __m512i, a: __m512i, b: __m512i) -> __m512i {
-        // SAFETY: as said above.
-        unsafe {
+        intrinsics!({
             let (even, low) = (|x| _mm512_and_si512(x, _mm512_set1_epi16(0xFF)), sum);
             let odd = |x| _mm512_srli_epi16::<8>(x);
             _mm512_dpwssd_epi32(_mm512_dpwssd_epi32(low, even(a), even(b)), odd(a), odd(b))
-        }
+        })
     }
 
     #[inline(always)]
     fn products_i8(self, sum: __m512i, query: __m512i, row: __m512i) -> __m512i {
-        // SAFETY: as said above.
-        unsafe { _mm512_dpbusd_epi32(sum, self.flip(row), query) }
+        intrinsics!(_mm512_dpbusd_epi32(sum, self.flip(row), query))
     }
 
     #[inline(always)]
     fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
         let parts = numbers.as_chunks::<32>().0;
-        // SAFETY: as said above.
-        [0, 1].map(|part: usize| unsafe { _mm512_loadu_si512(parts[part].as_ptr().cast()) })
+        [0, 1].map(|part: usize| intrinsics!(_mm512_loadu_si512(parts[part].as_ptr().cast())))
     }
 
     #[inline(always)]
     fn products_i16(self, mut sum: __m512i, query: Self::Shorts, row: &[i8; BLOCK]) -> __m512i {
         for (query, row) in query.into_iter().zip(row.as_chunks::<32>().0) {
-            // SAFETY: as said above.
-            unsafe {
+            intrinsics!({
                 let row = _mm512_cvtepi8_epi16(_mm256_loadu_si256(row.as_ptr().cast()));
                 sum = _mm512_dpwssd_epi32(sum, query, row);
-            }
+            });
         }
         sum
     }
 
     #[inline(always)]
     fn total_differences(self, sum: __m512i) -> i64 {
-        // SAFETY: as said above.
-        unsafe { _mm512_reduce_add_epi64(sum) }
+        intrinsics!(_mm512_reduce_add_epi64(sum))
     }
 
     #[inline(always)]
     fn total(self, sum: __m512i) -> i64 {
-        // SAFETY: as said above.
-        unsafe {
+        intrinsics!({
             let low = _mm512_cvtepi32_epi64(_mm512_castsi512_si256(sum));
             let high = _mm512_cvtepi32_epi64(_mm512_extracti64x4_epi64::<1>(sum));
             _mm512_reduce_add_epi64(_mm512_add_epi64(low, high))
-        }
+        })
     }
 }

@@ -1,5 +1,4 @@
-//! The instruction set that the kernels run on: a value, chosen once, that tests and benches can
-//! force.
+//! The instruction set as a value: chosen once, and forced by tests and benches.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,9 +8,9 @@ use crate::error::Error;
 
 /// An instruction set that the kernels are written for.
 ///
-/// The best one that the processor has is chosen when a map, a matcher or a describer is made; the
-/// answers do not depend on it. The environment variable `SUREFIX_ISA` names another one for a
-/// whole process, such as `scalar`.
+/// The best one of the CPU is chosen when a map, a matcher or a describer is made; the answers do
+/// not depend on it. The environment variable `SUREFIX_ISA` forces another one, such as `scalar`,
+/// for a whole process.
 /// ```
 /// use surefix::Isa;
 ///
@@ -20,7 +19,7 @@ use crate::error::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Isa {
-    /// Nothing beyond what the compiler's target has: the oracle of the others.
+    /// Plain code for the compiler's target: the oracle of the others.
     Scalar,
     /// AVX2 on x86-64, with FMA and F16C: Haswell, Zen and later.
     Avx2,
@@ -34,8 +33,8 @@ impl Isa {
     /// All of them, from the plainest to the widest.
     pub const ALL: [Self; 4] = [Self::Scalar, Self::Neon, Self::Avx2, Self::Avx512];
 
-    /// The widest that this processor has, or what `SUREFIX_ISA` asks for where this processor has
-    /// that; any other name is ignored. Found once.
+    /// The one that `SUREFIX_ISA` names if this CPU has it, else the widest one of the CPU.
+    /// Detected once.
     pub fn best() -> Self {
         static BEST: OnceLock<Isa> = OnceLock::new();
         *BEST.get_or_init(|| {
@@ -45,12 +44,12 @@ impl Isa {
         })
     }
 
-    /// Those that this processor has, from the plainest to the widest.
+    /// Those of this CPU, from the plainest to the widest.
     pub fn available() -> impl Iterator<Item = Self> {
         Self::ALL.into_iter().filter(|isa| isa.is_available())
     }
 
-    /// Whether this processor has it.
+    /// Whether this CPU has it.
     pub fn is_available(self) -> bool {
         match self {
             Self::Scalar => true,
@@ -76,10 +75,10 @@ impl Isa {
         }
     }
 
-    /// The same instruction set, where this processor has it.
+    /// The same instruction set, if this CPU has it.
     ///
     /// # Errors
-    /// [`Error::Option`] where it has not.
+    /// [`Error::Option`] if it lacks it.
     pub fn checked(self) -> Result<Self, Error> {
         if self.is_available() {
             return Ok(self);
@@ -89,11 +88,8 @@ impl Isa {
         Err(Error::Option { name: "isa", expected, got: self.to_string() })
     }
 
-    /// Runs `work`, compiled for this instruction set: plain code in it uses the wider registers
-    /// where it is inlined. Of a closure only a small one surely is; longer work is a type of its
-    /// own, see [`Compiled`].
-    ///
-    /// An instruction set that this processor lacks runs as [`Isa::Scalar`].
+    /// Runs `work`, compiled for this instruction set: plain code that is inlined into it uses the
+    /// wider registers. Runs as [`Isa::Scalar`] if the CPU lacks the instruction set.
     #[inline]
     pub(crate) fn run<W: Compiled>(self, work: W) -> W::Out {
         match self {
@@ -106,7 +102,7 @@ impl Isa {
     }
 }
 
-/// Asks for memory that is read soon, if it is there at all; the processor may do so or not.
+/// Prefetches memory that will be read soon. Only a hint: any address is allowed.
 #[inline(always)]
 #[allow(
     clippy::inline_always,
@@ -124,9 +120,9 @@ pub(crate) fn fetch<T>(ahead: *const T) {
     let _ = ahead;
 }
 
-/// What [`Isa::run`] can compile for each instruction set: a closure, or a type whose `run` is
-/// marked `#[inline(always)]`. The compiler may keep one copy of a longer closure, for the plainest
-/// instruction set, and call that from all of them.
+/// Work that [`Isa::run`] compiles for each instruction set: a short closure, or a type whose `run`
+/// is marked `#[inline(always)]`. Of a longer closure the compiler may keep a single copy, for the
+/// plainest instruction set.
 pub(crate) trait Compiled {
     type Out;
 
@@ -143,30 +139,26 @@ impl<R, F: FnOnce() -> R> Compiled for F {
     }
 }
 
-/// Doors into code that is compiled for one instruction set. Each is called only where the
-/// processor has it.
+/// Functions that are compiled for one instruction set.
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
 mod x86 {
     use super::Compiled;
 
-    pub(super) fn avx2<W: Compiled>(work: W) -> W::Out {
-        #[target_feature(enable = "avx2")]
-        fn inside<W: Compiled>(work: W) -> W::Out {
-            work.run()
-        }
-        // SAFETY: `Isa::run`, the only caller, has just asked the processor.
-        unsafe { inside(work) }
+    macro_rules! compiled {
+        ($name:ident, $features:literal) => {
+            pub(super) fn $name<W: Compiled>(work: W) -> W::Out {
+                #[target_feature(enable = $features)]
+                fn inside<W: Compiled>(work: W) -> W::Out {
+                    work.run()
+                }
+                // SAFETY: `Isa::run`, the only caller, has just asked the CPU.
+                unsafe { inside(work) }
+            }
+        };
     }
-
-    pub(super) fn avx512<W: Compiled>(work: W) -> W::Out {
-        #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-        fn inside<W: Compiled>(work: W) -> W::Out {
-            work.run()
-        }
-        // SAFETY: `Isa::run`, the only caller, has just asked the processor.
-        unsafe { inside(work) }
-    }
+    compiled!(avx2, "avx2");
+    compiled!(avx512, "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vnni");
 }
 
 impl fmt::Display for Isa {

@@ -4,14 +4,14 @@ use bytemuck::Pod;
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
-/// How many f64 sums a row of floats has, on every machine (method 1.6).
+/// f64 sums of a row of floats, on every machine (method 1.6).
 pub(crate) const LANES: usize = 16;
-/// How many bytes are taken at a time, on every machine.
+/// Bytes that are taken at a time, on every machine.
 pub(crate) const BLOCK: usize = 64;
-/// How many numbers are widened to f32 at a time: some times [`LANES`].
+/// Numbers that are widened to f32 at a time: a multiple of [`LANES`].
 pub(crate) const SPACE: usize = 256;
 
-/// A scan, before it is known what runs it.
+/// A scan, written once for every machine.
 pub(crate) trait Kernel {
     /// On a machine's registers.
     fn simd<M: Machine>(self, machine: M);
@@ -34,13 +34,13 @@ pub(crate) trait Machine: Copy {
     type Shorts: Copy;
     /// Sums of whole numbers, of 32 bits or more.
     type Counts: Copy;
-    /// What [`products_i8`](Self::products_i8) adds to each number of the row before it multiplies.
+    /// [`products_i8`](Self::products_i8) adds this to each number of the row, then multiplies.
     const OFFSET: i64;
 
     /// Runs the kernel in a function that is compiled for this instruction set.
     fn run<K: Kernel>(self, kernel: K);
 
-    /// Sums of nothing.
+    /// Sums of zero.
     fn lanes(self) -> Self::Lanes;
     /// The numbers, in registers.
     fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats;
@@ -54,7 +54,7 @@ pub(crate) trait Machine: Copy {
     fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// The same numbers in f64.
     fn widen(self, numbers: Self::Floats) -> Self::Lanes;
-    /// Asks for memory that will be read soon, where that is worth it. Any address will do.
+    /// Prefetches memory that will be read soon, if that pays. Any address is allowed.
     fn fetch<T>(self, _ahead: *const T) {}
     /// `sum + |a|`.
     fn absolute(self, sum: Self::Wide, a: Self::Wide) -> Self::Wide;
@@ -64,7 +64,7 @@ pub(crate) trait Machine: Copy {
     /// The sixteen sums.
     fn store(self, lanes: Self::Lanes) -> [f64; LANES];
 
-    /// Sums of nothing.
+    /// Sums of zero.
     fn counts(self) -> Self::Counts;
     /// The bytes, in a register or several.
     fn block(self, bytes: &[u8; BLOCK]) -> Self::Block;
@@ -87,15 +87,15 @@ pub(crate) trait Machine: Copy {
         query: Self::Shorts,
         row: &[i8; BLOCK],
     ) -> Self::Counts;
-    /// What [`differences`](Self::differences) summed.
+    /// The total of [`differences`](Self::differences).
     fn total_differences(self, sum: Self::Counts) -> i64;
-    /// What the others summed.
+    /// The total of the others.
     fn total(self, sum: Self::Counts) -> i64;
 }
 
-/// A number that a block of which can be read as f32.
+/// A number whose blocks can be read as f32.
 pub(crate) trait Widen: Copy {
-    /// The block as f32, in `space` where it must be converted.
+    /// The block as f32, in `space` if it must be converted.
     fn widen<'a>(block: &'a [Self], space: &'a mut [f32; SPACE]) -> &'a [f32];
 }
 
@@ -147,7 +147,7 @@ macro_rules! numbers {
 numbers!(f32 => f32s, f16 => f16s, i8 => i8s, u8 => u8s);
 
 /// A number that is compared as a whole one.
-pub(crate) trait Byte: Pod + Into<i32> {
+pub(crate) trait Byte: Pod + Default + Into<i32> {
     /// Whether it is an `i8`.
     const SIGNED: bool;
 }

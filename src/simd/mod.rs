@@ -4,6 +4,15 @@
     reason = "what is inlined is compiled for the caller's instruction set"
 )]
 
+/// Intrinsics, in the methods of a [`Machine`].
+macro_rules! intrinsics {
+    ($call:expr) => {
+        // SAFETY: a machine's value exists only if the CPU has its instructions, and a load or a
+        // store stays inside the array that it is given.
+        unsafe { $call }
+    };
+}
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]

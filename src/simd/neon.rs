@@ -19,7 +19,7 @@ use super::machine::{BLOCK, Kernel, LANES, Machine};
 pub(super) struct Neon(());
 
 impl Neon {
-    /// Nothing where the processor has it not.
+    /// `None` if the CPU lacks it.
     pub(super) fn new() -> Option<Self> {
         Isa::Neon.is_available().then_some(Self(()))
     }
@@ -30,8 +30,6 @@ fn inside<K: Kernel>(machine: Neon, kernel: K) {
     kernel.simd(machine);
 }
 
-// SAFETY, of every block below: `self` exists only where the processor has these instructions, and
-// a load reads no more than the array that it is given.
 impl Machine for Neon {
     type Floats = [float32x4_t; 4];
     type Wide = float64x2_t;
@@ -43,21 +41,18 @@ impl Machine for Neon {
 
     #[inline(always)]
     fn run<K: Kernel>(self, kernel: K) {
-        // SAFETY: as said above.
-        unsafe { inside(self, kernel) }
+        intrinsics!(inside(self, kernel));
     }
 
     #[inline(always)]
     fn lanes(self) -> Self::Lanes {
-        // SAFETY: as said above.
-        unsafe { [vdupq_n_f64(0.0); 8] }
+        intrinsics!([vdupq_n_f64(0.0); 8])
     }
 
     #[inline(always)]
     fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe { vld1q_f32(parts[part].as_ptr()) })
+        [0, 1, 2, 3].map(|part: usize| intrinsics!(vld1q_f32(parts[part].as_ptr())))
     }
 
     #[inline(always)]
@@ -65,12 +60,12 @@ impl Machine for Neon {
         let parts = numbers.as_chunks::<4>().0;
         [0, 1, 2, 3].map(|part: usize| {
             let wide: float32x4_t;
-            // SAFETY: as said above. The instruction is NEON's own, but stable Rust has no name for
-            // it.
-            unsafe {
+            // Stable Rust has no name for this instruction.
+            intrinsics!({
                 let numbers = vld1_u16(parts[part].as_ptr().cast());
-                asm!("fcvtl {0:v}.4s, {1:v}.4h", out(vreg) wide, in(vreg) numbers, options(pure, nomem, nostack));
-            }
+                asm!("fcvtl {0:v}.4s, {1:v}.4h", out(vreg) wide, in(vreg) numbers,
+                    options(pure, nomem, nostack));
+            });
             wide
         })
     }
@@ -79,13 +74,12 @@ impl Machine for Neon {
     fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
         [0, 1, 2, 3].map(|part: usize| {
-            // SAFETY: as said above.
-            unsafe {
+            intrinsics!({
                 let numbers = vmovl_s8(vld1_s8(parts[part / 2].as_ptr()));
                 let four =
                     if part % 2 == 1 { vget_high_s16(numbers) } else { vget_low_s16(numbers) };
                 vcvtq_f32_s32(vmovl_s16(four))
-            }
+            })
         })
     }
 
@@ -93,119 +87,104 @@ impl Machine for Neon {
     fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
         [0, 1, 2, 3].map(|part: usize| {
-            // SAFETY: as said above.
-            unsafe {
+            intrinsics!({
                 let numbers = vmovl_u8(vld1_u8(parts[part / 2].as_ptr()));
                 let four =
                     if part % 2 == 1 { vget_high_u16(numbers) } else { vget_low_u16(numbers) };
                 vcvtq_f32_u32(vmovl_u16(four))
-            }
+            })
         })
     }
 
     #[inline(always)]
     fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe { vsubq_f32(a[part], b[part]) })
+        [0, 1, 2, 3].map(|part: usize| intrinsics!(vsubq_f32(a[part], b[part])))
     }
 
     #[inline(always)]
     fn widen(self, numbers: Self::Floats) -> Self::Lanes {
         [0, 1, 2, 3, 4, 5, 6, 7].map(|part: usize| {
             let four = numbers[part / 2];
-            // SAFETY: as said above.
-            unsafe {
-                if part % 2 == 1 {
-                    vcvt_high_f64_f32(four)
-                } else {
-                    vcvt_f64_f32(vget_low_f32(four))
-                }
+            if part % 2 == 1 {
+                intrinsics!(vcvt_high_f64_f32(four))
+            } else {
+                intrinsics!(vcvt_f64_f32(vget_low_f32(four)))
             }
         })
     }
 
     #[inline(always)]
     fn absolute(self, sum: float64x2_t, a: float64x2_t) -> float64x2_t {
-        // SAFETY: as said above.
-        unsafe { vaddq_f64(sum, vabsq_f64(a)) }
+        intrinsics!(vaddq_f64(sum, vabsq_f64(a)))
     }
 
     #[inline(always)]
     fn product(self, sum: float64x2_t, a: float64x2_t, b: float64x2_t) -> float64x2_t {
-        // SAFETY: as said above.
-        unsafe { vfmaq_f64(sum, a, b) }
+        intrinsics!(vfmaq_f64(sum, a, b))
     }
 
     #[inline(always)]
     fn store(self, lanes: Self::Lanes) -> [f64; LANES] {
         let mut sums = [0.0; LANES];
         for (sums, register) in sums.as_chunks_mut::<2>().0.iter_mut().zip(lanes) {
-            // SAFETY: as said above.
-            unsafe { vst1q_f64(sums.as_mut_ptr(), register) }
+            intrinsics!(vst1q_f64(sums.as_mut_ptr(), register));
         }
         sums
     }
 
     #[inline(always)]
     fn counts(self) -> int32x4_t {
-        // SAFETY: as said above.
-        unsafe { vdupq_n_s32(0) }
+        intrinsics!(vdupq_n_s32(0))
     }
 
     #[inline(always)]
     fn block(self, bytes: &[u8; BLOCK]) -> Self::Block {
         let parts = bytes.as_chunks::<16>().0;
-        // SAFETY: as said above.
-        [0, 1, 2, 3].map(|part: usize| unsafe { vld1q_u8(parts[part].as_ptr()) })
+        [0, 1, 2, 3].map(|part: usize| intrinsics!(vld1q_u8(parts[part].as_ptr())))
     }
 
     #[inline(always)]
     fn flip(self, block: Self::Block) -> Self::Block {
-        // SAFETY: as said above.
-        block.map(|part| unsafe { veorq_u8(part, vdupq_n_u8(0x80)) })
+        block.map(|part| intrinsics!(veorq_u8(part, vdupq_n_u8(0x80))))
     }
 
     #[inline(always)]
     fn differences(self, sum: int32x4_t, a: Self::Block, b: Self::Block) -> int32x4_t {
-        // SAFETY: as said above.
-        unsafe {
+        intrinsics!({
             let mut sums = vdupq_n_u16(0);
             for (a, b) in a.into_iter().zip(b) {
                 sums = vpadalq_u8(sums, vabdq_u8(a, b));
             }
             vreinterpretq_s32_u32(vpadalq_u16(vreinterpretq_u32_s32(sum), sums))
-        }
+        })
     }
 
     #[inline(always)]
     fn squares(self, sum: int32x4_t, a: Self::Block, b: Self::Block) -> int32x4_t {
-        // SAFETY: as said above.
-        let differences = [0, 1, 2, 3].map(|part: usize| unsafe { vabdq_u8(a[part], b[part]) });
+        let differences = [0, 1, 2, 3].map(|part: usize| intrinsics!(vabdq_u8(a[part], b[part])));
         self.products_u8(sum, differences, differences)
     }
 
     #[inline(always)]
     fn products_u8(self, sum: int32x4_t, a: Self::Block, b: Self::Block) -> int32x4_t {
-        // SAFETY: as said above.
-        unsafe {
+        intrinsics!({
             let mut sum = vreinterpretq_u32_s32(sum);
             for (a, b) in a.into_iter().zip(b) {
                 sum = vpadalq_u16(sum, vmull_u8(vget_low_u8(a), vget_low_u8(b)));
                 sum = vpadalq_u16(sum, vmull_high_u8(a, b));
             }
             vreinterpretq_s32_u32(sum)
-        }
+        })
     }
 
     #[inline(always)]
     fn products_i8(self, mut sum: int32x4_t, query: Self::Block, row: Self::Block) -> int32x4_t {
         for (a, b) in query.into_iter().zip(row) {
-            // SAFETY: as said above.
-            unsafe {
+            intrinsics!({
                 let (a, b) = (vreinterpretq_s8_u8(a), vreinterpretq_s8_u8(b));
                 sum = vpadalq_s16(sum, vmull_s8(vget_low_s8(a), vget_low_s8(b)));
                 sum = vpadalq_s16(sum, vmull_high_s8(a, b));
-            }
+            });
         }
         sum
     }
@@ -213,19 +192,17 @@ impl Machine for Neon {
     #[inline(always)]
     fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
         let parts = numbers.as_chunks::<8>().0;
-        // SAFETY: as said above.
-        [0, 1, 2, 3, 4, 5, 6, 7].map(|part: usize| unsafe { vld1q_s16(parts[part].as_ptr()) })
+        [0, 1, 2, 3, 4, 5, 6, 7].map(|part: usize| intrinsics!(vld1q_s16(parts[part].as_ptr())))
     }
 
     #[inline(always)]
     fn products_i16(self, mut sum: int32x4_t, query: Self::Shorts, row: &[i8; BLOCK]) -> int32x4_t {
         for (query, row) in query.into_iter().zip(row.as_chunks::<8>().0) {
-            // SAFETY: as said above.
-            unsafe {
+            intrinsics!({
                 let row = vmovl_s8(vld1_s8(row.as_ptr()));
                 sum = vmlal_s16(sum, vget_low_s16(query), vget_low_s16(row));
                 sum = vmlal_high_s16(sum, query, row);
-            }
+            });
         }
         sum
     }
@@ -237,7 +214,6 @@ impl Machine for Neon {
 
     #[inline(always)]
     fn total(self, sum: int32x4_t) -> i64 {
-        // SAFETY: as said above.
-        unsafe { vaddlvq_s32(sum) }
+        intrinsics!(vaddlvq_s32(sum))
     }
 }

@@ -4,9 +4,9 @@
 
 use super::machine::{LANES, SPACE, Widen};
 
-/// How many bytes are summed in 31 bits: a term is below 2^16.
+/// Bytes that are summed in 31 bits: a term is below 2^16.
 const BYTES: usize = 1 << 14;
-/// How many products of a byte and a number of 14 bits: a term is below 2^20.
+/// Products of bytes and numbers of 14 bits that are: a term is below 2^20.
 const SHORTS: usize = 1 << 10;
 
 /// The sum of `term(a, b)` over two vectors of floats of one length: number `i` goes to lane `i`

@@ -1,12 +1,13 @@
 //! Generated cases: options for a route, and distances and descriptors of every awkward kind.
 #![allow(dead_code, reason = "each test program uses its part")]
 
-use crate::random::SplitMix64;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{Config, Dtype, Fix, Floor, Gradient, Matcher, Values};
 
-/// So many cases, and no files left behind by those that fail: the shrunk case is in the message.
+use crate::random::SplitMix64;
+
+/// This many cases, and no files left behind by those that fail: the shrunk case is in the message.
 pub(crate) fn cases(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
@@ -24,7 +25,7 @@ pub(crate) fn signed(count: usize, seed: u64) -> Vec<f32> {
     SplitMix64(seed).signed(count)
 }
 
-/// What the distances look like.
+/// Kinds of distances.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
     /// Whole numbers from 0 to 3: ties everywhere.

@@ -270,33 +270,6 @@ fn a_gap_before_a_query_that_there_is_not_is_named() {
     assert!(refused.to_string().contains("no query"), "{refused}");
 }
 
-/// An older version of the library reads all snapshots but those that it would misunderstand.
-#[test]
-fn only_a_gap_within_reach_needs_the_newer_format() {
-    let config = config! { sequence_length: 4, smoothing: 6 };
-    let mut matcher = Matcher::new(20, config).unwrap();
-    let format = |matcher: &Matcher| {
-        let blob = matcher.snapshot().unwrap();
-        let is = |version| {
-            let entry = format!("\\\"version\\\":{version},");
-            blob.windows(entry.len()).any(|bytes| bytes == entry.as_bytes())
-        };
-        [1, 2].into_iter().filter(|&version| is(version)).collect::<Vec<_>>()
-    };
-    for (query, column) in drive(20, 20).iter().enumerate() {
-        assert_eq!(
-            format(&matcher),
-            [if (11..16).contains(&query) { 2 } else { 1 }],
-            "query {query}"
-        );
-        if query == 10 {
-            matcher.gap();
-            assert_eq!(format(&matcher), [2]);
-        }
-        matcher.push(column).unwrap();
-    }
-}
-
 proptest! {
     #![proptest_config(cases(300))]
 

@@ -26,7 +26,10 @@ mod paper;
 mod post;
 #[path = "../../src/random.rs"]
 mod random;
+mod sad;
+mod sad_bits;
 mod screen;
 mod snapshot;
+mod steps;
 mod stream_is_batch;
 mod threads;

@@ -48,7 +48,8 @@ fn split(file: &[u8]) -> (Value, &[u8]) {
 fn join(header: &Value, payload: &[u8]) -> Vec<u8> {
     let mut text = header.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(8), b' ');
-    sealed([&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat())
+    let file = [&(text.len() as u64).to_le_bytes(), text.as_slice(), payload].concat();
+    if header.get("checksum").is_some() { sealed(file) } else { file }
 }
 
 /// The file with surefix's own entry changed.

@@ -1,91 +1,102 @@
-"""How the command line writes fixes: as CSV, or as JSON lines."""
+"""The fixes of ``surefix run``: as CSV, as JSON lines, and in sum."""
 
 import csv
 import json
-from dataclasses import asdict, dataclass
+from array import array
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TextIO
 
+import numpy as np
+
 from surefix import Fix
+from surefix._words import counted
+from surefix.frames import Frame
 
-__all__ = ["CsvFixes", "FixRow", "JsonFixes", "Moment"]
+__all__ = ["Row", "Summary", "csv_writer", "json_writer", "row_of"]
+
+Row = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class FixRow:
-    """A fix, with the names of its query and place, and how long it took in microseconds.
-
-    ``moment`` is there where frames come from a stream that says when they were taken, and what is
-    missing before them.
+def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed: bool) -> Row:
+    """The columns of a fix; None for an empty one. ``latency`` is in microseconds. ``timed``: the
+    frames have times, or may be dropped.
     """
-
-    query: str
-    fix: Fix
-    place_name: str | None
-    latency_us: float
-    moment: "Moment | None" = None
-
-    def fields(self) -> dict[str, Any]:
-        """The row's columns; None where there is nothing (yet)."""
-        fix, sequence = self.fix, self.fix.sequence
-        when = {} if self.moment is None else asdict(self.moment)
-        return {
-            "frame": fix.frame,
-            "query": self.query,
-            "place": fix.place,
-            "place_name": self.place_name,
-            "score": fix.score,
-            "trusted": fix.trusted,
-            "ready": sequence is not None,
-            "anchors": None if sequence is None else sequence.anchors,
-            "speed": None if sequence is None else sequence.speed,
-            "single_place": fix.single.place,
-            "single_distance": fix.single.distance,
-            "gradient_place": fix.gradient.place,
-            "gradient_value": fix.gradient.value,
-            "latency_us": round(self.latency_us, 1),
-            **when,
-        }
+    sequence = fix.sequence
+    row = {
+        "frame": fix.frame,
+        "query": frame.name,
+        "place": fix.place,
+        "place_name": place_name,
+        "score": fix.score,
+        "trusted": fix.trusted,
+        "ready": sequence is not None,
+        "anchors": None if sequence is None else sequence.anchors,
+        "speed": None if sequence is None else sequence.speed,
+        "single_place": fix.single.place,
+        "single_distance": fix.single.distance,
+        "gradient_place": fix.gradient.place,
+        "gradient_value": fix.gradient.value,
+        "latency_us": round(latency, 1),
+    }
+    if timed:
+        row |= {"time": frame.time, "dropped": frame.dropped, "gap": frame.gap}
+    return row
 
 
-@dataclass(frozen=True)
-class Moment:
-    """When a frame was taken, in seconds; how many were dropped before it; and whether time is
-    missing there.
-    """
+def csv_writer(file: TextIO) -> Callable[[Row], None]:
+    """Writes a line of names, then a line a fix, with booleans in lower case."""
+    writer: csv.DictWriter[str] | None = None
 
-    time: float | None
-    dropped: int
-    gap: bool
+    def write(row: Row) -> None:
+        nonlocal writer
+        if writer is None:
+            writer = csv.DictWriter(file, list(row), lineterminator="\n")
+            writer.writeheader()
+        writer.writerow({k: str(v).lower() if isinstance(v, bool) else v for k, v in row.items()})
+        file.flush()
+
+    return write
 
 
-class CsvFixes:
-    """A line of names, then a line a fix; booleans in lower case, an empty field where there is
-    nothing.
-    """
+def json_writer(file: TextIO) -> Callable[[Row], None]:
+    """Writes a JSON object a line."""
 
-    def __init__(self, file: TextIO) -> None:
-        self.file = file
-        self.writer: csv.DictWriter[str] | None = None
+    def write(row: Row) -> None:
+        file.write(json.dumps(row) + "\n")
+        file.flush()
 
-    def write(self, row: FixRow) -> None:
-        """Write one line."""
-        fields = row.fields()
-        if self.writer is None:
-            self.writer = csv.DictWriter(self.file, list(fields), lineterminator="\n")
-            self.writer.writeheader()
-        self.writer.writerow(
-            {k: str(v).lower() if isinstance(v, bool) else v for k, v in fields.items()}
+    return write
+
+
+class Summary:
+    """Counts fixes as they come; a drive of days fits in memory."""
+
+    def __init__(self) -> None:
+        self.latencies = array("f")
+        self.trusted = self.dropped = self.gaps = 0
+        # Whether the queries came to their end: not so after an error, nor after Ctrl-C.
+        self.ended = False
+
+    def add(self, row: Row, latency: float) -> None:
+        """Counts a fix."""
+        self.latencies.append(latency)
+        self.trusted += row["trusted"]
+        self.dropped += row.get("dropped", 0)
+        self.gaps += row.get("gap", False)
+
+    def text(self, out: Path | None) -> str:
+        """The fixes, the trusted ones, dropped frames, gaps, latencies, and the file, in a line."""
+        count = len(self.latencies)
+        if not count:
+            none, stopped = "there was no query that could be used", "it stopped before the first"
+            return f"0 fixes: {none if self.ended else stopped}"
+        p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
+        missing = f"{counted(self.dropped, 'frame')} dropped, " if self.dropped else ""
+        missing += f"{counted(self.gaps, 'gap')}, " if self.gaps else ""
+        where = "" if out is None else f", in {out}"
+        return (
+            f"{counted(count, 'fix', 'fixes')}, {self.trusted} trusted "
+            f"({self.trusted / count:.0%}), {missing}latency p50 {p50:.0f} us, p99 {p99:.0f} us, "
+            f"p99.9 {p999:.0f} us{where}"
         )
-        self.file.flush()
-
-
-class JsonFixes:
-    """One JSON object a line."""
-
-    def __init__(self, file: TextIO) -> None:
-        self.file = file
-
-    def write(self, row: FixRow) -> None:
-        """Write one line."""
-        self.file.write(json.dumps(row.fields()) + "\n")
-        self.file.flush()

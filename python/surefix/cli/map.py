@@ -13,12 +13,26 @@ from rich.text import Text
 
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix._words import counted
-from surefix.cli.frames import Frames
-from surefix.cli.network import map_of_network, network_of, no_model, open_network, steps_of
-from surefix.cli.positions import read_positions
-from surefix.cli.recording import is_recording, learned_map_of_recording, map_of_recording
-from surefix.cli.taking import Every, Metres, Odometry, Stride, Taking, Topic
+from surefix.cli.inputs import (
+    Cache,
+    Every,
+    Metres,
+    Model,
+    Odometry,
+    Stride,
+    Topic,
+    check_not_read,
+    network_of,
+    no_model,
+    open_frames,
+    open_network,
+    refuse,
+    steps_of,
+)
 from surefix.descriptors import metric_of
+from surefix.descriptors.mapping import map_of_images, sad_map
+from surefix.frames import ImageFrames
+from surefix.tables.positions import read_metres
 
 __all__ = ["append", "build", "info"]
 
@@ -53,20 +67,21 @@ def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
 
 
 def _check_sad(references: str, metric: Metric | None, post: str | None) -> None:
-    """Refuses what images for SAD cannot have."""
+    """Refuses options that SAD does not have."""
     wanted = "expected ready descriptors or --model, got images for SAD"
-    if metric not in (None, Metric.manhattan):
-        raise typer.BadParameter(f"--metric: {wanted}, which is manhattan: {references}")
-    if post is not None:
-        raise typer.BadParameter(f"--post: {wanted}: {references}")
+    refuse(
+        metric not in (None, Metric.manhattan),
+        f"--metric: {wanted}, which is manhattan: {references}",
+    )
+    refuse(post is not None, f"--post: {wanted}: {references}")
 
 
 def build(
     references: Annotated[
         str,
         typer.Argument(
-            help='A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a bag; or ready '
-            "descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index."
+            help='A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a '
+            "bag; or ready descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index."
         ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path(
@@ -75,7 +90,8 @@ def build(
     size: Annotated[
         str | None,
         typer.Option(
-            help="The small image, WIDTHxHEIGHT in pixels. SAD: 64x32 by default; --model: what the network asks for."
+            help="The small image, WIDTHxHEIGHT in pixels. SAD: 64x32 by default; --model: the "
+            "network's own size."
         ),
     ] = None,
     patch: Annotated[int, typer.Option(min=1, help="SAD: the side of a patch, in pixels.")] = 8,
@@ -83,7 +99,8 @@ def build(
     metric: Annotated[
         Metric | None,
         typer.Option(
-            help="Ready descriptors and --model: how they are compared; as a faiss index says, else cosine.",
+            help="Ready descriptors and --model: the metric; by default a faiss index's own, "
+            "else cosine.",
             show_default=False,
         ),
     ] = None,
@@ -110,16 +127,12 @@ def build(
     post: Annotated[
         str | None,
         typer.Option(
-            help="Ready descriptors and --model: what they, and queries later, go through: standardize, or "
-            "standardize:running by the queries so far, pca:N, projection:N, normalize, with commas."
+            help="Ready descriptors and --model: steps for them, and for queries later, with "
+            "commas: standardize, or standardize:running by the queries so far, pca:N, projection:N, "
+            "normalize."
         ),
     ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(
-            help="--model: keep what is described here, and go on there after an interruption."
-        ),
-    ] = None,
+    cache: Cache = None,
     positions: Annotated[
         Path | None,
         typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres."),
@@ -138,63 +151,41 @@ def build(
         raise SurefixFileError(
             f"{out}: cannot write the map: there is no folder {out.absolute().parent}"
         )
-    where = None if positions is None else read_positions(positions)
+    where = None if positions is None else read_metres(positions)
     steps = None if post is None else steps_of(post)
-    taking = Taking(topic, stride, every, metres, odometry)
     network = None
     if model is not None:
-        if (patch, dtype) != (8, Dtype.u8):
-            raise typer.BadParameter("--patch, --dtype: expected images for SAD, got --model")
+        refuse(
+            (patch, dtype) != (8, Dtype.u8),
+            "--patch, --dtype: expected images for SAD, got --model",
+        )
         network = open_network(
             model, output, None if size is None else _size(size), mean, std, batch
         )
-    elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
-        raise typer.BadParameter(
-            "--output, --mean, --std, --batch, --cache: expected --model too, got none"
-        )
-    if is_recording(references):
-        if network is None:
-            _check_sad(references, metric, post)
-        if key is not None:
-            raise typer.BadParameter(f"--key: expected descriptors, got the recording {references}")
-        stream = taking.open(references)
-        read = [
-            *map(Path, stream.files),
-            *(file for file in (model, cache) if file is not None and file.exists()),
-        ]
-        if out.exists() and any(out.samefile(file) for file in read):
-            raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
-        if network is None:
-            map_of_recording(stream, _sad(size, patch, dtype), where).save(out)
-        else:
-            by = metric.value if metric else "cosine"
-            learned_map_of_recording(stream, network, by, where, cache, steps).save(out)
-        print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
-        return
-    taking.check_none(references)
-    frames = Frames(references, key)
-    if frames.holds(out) or any(
-        file is not None and out.exists() and out.samefile(file) for file in (model, cache)
-    ):
-        raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
-    if frames.descriptors is not None:
-        if network is not None:
-            raise typer.BadParameter(
-                f"--model: expected images, got the ready descriptors {references}"
-            )
-        if (size, patch, dtype) != (None, 8, Dtype.u8):
-            raise typer.BadParameter(
-                f"--size, --patch, --dtype: expected images, got the ready descriptors {references}"
-            )
+    refuse(
+        model is None and (output, mean, std, batch, cache) != (None, None, None, 8, None),
+        "--output, --mean, --std, --batch, --cache: expected --model too, got none",
+    )
+    frames = open_frames(
+        references, key, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
+    )
+    check_not_read(out, [*frames.files, model, cache])
+    if frames.ready is not None:
+        got = f"expected images, got the ready descriptors {references}"
+        refuse(network is not None, f"--model: {got}")
+        refuse((size, patch, dtype) != (None, 8, Dtype.u8), f"--size, --patch, --dtype: {got}")
         by = metric.value if metric else metric_of(references) or "cosine"
-        Map.from_descriptors(frames.descriptors, by, positions=where, post=steps).save(out)
+        Map.from_descriptors(frames.ready, by, positions=where, post=steps).save(out)
     elif network is not None:
-        map_of_network(
-            frames.images, network, metric.value if metric else "cosine", where, cache, steps
-        ).save(out)
+        by = metric.value if metric else "cosine"
+        map_of_images(frames, network, by, where, steps, cache).save(out)
     else:
         _check_sad(references, metric, post)
-        Map.build(out, frames.images, _sad(size, patch, dtype), positions=where)
+        sad = _sad(size, patch, dtype)
+        if isinstance(frames, ImageFrames):
+            Map.build(out, frames.source, sad, positions=where)
+        else:
+            sad_map(frames, sad, where).save(out)
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
 
 
@@ -208,53 +199,40 @@ def append(
     ],
     positions: Annotated[
         Path | None,
-        typer.Option(
-            help="A .npy or .csv of each new place's position, where the map has positions."
-        ),
+        typer.Option(help="A .npy or .csv of each new place's position, if the map has positions."),
     ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(help="The ONNX file that the map was made with: describe the images by it."),
-    ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(
-            help="--model: keep what is described here, and go on there after an interruption."
-        ),
-    ] = None,
+    model: Model = None,
+    cache: Cache = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.
 
-    The map's rows are copied, never read into memory, and an old map stays until the new one is
+    The map's rows are copied, never read into memory, and the old map stays until the new one is
     whole.
     """
     start = time.perf_counter()
     old = _look(file)
-    frames = Frames(references)
-    if frames.holds(file):
-        raise typer.BadParameter(f"REFERENCES: {references} is the map itself")
-    where = None if positions is None else read_positions(positions)
+    frames = ImageFrames(references)
+    same = any(file.samefile(read) for read in frames.files if Path(read).exists())
+    refuse(same, f"REFERENCES: {references} is the map itself")
+    where = None if positions is None else read_metres(positions)
     network = None
     if model is not None:
         network = network_of(old, file, model)
-        if frames.descriptors is not None:
-            raise typer.BadParameter(
-                f"--model: expected images, got the ready descriptors {references}"
-            )
-    elif cache is not None:
-        raise typer.BadParameter("--cache: expected --model too, got none")
-    elif frames.descriptors is None and old.recipe is not None:
+        got = f"expected images, got the ready descriptors {references}"
+        refuse(frames.ready is not None, f"--model: {got}")
+    refuse(cache is not None and model is None, "--cache: expected --model too, got none")
+    if model is None and frames.ready is None and old.recipe is not None:
         raise no_model(old.recipe["name"], file)
-    if frames.descriptors is not None:
+    if frames.ready is not None:
         more = Map.from_descriptors(
-            frames.descriptors, old.metric, where, post=old.post, recipe=old.recipe
+            frames.ready, old.metric, where, post=old.post, recipe=old.recipe
         )
         Map.append(file, more)
     elif network is not None:
-        Map.append(file, frames.images, network, positions=where, cache=cache)
+        Map.append(file, frames.source, network, positions=where, cache=cache)
     else:
-        Map.append(file, frames.images, positions=where)
+        Map.append(file, frames.source, positions=where)
     seconds = time.perf_counter() - start
     print(
         f"Added {counted(len(frames), 'place')} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
@@ -298,7 +276,7 @@ def info(
             if where is None
             else f"{where.shape[1]} coordinates a place, in metres",
         }.get(name, str(value))
-        # The recipe is in the descriptor's name, more or less; it is whole in --json.
+        # The descriptor's name stands for the recipe; --json has all of it.
         if name in ("recipe", "input_dim") or (name == "post" and route.post is None):
             continue
         table.add_row(name, Text(shown))
@@ -314,10 +292,11 @@ def _descriptor_of(route: Map) -> str:
 
 
 def _look(file: Path) -> Map:
-    """The map, without reading its rows: a file of gigabytes takes no longer than a small one."""
+    """The map without its rows: a file of gigabytes takes no longer than a small one."""
     return Map.open(file, mmap=file.is_file())
 
 
 def _size_of(file: Path) -> str:
     route = _look(file)
-    return f"{counted(len(route), 'place')} x {route.dim} {route.dtype}, {file.stat().st_size / 1e6:.1f} MB"
+    size = f"{file.stat().st_size / 1e6:.1f} MB"
+    return f"{counted(len(route), 'place')} x {route.dim} {route.dtype}, {size}"

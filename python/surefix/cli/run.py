@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from enum import StrEnum
 from pathlib import Path
@@ -10,23 +10,19 @@ from typing import Annotated, Any, TextIO
 
 import typer
 
-from surefix import Localizer, Map, SurefixFileError, SurefixValueError
-from surefix.cli.fixes import CsvFixes, FixRow, JsonFixes, Moment
+from surefix import Localizer, Map, SurefixFileError, SurefixValueError, frames
+from surefix.cli.fixes import Row, Summary, csv_writer, json_writer, row_of
 from surefix.cli.flags import with_options
-from surefix.cli.network import network_of
-from surefix.cli.tally import Tally
+from surefix.cli.inputs import check_not_read, network_of, refuse
 from surefix.cli.views import open_views
+from surefix.frames import Frame, Frames
 from surefix.live import View
-from surefix.streams import Frame, Stream, open_stream
 
 __all__ = ["localize", "run"]
 
 # The headings in the help, of the options about frames and about seeing them.
 F = "Frames"
 S = "Seeing it"
-
-
-Writer = CsvFixes | JsonFixes
 
 
 class Format(StrEnum):
@@ -48,8 +44,8 @@ def run(
     queries: Annotated[
         str,
         typer.Argument(
-            help="A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's number or URL, "
-            "or a .npy of images or of descriptors."
+            help="A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's "
+            "number or URL, or a .npy of images or of descriptors."
         ),
     ],
     out: Annotated[
@@ -66,13 +62,14 @@ def run(
     screen: Annotated[
         Screen | None,
         typer.Option(
-            help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers."
+            help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same "
+            "answers."
         ),
     ] = None,
     model: Annotated[
         Path | None,
         typer.Option(
-            help="A map of `surefix map build --model`: the ONNX file, to describe the images that come."
+            help="A map of `surefix map build --model`: the ONNX file, to describe the images."
         ),
     ] = None,
     follow: Annotated[
@@ -85,7 +82,7 @@ def run(
         float | None,
         typer.Option(
             min=0,
-            help="With --follow: end when none has come for so many seconds.",
+            help="With --follow: end when none has come for this many seconds.",
             rich_help_panel=F,
         ),
     ] = None,
@@ -99,11 +96,11 @@ def run(
         int, typer.Option(min=1, help="Take every n-th frame.", rich_help_panel=F)
     ] = 1,
     every: Annotated[
-        float | None, typer.Option(help="Take a frame every so many seconds.", rich_help_panel=F)
+        float | None, typer.Option(help="Take a frame every this many seconds.", rich_help_panel=F)
     ] = None,
     metres: Annotated[
         float | None,
-        typer.Option(help="Take a frame every so many metres, by --odometry.", rich_help_panel=F),
+        typer.Option(help="Take a frame every this many metres, by --odometry.", rich_help_panel=F),
     ] = None,
     odometry: Annotated[
         str | None,
@@ -116,14 +113,14 @@ def run(
     gap: Annotated[
         float | None,
         typer.Option(
-            help="Frames more than so many seconds apart do not follow on each other.",
+            help="Treat frames more than this many seconds apart as a break.",
             rich_help_panel=F,
         ),
     ] = None,
     newest: Annotated[
         bool | None,
         typer.Option(
-            help="Where matching is slow, drop frames and go on with the newest; a camera's by default.",
+            help="If matching is slow, drop frames and take the newest; the default of a camera.",
             rich_help_panel=F,
         ),
     ] = None,
@@ -145,14 +142,13 @@ def run(
     """Localize along a route: a fix for each query, as it comes."""
     places = Map.open(route)
     for option, value in (("--every", every), ("--metres", metres), ("--gap", gap)):
-        if value is not None and not value > 0:
-            raise typer.BadParameter(f"{option}: expected a number above 0, got {value}")
-    if (metres is None) != (odometry is None):
-        given, lacking = (
-            ("--metres", "--odometry") if odometry is None else ("--odometry", "--metres")
+        refuse(
+            value is not None and not value > 0,
+            f"{option}: expected a number above 0, got {value}",
         )
-        raise typer.BadParameter(f"{given}: expected {lacking} too")
-    stream = open_stream(
+    refuse(metres is not None and odometry is None, "--metres: expected --odometry too")
+    refuse(odometry is not None and metres is None, "--odometry: expected --metres too")
+    source = frames.open(
         queries,
         topic=topic,
         follow=follow,
@@ -173,50 +169,47 @@ def run(
         )
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
-    if (
-        out is not None
-        and out.exists()
-        and any(out.samefile(file) for file in (route, *_read(stream)))
-    ):
-        raise typer.BadParameter(f"--out: {out} is what is read here; name another file")
+    read = [route, *map(Path, source.files)]
+    if out is not None:
+        check_not_read(out, read)
     if save is not None:
-        _check_save(save, [*([] if out is None else [out]), route, *_read(stream)])
-    tally = Tally()
+        _check_save(save, [*([] if out is None else [out]), *read])
+    summary = Summary()
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
-        seen = open_views(places, stream.estimate, live=live, save=save, references=references)
+        seen = open_views(places, source.estimate, live=live, save=save, references=references)
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(_create(out))
         try:
-            localize(localizer, stream, _writer(file, _format(form, out)), tally, views)
-            tally.ended = True
+            localize(localizer, source, _writer(file, _format(form, out)), summary, views)
+            summary.ended = True
         except KeyboardInterrupt:
-            # What has no end of its own is ended so.
-            if not stream.live:
+            # This is the way to end live frames.
+            if not source.live:
                 raise
         finally:
-            # What came before a frame that cannot be read is kept, and said, on a terminal that is
-            # free again.
+            # After an unreadable frame, the fixes before it are kept and counted, on a free
+            # terminal.
             opened.close()
-            print(tally.summary(out), file=sys.stderr)
+            print(summary.text(out), file=sys.stderr)
 
 
 def localize(
     localizer: Localizer,
-    stream: Stream,
-    writer: Writer | None,
-    tally: Tally,
+    source: Frames,
+    write: Callable[[Row], None] | None,
+    summary: Summary,
     views: Sequence[View] = (),
 ) -> None:
-    """Push each frame of the stream, write and count each fix, and show it in the views.
+    """Push each frame, write and count each fix, and show it in the views.
 
-    Raises ------ SurefixError As the stream does; and for a frame that the localizer refuses: the
-    error names it, and both sizes where images change size there.
+    The error for a frame that the localizer refuses names it, and both sizes if images change size
+    there.
     """
     names = localizer.map.names
     before: tuple[int, ...] | None = None
-    with closing(stream.frames()) as frames:
-        for frame in frames:
+    with closing(source.frames()) as queries:
+        for frame in queries:
             if frame.breaks:
                 localizer.gap()
             start = time.perf_counter_ns()
@@ -226,15 +219,11 @@ def localize(
                 raise _at(frame, before, error) from None
             latency = (time.perf_counter_ns() - start) / 1000
             before = frame.image.shape
-            moment = (
-                Moment(frame.time, frame.dropped, frame.gap)
-                if stream.timed or stream.live
-                else None
-            )
-            row = FixRow(frame.name, fix, names[fix.place] if names else None, latency, moment)
-            if writer is not None:
-                writer.write(row)
-            tally.add(row)
+            place_name = names[fix.place] if names else None
+            row = row_of(frame, fix, place_name, latency, source.timed or source.live)
+            if write is not None:
+                write(row)
+            summary.add(row, latency)
             for view in views:
                 view.update(frame, fix, localizer, latency)
 
@@ -242,9 +231,7 @@ def localize(
 def _at(
     frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError
 ) -> SurefixValueError:
-    """The error, with the frame it is about; where its size is another than that of those before,
-    that is why.
-    """
+    """The error with its frame, and with a change of size before it, if there was one."""
     shape = frame.image.shape
     sizes = ""
     if before is not None and shape != before:
@@ -253,19 +240,13 @@ def _at(
     return SurefixValueError(f"{frame.name}:{sizes} {error}")
 
 
-def _read(stream: Stream) -> list[Path]:
-    return [path for path in map(Path, stream.files) if path.exists()]
-
-
 def _check_save(save: Path, others: list[Path]) -> None:
-    if save.suffix != ".rrd":
-        raise typer.BadParameter(f"--save: expected a name that ends in .rrd, got {save}")
-    if any(
-        save == file or (save.exists() and file.exists() and save.samefile(file)) for file in others
-    ):
-        raise typer.BadParameter(
-            f"--save: {save} is read or written here for something else; name another file"
-        )
+    refuse(save.suffix != ".rrd", f"--save: expected a name that ends in .rrd, got {save}")
+    there = [file for file in others if save.exists() and file.exists()]
+    refuse(
+        save in others or any(save.samefile(file) for file in there),
+        f"--save: {save} is read or written here for something else; name another file",
+    )
 
 
 def _create(out: Path) -> TextIO:
@@ -278,16 +259,13 @@ def _create(out: Path) -> TextIO:
 def _format(form: Format | None, out: Path | None) -> Format:
     if form is not None:
         return form
-    return (
-        Format.json
-        if out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
-        else Format.csv
-    )
+    as_json = out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
+    return Format.json if as_json else Format.csv
 
 
-def _writer(file: TextIO | None, form: Format) -> Writer | None:
-    """What writes the fixes: none where they would run over the view of the terminal."""
-    lines = CsvFixes if form is Format.csv else JsonFixes
+def _writer(file: TextIO | None, form: Format) -> Callable[[Row], None] | None:
+    """None if the fixes would run over the view on the terminal."""
+    writer = csv_writer if form is Format.csv else json_writer
     if file is not None:
-        return lines(file)
-    return None if sys.stdout.isatty() else lines(sys.stdout)
+        return writer(file)
+    return None if sys.stdout.isatty() else writer(sys.stdout)

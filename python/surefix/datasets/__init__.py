@@ -1,15 +1,13 @@
-"""Public data sets in the layout their publishers ship, and your own: two traverses of a route and
-the truth.
+"""Public data sets in their publishers' layout, and your own: two traverses of a route and a truth.
 
 >>> from surefix import datasets
->>> pair = datasets.gardens_point("data/gardens_point")                                         # doctest: +SKIP
->>> route = surefix.Map.from_images(pair.references.paths)                                      # doctest: +SKIP
->>> run = surefix.match(route, pair.queries.paths)                                              # doctest: +SKIP
->>> surefix.evaluate(run, pair.truth)                                                           # doctest: +SKIP
+>>> pair = datasets.gardens_point("data/gardens_point")   # doctest: +SKIP
+>>> route = surefix.Map.from_images(pair.references.paths)   # doctest: +SKIP
+>>> run = surefix.match(route, pair.queries.paths)   # doctest: +SKIP
+>>> surefix.evaluate(run, pair.truth)   # doctest: +SKIP
 
 Nothing is downloaded. A loader reads the small tables at once and the images when they are asked
-for. Where a file is missing, the error names it, what it is for, and where to obtain the data set
-under what licence.
+for. The error for a missing file names it, its purpose, and the source and licence of the data set.
 """
 
 import inspect
@@ -20,17 +18,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from surefix.datasets.bayer import demosaic
 from surefix.datasets.folders import FOLDERS, both, folders
 from surefix.datasets.four_seasons import FOUR_SEASONS, OFFICE_LOOP, four_seasons, recordings
 from surefix.datasets.gardens_point import GARDENS_POINT, gardens_point, walks
-from surefix.datasets.images import BayerFiles, ImageArray, ImageFiles, Images
 from surefix.datasets.nordland import NORDLAND, nordland, seasons
-from surefix.datasets.origin import Origin
-from surefix.datasets.pair import Pair
-from surefix.datasets.positions import local_metres, pair_by_position, subsample
+from surefix.datasets.pair import Origin, Pair
 from surefix.datasets.robotcar import ROBOTCAR, drives, robotcar
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
+from surefix.frames.bayer import demosaic
+from surefix.frames.images import BayerFiles, ImageArray, ImageFiles, Images
+from surefix.tables.metres import local_metres, pair_by_position, subsample
 
 __all__ = [
     "DATASETS",
@@ -58,11 +55,18 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Dataset:
-    """A data set by name: its loader, what of it lies in a folder, and where it comes from."""
+    """A data set by name: its loader, a function that lists the traverses in a folder, and where it
+    comes from.
+    """
 
     load: Callable[..., Pair]
     traverses: Callable[[Path], list[str]]
     origin: Origin
+
+    @property
+    def signs(self) -> tuple[str, ...]:
+        """Patterns: a folder in which any of them is found looks like this data set."""
+        return self.origin.signs
 
     @property
     def options(self) -> dict[str, Any]:
@@ -92,35 +96,32 @@ def load(name: str, root: str | PathLike[str], **options: Any) -> Pair:
     root : str or path
         The folder that the data set lies in.
     **options
-        Of that data set's own function.
+        Those of that data set's own function.
 
     Raises
     ------
     SurefixValueError
         For an unknown name or option, and as that function says.
     SurefixFileError
-        For a file that is not there.
+        For a file that is missing.
 
     Examples
     --------
-    >>> load("gardens_point", "data/gardens_point", query="night_right")                       # doctest: +SKIP
+    >>> load("gardens_point", "data/gardens_point", query="night_right")   # doctest: +SKIP
     Pair('Gardens Point day_left / night_right': 200 references, 200 queries, 200 with a true place)
     """
     dataset = _named(name)
     for option in options:
         if option not in dataset.options:
-            raise SurefixValueError(
-                f"{name}: expected the options {', '.join(dataset.options)}, got {option!r}"
-            )
+            raise mismatch(name, f"the options {', '.join(dataset.options)}", repr(option))
     return dataset.load(root, **options)
 
 
 def traverses(name: str, root: str | PathLike[str]) -> list[str]:
-    """The traverses of a data set that are there, as its loader's ``reference`` and ``query`` name
-    them.
+    """The traverses of a data set that exist: the values of its loader's ``reference``, ``query``.
 
-    The first is the one to make the map of: by day on the left, summer, or the oldest. Only folders
-    are looked at, and not what is in them.
+    The first is the one to make the map of: by day on the left, summer, or the oldest. Folders are
+    not opened.
 
     Parameters
     ----------
@@ -134,11 +135,11 @@ def traverses(name: str, root: str | PathLike[str]) -> list[str]:
     SurefixValueError
         For an unknown name.
     SurefixFileError
-        Where the folder is not there.
+        If the folder is missing.
 
     Examples
     --------
-    >>> traverses("gardens_point", "data/gardens_point")                                        # doctest: +SKIP
+    >>> traverses("gardens_point", "data/gardens_point")   # doctest: +SKIP
     ['day_left', 'day_right', 'night_right']
     """
     dataset = _named(name)
@@ -148,5 +149,5 @@ def traverses(name: str, root: str | PathLike[str]) -> list[str]:
 def _named(name: str) -> Dataset:
     dataset = DATASETS.get(name.replace("-", "_"))
     if dataset is None:
-        raise SurefixValueError(f"data set: expected one of {', '.join(DATASETS)}, got {name!r}")
+        raise mismatch("data set", f"one of {', '.join(DATASETS)}", repr(name))
     return dataset

@@ -1,23 +1,21 @@
-"""Gardens Point Walking: a walk across a campus, by day on the left and right of the path, and by
-night.
-"""
+"""Gardens Point Walking: a campus by day on the left and right of the path, and by night."""
 
 from os import PathLike
 from pathlib import Path
 
-from surefix.datasets.images import Images, open_images
-from surefix.datasets.origin import Origin
-from surefix.datasets.pair import Pair, check_same_names, identity
-from surefix.errors import SurefixValueError
+from surefix.datasets.pair import Origin, Pair, check_same_names, identity
+from surefix.errors import mismatch
+from surefix.frames.images import Images, open_images
 
 __all__ = ["GARDENS_POINT", "gardens_point", "walks"]
 
+TRAVERSES = ("day_left", "day_right", "night_right")
 GARDENS_POINT = Origin(
     "Gardens Point Walking",
     "https://zenodo.org/record/4590133 (A. Glover, Queensland University of Technology)",
     "stated on that page; not established by surefix",
+    signs=TRAVERSES,
 )
-TRAVERSES = ("day_left", "day_right", "night_right")
 
 
 def gardens_point(
@@ -46,15 +44,13 @@ def gardens_point(
     Raises
     ------
     SurefixFileError
-        For a walk that is not there.
+        For a walk that is missing.
     SurefixValueError
         For an unknown walk, one without images, or an image that only one of the two has.
     """
     for option, traverse in (("reference", reference), ("query", query)):
         if traverse not in TRAVERSES:
-            raise SurefixValueError(
-                f"{option}: expected one of {', '.join(TRAVERSES)}, got {traverse!r}"
-            )
+            raise mismatch(option, f"one of {', '.join(TRAVERSES)}", repr(traverse))
     name = f"Gardens Point {reference} / {query}"
     references, queries = _walk(root, reference), _walk(root, query)
     check_same_names(name, references, queries)
@@ -69,7 +65,7 @@ def gardens_point(
 
 
 def walks(root: Path) -> list[str]:
-    """The walks that are there, by day on the left first."""
+    """The walks that exist, by day on the left first."""
     return [walk for walk in TRAVERSES if (root / walk).is_dir()]
 
 

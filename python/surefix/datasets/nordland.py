@@ -1,24 +1,27 @@
-"""Nordland: a railway line filmed in four seasons, as partitioned by Olid, Facil and Civera
-(2018).
-"""
+"""Nordland: a railway line in four seasons, as partitioned by Olid, Facil and Civera (2018)."""
 
 from os import PathLike
 from pathlib import Path
 from typing import Literal
 
-from surefix.datasets.images import Images, open_images
-from surefix.datasets.origin import Origin
-from surefix.datasets.pair import Pair, check_same_names, identity
-from surefix.errors import SurefixValueError
+from surefix.datasets.pair import Origin, Pair, check_same_names, identity
+from surefix.errors import mismatch
+from surefix.frames.images import Images, open_images
 
 __all__ = ["NORDLAND", "nordland", "seasons"]
 
+SEASONS = ("summer", "winter", "fall", "spring")
 NORDLAND = Origin(
     "Nordland, partitioned",
-    "https://webdiis.unizar.es/~jmfacil/pr-nordland/ (D. Olid, J. M. Facil, J. Civera; film by NRK)",
+    "https://webdiis.unizar.es/~jmfacil/pr-nordland/ (D. Olid, J. M. Facil, J. Civera; NRK)",
     "the film is under a Creative Commons licence of NRK; which one, see that page",
+    signs=(
+        *(f"{season}_*.npy" for season in SEASONS),
+        "test/*_images_test",
+        "Dataset_images/test",
+        "Partitioned_Nordland_Dataset*",
+    ),
 )
-SEASONS = ("summer", "winter", "fall", "spring")
 SECTIONS = {"test": (1, 2, 3), "train": (1, 2)}
 _INSIDE = ("", "Dataset_images", "Partitioned_Nordland_Dataset/Dataset_images",
            "Partitioned_Nordland_Dataset_lowres/Dataset_images")  # fmt: skip
@@ -41,8 +44,7 @@ def nordland(
 
     The file's name is the frame's number, the same in all seasons; frames are in the order of their
     numbers. A test section has 1150, tunnels and stops left out. A folder with one array of images
-    a season, ``summer_*.npy`` uint8 (n, H, W) or (n, H, W, 3), is taken too; its section is what it
-    was made of.
+    a season, ``summer_*.npy`` uint8 (n, H, W) or (n, H, W, 3), is taken too, of any section.
 
     Parameters
     ----------
@@ -57,17 +59,20 @@ def nordland(
     Pair
         With the identity as the truth, and no positions.
 
-    Raises ------ SurefixFileError For a season or section that is not there. SurefixValueError For
-    an unknown season or section, one without images, or a frame that only one of the two has.
+    Raises
+    ------
+    SurefixFileError
+        For a season or section that is missing.
+    SurefixValueError
+        For an unknown season or section, one without images, or a frame that only one of the two
+        has.
     """
     for option, season in (("reference", reference), ("query", query)):
         if season not in SEASONS:
-            raise SurefixValueError(
-                f"{option}: expected one of {', '.join(SEASONS)}, got {season!r}"
-            )
+            raise mismatch(option, f"one of {', '.join(SEASONS)}", repr(season))
     if section not in SECTIONS.get(split, ()):
         known = ", ".join(f"{part} {list(numbers)}" for part, numbers in SECTIONS.items())
-        raise SurefixValueError(f"section: expected one of {known}, got {split} {section}")
+        raise mismatch("section", f"one of {known}", f"{split} {section}")
     folder = NORDLAND.folder(root, "with the folder test or train of the partitioned set")
     name = f"Nordland {split} {section} {reference} / {query}"
     references, queries = (_season(folder, season, split, section) for season in (reference, query))
@@ -84,7 +89,7 @@ def nordland(
 
 
 def seasons(root: Path) -> list[str]:
-    """The seasons that are there, as arrays or in the folder ``test``, summer first."""
+    """The seasons that exist, as arrays or in the folder ``test``, summer first."""
     folders = [root / inside / "test" for inside in _INSIDE]
     return [
         season
@@ -97,9 +102,7 @@ def seasons(root: Path) -> list[str]:
 def _season(root: Path, season: str, split: str, section: int) -> Images:
     arrays = sorted(root.glob(f"{season}_*.npy"))
     if len(arrays) > 1:
-        raise SurefixValueError(
-            f"{root}: expected one {season}_*.npy, got {', '.join(path.name for path in arrays)}"
-        )
+        raise mismatch(root, f"one {season}_*.npy", ", ".join(path.name for path in arrays))
     if arrays:
         return open_images(arrays[0])
     within = Path(split, f"{season}_images_{split}", f"section{section}")

@@ -1,31 +1,82 @@
-"""What every loader gives: two traverses of one route, and which place each query shows."""
+"""Two traverses of one route with a truth, and where a data set comes from."""
 
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix.datasets.images import Images
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
+from surefix.frames.images import Images
 
-__all__ = ["Pair", "check_same_names", "identity"]
+__all__ = ["Origin", "Pair", "check_same_names", "identity"]
+
+
+@dataclass(frozen=True)
+class Origin:
+    """A data set's title, source and licence, one line each; ``signs`` are patterns that tell its
+    folder.
+
+    Examples
+    --------
+    >>> from surefix.datasets import Origin
+    >>> origin = Origin("Corridor", "https://example.org", "CC BY 4.0")
+    >>> origin.folder("/nowhere", "the images")                      # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    surefix.errors.SurefixFileError: /nowhere: no such folder (the images). Corridor: https:...
+    """
+
+    title: str
+    source: str
+    licence: str
+    signs: tuple[str, ...] = ()
+
+    def folder(self, path: str | PathLike[str], purpose: str) -> Path:
+        """The folder; a SurefixFileError with its purpose and source if it is missing."""
+        path = Path(path)
+        if not path.is_dir():
+            raise self.missing(path, "no such folder", purpose)
+        return path
+
+    def file(self, path: str | PathLike[str], purpose: str) -> Path:
+        """The file; a SurefixFileError with its purpose and source if it is missing."""
+        path = Path(path)
+        if not path.is_file():
+            raise self.missing(path, "no such file", purpose)
+        return path
+
+    def missing(self, path: Path, problem: str, purpose: str) -> SurefixFileError:
+        """The error that names a missing file or folder."""
+        return SurefixFileError(
+            f"{path}: {problem} ({purpose}). {self.title}: {self.source}. Licence: {self.licence}"
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pair:
     """Two traverses of one route: the map is made of the references, the queries are located on it.
 
-    Attributes ---------- name : str For a title or a table: the data set and its two traverses.
-    references, queries : Images In route order, loaded lazily. truth : array of int64, shape (m,),
-    or None For each query the reference that shows its place; -1 where none does. None where
-    nothing is known. reference_positions, query_positions : array of float64, shape (n, 2 or 3) and
-    (m, 2 or 3), or None In planar metres, both on one plane. source, licence : str Where to obtain
-    the data set, and its terms. notes : tuple of str What the loader left out, for a report to say.
+    Attributes
+    ----------
+    name : str
+        For a title or a table: the data set and its two traverses.
+    references, queries : Images
+        In route order, loaded lazily.
+    truth : array of int64, shape (m,), or None
+        For each query the reference that shows its place; -1 if none does. None if unknown.
+    reference_positions, query_positions : array of float64, shape (n, 2 or 3), (m, 2 or 3), or None
+        In planar metres, both on one plane.
+    source, licence : str
+        Where to obtain the data set, and its terms.
+    notes : tuple of str
+        The images that the loader left out, for a report.
 
     Raises
     ------
     SurefixValueError
-        Where the lengths do not agree, or a truth is not the index of a reference.
+        If the lengths do not agree, or a truth is not the index of a reference.
 
     Examples
     --------
@@ -47,69 +98,52 @@ class Pair:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for what, positions, images in (
-            ("reference", self.reference_positions, self.references),
-            ("query", self.query_positions, self.queries),
+        n, m = len(self.references), len(self.queries)
+        for what, positions, count in (
+            ("reference", self.reference_positions, n),
+            ("query", self.query_positions, m),
         ):
-            if positions is not None and (
-                positions.ndim != 2
-                or positions.shape[1] not in (2, 3)
-                or len(positions) != len(images)
-            ):
+            if positions is not None and positions.shape not in ((count, 2), (count, 3)):
                 raise SurefixValueError(
-                    f"{self.name}: expected {what} positions ({len(images)}, 2) or ({len(images)}, 3), one an image, "
-                    f"got {positions.shape}"
+                    f"{self.name}: expected {what} positions ({count}, 2) or ({count}, 3), "
+                    f"one an image, got {positions.shape}"
                 )
         if self.truth is None:
             return
-        if self.truth.shape != (len(self.queries),):
-            raise SurefixValueError(
-                f"{self.name}: expected a truth for each of the {len(self.queries)} queries, got {self.truth.shape}"
-            )
-        wrong = np.flatnonzero((self.truth < -1) | (self.truth >= len(self.references)))
+        if self.truth.shape != (m,):
+            raise mismatch(self.name, f"a truth for each of the {m} queries", self.truth.shape)
+        wrong = np.flatnonzero((self.truth < -1) | (self.truth >= n))
         if len(wrong):
             raise SurefixValueError(
-                f"{self.name}: expected the index of one of the {len(self.references)} references, or -1 for none, "
+                f"{self.name}: expected the index of one of the {n} references, or -1 for none, "
                 f"got {self.truth[wrong[0]]} for query {wrong[0]}"
             )
 
     def __repr__(self) -> str:
-        known = (
-            "no truth"
-            if self.truth is None
-            else f"{int((self.truth >= 0).sum())} with a true place"
-        )
-        return f"Pair({self.name!r}: {len(self.references)} references, {len(self.queries)} queries, {known})"
+        known = "no truth"
+        if self.truth is not None:
+            known = f"{int((self.truth >= 0).sum())} with a true place"
+        counts = f"{len(self.references)} references, {len(self.queries)} queries"
+        return f"Pair({self.name!r}: {counts}, {known})"
 
 
 def identity(name: str, references: Images, queries: Images) -> npt.NDArray[np.int64]:
-    """The truth where query ``i`` shows the place of reference ``i``.
-
-    Raises
-    ------
-    SurefixValueError
-        Where there are not as many of one as of the other.
-    """
+    """The truth if query ``i`` shows the place of reference ``i``; both must have one length."""
     if len(references) != len(queries):
         raise SurefixValueError(
-            f"{name}: query i shows the place of reference i, so expected as many queries as references, "
+            f"{name}: query i shows the place of reference i, so expected one query a reference, "
             f"got {len(queries)} queries and {len(references)} references"
         )
     return np.arange(len(queries), dtype=np.int64)
 
 
 def check_same_names(name: str, references: Images, queries: Images) -> None:
-    """Where the file's name is the place, both traverses must have the same.
-
-    Raises
-    ------
-    SurefixValueError
-        Where an image is in one traverse only: everything behind it would be off by one.
-    """
+    """Refuses an image that only one traverse has: everything behind it would be off by one."""
     has, wanted = set(queries.names), set(references.names)
     for traverse, lacking in (("query", wanted - has), ("reference", has - wanted)):
         if lacking:
             raise SurefixValueError(
-                f"{name}: expected the same image names in both traverses, got {len(references)} references and "
-                f"{len(queries)} queries; the {traverse} traverse lacks {len(lacking)}, such as {min(lacking)}"
+                f"{name}: expected the same image names in both traverses, got {len(references)} "
+                f"references and {len(queries)} queries; the {traverse} traverse lacks "
+                f"{len(lacking)}, such as {min(lacking)}"
             )

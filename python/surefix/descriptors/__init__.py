@@ -1,13 +1,13 @@
 """Learned descriptors: a network, or files of ready vectors, in place of plain image differences.
 
->>> from surefix.descriptors import Onnx, extract                                               # doctest: +SKIP
->>> network = Onnx("backbone.onnx", output="embedding", size=(256, 128))                        # doctest: +SKIP
->>> rows = extract("photos/monday", network, cache="monday.cache")                              # doctest: +SKIP
->>> route = surefix.Map.from_descriptors(rows, metric="cosine")                                 # doctest: +SKIP
+>>> from surefix.descriptors import Onnx, extract   # doctest: +SKIP
+>>> network = Onnx("backbone.onnx", output="embedding", size=(256, 128))   # doctest: +SKIP
+>>> rows = extract("photos/monday", network, cache="monday.cache")   # doctest: +SKIP
+>>> route = surefix.Map.from_descriptors(rows, metric="cosine")   # doctest: +SKIP
 
-``Descriptor`` is all that surefix asks of one. ``Onnx`` needs ``pip install "surefix[learned]"``,
-``Torch`` and ``from_hub`` need PyTorch, ``load`` what the file's format takes. Nothing of it is
-imported before it is used.
+``Descriptor`` is their protocol. ``Onnx`` needs ``pip install "surefix[learned]"``,
+``Torch`` and ``from_hub`` need PyTorch, ``load`` the package of the file's format. Each is imported
+when it is used.
 """
 
 from importlib import import_module
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from surefix.descriptors.hub import HUB_MODELS, from_hub
     from surefix.descriptors.onnx import Onnx
     from surefix.descriptors.patch_netvlad import PatchNetVlad
-    from surefix.descriptors.ready import load, metric_of
     from surefix.descriptors.reranked import read_pairs, reranked_distances
     from surefix.descriptors.torch import Torch
+    from surefix.tables.vectors import load, metric_of
 
 __all__ = [
     "HUB_MODELS",
@@ -37,25 +37,25 @@ __all__ = [
     "reranked_distances",
 ]
 
-_HOMES = {
-    "HUB_MODELS": "hub",
-    "Descriptor": "descriptor",
-    "Onnx": "onnx",
-    "PatchNetVlad": "patch_netvlad",
-    "Torch": "torch",
-    "extract": "extraction",
-    "from_hub": "hub",
-    "load": "ready",
-    "metric_of": "ready",
-    "read_pairs": "reranked",
-    "reranked_distances": "reranked",
+_MODULES = {
+    "HUB_MODELS": "surefix.descriptors.hub",
+    "Descriptor": "surefix.descriptors.descriptor",
+    "Onnx": "surefix.descriptors.onnx",
+    "PatchNetVlad": "surefix.descriptors.patch_netvlad",
+    "Torch": "surefix.descriptors.torch",
+    "extract": "surefix.descriptors.extraction",
+    "from_hub": "surefix.descriptors.hub",
+    "load": "surefix.tables.vectors",
+    "metric_of": "surefix.tables.vectors",
+    "read_pairs": "surefix.descriptors.reranked",
+    "reranked_distances": "surefix.descriptors.reranked",
 }
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOMES:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found: object = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    found: object = getattr(import_module(_MODULES[name]), name)
     globals()[name] = found
     return found
 

@@ -1,16 +1,24 @@
-"""What surefix asks of a descriptor: images in, vectors out, a name, and the recipe that makes them
-again.
-"""
+"""The protocol of a descriptor: images in, vectors out, a name, and a recipe."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, mismatch
 
-__all__ = ["Descriptor", "as_images", "checked_rows", "require_descriptor"]
+__all__ = [
+    "Descriptor",
+    "checked_batch",
+    "checked_image",
+    "checked_rows",
+    "in_batches",
+    "recipe_of",
+    "require_descriptor",
+    "same_vectors",
+]
 
 Image = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.float32]
@@ -18,9 +26,9 @@ Rows = npt.NDArray[np.float32]
 
 @runtime_checkable
 class Descriptor(Protocol):
-    """Turns images into vectors that are near one another where the places are the same.
+    """Turns images into vectors that are near one another if the places are the same.
 
-    Anything with these three members is one; there is nothing to inherit from.
+    Any class with these three members is one; there is nothing to inherit from.
 
     Examples
     --------
@@ -37,18 +45,16 @@ class Descriptor(Protocol):
 
     @property
     def name(self) -> str:
-        """What a map made with it remembers: queries must be described by one of the same name.
+        """Kept in the map: queries must be described by a descriptor of the same name.
 
-        Or by one of the same recipe under another name, where the recipe has the ``sha256`` of a
-        file, such as that of a network which was renamed.
+        Or of the same recipe under another name, if the recipe has the ``sha256`` of a file, such
+        as that of a network which was renamed.
         """
         ...
 
     @property
     def recipe(self) -> Mapping[str, object]:
-        """What somebody needs to make the same vectors again, as JSON can hold it: files, sizes,
-        statistics.
-        """
+        """All that it takes to make the same vectors again, as JSON: files, sizes, statistics."""
         ...
 
     def describe(self, images: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
@@ -59,61 +65,51 @@ class Descriptor(Protocol):
 
 
 def require_descriptor(thing: object) -> Descriptor:
-    """``thing``, where it is a descriptor.
-
-    Raises
-    ------
-    SurefixValueError
-        Where it lacks a member, which it names.
-    """
+    """``thing``, if it is a descriptor; the error names the missing members."""
     lacking = [member for member in ("name", "recipe", "describe") if not hasattr(thing, member)]
     if lacking or not isinstance(thing, Descriptor):
         raise SurefixValueError(
-            f"descriptor: expected an object with name, recipe and describe(images), got {type(thing).__name__}"
-            f" without {' and '.join(lacking)}"
+            "descriptor: expected an object with name, recipe and describe(images), "
+            f"got {type(thing).__name__} without {' and '.join(lacking)}"
         )
     return thing
 
 
-def as_images(images: Any) -> list[Image]:
-    """What ``describe`` takes, as a list: one image, an array of images, or a sequence of them.
-
-    Raises
-    ------
-    SurefixValueError
-        Where one is not uint8 (H, W) or (H, W, 3).
+def in_batches(images: Any, size: int, run: Callable[[list[Image], int], Rows]) -> Rows:
+    """Describes one image, an array of images, or a sequence of them, ``size`` at a time. ``run``
+    takes images and the index of the first.
     """
     alone = isinstance(images, np.ndarray) and (
         images.ndim == 2 or (images.ndim == 3 and images.shape[2] == 3)
     )
     several = [images] if alone else list(images)
-    return [
-        checked_image(image, f"image {index} of the call") for index, image in enumerate(several)
-    ]
+    if not several:
+        raise SurefixValueError("images: expected at least one, got none")
+    checked = [checked_image(image, f"image {i} of the call") for i, image in enumerate(several)]
+    parts = [run(checked[start : start + size], start) for start in range(0, len(checked), size)]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def checked_batch(batch: object) -> int:
+    """A number of images, at least 1."""
+    if not isinstance(batch, int) or batch < 1:
+        raise mismatch("batch", "a whole number of at least 1", repr(batch))
+    return batch
 
 
 def checked_image(image: Any, what: str) -> Image:
-    """The image as an array, where it is one.
-
-    Raises
-    ------
-    SurefixValueError
-        Where it is not uint8 (H, W) or (H, W, 3), or has no pixels.
-    """
+    """The image as an array, if it is uint8 (H, W) or (H, W, 3) and has pixels."""
     array = np.asarray(image)
     shape_fits = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
     if array.dtype != np.uint8 or not shape_fits or 0 in array.shape:
-        raise SurefixValueError(
-            f"{what}: expected uint8 (H, W) or (H, W, 3), got {array.dtype} {array.shape}"
-        )
+        raise mismatch(what, "uint8 (H, W) or (H, W, 3)", f"{array.dtype} {array.shape}")
     return array
 
 
 def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | None = None) -> Rows:
-    """What a network or a descriptor gave for some images, where it is a finite vector an image.
+    """The output for some images, if it is a finite vector an image.
 
-    Raises ------ SurefixValueError Where it is something else; ``what`` says whose it is, and
-    ``names`` what the images are called.
+    In errors, ``what`` names the network, and ``names`` are those of the images.
     """
     try:
         array = np.asarray(vectors)
@@ -123,12 +119,13 @@ def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | No
             f"{what}: expected numbers of the shape ({images}, dim), got {type(vectors).__name__}"
         ) from None
     if array.dtype.kind not in "fiu":
-        raise SurefixValueError(f"{what}: expected numbers, got {array.dtype}")
+        raise mismatch(what, "numbers", array.dtype)
     if rows.ndim != 2 or rows.shape[0] != images or rows.shape[1] == 0:
         raise SurefixValueError(
-            f"{what}: expected a vector an image, ({images}, dim) for {images} images, got the shape {array.shape}"
+            f"{what}: expected a vector an image, ({images}, dim) for {images} images, "
+            f"got the shape {array.shape}"
         )
-    # A sum is finite only where all are, and where it is not, that may be for its size alone.
+    # A finite sum has finite terms only. An infinite one may still be of large finite terms.
     with np.errstate(over="ignore", invalid="ignore"):
         suspicious = ~np.isfinite(rows.sum(axis=1))
     for index in np.flatnonzero(suspicious).tolist():
@@ -136,7 +133,25 @@ def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | No
         if len(wrong):
             name = f"image {index} of the call" if names is None else names[index]
             raise SurefixValueError(
-                f"{what}: expected finite numbers, got {rows[index][wrong[0]]} for {name}, at index {wrong[0]} of the "
-                f"vector; {len(wrong)} of {rows.shape[1]} are not finite"
+                f"{what}: expected finite numbers, got {rows[index][wrong[0]]} for {name}, at "
+                f"index {wrong[0]} of the vector; {len(wrong)} of {rows.shape[1]} are not finite"
             )
     return rows
+
+
+def recipe_of(descriptor: Any) -> dict[str, Any]:
+    """The recipe that a map keeps of a descriptor."""
+    return {**descriptor.recipe, "name": descriptor.name}
+
+
+def same_vectors(one: Mapping[str, object], other: Mapping[str, object]) -> bool:
+    """Whether two recipes are equal; the names of a file whose SHA-256 both have do not count."""
+    first, second = (json.loads(json.dumps(dict(recipe))) for recipe in (one, other))
+    if first == second:
+        return True
+    if "sha256" not in first or "sha256" not in second:
+        return False
+    for recipe in (first, second):
+        for label in ("name", "file"):
+            recipe.pop(label, None)
+    return bool(first == second)

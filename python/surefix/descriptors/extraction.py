@@ -1,9 +1,11 @@
-"""Describes all images of a drive: batch by batch, with a bar, and so that it can go on where it
-was interrupted.
-"""
+"""Describes all images of a drive: batch by batch, with a bar, and a cache to resume from."""
 
+import hashlib
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from itertools import chain, islice
 from os import PathLike
 from pathlib import Path
@@ -13,17 +15,27 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._progress import terminal_bar
-from surefix.descriptors.cache import Cache
-from surefix.descriptors.descriptor import Descriptor, checked_rows, require_descriptor
-from surefix.descriptors.source import Loaded, Source
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
+from surefix.descriptors.cache import ANEW, Cache
+from surefix.descriptors.descriptor import (
+    Descriptor,
+    checked_batch,
+    checked_image,
+    checked_rows,
+    require_descriptor,
+)
+from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mismatch, refusal
+from surefix.frames.frame import Frames, Shot, shots_of
+from surefix.frames.images import frames_of
 
 if TYPE_CHECKING:
     from surefix._core import Traverse
 
-__all__ = ["extract"]
+__all__ = ["Progress", "described", "extract"]
 
 BATCH = 8
+# Bytes that tell one image from another: 2^-64 is the chance that two agree by accident.
+DIGEST = 8
+THREADS = min(4, os.cpu_count() or 1)
 Progress = Callable[[int, int], bool | None]
 Rows = npt.NDArray[np.float32]
 
@@ -38,27 +50,39 @@ def extract(
 ) -> Rows:
     """Describes images one batch after the other.
 
-    Parameters ---------- images As for ``Map.from_images``: a folder, a pattern like
-    ``route/*.png``, paths, uint8 arrays (H, W) or (H, W, 3), a data set's images or a generated
-    traverse; and a generator of any of these, or of a stream's frames. They are read a few ahead;
-    no more than two batches are held. descriptor : Descriptor batch : int, optional Images a call
-    of ``describe``; the descriptor's own ``batch`` by default, else 8. cache : path, optional A
-    file that the vectors are added to as they are made. Where a run was interrupted, however hard,
-    the next one goes on from the last whole vector; where all is there, nothing is described again.
-    Files count as the same by name, size and time, arrays by their pixels. More images at the end
-    go on with the same file. progress : callable, optional Called as ``progress(done, total)``
-    after each batch; False from it stops. None is a bar on a terminal, False is nothing. Where
-    nobody knows the total, it is one more than what is done.
+    Parameters
+    ----------
+    images
+        As for ``Map.from_images``: a folder, a pattern like ``route/*.png``, paths, uint8 arrays
+        (H, W) or (H, W, 3), a data set's images or a generated traverse; and a generator of any of
+        these, or ``surefix.frames.Frames``. They are read a few ahead; no more than two batches are
+        held.
+    descriptor : Descriptor
+    batch : int, optional
+        Images a call of ``describe``; the descriptor's own ``batch`` by default, else 8.
+    cache : path, optional
+        A file that the vectors are added to as they are made. After an interruption of any kind,
+        the next run goes on from the last whole batch; if all is there, nothing is described again.
+        Files are known by name, size and time, arrays by their pixels. More images at the end go on
+        with the same file. Several processes may use it.
+    progress : callable, optional
+        Called as ``progress(done, total)`` after each batch; False from it stops. None is a bar on
+        a terminal, False is nothing. An unknown total is one more than ``done``.
 
     Returns
     -------
     array of float32, shape (n, dim)
-        Memory-mapped and read-only where there is a cache.
+        Read-only if there is a cache.
 
-    Raises ------ SurefixValueError Where an image or what the descriptor makes of it is not what it
-    must be, or the cache is of another descriptor or of other images; it is then left as it is.
-    SurefixFileError Where a file cannot be read or written. SurefixError Where ``progress`` stopped
-    it. What is in the cache stays there.
+    Raises
+    ------
+    SurefixValueError
+        If an image or its vector is not as described here, or the cache is of another descriptor or
+        of other images; it is then left as it is.
+    SurefixFileError
+        If a file cannot be read or written.
+    SurefixError
+        If ``progress`` stopped it. The cache keeps its vectors.
 
     Examples
     --------
@@ -73,54 +97,119 @@ def extract(
     >>> extract(images, Brightness(), batch=2).shape
     (5, 2)
     """
+    return described(frames_of(images), descriptor, batch, cache, progress)[0]
+
+
+def described(
+    frames: Frames,
+    descriptor: Descriptor,
+    batch: int | None = None,
+    cache: str | PathLike[str] | None = None,
+    progress: Progress | Literal[False] | None = None,
+) -> tuple[Rows, list[Shot]]:
+    """As ``extract``; and the shots that were described, each without its image."""
     descriptor = require_descriptor(descriptor)
-    size = batch if batch is not None else getattr(descriptor, "batch", BATCH)
-    if not isinstance(size, int) or size < 1:
-        raise SurefixValueError(f"batch: expected a whole number of at least 1, got {size!r}")
-    source = Source(images)
-    bar = _Bar(terminal_bar("Describing") if progress is None else progress or None, source.count)
-    if cache is None:
-        return _collect(_described(source.batches(size), descriptor), source.count, bar)
-    path = Path(os.fspath(cache))
-    if not path.absolute().parent.is_dir():
-        raise SurefixFileError(
-            f"{path}: cannot write the cache: there is no folder {path.absolute().parent}"
-        )
-    kept = Cache(path, descriptor.name, descriptor.recipe)
-    try:
-        if source.count is not None and kept.rows > source.count:
-            raise SurefixValueError(
-                f"{path}: expected the cache of these {source.count} images, got one of {kept.rows}; "
-                "name another file, or delete this one to begin anew"
+    size = checked_batch(batch if batch is not None else getattr(descriptor, "batch", BATCH))
+    bar = _Bar(terminal_bar("Describing") if progress is None else progress or None, frames)
+    seen: list[Shot] = []
+    with closing(_shots(frames, seen)) as shots:
+        if cache is None:
+            batches = _batches(shots, size, digests=False)
+            return _collect(_vectors(batches, descriptor), frames.count, bar), seen
+        path = Path(os.fspath(cache))
+        if not path.absolute().parent.is_dir():
+            raise SurefixFileError(
+                f"{path}: cannot write the cache: there is no folder {path.absolute().parent}"
             )
-        items = source.items()
-        known = kept.rows
-        for checked in iter(lambda: list(islice(items, min(size, known - kept.checked))), []):
-            kept.expect(checked)
-        if kept.checked < known:
-            raise SurefixValueError(
-                f"{path}: expected the cache of these {kept.checked} images, got one of {known}; "
-                "name another file, or delete this one to begin anew"
-            )
-        bar.show(kept.rows)
-        for described in _described(source.batches(size, items, digests=True), descriptor):
-            kept.append(described.digests, described.rows)
+        with closing(Cache(path, descriptor.name, descriptor.recipe)) as kept:
+            if frames.count is not None and kept.rows > frames.count:
+                raise _too_long(path, frames.count, kept.rows)
+            known = kept.rows
+            for shot in islice(shots, known):
+                kept.expect(shot.name, _digest(shot, None))
+            if kept.checked < known:
+                raise _too_long(path, kept.checked, known)
             bar.show(kept.rows)
-        if kept.rows == 0:
-            raise SurefixValueError("images: expected at least one, got none")
-        bar.end(kept.rows)
-        return kept.result()
-    finally:
-        kept.close()
+            for part in _vectors(_batches(shots, size, digests=True), descriptor):
+                kept.append(part.names, part.digests, part.rows)
+                bar.show(kept.rows)
+            if kept.rows == 0:
+                raise mismatch("images", "at least one", "none")
+            bar.end(kept.rows)
+            return kept.result(), seen
 
 
-class _Described(NamedTuple):
+class _Loaded(NamedTuple):
+    name: str
+    image: npt.NDArray[np.uint8]
+    digest: bytes
+
+
+class _Part(NamedTuple):
     names: list[str]
     digests: list[bytes]
     rows: Rows
 
 
-def _described(batches: Iterator[list[Loaded]], descriptor: Descriptor) -> Iterator[_Described]:
+def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
+    """The shots, also noted in ``seen``. If they cannot be read later, they are decoded here."""
+    with closing(shots_of(frames if frames.parallel else frames.frames())) as shots:
+        for shot in shots:
+            seen.append(Shot(shot.time, shot.name, lambda: np.empty(0)))
+            yield shot
+
+
+def _batches(
+    shots: Iterator[Shot], size: int, *, digests: bool
+) -> Generator[list[_Loaded], None, None]:
+    """Loaded images, ``size`` at a time; threads read the next batch while one is used.
+
+    No more than two batches are held, if the user of a batch lets it go before asking for the next.
+    """
+    waiting: deque[Future[_Loaded]] = deque()
+    with ThreadPoolExecutor(THREADS, thread_name_prefix="surefix-read") as pool:
+        try:
+            while True:
+                free = 2 * size - len(waiting)
+                waiting.extend(pool.submit(_load, shot, digests) for shot in islice(shots, free))
+                batch = [waiting.popleft().result() for _ in range(min(size, len(waiting)))]
+                if not batch:
+                    return
+                yield batch
+                del batch
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def _load(shot: Shot, digests: bool) -> _Loaded:
+    image = checked_image(shot.read(), f"image {shot.name}")
+    return _Loaded(shot.name, image, _digest(shot, image) if digests else b"")
+
+
+def _digest(shot: Shot, image: npt.NDArray[np.uint8] | None) -> bytes:
+    """Of the name, size and time of a file; else of the pixels, which are read if not given."""
+    state = hashlib.blake2b(digest_size=DIGEST)
+    if shot.path is not None:
+        path = Path(shot.path)
+        try:
+            facts = path.stat()
+        except OSError as error:
+            raise refusal(path, "cannot read the image", error) from None
+        text = f"{path.name}\0{facts.st_size}\0{facts.st_mtime_ns}"
+        state.update(text.encode("utf-8", "surrogateescape"))
+    else:
+        pixels = np.ascontiguousarray(shot.read() if image is None else image)
+        state.update(f"{pixels.dtype}{pixels.shape}".encode())
+        state.update(pixels.data)
+    return state.digest()
+
+
+def _too_long(path: Path, images: int, rows: int) -> SurefixValueError:
+    return mismatch(path, f"the cache of these {images} images", f"one of {rows}; {ANEW}")
+
+
+def _vectors(batches: Iterator[list[_Loaded]], descriptor: Descriptor) -> Iterator[_Part]:
     for batch in batches:
         names = [loaded.name for loaded in batch]
         digests = [loaded.digest for loaded in batch]
@@ -133,21 +222,21 @@ def _described(batches: Iterator[list[Loaded]], descriptor: Descriptor) -> Itera
         )
         # The next batch is not read before this one is gone.
         del batch
-        yield _Described(names, digests, rows)
+        yield _Part(names, digests, rows)
 
 
-def _collect(described: Iterator[_Described], count: int | None, bar: "_Bar") -> Rows:
-    first = next(described, None)
+def _collect(parts: Iterator[_Part], count: int | None, bar: "_Bar") -> Rows:
+    first = next(parts, None)
     if first is None:
-        raise SurefixValueError("images: expected at least one, got none")
+        raise mismatch("images", "at least one", "none")
     dim = first.rows.shape[1]
-    # Twice as long whenever it is full, where nobody knows how many will come.
+    # If their number is unknown, it doubles when it is full.
     rows = np.empty((count or 2 * len(first.names), dim), np.float32)
     done = 0
-    for names, _, vectors in chain([first], described):
+    for names, _, vectors in chain([first], parts):
         if vectors.shape[1] != dim:
-            raise SurefixValueError(
-                f"image {names[0]}: expected a vector of {dim} numbers as before, got {vectors.shape[1]}"
+            raise mismatch(
+                f"image {names[0]}", f"a vector of {dim} numbers as before", vectors.shape[1]
             )
         if done + len(names) > len(rows):
             rows = np.concatenate([rows, np.empty((max(len(rows), len(names)), dim), np.float32)])
@@ -159,15 +248,15 @@ def _collect(described: Iterator[_Described], count: int | None, bar: "_Bar") ->
 
 
 class _Bar:
-    def __init__(self, report: Progress | None, total: int | None) -> None:
-        self.report, self.total = report, total
+    def __init__(self, report: Progress | None, frames: Frames) -> None:
+        self.report, self.total, self.estimate = report, frames.count, frames.estimate or 0
 
     def show(self, done: int) -> None:
-        total = done + 1 if self.total is None else self.total
+        total = max(self.estimate, done + 1) if self.total is None else self.total
         if self.report is not None and self.report(done, total) is False:
             raise SurefixError(f"stopped after {done} of {total}")
 
     def end(self, done: int) -> None:
-        """The last word, where only the end tells how many there were."""
+        """The last call, if the total was unknown."""
         if self.report is not None and self.total is None:
             self.report(done, done)

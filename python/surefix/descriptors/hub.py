@@ -1,14 +1,14 @@
-"""The published models of visual place recognition, from where their authors keep them."""
+"""Published models of visual place recognition, from their authors' repositories."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from surefix._extra import needed
+from surefix._extra import require
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.descriptors.torch import Torch
-from surefix.errors import SurefixError, SurefixValueError
+from surefix.errors import SurefixError, mismatch
 
 if TYPE_CHECKING:
     import torch
@@ -18,14 +18,12 @@ __all__ = ["HUB_MODELS", "HubModel", "from_hub"]
 
 @dataclass(frozen=True)
 class HubModel:
-    """One published model: its repository and entry point for torch.hub, and the images that it was
-    published with.
-    """
+    """A published model: its repository and entry point for torch.hub, and its images."""
 
     paper: str
     repository: str
     entry: str
-    # Width and height; of what the authors evaluate or train with.
+    # Width and height of the images that the authors evaluate or train with.
     size: tuple[int, int]
     options: Mapping[str, object] = field(default_factory=dict)
     mean: tuple[float, float, float] = IMAGENET_MEAN
@@ -68,7 +66,8 @@ HUB_MODELS: Mapping[str, HubModel] = MappingProxyType(
             (320, 320),
             {"pretrained": True},
             resample="bicubic",
-            note="its authors' repository, amaralibey/MixVPR, has no entry for torch.hub; this one is of a third party",
+            note="its authors' repository, amaralibey/MixVPR, has no entry for torch.hub; "
+            "this one is of a third party",
         ),
         "salad": HubModel(
             "Izquierdo and Civera, CVPR 2024", "serizba/salad", "dinov2_salad", (322, 322)
@@ -86,7 +85,7 @@ HUB_MODELS: Mapping[str, HubModel] = MappingProxyType(
         ),
     }
 )
-# Those whose entry point must be told the device, as moving them later makes another model.
+# Their entry point takes the device: moving them later makes another model.
 _TOLD_DEVICE = ("anyloc",)
 
 
@@ -99,36 +98,43 @@ def from_hub(
     autocast: "bool | torch.dtype" = False,
     **options: object,
 ) -> Torch:
-    """A published model by its name, with the images that its authors use.
+    """A published model by its name, with its authors' image size and statistics.
 
     The first time, torch.hub downloads the code and the weights from GitHub, and **runs that
-    code**; from then on it takes them from its own folder (``torch.hub.get_dir()``, or
-    ``TORCH_HOME``), so that a robot needs no network: copy that folder. Some take further packages,
-    which they name.
+    code**; then it takes them from its own folder (``torch.hub.get_dir()``, or ``TORCH_HOME``): a
+    robot needs no network, only a copy of that folder. Some need further packages, and name them.
 
-    Parameters ---------- name : {"netvlad", "cosplace", "eigenplaces", "mixvpr", "salad",
-    "megaloc", "anyloc"} ``HUB_MODELS`` says what each of them is. size : (int, int), optional Width
-    and height of the images, in place of the published ones; for salad, megaloc and anyloc
-    multiples of 14. device, batch, autocast As for ``Torch``. **options For the model's entry
-    point, such as ``backbone="ResNet18", fc_output_dim=512`` for cosplace, or ``domain="indoor"``
-    for anyloc.
+    Parameters
+    ----------
+    name : str
+        "netvlad", "cosplace", "eigenplaces", "mixvpr", "salad", "megaloc" or "anyloc": see
+        ``HUB_MODELS``.
+    size : (int, int), optional
+        Width and height of the images, in place of the published ones; for salad, megaloc and
+        anyloc multiples of 14.
+    device, batch, autocast
+        As for ``Torch``.
+    **options
+        For the model's entry point, such as ``backbone="ResNet18", fc_output_dim=512`` for
+        cosplace, or ``domain="indoor"`` for anyloc.
 
     Raises
     ------
     SurefixValueError
         For an unknown name.
     SurefixError
-        Where PyTorch is missing, or the model cannot be had; it says from where, and how to get it.
+        If PyTorch is missing, or the model cannot be loaded; the error says how to get it.
 
     Examples
     --------
     >>> from surefix.descriptors import from_hub
-    >>> route = surefix.Map.from_images("photos/monday", descriptor=from_hub("megaloc"))        # doctest: +SKIP
+    >>> network = from_hub("megaloc")   # doctest: +SKIP
+    >>> route = surefix.Map.from_images("photos/monday", network)   # doctest: +SKIP
     """
     model = HUB_MODELS.get(name)
     if model is None:
-        raise SurefixValueError(f"name: expected one of {', '.join(HUB_MODELS)}, got {name!r}")
-    library = needed("torch", f"the model {name}", "PyTorch", "torch")
+        raise mismatch("name", f"one of {', '.join(HUB_MODELS)}", repr(name))
+    library = require("torch", f"the model {name}", "PyTorch", "torch")
     given = {**model.options, **options}
     if name in _TOLD_DEVICE and device is not None:
         given["device"] = str(device)
@@ -137,7 +143,7 @@ def from_hub(
             model.repository, model.entry, trust_repo=True, verbose=False, **given
         )
     except Exception as error:
-        # Whatever that code raises; without a network, it is one of four kinds.
+        # That code may raise any error; without a network, it is one of four kinds.
         raise SurefixError(_refusal(name, model, given, error, library.hub.get_dir())) from error
     if name in _TOLD_DEVICE:
         device = None
@@ -163,9 +169,9 @@ def _refusal(
     reason = str(error).strip().split("\n")[0] or type(error).__name__
     note = f" ({model.note})" if model.note else ""
     return (
-        f"{name}: cannot load {model.entry} of https://github.com/{model.repository}{note}: {reason}. Where there is "
-        f"no network, run torch.hub.load({model.repository!r}, {model.entry!r}{arguments}) on a machine that has "
-        f"one, and copy its torch.hub.get_dir() to {folder}"
+        f"{name}: cannot load {model.entry} of https://github.com/{model.repository}{note}: "
+        f"{reason}. Without a network, run torch.hub.load({model.repository!r}, {model.entry!r}"
+        f"{arguments}) on a machine that has one, and copy its torch.hub.get_dir() to {folder}"
     )
 
 

@@ -1,19 +1,27 @@
-"""Maps of images that a learned descriptor describes: what ``Map.from_images`` and ``Map.append``
-do with one.
-"""
+"""Maps of frames: described by a network, or by SAD some at a time."""
 
+from contextlib import closing
+from itertools import islice
 from os import PathLike
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from surefix._core import Map
-from surefix.descriptors.extraction import Progress, extract
-from surefix.descriptors.recipe import recipe_of, same_vectors
-from surefix.descriptors.source import Source
-from surefix.errors import SurefixValueError
+from surefix._core import Map, Sad
+from surefix._progress import terminal_bar
+from surefix.descriptors.descriptor import recipe_of, same_vectors
+from surefix.descriptors.extraction import Progress, described
+from surefix.errors import SurefixValueError, mismatch
+from surefix.frames.frame import Frames
+from surefix.frames.images import ImageArray, ImageFrames, frames_of
+from surefix.frames.sampling import EveryMetres
 
-__all__ = ["append_images", "map_of_images"]
+__all__ = ["append_images", "map_of_images", "sad_map"]
+
+# Images are described in parallel, this many at a time; no more are held.
+AT_ONCE = 128
+Positions = npt.NDArray[np.float64] | None
 
 
 def map_of_images(
@@ -25,12 +33,16 @@ def map_of_images(
     cache: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Map:
-    """The images described, post-processed, and named as their files are; the map keeps the
-    descriptor's recipe.
+    """The images described and post-processed. The map keeps their names, if they are frames or can
+    be counted, and the descriptor's recipe; and the odometry's positions, if there are no others.
     """
-    _check_positions(images, positions)
-    rows = extract(images, descriptor, cache=cache, progress=progress)
-    names = _names(images) if hasattr(images, "__len__") or isinstance(images, PathLike) else None
+    frames = frames_of(images)
+    _check_positions(frames, positions)
+    rows, shots = described(frames, descriptor, cache=cache, progress=progress)
+    if isinstance(images, Frames):
+        positions = _positions(images, [shot.time for shot in shots], positions)
+    named = frames.count is not None or isinstance(images, Frames)
+    names = [shot.name for shot in shots] if named else None
     recipe = recipe_of(descriptor)
     return Map.from_descriptors(
         rows, metric, positions=positions, names=names, post=post, recipe=recipe
@@ -47,28 +59,75 @@ def append_images(
 ) -> None:
     """The map in the file made longer by images, described and post-processed as its own were.
 
-    Where the map has names, the images are named as in ``map_of_images``; those that are but their
-    numbers count on.
+    If the map has names, the images get theirs; those that are only numbers count on.
     """
     old = Map.open(path, mmap=True)
+    frames = frames_of(images)
     # Before anything is described.
     _check_own(old, descriptor)
-    _check_positions(images, positions)
-    rows = extract(images, descriptor, cache=cache, progress=progress)
+    _check_positions(frames, positions)
+    rows, shots = described(frames, descriptor, cache=cache, progress=progress)
     names = None
     if old.names is not None:
-        counted = hasattr(images, "__len__") or isinstance(images, PathLike)
-        names = (
-            _names(images, len(old))
-            if counted
-            else [str(len(old) + index) for index in range(len(rows))]
-        )
+        names = [
+            str(len(old) + index) if shot.name == str(index) else shot.name
+            for index, shot in enumerate(shots)
+        ]
     recipe = old.recipe or recipe_of(descriptor)
     more = Map.from_descriptors(
         rows, old.metric, positions=positions, names=names, post=old.post, recipe=recipe
     )
     del old
     Map.append(path, more)
+
+
+def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
+    """A map of frames by SAD. Its positions are those given; else those of the odometry, if it is
+    in a plane or in space and chose the frames.
+    """
+    bar = terminal_bar("Describing")
+    if isinstance(frames, ImageFrames):
+        return Map.from_images(frames.source, sad, positions=positions, progress=bar)
+    route: Map | None = None
+    count = 0
+    with closing(frames.frames()) as source:
+        while part := list(islice(source, AT_ONCE)):
+            images = ImageArray([frame.image for frame in part], [frame.name for frame in part])
+            if positions is None:
+                where = _positions(frames, [frame.time for frame in part], None)
+            else:
+                # If they are too few, the error comes at the end, with the number of frames.
+                where = positions[count : count + len(part)]
+                where = np.pad(where, ((0, len(part) - len(where)), (0, 0)))
+            made = Map.from_images(images, sad, positions=where, progress=False)
+            route = made if route is None else route.extended(made)
+            count += len(part)
+            if bar is not None:
+                bar(count, max(frames.estimate or 0, count + 1))
+    if bar is not None:
+        bar(count, count)
+    if route is None:
+        raise mismatch(frames.files[0], "frames", "none")
+    if positions is not None and len(positions) != count:
+        raise _not_each(frames, len(positions), count)
+    return route
+
+
+def _positions(frames: Frames, times: list[float | None], positions: Any) -> Any:
+    """The positions of frames at these times: the given ones, or the odometry's."""
+    if positions is not None:
+        if len(positions) != len(times):
+            raise _not_each(frames, len(positions), len(times))
+        return positions
+    if not isinstance(frames, EveryMetres) or frames.odometry.positions.shape[1] < 2:
+        return None
+    where = [frames.odometry.at(time) for time in times if time is not None]
+    return np.stack([position for position in where if position is not None])
+
+
+def _not_each(frames: Frames, positions: int, got: int) -> SurefixValueError:
+    source = frames.files[0] if frames.files else "frames"
+    return mismatch(source, f"a frame for each of {positions} positions", got)
 
 
 def _check_own(route: Map, descriptor: Any) -> None:
@@ -78,19 +137,11 @@ def _check_own(route: Map, descriptor: Any) -> None:
         )
     recipe = recipe_of(descriptor)
     if route.recipe is not None and not same_vectors(route.recipe, recipe):
-        raise SurefixValueError(
-            f"descriptor: expected the map's own, by the recipe {route.recipe}, got {recipe}"
-        )
+        raise mismatch("descriptor", f"the map's own, by the recipe {route.recipe}", recipe)
 
 
-def _check_positions(images: Any, positions: Any) -> None:
-    """What a network that has seen the whole drive would find refused, refused now, where the
-    images can be counted.
-    """
-    if positions is not None and (count := Source(images).count) is not None:
-        Map.from_descriptors(np.zeros((count, 1), np.float32), "euclidean", positions=positions)
-
-
-def _names(images: Any, first: int = 0) -> list[str]:
-    items = enumerate(Source(images).items())
-    return [str(first + index) if item.name == str(index) else item.name for index, item in items]
+def _check_positions(frames: Frames, positions: Any) -> None:
+    """Refuses wrong positions before the network has seen the whole drive."""
+    if positions is not None and frames.count is not None:
+        rows = np.zeros((frames.count, 1), np.float32)
+        Map.from_descriptors(rows, "euclidean", positions=positions)

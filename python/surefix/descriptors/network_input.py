@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._extra import needed
-from surefix.errors import SurefixValueError
+from surefix._extra import require
+from surefix.errors import SurefixValueError, mismatch
 
 __all__ = ["IMAGENET_MEAN", "IMAGENET_STD", "NetworkInput"]
 
@@ -18,7 +18,7 @@ CHANNELS = 3
 
 
 class NetworkInput:
-    """How images become a network's input, by Pillow's antialiased resizing.
+    """Makes a network's input of images, by Pillow's antialiased resizing.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class NetworkInput:
     Raises
     ------
     SurefixValueError
-        Where one of them is not that.
+        If one of them is something else.
     """
 
     def __init__(
@@ -46,13 +46,13 @@ class NetworkInput:
                 "mean, std: expected both or neither, got " + ("std" if mean is None else "mean")
             )
         if resample not in ("bilinear", "bicubic"):
-            raise SurefixValueError(f'resample: expected "bilinear" or "bicubic", got {resample!r}')
+            raise mismatch("resample", '"bilinear" or "bicubic"', repr(resample))
         self.size = None if size is None else _checked_size(size)
         self.mean = None if mean is None else _three("mean", mean)
         self.std = None if std is None else _three("std", std)
         self.resample = resample
         if self.std is not None and min(self.std) <= 0:
-            raise SurefixValueError(f"std: expected numbers above 0, got {self.std}")
+            raise mismatch("std", "numbers above 0", self.std)
 
     @property
     def recipe(self) -> dict[str, object]:
@@ -65,13 +65,8 @@ class NetworkInput:
         }
 
     def batch(self, images: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
-        """The images (H, W) or (H, W, 3), uint8, as one array (n, 3, H, W). A grey one is three
-        equal channels.
-
-        Raises
-        ------
-        SurefixValueError
-            Where there is no ``size``, and one has another size than the first.
+        """The images (H, W) or (H, W, 3), uint8, as one array (n, 3, H, W). Grey becomes three
+        equal channels. Without a ``size``, all must have the size of the first.
         """
         small = [self._resized(image) for image in images]
         height, width = small[0].shape[:2]
@@ -94,7 +89,7 @@ class NetworkInput:
         height, width = image.shape[:2]
         if self.size is None or self.size == (width, height):
             return image
-        pillow = needed("PIL.Image", "resizing images for a network", "Pillow", "surefix[learned]")
+        pillow = require("PIL.Image", "resizing images for a network", "Pillow", "surefix[learned]")
         resample = pillow.Resampling[self.resample.upper()]
         return np.asarray(pillow.fromarray(image).resize(self.size, resample))
 
@@ -104,9 +99,9 @@ def _checked_size(size: Any) -> tuple[int, int]:
         width, height = size
         whole = int(width) == width and int(height) == height
     except (TypeError, ValueError):
-        raise SurefixValueError(f"size: expected (width, height) in pixels, got {size!r}") from None
+        raise mismatch("size", "(width, height) in pixels", repr(size)) from None
     if not whole or width < 1 or height < 1:
-        raise SurefixValueError(f"size: expected (width, height) in pixels, got {size!r}")
+        raise mismatch("size", "(width, height) in pixels", repr(size))
     return int(width), int(height)
 
 
@@ -114,9 +109,7 @@ def _three(name: str, values: Any) -> tuple[float, float, float]:
     try:
         red, green, blue = (float(value) for value in values)
     except (TypeError, ValueError):
-        raise SurefixValueError(
-            f"{name}: expected three numbers, of red, green and blue, got {values!r}"
-        ) from None
+        raise mismatch(name, "three numbers, of red, green and blue", repr(values)) from None
     if not np.isfinite([red, green, blue]).all():
-        raise SurefixValueError(f"{name}: expected finite numbers, got {values!r}")
+        raise mismatch(name, "finite numbers", repr(values))
     return red, green, blue

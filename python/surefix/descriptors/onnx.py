@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._extra import needed
-from surefix.descriptors.descriptor import as_images, checked_rows
+from surefix._extra import require
+from surefix.descriptors.descriptor import checked_batch, checked_rows, in_batches
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixValueError, mismatch, refusal
 
 __all__ = ["Onnx"]
 
@@ -20,44 +20,56 @@ NUMBERS: dict[str, type[np.floating[Any]]] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
 }
-# Makes calls to a service in the cloud, and is never meant here.
+# Calls a service in the cloud: never wanted here.
 REMOTE = "AzureExecutionProvider"
 
 
 class Onnx:
-    """A network from an ONNX file as a descriptor: RGB images in, one of its outputs, flattened, as
+    """A network from an ONNX file as a descriptor: RGB images in; one of its outputs, flattened, is
     the vector.
 
     Needs ``pip install "surefix[learned]"``.
 
-    Parameters ---------- path : str or path The model: one input (n, 3, H, W), float32 or float16.
-    output : str, optional Which of its outputs; may be left out where there is one. size : (int,
-    int), optional Width and height that images are resized to (Pillow's antialiased bilinear); by
-    default what the model asks for, and where it takes any size, the images as they are. mean, std
-    : three floats, optional Of RGB / 255, which the network was trained with: ImageNet's by
-    default; None for both leaves 0 to 1. batch : int Images a run. A model that is fixed to its own
-    number of images gets that many, filled up at the end. providers : list of str, optional What
-    onnxruntime runs it on, such as ``["CUDAExecutionProvider", "CPUExecutionProvider"]``; by
-    default all that the installed onnxruntime offers, in its order. threads : int, optional Threads
-    of one operation; onnxruntime's choice by default.
+    Parameters
+    ----------
+    path : str or path
+        The model: one input (n, 3, H, W), float32 or float16.
+    output : str, optional
+        The output to take, if there are several.
+    size : (int, int), optional
+        Width and height that images are resized to (Pillow's antialiased bilinear); by default the
+        model's own, and if it takes any size, the images as they are.
+    mean, std : three floats, optional
+        Of RGB / 255, which the network was trained with: ImageNet's by default; None for both
+        leaves 0 to 1.
+    batch : int
+        Images a run. A model that is fixed to a number of images gets that number, filled up at
+        the end.
+    providers : list of str, optional
+        The providers of onnxruntime, such as ``["CUDAExecutionProvider", "CPUExecutionProvider"]``;
+        by default all that the installed onnxruntime offers, in its order.
+    threads : int, optional
+        Threads of one operation; onnxruntime's choice by default.
 
     Raises
     ------
     SurefixFileError
-        Where the file cannot be read.
+        If the file cannot be read.
     SurefixValueError
-        Where it is no ONNX model, has no such output, or takes other images than these.
+        If it is no ONNX model, has no such output, or takes other images than these.
     SurefixError
-        Where onnxruntime is missing.
+        If onnxruntime is missing.
 
-    Notes ----- ``recipe`` has the file's name and SHA-256. Weights that lie in a second file beside
-    the model are not in the sum.
+    Notes
+    -----
+    ``recipe`` has the file's name and SHA-256. Weights in a second file beside the model are not in
+    the sum.
 
     Examples
     --------
     >>> from surefix.descriptors import Onnx
-    >>> network = Onnx("efficientnet_lite0.onnx", output="feat_s16", size=(256, 128))           # doctest: +SKIP
-    >>> network.describe(surefix.read_image("photo.jpg")).shape                                 # doctest: +SKIP
+    >>> network = Onnx("efficientnet.onnx", output="feat_s16", size=(256, 128))   # doctest: +SKIP
+    >>> network.describe(surefix.read_image("photo.jpg")).shape   # doctest: +SKIP
     (1, 14336)
     """
 
@@ -73,8 +85,7 @@ class Onnx:
         threads: int | None = None,
     ) -> None:
         self.path = Path(path)
-        if not isinstance(batch, int) or batch < 1:
-            raise SurefixValueError(f"batch: expected a whole number of at least 1, got {batch!r}")
+        batch = checked_batch(batch)
         self._sha256 = _sha256(self.path)
         self._session = _open(self.path, providers, threads)
         node = self._only_input()
@@ -84,8 +95,8 @@ class Onnx:
         wanted = NetworkInput(size, mean, std)
         if fixed_size is not None and wanted.size not in (None, fixed_size):
             raise SurefixValueError(
-                f"{self.path}: expected the size {fixed_size}, which the model is fixed to (its input is "
-                f"{_shape(node)}), got {wanted.size}"
+                f"{self.path}: expected the size {fixed_size}, which the model is fixed to (its "
+                f"input is {_shape(node)}), got {wanted.size}"
             )
         self._input = NetworkInput(wanted.size or fixed_size, mean, std)
         self.output = self._chosen(output)
@@ -99,12 +110,12 @@ class Onnx:
 
     @property
     def size(self) -> tuple[int, int] | None:
-        """Width and height that images are resized to; None where they stay as they are."""
+        """Width and height that images are resized to; None if they stay as they are."""
         return self._input.size
 
     @property
     def recipe(self) -> Mapping[str, object]:
-        """The model's file and its SHA-256, the output, and how images are prepared."""
+        """The model's file and its SHA-256, the output, and the preparation of images."""
         return {
             "name": self.name,
             "kind": "onnx",
@@ -119,17 +130,13 @@ class Onnx:
     ) -> npt.NDArray[np.float32]:
         """The vectors of some images, (n, dim); of one image, given as an array, (1, dim).
 
-        Raises ------ SurefixValueError Where an image is not uint8 (H, W) or (H, W, 3), or the
-        output is not a finite vector an image.
+        Raises
+        ------
+        SurefixValueError
+            If an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an
+            image.
         """
-        several = as_images(images)
-        if not several:
-            raise SurefixValueError("images: expected at least one, got none")
-        runs = [
-            self._run(several[start : start + self.batch], start)
-            for start in range(0, len(several), self.batch)
-        ]
-        return runs[0] if len(runs) == 1 else np.concatenate(runs)
+        return in_batches(images, self.batch, self._run)
 
     def __repr__(self) -> str:
         return f"Onnx({str(self.path)!r}, output={self.output!r}, size={self.size})"
@@ -142,57 +149,47 @@ class Onnx:
         try:
             (output,) = self._session.run([self.output], {self._input_name: planes})
         except Exception as error:
-            # What onnxruntime raises has no base of its own.
+            # The errors of onnxruntime have no common base.
             height, width = planes.shape[2:]
             raise SurefixValueError(
-                f"{self.path}: the model does not run on {len(images)} images of {width} x {height}: {_short(error)}"
+                f"{self.path}: the model does not run on {len(images)} images of {width} x "
+                f"{height}: {_short(error)}"
             ) from None
         what = f"{self.path}, output {self.output}"
         if not isinstance(output, np.ndarray) or output.ndim < 2 or output.shape[0] != len(images):
-            got = (
-                f"the shape {output.shape}"
-                if isinstance(output, np.ndarray)
-                else type(output).__name__
-            )
-            raise SurefixValueError(
-                f"{what}: expected a vector an image, ({len(images)}, ...) for {len(images)} images, got {got}"
-            )
+            array = isinstance(output, np.ndarray)
+            expected = f"a vector an image, ({len(images)}, ...) for {len(images)} images"
+            got = f"the shape {output.shape}" if array else type(output).__name__
+            raise mismatch(what, expected, got)
         rows = output.reshape(len(images), -1)[:count]
-        return checked_rows(
-            rows, count, what, [f"image {start + index} of the call" for index in range(count)]
-        )
+        names = [f"image {start + index} of the call" for index in range(count)]
+        return checked_rows(rows, count, what, names)
 
     def _only_input(self) -> Any:
         inputs = self._session.get_inputs()
         if len(inputs) != 1:
             named = ", ".join(f"{node.name} {_shape(node)}" for node in inputs) or "none"
-            raise SurefixValueError(
-                f"{self.path}: expected a model with one input, images, got {named}"
-            )
+            raise mismatch(self.path, "a model with one input, images", named)
         return inputs[0]
 
     def _number_of(self, node: Any) -> type[np.floating[Any]]:
         number = NUMBERS.get(node.type)
         if number is None:
-            raise SurefixValueError(
-                f"{self.path}: expected an input of float32 or float16, got {node.type}"
-            )
+            raise mismatch(self.path, "an input of float32 or float16", node.type)
         return number
 
     def _fixed(self, node: Any) -> tuple[int | None, tuple[int, int] | None]:
         """The number and the size of images that the model is fixed to."""
         shape = node.shape
         if len(shape) != 4 or (isinstance(shape[1], int) and shape[1] != 3):
-            raise SurefixValueError(
-                f"{self.path}: expected an input of RGB images, (n, 3, H, W), got {node.name} {_shape(node)}"
+            raise mismatch(
+                self.path, "an input of RGB images, (n, 3, H, W)", f"{node.name} {_shape(node)}"
             )
         count, height, width = (
             side if isinstance(side, int) and side > 0 else None for side in (shape[0], *shape[2:])
         )
         if (height is None) != (width is None):
-            raise SurefixValueError(
-                f"{self.path}: expected both sides of the input free or fixed, got {_shape(node)}"
-            )
+            raise mismatch(self.path, "both sides of the input free or fixed", _shape(node))
         return count, None if height is None or width is None else (width, height)
 
     def _chosen(self, output: str | None) -> str:
@@ -205,22 +202,18 @@ class Onnx:
                 f"{self.path}: expected output=NAME, as the model has several: {listed}"
             )
         if output not in [node.name for node in nodes]:
-            raise SurefixValueError(
-                f"{self.path}: expected one of the outputs {listed}, got {output!r}"
-            )
+            raise mismatch(self.path, f"one of the outputs {listed}", repr(output))
         return output
 
 
 def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> Any:
-    runtime = needed("onnxruntime", "an ONNX model", "onnxruntime", "surefix[learned]")
+    runtime = require("onnxruntime", "an ONNX model", "onnxruntime", "surefix[learned]")
     offered = [provider for provider in runtime.get_available_providers() if provider != REMOTE]
     unknown = [provider for provider in providers or () if provider not in offered]
     if unknown:
-        raise SurefixValueError(
-            f"providers: expected some of {', '.join(offered)}, got {', '.join(unknown)}"
-        )
+        raise mismatch("providers", f"some of {', '.join(offered)}", ", ".join(unknown))
     options = runtime.SessionOptions()
-    # Failures come as errors; the runtime's own account of them would go to stderr as well.
+    # Failures come as errors; the runtime would also write them to stderr.
     options.log_severity_level = 4
     if threads is not None:
         options.intra_op_num_threads = threads
@@ -228,7 +221,8 @@ def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> A
         return runtime.InferenceSession(str(path), options, providers=list(providers or offered))
     except Exception as error:
         raise SurefixValueError(
-            f"{path}: not an ONNX model that onnxruntime {runtime.__version__} can load: {_short(error)}"
+            f"{path}: not an ONNX model that onnxruntime {runtime.__version__} can load: "
+            f"{_short(error)}"
         ) from None
 
 
@@ -237,9 +231,7 @@ def _sha256(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise SurefixFileError(
-            f"{path}: cannot read the model: {error.strerror or error}"
-        ) from None
+        raise refusal(path, "cannot read the model", error) from None
 
 
 def _shape(node: Any) -> str:
@@ -247,5 +239,5 @@ def _shape(node: Any) -> str:
 
 
 def _short(error: Exception) -> str:
-    """The message of onnxruntime, without its code and the path that is said already."""
+    """The message of onnxruntime, without its code and the path."""
     return " ".join(str(error).split("\n")[0].split(" : ")[-1].split())

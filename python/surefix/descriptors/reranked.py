@@ -1,6 +1,4 @@
-"""From a few re-ranked candidates to the distances of all places, as ``Matcher.push`` wants
-them.
-"""
+"""From a few re-ranked candidates to the distances of all places, for ``Matcher.push``."""
 
 import os
 from collections.abc import Sequence
@@ -10,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import mismatch
+from surefix.tables.rows import read_text
 
 __all__ = ["read_pairs", "reranked_distances"]
 
-# Of the scores' size: how far the others must be apart from them at least, for float32 to tell.
+# The least spread as a share of the scores' size, for float32 to tell the places apart.
 SMALLEST_SPREAD = 1e-3
 
 
@@ -23,27 +22,33 @@ def reranked_distances(
     candidates: npt.ArrayLike,
     scores: npt.ArrayLike | None = None,
 ) -> npt.NDArray[np.float32]:
-    """The distance of every place, where a second, slower look gave scores to a few candidates
-    only.
+    """The distance of every place, if a second, slower method gave scores to a few candidates only.
 
-    A candidate's distance is its score. Let ``worst`` be the greatest score and ``spread`` how far
-    it is from the smallest (at least a thousandth of the largest magnitude; 1 where all scores are
-    0). The places that were not looked at lie from ``worst + spread / 2`` to ``worst + spread``,
-    linearly in their global distance: worse than every candidate, finite, and in the order of their
-    global distances, as far as float32 tells them apart.
+    A candidate's distance is its score. Let ``worst`` be the greatest score and ``spread`` its
+    distance from the smallest (at least a thousandth of the largest magnitude; 1 if all scores are
+    0). The other places lie from ``worst + spread / 2`` to ``worst + spread``, linearly in their
+    global distance: worse than every candidate, finite, and in the order of their global distances,
+    as far as float32 tells them apart.
 
-    Parameters ---------- global_distances : array, shape (n,) By the first, fast descriptor, such
-    as NetVLAD's; smaller is nearer. candidates : array of int, shape (k,) The places that were
-    looked at again, each once. scores : array, shape (k,), optional Of the candidates, in their
-    order; smaller is better, as Patch-NetVLAD has it. Without them the candidates are taken as
-    ranked, the best first, and their scores are 0, 1, 2 and so on.
+    Parameters
+    ----------
+    global_distances : array, shape (n,)
+        By the first, fast descriptor, such as NetVLAD's; smaller is nearer.
+    candidates : array of int, shape (k,)
+        The re-ranked places, each once.
+    scores : array, shape (k,), optional
+        Of the candidates, in their order; smaller is better, as with Patch-NetVLAD. Without them
+        the candidates are ranked, the best first, and their scores are 0, 1, 2 and so on.
 
     Returns
     -------
     array of float32, shape (n,)
 
-    Raises ------ SurefixValueError Where the shapes do not agree, a number is not finite, or a
-    candidate is no place or comes twice.
+    Raises
+    ------
+    SurefixValueError
+        If the shapes do not agree, a number is not finite, or a candidate is no place or comes
+        twice.
 
     Examples
     --------
@@ -54,24 +59,18 @@ def reranked_distances(
     coarse = _vector("global_distances", global_distances)
     chosen = np.asarray(candidates)
     if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or len(chosen) == 0:
-        raise SurefixValueError(
-            f"candidates: expected at least one place's index, (k,), got {chosen.dtype} {chosen.shape}"
+        raise mismatch(
+            "candidates", "at least one place's index, (k,)", f"{chosen.dtype} {chosen.shape}"
         )
     if chosen.min() < 0 or chosen.max() >= len(coarse):
         wrong = chosen[(chosen < 0) | (chosen >= len(coarse))][0]
-        raise SurefixValueError(
-            f"candidates: expected places from 0 to {len(coarse) - 1}, got {wrong}"
-        )
+        raise mismatch("candidates", f"places from 0 to {len(coarse) - 1}", wrong)
     if len(np.unique(chosen)) != len(chosen):
         places, counts = np.unique(chosen, return_counts=True)
-        raise SurefixValueError(
-            f"candidates: expected each place once, got {places[counts > 1][0]} twice"
-        )
+        raise mismatch("candidates", "each place once", f"{places[counts > 1][0]} twice")
     fine = np.arange(len(chosen), dtype=np.float64) if scores is None else _vector("scores", scores)
     if len(fine) != len(chosen):
-        raise SurefixValueError(
-            f"scores: expected one for each of the {len(chosen)} candidates, got {len(fine)}"
-        )
+        raise mismatch("scores", f"one for each of the {len(chosen)} candidates", len(fine))
     worst = float(fine.max())
     spread = max(worst - float(fine.min()), SMALLEST_SPREAD * float(np.abs(fine).max())) or 1.0
     others = np.ones(len(coarse), dtype=bool)
@@ -91,15 +90,18 @@ def read_pairs(
     references: Sequence[str | PathLike[str]],
     queries: Sequence[str | PathLike[str]],
 ) -> list[npt.NDArray[np.int64]]:
-    """The ranked candidates of each query from a pairs file, as Patch-NetVLAD's
+    """The ranked candidates of each query from a pairs file, such as
     ``PatchNetVLAD_predictions.txt``.
 
     Such a file (kapture's and hloc's pairs) has a line ``query, reference`` a candidate, the best
     first, or with a space between, and comments that begin with ``#``. It has no scores: give the
     candidates to ``reranked_distances`` as they are.
 
-    Parameters ---------- path : str or path references, queries : sequence of str or path The
-    images in route order. They are known by the name in the file, or else by the last part of it.
+    Parameters
+    ----------
+    path : str or path
+    references, queries : sequence of str or path
+        The images in route order, found by the name in the file, or by the last part of it.
 
     Returns
     -------
@@ -109,41 +111,30 @@ def read_pairs(
     Raises
     ------
     SurefixFileError
-        Where the file cannot be read.
+        If the file cannot be read.
     SurefixValueError
         For a malformed line, an image that is not listed, or a pair that comes twice.
     """
     places, numbers = _Names("references", references), _Names("queries", queries)
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise SurefixFileError(
-            f"{path}: cannot read the pairs: {error.strerror or error}"
-        ) from None
-    except UnicodeDecodeError as error:
-        raise SurefixValueError(
-            f"{path}: expected text, one pair a line, got other bytes ({error.reason})"
-        ) from None
+    text = read_text(Path(path), "the pairs")
     ranked: list[dict[int, None]] = [{} for _ in queries]
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         where = f"{path}, line {number}"
         parts = [part.strip() for part in (line.split(",") if "," in line else line.split())]
-        # A score after the names, as some write, is passed over.
+        # A score after the names is passed over.
         if len(parts) < 2 or not all(parts[:2]):
-            raise SurefixValueError(f"{where}: expected query, reference, got {line.strip()!r}")
+            raise mismatch(where, "query, reference", repr(line.strip()))
         query, place = numbers.find(parts[0], where), places.find(parts[1], where)
         if place in ranked[query]:
-            raise SurefixValueError(
-                f"{where}: expected each pair once, got {parts[1]} twice for {parts[0]}"
-            )
+            raise mismatch(where, "each pair once", f"{parts[1]} twice for {parts[0]}")
         ranked[query][place] = None
     return [np.array(list(candidates), dtype=np.int64) for candidates in ranked]
 
 
 class _Names:
-    """Where an image is in its list, by its whole name or by the last part of it."""
+    """The index of an image in its list, by its whole name or by the last part of it."""
 
     def __init__(self, what: str, names: Sequence[str | PathLike[str]]) -> None:
         self.what = what
@@ -162,20 +153,14 @@ class _Names:
         if short in self.last and short not in self.shared:
             return self.last[short]
         why = f"several end in {short}" if short in self.shared else "there is none of that name"
-        raise SurefixValueError(
-            f"{where}: expected one of the {len(self.whole)} {self.what}, got {name}: {why}"
-        )
+        raise mismatch(where, f"one of the {len(self.whole)} {self.what}", f"{name}: {why}")
 
 
 def _vector(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     array = np.asarray(values)
     if array.ndim != 1 or len(array) == 0 or array.dtype.kind not in "fiu":
-        raise SurefixValueError(
-            f"{name}: expected numbers of one dimension, got {array.dtype} {array.shape}"
-        )
+        raise mismatch(name, "numbers of one dimension", f"{array.dtype} {array.shape}")
     if not np.isfinite(array).all():
         wrong = int(np.flatnonzero(~np.isfinite(array))[0])
-        raise SurefixValueError(
-            f"{name}: expected finite numbers, got {array[wrong]} at index {wrong}"
-        )
+        raise mismatch(name, "finite numbers", f"{array[wrong]} at index {wrong}")
     return array.astype(np.float64)

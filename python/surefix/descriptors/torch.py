@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._extra import needed
-from surefix.descriptors.descriptor import as_images, checked_rows
+from surefix._extra import require
+from surefix.descriptors.descriptor import checked_batch, checked_rows, in_batches
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
-from surefix.errors import SurefixError, SurefixValueError
+from surefix.errors import SurefixError, SurefixValueError, mismatch
 
 if TYPE_CHECKING:
     import torch
@@ -20,40 +20,51 @@ __all__ = ["Torch"]
 
 
 class Torch:
-    """A network in PyTorch as a descriptor: RGB images in, its output, flattened, as the vector.
+    """A network in PyTorch as a descriptor: RGB images in; its output, flattened, is the vector.
 
-    It runs in inference mode and as in ``module.eval()``; after each call the module is in training
-    again where it was. On the CPU, images go in and vectors come out in the memory that they lie
-    in.
+    It runs in inference mode and as in ``module.eval()``; after each call the module is as before.
+    On the CPU neither images nor vectors are copied.
 
     Needs PyTorch: see https://pytorch.org/get-started.
 
-    Parameters ---------- module : torch.nn.Module Takes (n, 3, H, W) float32, gives (n, ...).
-    transform : callable, optional Makes a tensor (3, H, W) of a Pillow image in RGB, as
-    torchvision's transforms do. Without it, images are resized to ``size`` (Pillow's antialiased
-    bilinear, or ``resample="bicubic"``) and normalised. device : str or torch.device, optional The
-    module is moved there, if it is not there already; by default it stays where its parameters are.
-    batch : int Images a run. name : str, optional What the map remembers; ``torch:`` and the
-    module's class by default. autocast : bool or torch.dtype True computes in the device's usual
-    half precision, a type in that one; False, the default, in the module's. size : (int, int),
-    optional Width and height, without a ``transform``; by default images stay as they are. mean,
-    std : three floats, optional Of RGB / 255, without a ``transform``: ImageNet's by default, None
-    for both leaves 0 to 1. resample : {"bilinear", "bicubic"} recipe : mapping, optional More that
-    belongs into the recipe, such as where the weights came from.
+    Parameters
+    ----------
+    module : torch.nn.Module
+        Takes (n, 3, H, W) float32, gives (n, ...).
+    transform : callable, optional
+        Makes a tensor (3, H, W) of a Pillow image in RGB, as torchvision's transforms do. Without
+        it, images are resized to ``size`` (Pillow's antialiased bilinear, or
+        ``resample="bicubic"``) and normalised.
+    device : str or torch.device, optional
+        The module is moved there; by default it stays where its parameters are.
+    batch : int
+        Images a run.
+    name : str, optional
+        For the map; ``torch:`` and the module's class by default.
+    autocast : bool or torch.dtype
+        True computes in the device's usual half precision, a type in that one; False, the default,
+        in the module's.
+    size : (int, int), optional
+        Width and height, without a ``transform``; by default images stay as they are.
+    mean, std : three floats, optional
+        Of RGB / 255, without a ``transform``: ImageNet's by default, None for both leaves 0 to 1.
+    resample : {"bilinear", "bicubic"}
+    recipe : mapping, optional
+        Additions to the recipe, such as the source of the weights.
 
     Raises
     ------
     SurefixError
-        Where PyTorch is missing.
+        If PyTorch is missing.
     SurefixValueError
-        Where the module is none, or an option is not what it must be.
+        If the module is none, or an option has a wrong value.
 
     Examples
     --------
     >>> from surefix.descriptors import Torch
-    >>> backbone = torchvision.models.resnet18(weights="DEFAULT")                               # doctest: +SKIP
-    >>> backbone.fc = torch.nn.Identity()                                                       # doctest: +SKIP
-    >>> Torch(backbone, size=(320, 240)).describe(image).shape                                  # doctest: +SKIP
+    >>> backbone = torchvision.models.resnet18(weights="DEFAULT")   # doctest: +SKIP
+    >>> backbone.fc = torch.nn.Identity()   # doctest: +SKIP
+    >>> Torch(backbone, size=(320, 240)).describe(image).shape   # doctest: +SKIP
     (1, 512)
     """
 
@@ -72,18 +83,15 @@ class Torch:
         resample: str = "bilinear",
         recipe: Mapping[str, object] | None = None,
     ) -> None:
-        library = needed("torch", "a PyTorch module", "PyTorch", "torch")
+        library = require("torch", "a PyTorch module", "PyTorch", "torch")
         if not isinstance(module, library.nn.Module):
-            raise SurefixValueError(
-                f"module: expected a torch.nn.Module, got {type(module).__name__}"
-            )
-        if not isinstance(batch, int) or batch < 1:
-            raise SurefixValueError(f"batch: expected a whole number of at least 1, got {batch!r}")
+            raise mismatch("module", "a torch.nn.Module", type(module).__name__)
         if transform is not None and (size is not None or not callable(transform)):
             raise SurefixValueError(
                 "transform: expected something to call with an image, and then no size"
             )
-        self.module, self.transform, self.batch, self.autocast = module, transform, batch, autocast
+        self.module, self.transform, self.autocast = module, transform, autocast
+        self.batch = checked_batch(batch)
         self.name = name or f"torch:{type(module).__name__}"
         self._torch = library
         self._input = NetworkInput(size, mean, std, resample)
@@ -106,9 +114,7 @@ class Torch:
 
     @property
     def recipe(self) -> Mapping[str, object]:
-        """The module's class, a SHA-256 over its weights as they were given, and how images are
-        prepared.
-        """
+        """The module's class, a SHA-256 of its initial weights, and the preparation of images."""
         return dict(self._recipe)
 
     def describe(
@@ -116,18 +122,14 @@ class Torch:
     ) -> npt.NDArray[np.float32]:
         """The vectors of some images, (n, dim); of one image, given as an array, (1, dim).
 
-        Raises ------ SurefixValueError Where an image is not uint8 (H, W) or (H, W, 3), or the
-        output is not a finite vector an image.
+        Raises
+        ------
+        SurefixValueError
+            If an image is not uint8 (H, W) or (H, W, 3), or the output is not a finite vector an
+            image.
         """
-        several = as_images(images)
-        if not several:
-            raise SurefixValueError("images: expected at least one, got none")
         with _evaluating(self.module):
-            runs = [
-                self._run(several[start : start + self.batch], start)
-                for start in range(0, len(several), self.batch)
-            ]
-        return runs[0] if len(runs) == 1 else np.concatenate(runs)
+            return in_batches(images, self.batch, self._run)
 
     def __repr__(self) -> str:
         return (
@@ -141,18 +143,19 @@ class Torch:
                 output = self.module(planes)
             except Exception as error:
                 raise SurefixValueError(
-                    f"{self.name}: the module does not run on images of the shape {tuple(planes.shape)}: "
-                    f"{_first_line(error)}"
+                    f"{self.name}: the module does not run on images of the shape "
+                    f"{tuple(planes.shape)}: {_first_line(error)}"
                 ) from error
             if not isinstance(output, self._torch.Tensor):
                 raise SurefixValueError(
-                    f"{self.name}: expected a module that gives a tensor, ({len(images)}, ...) for {len(images)} "
-                    f"images, got {type(output).__name__}; wrap it in one that picks what is the vector"
+                    f"{self.name}: expected a module that gives a tensor, ({len(images)}, ...) for "
+                    f"{len(images)} images, got {type(output).__name__}; wrap it in one that picks "
+                    "the vector"
                 )
             if output.ndim < 2 or output.shape[0] != len(images):
                 raise SurefixValueError(
-                    f"{self.name}: expected a vector an image, ({len(images)}, ...) for {len(images)} images, "
-                    f"got the shape {tuple(output.shape)}"
+                    f"{self.name}: expected a vector an image, ({len(images)}, ...) for "
+                    f"{len(images)} images, got the shape {tuple(output.shape)}"
                 )
             rows = np.from_dlpack(output.flatten(1).to("cpu", self._torch.float32).contiguous())
         names = [f"image {start + index} of the call" for index in range(len(images))]
@@ -161,17 +164,15 @@ class Torch:
     def _planes(self, images: list[npt.NDArray[np.uint8]]) -> Any:
         if self.transform is None:
             return self._torch.from_dlpack(self._input.batch(images))
-        pillow = needed("PIL.Image", "a transform of images", "Pillow", "surefix[learned]")
+        pillow = require("PIL.Image", "a transform of images", "Pillow", "surefix[learned]")
         planes = [self.transform(pillow.fromarray(image).convert("RGB")) for image in images]
         for index, plane in enumerate(planes):
             if not isinstance(plane, self._torch.Tensor) or plane.shape != planes[0].shape:
-                got = (
-                    tuple(plane.shape)
-                    if isinstance(plane, self._torch.Tensor)
-                    else type(plane).__name__
-                )
+                tensor = isinstance(plane, self._torch.Tensor)
+                got = tuple(plane.shape) if tensor else type(plane).__name__
                 raise SurefixValueError(
-                    f"transform: expected tensors of one shape, (3, H, W), got {got} for image {index} of the batch"
+                    f"transform: expected tensors of one shape, (3, H, W), got {got} for image "
+                    f"{index} of the batch"
                 )
         return self._torch.stack(planes)
 
@@ -184,7 +185,7 @@ class Torch:
 
 @contextmanager
 def _evaluating(module: "torch.nn.Module") -> Iterator[None]:
-    """As by ``eval()``; then each part of it as it was."""
+    """As by ``eval()``; then each part in its former mode."""
     training = [part for part in module.modules() if part.training]
     module.eval()
     try:
@@ -195,9 +196,7 @@ def _evaluating(module: "torch.nn.Module") -> Iterator[None]:
 
 
 def _sha256(library: Any, module: "torch.nn.Module") -> str:
-    """Over the names, types, shapes and bytes of all weights and buffers, in the order of their
-    names.
-    """
+    """Of the names, types, shapes and bytes of all weights and buffers, ordered by name."""
     state = hashlib.sha256()
     for name, tensor in sorted(module.state_dict().items()):
         if not hasattr(tensor, "detach"):
@@ -206,7 +205,7 @@ def _sha256(library: Any, module: "torch.nn.Module") -> str:
             )
         flat = tensor.detach().cpu().contiguous().flatten()
         state.update(f"{name} {flat.dtype} {tuple(tensor.shape)}\0".encode())
-        # Bytes, as NumPy does not know all of PyTorch's types.
+        # As bytes: NumPy lacks some of PyTorch's types.
         state.update(memoryview(flat.view(library.uint8).numpy()))
     return state.hexdigest()
 

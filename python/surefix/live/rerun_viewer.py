@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from surefix import SurefixError
-from surefix._extra import needed
+from surefix._extra import require
 
 __all__ = ["load_rerun", "open_viewer", "viewer_obstacle"]
 
@@ -22,7 +22,7 @@ def load_rerun() -> Any:
     SurefixError
         Where it is not installed: the error says what to install.
     """
-    return needed("rerun", "the live view", "rerun", "surefix[live]")
+    return require("rerun", "the live view", "rerun", "surefix[live]")
 
 
 def viewer_obstacle() -> str | None:

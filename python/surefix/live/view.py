@@ -20,7 +20,7 @@ class View(Protocol):
 
         Parameters
         ----------
-        frame : array or surefix.streams.Frame
+        frame : array or surefix.frames.Frame
             What was pushed: an image, a descriptor, or a stream's frame.
         fix : Fix
             What the push gave.

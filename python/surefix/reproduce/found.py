@@ -9,12 +9,12 @@ import numpy as np
 from surefix import datasets
 from surefix.baselines.distances import Distances
 from surefix.baselines.truth import Truth
-from surefix.datasets.folders import read_truth
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.reproduce.case import Case
 from surefix.reproduce.comparison import stem
 from surefix.reproduce.images import SAD, sad_distances
 from surefix.reproduce.matrices import as_distances, kind, read_matrix
+from surefix.tables.truth import read_truth
 
 __all__ = ["METRES", "Found", "check_pairs", "find_datasets", "load_cases", "read_pairs"]
 

@@ -1,5 +1,5 @@
-//! Every kernel of every instruction set against naive sums: 100,000 cases each, or what
-//! `PROPTEST_CASES` says.
+//! Every kernel of every instruction set against naive sums: 10,000 cases each, or the number in
+//! `PROPTEST_CASES` (`make test-long` has 100,000).
 
 use std::any::type_name;
 
@@ -93,7 +93,7 @@ fn pools<T: Drawn>(random: &mut SplitMix64, size: usize) -> [Vec<T>; 4] {
 }
 
 fn cases() -> usize {
-    std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(100_000)
+    std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(10_000)
 }
 
 /// The sixteen sums of method 1.6, one number at a time.
@@ -307,7 +307,7 @@ fn long_rows_overflow_nothing() {
     }
 }
 
-/// What the cosine's fused products rest on.
+/// The cosine's fused products rest on this.
 #[test]
 fn the_product_of_two_f32_is_exact_in_f64() {
     let mut random = SplitMix64(3);

@@ -179,6 +179,7 @@ def test_arrays_of_images_and_of_descriptors(drives: Path, tmp_path: Path) -> No
     )
 
 
+@pytest.mark.slow
 def test_a_terminal_gets_a_live_table_and_a_summary(drives: Path) -> None:
     leader, follower = pty.openpty()
     command = [
@@ -331,6 +332,7 @@ def test_queries_that_cannot_be_used_are_not_called_none(drives: Path, tmp_path:
         assert done.stderr.startswith("0 fixes: it stopped before the first\n")
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_seen_enough_is_no_error(drives: Path) -> None:
     run = (
         f"'{sys.executable}' -m surefix run {drives}/route.safetensors {drives}/winter | head -n 1"
@@ -353,6 +355,7 @@ def test_the_input_is_never_the_output(drives: Path, tmp_path: Path) -> None:
     assert before == {path: path.read_bytes() for path in (queries, route)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("streams", [">&-", "> /dev/full", "2>&-", ">&- 2>&-", "-o /dev/full"])
 def test_streams_that_refuse_are_no_traceback(drives: Path, streams: str) -> None:
     run = f"'{sys.executable}' -m surefix run {drives}/route.safetensors {drives}/winter {streams}"

@@ -19,27 +19,21 @@ pytest.importorskip("matplotlib")
 
 from PIL import Image
 
+from commands import surefix_, surefix_process
 from html_reader import read
 from surefix.plot import Outcome
 from surefix.report.drive_report import FILES
+
+# The fixtures draw whole reports.
+pytestmark = pytest.mark.slow
 
 PLACES, SIZE, SEED = 120, (96, 48), 3
 PICTURES = [name for name in FILES if name.endswith(".png")]
 
 
 def surefix_demo(*options: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Runs the command in a pipe."""
-    command = [sys.executable, "-W", "error", "-m", "surefix", "demo", *options]
-    # What a continuous integration sets to get colours would hide what a pipe gets.
-    inherited = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "TTY_COMPATIBLE")}
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        env=inherited | environment,
-        check=False,
-    )
+    """Runs the command in a process of its own, with any exit code."""
+    return surefix_process("demo", *options, code=None, **environment)
 
 
 @dataclass
@@ -170,8 +164,7 @@ def test_the_page_is_whole_and_needs_nothing_else(demo: Demo) -> None:
 def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     out = tmp_path / "file" / "demo"
-    said = surefix_demo("--out", str(out))
-    assert said.returncode == 1
+    said = surefix_("demo", "--out", out, code=1)
     assert said.stdout == ""
     assert said.stderr.startswith(f"surefix: {out}: cannot make the output folder: ")
     assert said.stderr.count("\n") == 1
@@ -179,8 +172,8 @@ def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
 
 def test_a_report_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "route.png").mkdir()
-    said = surefix_demo("--out", str(tmp_path), "--places", "20", "--width", "32", "--height", "16")
-    assert said.returncode == 1
+    size = ("--places", 20, "--width", 32, "--height", 16)
+    said = surefix_("demo", "--out", tmp_path, *size, code=1)
     assert said.stderr.startswith(f"surefix: {tmp_path}: cannot write the report: ")
     assert said.stderr.count("\n") == 1
 
@@ -201,7 +194,7 @@ def test_without_matplotlib_one_line_says_how_to_install_it(tmp_path: Path) -> N
     "options", [("--places", "1"), ("--width", "wide"), ("--sequence-length", "0")]
 )
 def test_bad_usage_is_exit_code_2(options: Sequence[str]) -> None:
-    assert surefix_demo(*options).returncode == 2
+    surefix_("demo", *options, code=2)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a pseudo-terminal is needed")

@@ -23,6 +23,9 @@ from html_reader import Reader, read
 from surefix import baselines, cli
 from surefix.report.comparison_report import FILES
 
+# The fixtures draw whole reports.
+pytestmark = pytest.mark.slow
+
 PLACES = 70
 METHODS = ("sequence", "weighted", "single", "masked")
 
@@ -333,7 +336,7 @@ def test_metres_are_not_the_tolerance_of_the_calibration(
     capsys.readouterr()
 
 
-def test_a_line_warns_of_similarities_and_of_queries_that_nobody_judged(
+def test_a_line_warns_of_similarities_and_of_queries_that_were_not_judged(
     drives: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

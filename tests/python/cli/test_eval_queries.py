@@ -86,6 +86,7 @@ def fixes(folder: Path, method: str = "weighted") -> list[dict[str, str]]:
         return [row for row in csv.DictReader(file) if row["method"] == method]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["own", "running"])
 def test_a_map_by_a_network_is_judged_by_the_fixes_of_a_run(
     drives: Path, tmp_path: Path, run: Run, name: str
@@ -118,6 +119,7 @@ def test_a_map_by_a_network_is_judged_by_the_fixes_of_a_run(
     assert cache.exists()
 
 
+@pytest.mark.slow
 def test_a_recording_is_evaluated_as_its_frames_in_a_folder_are(
     drives: Path, tmp_path: Path, run: Run
 ) -> None:
@@ -136,6 +138,7 @@ def test_a_recording_is_evaluated_as_its_frames_in_a_folder_are(
         assert (out / "mistakes.png").read_bytes() == (folder / "mistakes.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_some_frames_of_a_recording_are_the_queries(tmp_path: Path, run: Run) -> None:
     assert run("third.safetensors", "winter.mkv", "--stride", 3, *OPTIONS, "-o", tmp_path) == (
         0,
@@ -144,6 +147,7 @@ def test_some_frames_of_a_recording_are_the_queries(tmp_path: Path, run: Run) ->
     assert [row["name"] for row in fixes(tmp_path)] == [str(index) for index in range(0, PLACES, 3)]
 
 
+@pytest.mark.slow
 def test_a_recording_has_the_pictures_of_ready_distances(tmp_path: Path, run: Run) -> None:
     for out, queries in (("folder", "winter"), ("video", "winter.mkv")):
         assert run("D.npy", queries, *OPTIONS, "-o", tmp_path / out)[0] == 0

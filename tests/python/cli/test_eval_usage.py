@@ -102,7 +102,7 @@ MISTAKES: dict[str, tuple[list[str], int, str]] = {
     "images for distances": (
         ["winter.npy", "--truth", "identity"],
         1,
-        "winter.npy: expected a matrix of floats",
+        "winter.npy: expected a matrix of numbers",
     ),
     "a folder for a map": ([".", "winter.npy", "--truth", "identity"], 1, "surefix map build"),
     "no truth file": (["D.npy", "--truth", "gone.csv"], 1, "gone.csv: cannot read"),
@@ -205,7 +205,7 @@ def test_a_mistake_gets_one_clear_message(
 
 
 def test_a_table_has_a_row_a_query_in_any_order(tmp_path: Path) -> None:
-    from surefix.cli.truth import read_truth
+    from surefix.tables.truth import read_truth
 
     file = tmp_path / "truth.csv"
     file.write_text("# mine\n3,-1\n0,3\n2,\n1,4\n0,3\n")
@@ -213,27 +213,28 @@ def test_a_table_has_a_row_a_query_in_any_order(tmp_path: Path) -> None:
 
 
 def test_degrees_of_both_drives_become_metres_about_one_origin(tmp_path: Path) -> None:
-    from surefix.cli.positions import on_one_plane, read_either, read_positions
+    from surefix.tables.positions import on_one_plane, read_metres, read_positions
 
     names = [tmp_path / f"{name}.csv" for name in ("references", "queries", "plane")]
     names[0].write_text("time,lat,lon\n1,51.76,179.999\n2,51.761,179.999\n")
     names[1].write_text("Latitude,Longitude\n51.761,-179.999\n")
     names[2].write_text("x,y\n0,0\n0,0.5\n")
-    places, queries = on_one_plane(read_either(names[0]), read_either(names[1]))
+    places, queries = on_one_plane(read_positions(names[0]), read_positions(names[1]))
     assert np.linalg.norm(places[1] - places[0]) == pytest.approx(111.26, abs=0.01)
     # Across the date line: 0.002 degrees, each 111.32 km times the cosine of the latitude, and a
     # little for the globe.
     assert queries[0] - places[1] == pytest.approx(
         [0.002 * 111_320 * np.cos(np.radians(51.761)), 0], rel=3e-3
     )
-    assert read_positions(names[2]).tolist() == [[0, 0], [0, 0.5]]
+    assert read_metres(names[2]).tolist() == [[0, 0], [0, 0.5]]
     with pytest.raises(
         surefix.SurefixValueError,
         match=r"references.csv: expected metres, as a map holds no degrees",
     ):
-        read_positions(names[0])
+        read_metres(names[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["matplotlib", "PIL"])
 def test_without_what_draws_one_line_says_how_to_install_it(
     module: str, drives: Path, tmp_path: Path

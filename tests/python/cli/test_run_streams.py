@@ -22,12 +22,12 @@ from PIL import Image
 import surefix
 from commands import surefix_, surefix_process
 from recordings import Bag, write_video
-from surefix.cli import recording
-from surefix.cli.fixes import JsonFixes
+from surefix.cli.fixes import Summary, json_writer
 from surefix.cli.run import localize
-from surefix.cli.tally import Tally
+from surefix.descriptors import mapping
+from surefix.frames import Frame, Frames, KeepNewest, Shot
+from surefix.frames import open as frames_open
 from surefix.simulate import Route
-from surefix.streams import Frame, KeepNewest, Shot, Stream, open_stream
 
 PLACES = 40
 PLAIN = "frame query place place_name score trusted ready anchors speed single_place single_distance gradient_place"
@@ -154,7 +154,7 @@ def test_images_that_change_size_are_nothing_to_a_sad_map(drive: Path, tmp_path:
     assert [row["query"] for row in found] == [f"{index}.png" for index in range(4)]
 
 
-class Changing(Stream):
+class Changing(Frames):
     """Ready descriptors of 5 numbers, and then one of 7."""
 
     def shots(self) -> Generator[Shot, None, None]:
@@ -165,14 +165,15 @@ class Changing(Stream):
 
 def test_a_change_of_size_that_cannot_be_used_is_named_with_both_sizes() -> None:
     localizer = surefix.Localizer(surefix.Map.from_descriptors(np.eye(4, 5, dtype=np.float32)))
-    tally = Tally()
+    summary = Summary()
     with pytest.raises(
         surefix.SurefixValueError, match=r"^row 3: the images change size here, from 5 to 7: .*5.*7"
     ):
-        localize(localizer, Changing(), JsonFixes(io.StringIO()), tally)
-    assert tally.summary(None).startswith("3 fixes, ")
+        localize(localizer, Changing(), json_writer(io.StringIO()), summary)
+    assert summary.text(None).startswith("3 fixes, ")
 
 
+@pytest.mark.slow
 def test_a_file_that_is_no_image_does_not_end_a_run_that_follows(
     drive: Path, tmp_path: Path
 ) -> None:
@@ -200,14 +201,15 @@ def test_a_file_that_is_no_image_does_not_end_a_run_that_follows(
 
 def test_one_fix_is_in_the_singular() -> None:
     localizer = surefix.Localizer(surefix.Map.from_descriptors(np.eye(4, 5, dtype=np.float32)))
-    tally = Tally()
+    summary = Summary()
     stream = KeepNewest([Frame(np.ones(5, np.float32), 1.0, "0", 1, True)], 1)  # type: ignore[arg-type]
-    localize(localizer, stream, None, tally)
+    localize(localizer, stream, None, summary)
     assert re.match(
-        r"1 fix, \d trusted \(\d+%\), 1 frame dropped, 1 gap, latency", tally.summary(None)
+        r"1 fix, \d trusted \(\d+%\), 1 frame dropped, 1 gap, latency", summary.text(None)
     )
 
 
+@pytest.mark.slow
 def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: Path) -> None:
     arguments = ["run", drive / "route.safetensors", tmp_path, "--follow", "--idle", "4"]
     command = [sys.executable, "-m", "surefix", *map(str, arguments)]
@@ -231,6 +233,7 @@ def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: P
     ]
 
 
+@pytest.mark.slow
 def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
     out = tmp_path / "fixes.csv"
     arguments = ["run", drive / "route.safetensors", drive / "images", "--follow", "-o", out]
@@ -251,7 +254,8 @@ def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
     assert err.count("\n") == 1
 
 
-def test_a_terminal_counts_frames_whose_number_nobody_knows(drive: Path) -> None:
+@pytest.mark.slow
+def test_a_terminal_counts_frames_of_an_unknown_number(drive: Path) -> None:
     leader, follower = pty.openpty()
     options = ["--every", "0.5", "--gap", "1"]
     command = [
@@ -372,9 +376,9 @@ def test_a_map_of_a_video_or_a_bag_is_that_of_its_images(drive: Path, tmp_path: 
 def test_a_long_recording_is_described_piece_by_piece(
     drive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording, "AT_ONCE", 7)
+    monkeypatch.setattr(mapping, "AT_ONCE", 7)
     where = np.arange(80.0).reshape(40, 2)
-    route = recording.map_of_recording(open_stream(drive / "drive.mkv"), surefix.Sad(), where)
+    route = mapping.sad_map(frames_open(drive / "drive.mkv"), surefix.Sad(), where)
     whole = surefix.Map.from_images(drive / "images", progress=False)
     assert np.array_equal(route.descriptors, whole.descriptors)
     assert route.positions is not None
@@ -384,9 +388,7 @@ def test_a_long_recording_is_described_piece_by_piece(
         with pytest.raises(
             surefix.SurefixValueError, match=f"a frame for each of {count} positions, got 40"
         ):
-            recording.map_of_recording(
-                open_stream(drive / "drive.mkv"), surefix.Sad(), np.zeros((count, 2))
-            )
+            mapping.sad_map(frames_open(drive / "drive.mkv"), surefix.Sad(), np.zeros((count, 2)))
 
 
 def test_options_of_recordings_are_for_recordings(drive: Path, tmp_path: Path) -> None:

@@ -187,7 +187,7 @@ def test_a_plain_reader_finds_the_chain_in_the_file(tmp_path: Path) -> None:
     with safe_open(tmp_path / "route.safetensors", "np") as file:
         entry = json.loads(file.metadata()["surefix"])
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    assert entry["version"] == 2
+    assert entry["version"] == 1
     assert entry["post"] == [{"step": "standardize"}, {"step": "pca", "dim": 10, "whiten": True}]
     vector = ((query - tensors["post.0.offset"]) * tensors["post.0.scale"]).astype(np.float32)
     vector = tensors["post.1.matrix"].astype(np.float64) @ (

@@ -195,6 +195,16 @@ class TestFolders:
         assert datasets.folders(two_folders, truth="truth.csv").truth.tolist() == [10, -1, -1]  # type: ignore[union-attr]
 
     @pytest.mark.parametrize(
+        "text",
+        ["reference,note,query\n10,clear,0\n-1,,1\n4,fog,2\n", "0,10\n1,\n2,4\n2,4\n"],
+    )
+    def test_columns_come_in_any_order_and_a_header_may_be_left_out(
+        self, two_folders: Path, text: str
+    ) -> None:
+        (two_folders / "truth.csv").write_text(text)
+        assert datasets.folders(two_folders, truth="truth.csv").truth.tolist() == [10, -1, 4]  # type: ignore[union-attr]
+
+    @pytest.mark.parametrize(
         ("text", "said"),
         [
             (
@@ -203,17 +213,23 @@ class TestFolders:
             ),
             (
                 "query,reference\n0,1\n1,2\n2,x\n",
-                "row 4: expected the index of a reference, a whole number, got 'x'",
+                "row 4, column reference: expected a whole number from 0 to 10, or -1 for none, got 'x'",
             ),
             (
                 "query,reference\n0,1\n1,2\n2,11\n",
-                "row 4: expected a reference from -1 to 10, got 11",
+                "row 4, column reference: expected a whole number from 0 to 10, or -1 for none, got '11'",
             ),
-            ("query,reference\n0,1\n3,2\n", "row 3: expected a query from 0 to 2, got 3"),
-            ("query,reference\n0,1\n0,2\n", "row 3: expected each query once, got query 0 twice"),
-            ("query,reference\n0\n", "row 2: expected 2 values, got 1"),
+            (
+                "query,reference\n0,1\n3,2\n",
+                "row 3, column query: expected a whole number from 0 to 2, got '3'",
+            ),
+            (
+                "query,reference\n0,1\n0,2\n",
+                "row 3: expected one reference a query, got 2 for query 0, which has 1 in row 2",
+            ),
+            ("query,reference\n0\n", "row 2: expected 2 values, query,reference, got 1"),
             ("q,r\n0,1\n", "row 1: expected the columns query,reference, got q,r"),
-            ("query,reference\n", "got 1 lines"),
+            ("query,reference\n", "expected rows of query,reference, got none"),
             ("query,reference\n0,99999999999999999999\n", "row 2"),
         ],
     )
@@ -236,7 +252,8 @@ class TestFolders:
         pair = datasets.folders(two_folders, truth="truth.npy")
         assert pair.truth is not None
         assert (pair.truth.dtype, pair.truth.tolist()) == (np.int64, [4, -1, 10])
-        for wrong in (np.array([4, -1]), np.array([4.0, 1.0, 2.0]), np.array([4, 1, 11])):
+        matrix = np.zeros((11, 3), np.int64)
+        for wrong in (np.array([4, -1]), np.array([4.0, 1, 2]), np.array([4, 1, 11]), matrix):
             np.save(two_folders / "truth.npy", wrong)
             with pytest.raises(surefix.SurefixValueError, match="expected"):
                 datasets.folders(two_folders, truth="truth.npy")
@@ -414,6 +431,24 @@ class TestRegistry:
     def test_the_seasons_of_the_images_are_listed(self, railway: Path, inside: str) -> None:
         (railway / "Dataset_images/test/fall_images_test").rename(railway / "elsewhere")
         assert datasets.traverses("nordland", railway / inside) == ["summer", "winter", "spring"]
+
+    def test_a_data_set_is_known_by_its_signs(self, gardens: Path, railway: Path) -> None:
+        def looks_like(folder: Path) -> list[str]:
+            return [
+                name
+                for name, dataset in datasets.DATASETS.items()
+                if any(path for sign in dataset.signs for path in folder.glob(sign))
+            ]
+
+        # Both fixtures are trees in one folder.
+        assert looks_like(gardens) == ["gardens_point", "nordland"]
+        (railway / "Dataset_images").rename(railway / "elsewhere")
+        (railway / "reference").mkdir()
+        (railway / "recording_2020-03-24_17-36-22").mkdir()
+        (railway / "2014-12-09-13-21-02").mkdir()
+        for walk in ("day_left", "day_right", "night_right"):
+            (railway / walk).rename(railway / f"a {walk}")
+        assert looks_like(railway) == ["four_seasons", "robotcar", "folders"]
 
     def test_unknown_names_and_options_list_the_known_ones(self, gardens: Path) -> None:
         with pytest.raises(surefix.SurefixValueError, match=r"gardens_point, nordland.*'kitti'"):

@@ -1,4 +1,4 @@
-"""Metres on a plane, a frame every so many metres, the nearest place: against formulae written
+"""Metres on a plane, a frame every few metres, the nearest place: against formulae written
 another way.
 """
 
@@ -12,7 +12,7 @@ import pytest
 
 import surefix
 from surefix.datasets import local_metres, pair_by_position, subsample
-from surefix.datasets.positions import interpolate
+from surefix.tables.metres import interpolate
 
 A, E2 = 6378137.0, 6.69437999014e-3  # WGS84, as tabulated
 
@@ -124,7 +124,7 @@ def test_pairing_in_chunks_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     random = np.random.default_rng(5)
     references, queries = random.uniform(0, 50, (70, 2)), random.uniform(0, 50, (40, 2))
     whole = pair_by_position(references, queries, 6.0)
-    monkeypatch.setattr("surefix.datasets.positions._DISTANCES_AT_ONCE", 71 * 3)
+    monkeypatch.setattr("surefix.tables.metres._DISTANCES_AT_ONCE", 71 * 3)
     np.testing.assert_array_equal(pair_by_position(references, queries, 6.0), whole)
 
 

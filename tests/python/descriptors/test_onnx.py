@@ -237,6 +237,7 @@ def backbone() -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_a_real_backbone_finds_its_way_through_the_seasons() -> None:
     nordland = real_data.folder() / "nordland"
     network = Onnx(backbone(), output="feat_s16", size=(256, 128))

@@ -118,7 +118,7 @@ def test_pairs_files_of_kapture_and_hloc_are_read(tmp_path: Path) -> None:
     ):
         read_pairs(file, [*REFERENCES, "/data/spring/1.png"], QUERIES)
     file.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(surefix.SurefixValueError, match="expected text"):
+    with pytest.raises(surefix.SurefixValueError, match="expected a text file in UTF-8"):
         read_pairs(file, REFERENCES, QUERIES)
     with pytest.raises(surefix.SurefixFileError, match="cannot read the pairs"):
         read_pairs(tmp_path / "no.txt", REFERENCES, QUERIES)

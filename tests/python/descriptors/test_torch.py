@@ -165,7 +165,7 @@ def test_what_does_not_fit_is_named() -> None:
 
 @pytest.fixture
 def offline(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
-    """A hub folder of its own, and a proxy where nothing listens."""
+    """A hub folder of its own, and a proxy that does not listen."""
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]

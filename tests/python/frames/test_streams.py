@@ -12,18 +12,8 @@ from PIL import Image
 
 import surefix
 from recordings import pictures
-from surefix.streams import (
-    ArrayStream,
-    Every,
-    Frame,
-    Gaps,
-    ImageStream,
-    KeepNewest,
-    Stream,
-    Stride,
-    VideoStream,
-    open_stream,
-)
+from surefix.frames import Every, Frame, Frames, Gaps, ImageFrames, KeepNewest, Stride, VideoFrames
+from surefix.frames import open as frames_open
 
 BLACK = np.zeros((4, 6), np.uint8)
 
@@ -42,8 +32,8 @@ def test_a_folder_comes_in_the_order_of_counting(tmp_path: Path) -> None:
     for index, image in enumerate(images):
         Image.fromarray(image).save(tmp_path / f"frame{index}.png")
     for place in (tmp_path, tmp_path / "*.png"):
-        stream = open_stream(place)
-        assert isinstance(stream, ImageStream)
+        stream = frames_open(place)
+        assert isinstance(stream, ImageFrames)
         assert (len(stream), stream.timed, stream.live) == (12, False, False)
         for _ in range(2):
             read = list(stream)
@@ -53,7 +43,7 @@ def test_a_folder_comes_in_the_order_of_counting(tmp_path: Path) -> None:
             )
             assert {(frame.time, frame.dropped, frame.gap) for frame in read} == {(None, 0, False)}
     chosen = [tmp_path / f"frame{index}.png" for index in (3, 11, 2)]
-    assert [frame.name for frame in open_stream(chosen)] == [
+    assert [frame.name for frame in frames_open(chosen)] == [
         "frame3.png",
         "frame11.png",
         "frame2.png",
@@ -64,8 +54,8 @@ def test_an_image_is_read_when_it_is_wanted(tmp_path: Path) -> None:
     Image.fromarray(BLACK).save(tmp_path / "0.png")
     (tmp_path / "1.png").write_bytes(b"none")
     Image.fromarray(BLACK).save(tmp_path / "2.png")
-    assert [frame.name for frame in open_stream(tmp_path, stride=2)] == ["0.png", "2.png"]
-    stream = iter(open_stream(tmp_path))
+    assert [frame.name for frame in frames_open(tmp_path, stride=2)] == ["0.png", "2.png"]
+    stream = iter(frames_open(tmp_path))
     assert next(stream).name == "0.png"
     with pytest.raises(surefix.SurefixValueError, match=r"1\.png"):
         next(stream)
@@ -74,11 +64,11 @@ def test_an_image_is_read_when_it_is_wanted(tmp_path: Path) -> None:
 def test_an_array_is_a_stream_of_its_rows(tmp_path: Path) -> None:
     rows = np.random.default_rng(0).normal(size=(5, 7)).astype(np.float32)
     np.save(tmp_path / "rows.npy", rows)
-    stream = open_stream(tmp_path / "rows.npy")
-    assert isinstance(stream, ArrayStream)
+    stream = frames_open(tmp_path / "rows.npy")
+    assert isinstance(stream, ImageFrames)
     assert np.array_equal(np.stack([frame.image for frame in stream]), rows)
-    assert names(open_stream(tmp_path / "rows.npy", stride=3)) == [0, 3]
-    assert len(open_stream(tmp_path / "rows.npy", stride=3)) == 2
+    assert names(frames_open(tmp_path / "rows.npy", stride=3)) == [0, 3]
+    assert len(frames_open(tmp_path / "rows.npy", stride=3)) == 2
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -129,7 +119,7 @@ def test_a_stream_says_how_long_it_is_where_it_knows() -> None:
         == len(list(Stride(frames([0, 1, 2, 3, 4]), 2)))
         == 3
     )
-    with pytest.raises(TypeError, match="Stride: how many frames"):
+    with pytest.raises(TypeError, match="Stride: the number of frames"):
         len(Stride(iter(frames([0, 1, 2])), 2))
     assert bool(Stride([], 2))
 
@@ -178,13 +168,13 @@ def test_options_that_do_not_fit_are_refused(
 ) -> None:
     Image.fromarray(BLACK).save(tmp_path / "0.png")
     with pytest.raises(surefix.SurefixValueError, match=words):
-        open_stream(tmp_path, **options)  # type: ignore[arg-type]
+        frames_open(tmp_path, **options)  # type: ignore[arg-type]
 
 
 def test_a_stride_is_a_whole_number_of_pythons_or_of_numpys() -> None:
     images = [str(index) for index in range(5)]
     for stride in (2, np.int64(2), np.uint8(2)):
-        assert len(open_stream(images, stride=stride)) == 3  # type: ignore[arg-type]
+        assert len(frames_open(images, stride=stride)) == 3  # type: ignore[arg-type]
     with pytest.raises(
         surefix.SurefixValueError, match=r"stride: expected a whole number of at least 1, got 1\.5$"
     ):
@@ -201,7 +191,8 @@ def test_seconds_are_above_0(kind: type[Every] | type[Gaps], seconds: float) -> 
 def test_frames_without_times_have_no_gaps() -> None:
     for stream in (Every(frames([None]), 1), Gaps(frames([None]), 1)):
         with pytest.raises(
-            surefix.SurefixValueError, match="expected frames that say when they were taken"
+            surefix.SurefixValueError,
+            match="expected frames with times, as those of a video or a bag; 0 has none",
         ):
             list(stream)
 
@@ -211,7 +202,7 @@ def test_a_video_a_bag_or_a_camera_cannot_be_followed(tmp_path: Path) -> None:
         with pytest.raises(
             surefix.SurefixValueError, match="follow: expected a folder or a pattern"
         ):
-            open_stream(name, follow=True)
+            frames_open(name, follow=True)
 
 
 def test_a_missing_package_is_named_with_its_extra(
@@ -225,22 +216,22 @@ def test_a_missing_package_is_named_with_its_extra(
         monkeypatch.setitem(sys.modules, module, None)
         said = rf'takes {package}, which .*: pip install "surefix\[{extra}\]"$'
         with pytest.raises(surefix.SurefixError, match=said):
-            open_stream(place)
+            frames_open(place)
 
 
 def test_the_public_streams_are_streams() -> None:
-    for kind in (ArrayStream, ImageStream, VideoStream, Stride, Every, Gaps, KeepNewest):
-        assert issubclass(kind, Stream)
+    for kind in (ImageFrames, ImageFrames, VideoFrames, Stride, Every, Gaps, KeepNewest):
+        assert issubclass(kind, Frames)
 
 
 def test_what_is_optional_is_loaded_when_it_is_needed() -> None:
-    imports = "import sys, surefix, surefix.cli, surefix.streams"
+    imports = "import sys, surefix, surefix.cli, surefix.frames"
     loaded = imports + "; print([name for name in ('av', 'rosbags', 'cv2') if name in sys.modules])"
     done = subprocess.run(
         [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
     )
     assert done.stdout == "[]\n"
-    bare = "import sys, surefix; print('surefix.streams' in sys.modules)"
+    bare = "import sys, surefix; print('surefix.frames' in sys.modules)"
     assert (
         subprocess.run([sys.executable, "-c", bare], capture_output=True, text=True).stdout
         == "False\n"

@@ -16,7 +16,8 @@ from PIL import Image
 import surefix
 from recordings import KINDS, Bag, pictures
 from surefix.datasets import demosaic
-from surefix.streams import BagStream, image_of, open_stream
+from surefix.frames import BagFrames, image_of
+from surefix.frames import open as frames_open
 
 IMAGES = pictures(6)
 # Exact in a float64, and in nanoseconds.
@@ -29,8 +30,8 @@ def test_images_and_times_are_those_that_were_written(tmp_path: Path, kind: str)
         for image, time in zip(IMAGES, TIMES, strict=True):
             bag.image("/front/image_raw", image, time, recorded=time + 3)
             bag.pose("/odom", "nav_msgs/msg/Odometry", (time, 0, 0), time)
-    stream = open_stream(bag.path)
-    assert isinstance(stream, BagStream)
+    stream = frames_open(bag.path)
+    assert isinstance(stream, BagFrames)
     assert (stream.topic, len(stream), stream.timed) == ("/front/image_raw", 6, True)
     for _ in range(2):
         frames = list(stream)
@@ -39,7 +40,7 @@ def test_images_and_times_are_those_that_were_written(tmp_path: Path, kind: str)
         assert all(
             np.array_equal(frame.image, image) for frame, image in zip(frames, IMAGES, strict=True)
         )
-    assert [frame.name for frame in open_stream(bag.path, every=0.25)] == ["0", "2", "4"]
+    assert [frame.name for frame in frames_open(bag.path, every=0.25)] == ["0", "2", "4"]
 
 
 @pytest.mark.parametrize("ending", ["mcap", "db3"])
@@ -47,7 +48,7 @@ def test_a_file_of_a_ros2_bag_is_a_bag_by_itself(tmp_path: Path, ending: str) ->
     with Bag(tmp_path, "mcap" if ending == "mcap" else "sqlite3") as bag:
         bag.image("/image", IMAGES[0], TIMES[0])
     (file,) = bag.path.glob(f"*.{ending}")
-    (frame,) = open_stream(file)
+    (frame,) = frames_open(file)
     assert np.array_equal(frame.image, IMAGES[0])
 
 
@@ -59,13 +60,13 @@ def test_a_bag_of_a_recorder_that_was_interrupted_names_its_files(tmp_path: Path
         surefix.SurefixValueError,
         match=r"the metadata\.yaml of a bag; name one of drive_mcap\.mcap$",
     ):
-        open_stream(bag.path)
+        frames_open(bag.path)
 
 
 def test_a_message_without_a_stamp_has_the_time_of_its_recording(tmp_path: Path) -> None:
     with Bag(tmp_path, "mcap") as bag:
         bag.image("/image", IMAGES[0], 0.0, recorded=TIMES[3])
-    assert [frame.time for frame in open_stream(bag.path)] == [TIMES[3]]
+    assert [frame.time for frame in frames_open(bag.path)] == [TIMES[3]]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -80,7 +81,7 @@ def test_compressed_images_are_decoded_as_pillow_does(tmp_path: Path, kind: str)
             contents, ("rgb8; png compressed bgr8", "jpeg"), TIMES, strict=False
         ):
             bag.compressed("/front/compressed", content, form, time)
-    png, jpeg = open_stream(bag.path)
+    png, jpeg = frames_open(bag.path)
     assert np.array_equal(png.image, IMAGES[0])
     pillow = np.asarray(Image.open(io.BytesIO(contents[1])), int)
     assert np.abs(jpeg.image - pillow).max() <= 3
@@ -199,7 +200,7 @@ def test_a_damaged_image_in_a_bag_is_named_and_those_before_it_are_given(tmp_pat
         for index in range(4):
             data = content.getvalue() if index != 2 else b"\x89PNG not really"
             bag.compressed("/image", data, "png", TIMES[index])
-    stream = iter(open_stream(bag.path))
+    stream = iter(frames_open(bag.path))
     assert [next(stream).name for _ in range(2)] == ["0", "1"]
     with pytest.raises(surefix.SurefixValueError, match=r"drive_mcap, /image, message 2: "):
         next(stream)
@@ -221,11 +222,11 @@ def test_the_topic_is_asked_for_where_there_are_several(tmp_path: Path) -> None:
         r"/left \(sensor_msgs/msg/Image, 6 messages\), /right \(sensor_msgs/msg/Image, 2 messages\)"
     )
     with pytest.raises(surefix.SurefixValueError, match=f"there are several: {listed}"):
-        open_stream(bag.path)
+        frames_open(bag.path)
     for wrong in ("/front", "/odom"):
         with pytest.raises(surefix.SurefixValueError, match=f"one of {listed}, got '{wrong}'"):
-            open_stream(bag.path, topic=wrong)
-    right = open_stream(bag.path, topic="/right")
+            frames_open(bag.path, topic=wrong)
+    right = frames_open(bag.path, topic="/right")
     assert len(right) == len(list(right)) == 2
     assert np.array_equal(next(iter(right)).image, IMAGES[1])
 
@@ -237,7 +238,7 @@ def test_a_bag_without_images_lists_what_it_has(tmp_path: Path, kind: str) -> No
     with pytest.raises(
         surefix.SurefixValueError, match=r"a topic of images, got /odom \(nav_msgs/msg/Odometry"
     ):
-        open_stream(bag.path)
+        frames_open(bag.path)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"hello", "cut"])
@@ -257,7 +258,7 @@ def test_what_is_no_bag_is_refused(
         path.write_bytes(content)
     kind_of_error = surefix.SurefixFileError if content is None else surefix.SurefixValueError
     with pytest.raises(kind_of_error, match=rf"drive\.{ending}"):
-        list(open_stream(path))
+        list(frames_open(path))
 
 
 def test_a_bag_damaged_in_its_middle_keeps_what_came_before(tmp_path: Path) -> None:
@@ -269,7 +270,7 @@ def test_a_bag_damaged_in_its_middle_keeps_what_came_before(tmp_path: Path) -> N
     at = data.rindex(b"rgb8") - 4
     data[at : at + 4] = b"\xff\xff\xff\x7f"
     bag.path.write_bytes(data)
-    stream = iter(open_stream(bag.path))
+    stream = iter(frames_open(bag.path))
     assert [next(stream).name for _ in range(39)] == [str(index) for index in range(39)]
     with pytest.raises(surefix.SurefixValueError, match=r"drive\.bag, /image, message 39"):
         next(stream)
@@ -281,5 +282,5 @@ def test_a_bag_of_an_older_ros2_does_not_say_what_its_messages_look_like(tmp_pat
     (file,) = bag.path.glob("*.db3")
     with closing(sqlite3.connect(file)) as database, database:
         database.execute("DELETE FROM message_definitions")
-    (frame,) = open_stream(bag.path)
+    (frame,) = frames_open(bag.path)
     assert np.array_equal(frame.image, IMAGES[0])

@@ -17,7 +17,8 @@ import pytest
 
 import surefix
 from recordings import pictures
-from surefix.streams import CameraStream, KeepNewest, open_stream
+from surefix.frames import CameraFrames, KeepNewest
+from surefix.frames import open as frames_open
 
 IMAGES = pictures(20, 96, 128)
 
@@ -61,8 +62,8 @@ def near(image: np.ndarray, index: int) -> bool:
 
 def test_a_camera_gives_what_it_sees_and_when(address: str) -> None:
     begin = time.time()
-    stream = open_stream(address, newest=False)
-    assert isinstance(stream, CameraStream)
+    stream = frames_open(address, newest=False)
+    assert isinstance(stream, CameraFrames)
     with closing(stream.frames()) as camera:
         frames = list(islice(camera, 5))
     assert [frame.name for frame in frames] == ["0", "1", "2", "3", "4"]
@@ -75,7 +76,7 @@ def test_a_camera_gives_what_it_sees_and_when(address: str) -> None:
 
 
 def test_a_camera_that_stops_is_said_after_its_frames(address: str) -> None:
-    stream = open_stream(address)
+    stream = frames_open(address)
     assert isinstance(stream, KeepNewest)
     seen = []
     message = ""
@@ -93,9 +94,9 @@ def test_a_camera_that_stops_is_said_after_its_frames(address: str) -> None:
 
 def test_a_camera_is_known_by_its_number_its_device_or_its_address() -> None:
     for place in (0, "0", "/dev/video0", "rtsp://robot.local/front"):
-        stream = open_stream(place)
+        stream = frames_open(place)
         assert isinstance(stream, KeepNewest)
-        assert isinstance(stream.source, CameraStream)
+        assert isinstance(stream.source, CameraFrames)
         assert stream.live
 
 
@@ -103,9 +104,10 @@ def test_a_camera_that_is_not_there_is_named() -> None:
     with pytest.raises(
         surefix.SurefixFileError, match=r"camera http://127\.0\.0\.1:1/x: cannot open it"
     ):
-        list(open_stream("http://127.0.0.1:1/x"))
+        list(frames_open("http://127.0.0.1:1/x"))
 
 
+@pytest.mark.slow
 def test_a_robot_runs_along_a_route_by_its_camera(address: str, tmp_path: Path) -> None:
     surefix.Map.from_images(IMAGES, progress=False).save(tmp_path / "route.safetensors")
     out = tmp_path / "fixes.csv"

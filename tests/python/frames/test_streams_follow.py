@@ -15,7 +15,8 @@ from PIL import Image
 
 import surefix
 from recordings import pictures
-from surefix.streams import FollowStream, Frame, KeepNewest, open_stream
+from surefix.frames import FollowFrames, Frame, KeepNewest
+from surefix.frames import open as frames_open
 
 IMAGES = pictures(12)
 
@@ -51,7 +52,7 @@ class Writer(threading.Thread):
 
 def follow(place: Path, count: int) -> list[Frame]:
     """The first frames, however long they take."""
-    stream = FollowStream(place, idle=60, settle=0.1, poll=0.02)
+    stream = FollowFrames(place, idle=60, settle=0.1, poll=0.02)
     with closing(stream.frames()) as frames:
         return list(islice(frames, count))
 
@@ -118,13 +119,13 @@ def test_a_writer_that_pauses_in_a_file_is_waited_for(tmp_path: Path) -> None:
 def test_a_file_that_never_becomes_an_image_is_named_once_and_counts_as_dropped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(FollowStream, "PATIENCE", 0.3)
+    monkeypatch.setattr(FollowFrames, "UNREADABLE_AFTER", 0.3)
     for index in range(6):
         (tmp_path / f"{index}.png").write_bytes(png(index))
     (tmp_path / "1.png").write_bytes(png(1)[:300])
     (tmp_path / "3.png").write_bytes(b"")
     (tmp_path / "4.png").write_bytes(b"not an image")
-    frames = list(FollowStream(tmp_path, idle=0.5, settle=0.1, poll=0.02))
+    frames = list(FollowFrames(tmp_path, idle=0.5, settle=0.1, poll=0.02))
     assert [(frame.name, frame.dropped, frame.gap) for frame in frames] == [
         ("0.png", 0, False),
         ("2.png", 1, False),
@@ -134,13 +135,13 @@ def test_a_file_that_never_becomes_an_image_is_named_once_and_counts_as_dropped(
         assert record.getMessage().startswith(f"Passed over: image {tmp_path / name}: ")
     # Without following it is an error.
     with pytest.raises(surefix.SurefixValueError, match=r"1\.png"):
-        list(open_stream(tmp_path))
+        list(frames_open(tmp_path))
 
 
 def test_a_late_file_is_taken_and_breaks_the_drive_twice(tmp_path: Path) -> None:
     for index in (1, 2, 5, 6):
         (tmp_path / f"{index}.png").write_bytes(png(index))
-    stream = iter(FollowStream(tmp_path, idle=1, settle=0, poll=0.02))
+    stream = iter(FollowFrames(tmp_path, idle=1, settle=0, poll=0.02))
     seen = [next(stream) for _ in range(4)]
     for index in (3, 4, 7, 8):
         (tmp_path / f"{index}.png").write_bytes(png(index))
@@ -152,7 +153,7 @@ def test_a_late_file_is_taken_and_breaks_the_drive_twice(tmp_path: Path) -> None
 def test_a_file_that_is_gone_before_it_is_read_counts_as_dropped(tmp_path: Path) -> None:
     for index in range(6):
         (tmp_path / f"{index}.png").write_bytes(png(index))
-    stream = iter(FollowStream(tmp_path, idle=0.2, settle=0, poll=0.02))
+    stream = iter(FollowFrames(tmp_path, idle=0.2, settle=0, poll=0.02))
     assert next(stream).name == "0.png"
     for index in (1, 2, 4):
         (tmp_path / f"{index}.png").unlink()
@@ -161,7 +162,7 @@ def test_a_file_that_is_gone_before_it_is_read_counts_as_dropped(tmp_path: Path)
 
 
 def test_a_pattern_and_an_empty_folder_are_followed_too(tmp_path: Path) -> None:
-    assert list(FollowStream(tmp_path, idle=0.05)) == []
+    assert list(FollowFrames(tmp_path, idle=0.05)) == []
 
     def camera() -> None:
         for name in ("left0", "right0", "left1"):
@@ -173,8 +174,8 @@ def test_a_pattern_and_an_empty_folder_are_followed_too(tmp_path: Path) -> None:
 
 
 def test_close_ends_the_waiting(tmp_path: Path) -> None:
-    stream = open_stream(tmp_path, follow=True)
-    assert (type(stream), stream.live, stream.timed) == (FollowStream, True, True)
+    stream = frames_open(tmp_path, follow=True)
+    assert (type(stream), stream.live, stream.timed) == (FollowFrames, True, True)
     over = threading.Event()
 
     def stop() -> None:
@@ -192,7 +193,7 @@ def test_close_ends_the_waiting(tmp_path: Path) -> None:
 
 def test_a_queue_wakes_a_stream_that_waits(tmp_path: Path) -> None:
     (tmp_path / "0.png").write_bytes(png(0))
-    queue = KeepNewest(FollowStream(tmp_path))
+    queue = KeepNewest(FollowFrames(tmp_path))
     stream = queue.frames()
     assert next(stream).name == "0.png"
     # No second file comes, ever: without a wake-up this would not return.
@@ -203,15 +204,15 @@ def test_gaps_are_seen_in_the_times_of_writing(tmp_path: Path) -> None:
     for index, written in enumerate((100, 101, 109, 110)):
         (tmp_path / f"{index}.png").write_bytes(png(index))
         os.utime(tmp_path / f"{index}.png", (written, written))
-    frames = list(open_stream(tmp_path, follow=True, idle=0.05, gap=2))
+    frames = list(frames_open(tmp_path, follow=True, idle=0.05, gap=2))
     assert [frame.time for frame in frames] == [100, 101, 109, 110]
     assert [frame.gap for frame in frames] == [False, False, True, False]
 
 
 def test_no_folder_and_seconds_below_0_are_refused(tmp_path: Path) -> None:
     with pytest.raises(surefix.SurefixFileError, match=r"nowhere: cannot follow the folder"):
-        FollowStream(tmp_path / "nowhere")
+        FollowFrames(tmp_path / "nowhere")
     with pytest.raises(
         surefix.SurefixValueError, match="idle: expected seconds, 0 or more, got -1"
     ):
-        FollowStream(tmp_path, idle=-1)
+        FollowFrames(tmp_path, idle=-1)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import surefix
-from surefix.streams import Frame, KeepNewest, Stride
+from surefix.frames import Frame, KeepNewest, Stride
 
 BLACK = np.zeros((4, 6), np.uint8)
 
@@ -168,7 +168,7 @@ def test_a_size_of_0_is_refused() -> None:
 
 WAITING = """
 import time
-from surefix.streams import KeepNewest, newest
+from surefix.frames import KeepNewest, newest
 
 def camera():
     print("waiting", flush=True)
@@ -176,7 +176,7 @@ def camera():
         time.sleep(0.01)
     yield
 
-newest._Queue.FAREWELL = 0.1
+newest._Queue.JOIN_TIMEOUT = 0.1
 try:
     for frame in KeepNewest(camera()):
         pass

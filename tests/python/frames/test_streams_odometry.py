@@ -1,4 +1,4 @@
-"""A frame every so many metres."""
+"""A frame every few metres."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -10,7 +10,8 @@ import pytest
 import surefix
 from recordings import KINDS, Bag, pictures
 from surefix.datasets import local_metres
-from surefix.streams import EveryMetres, Frame, Odometry, open_stream
+from surefix.frames import EveryMetres, Frame, Odometry
+from surefix.frames import open as frames_open
 
 BLACK = np.zeros((4, 6), np.uint8)
 Float64 = npt.NDArray[np.float64]
@@ -25,7 +26,7 @@ def taken(times: Float64, odometry: Odometry, metres: float) -> list[int]:
 
 
 def every_metres(distance: Float64, metres: float) -> list[int]:
-    """Of frames at these distances along a line: the first of each stretch of so many metres."""
+    """Of frames at these distances along a line: the first of each stretch."""
     stretch = np.floor((distance - distance[0]) / metres)
     return np.unique(stretch, return_index=True)[1].tolist()  # type: ignore[no-any-return]
 
@@ -160,7 +161,7 @@ def test_the_poses_of_a_bag(tmp_path: Path, kind: str, pose: str) -> None:
     odometry = Odometry.from_bag(bag.path, "/pose")
     assert odometry.times.tolist() == times.tolist()
     assert np.array_equal(odometry.positions, np.outer(driven, [3, 4, 0]))
-    stream = open_stream(bag.path, metres=5, odometry="/pose")
+    stream = frames_open(bag.path, metres=5, odometry="/pose")
     assert [int(frame.name) for frame in stream] == every_metres(driven, 1)
 
 
@@ -186,11 +187,11 @@ def test_a_topic_that_has_no_poses_is_said(tmp_path: Path) -> None:
         with pytest.raises(
             surefix.SurefixValueError, match=rf"got '{topic}' .*there are /pose \(geometry_msgs"
         ):
-            open_stream(bag.path, metres=1, odometry=topic)
+            frames_open(bag.path, metres=1, odometry=topic)
     with pytest.raises(
         surefix.SurefixValueError, match=r"/pose, message 0: expected finite numbers"
     ):
-        open_stream(bag.path, metres=1, odometry="/pose")
+        frames_open(bag.path, metres=1, odometry="/pose")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import surefix
 from real_data import folder
 from recordings import Bag, write_video
-from surefix.streams import open_stream
+from surefix.frames import open as frames_open
 
 
 def test_a_corridor_in_a_bag_and_in_a_video(tmp_path: Path) -> None:
@@ -25,10 +25,10 @@ def test_a_corridor_in_a_bag_and_in_a_video(tmp_path: Path) -> None:
     lossless = write_video(tmp_path / "drive.mkv", colour)
     for place in (bag.path, lossless):
         localizer = surefix.Localizer(route)
-        fixes = [localizer.push(frame.image) for frame in open_stream(place)]
+        fixes = [localizer.push(frame.image) for frame in frames_open(place)]
         assert [(fix.place, fix.score, fix.trusted) for fix in fixes] == plain
     # As cameras record: what is lost in compression moves few matches, if any.
     lossy = write_video(tmp_path / "drive.mp4", colour, codec="libx264", pixels="yuv420p")
     localizer = surefix.Localizer(route)
-    places = [localizer.push(frame.image).place for frame in open_stream(lossy)]
+    places = [localizer.push(frame.image).place for frame in frames_open(lossy)]
     assert np.mean(np.abs(np.array(places) - [place for place, _, _ in plain]) <= 1) > 0.9

@@ -8,7 +8,8 @@ import pytest
 
 import surefix
 from recordings import pictures, write_video
-from surefix.streams import Frame, VideoStream, open_stream
+from surefix.frames import Frame, VideoFrames
+from surefix.frames import open as frames_open
 
 IMAGES = pictures(30)
 
@@ -38,7 +39,7 @@ def test_a_whole_video_is_never_taken_for_a_damaged_one(
     path = write_video(
         tmp_path / name, images, codec=codec, pixels="yuv420p", rate=25, stamps=stamps, sound=sound
     )
-    times = [frame.time for frame in VideoStream(path) if frame.time is not None]
+    times = [frame.time for frame in VideoFrames(path) if frame.time is not None]
     expected = np.arange(20) if stamps is None else np.array(stamps)
     assert len(times) == 20
     # A transport stream does not begin at 0; some count in thousandths; with sound, an AVI begins
@@ -51,7 +52,7 @@ def until_damage(path: Path) -> tuple[list[Frame], str]:
     """The frames before the error, and what it says."""
     seen: list[Frame] = []
     try:
-        for frame in VideoStream(path):
+        for frame in VideoFrames(path):
             seen.append(frame)
     except surefix.SurefixValueError as error:
         return seen, str(error)
@@ -59,8 +60,8 @@ def until_damage(path: Path) -> tuple[list[Frame], str]:
 
 
 def test_pixels_and_times_are_those_that_were_written(lossless: Path) -> None:
-    stream = open_stream(lossless)
-    assert isinstance(stream, VideoStream)
+    stream = frames_open(lossless)
+    assert isinstance(stream, VideoFrames)
     assert stream.estimate == 30
     for _ in range(2):
         frames = list(stream)
@@ -95,7 +96,7 @@ def test_a_lossy_video_is_decoded_as_opencv_does(tmp_path: Path) -> None:
     path = write_video(tmp_path / "drive.mp4", IMAGES, codec="libx264", pixels="yuv420p")
     capture = cv2.VideoCapture(str(path))
     count = 0
-    for frame in VideoStream(path):
+    for frame in VideoFrames(path):
         there, image = capture.read()
         assert there
         # Two converters from YUV: they round differently.
@@ -106,14 +107,14 @@ def test_a_lossy_video_is_decoded_as_opencv_does(tmp_path: Path) -> None:
 
 
 def test_a_frame_every_so_often(lossless: Path) -> None:
-    assert [frame.name for frame in open_stream(lossless, stride=7)] == ["0", "7", "14", "21", "28"]
-    assert [frame.name for frame in open_stream(lossless, every=0.75)] == ["0", "8", "15", "23"]
+    assert [frame.name for frame in frames_open(lossless, stride=7)] == ["0", "7", "14", "21", "28"]
+    assert [frame.name for frame in frames_open(lossless, every=0.75)] == ["0", "8", "15", "23"]
 
 
 def test_a_variable_rate_keeps_its_times_and_shows_its_gap(tmp_path: Path) -> None:
     stamps = [0, 1, 2, 30, 31, 32]
     path = write_video(tmp_path / "pause.mkv", IMAGES[:6], stamps=stamps)
-    frames = list(open_stream(path, gap=1.0))
+    frames = list(frames_open(path, gap=1.0))
     assert np.allclose([frame.time for frame in frames], np.array(stamps) / 10, atol=1e-3)
     assert [frame.gap for frame in frames] == [False, False, False, True, False, False]
 
@@ -124,12 +125,12 @@ def test_a_video_is_turned_upright(tmp_path: Path, rotation: int, quarters: int)
     turned = write_video(
         tmp_path / "turned.mp4", IMAGES[:3], codec="libx264", pixels="yuv420p", rotation=rotation
     )
-    for straight, frame in zip(VideoStream(plain), VideoStream(turned), strict=True):
+    for straight, frame in zip(VideoFrames(plain), VideoFrames(turned), strict=True):
         assert np.array_equal(frame.image, np.rot90(straight.image, quarters))
     # OpenCV turns too, by its own reading of the file.
     there, image = cv2.VideoCapture(str(turned)).read()
     assert there
-    assert np.abs(next(iter(VideoStream(turned))).image.astype(int) - image[..., ::-1]).mean() < 2
+    assert np.abs(next(iter(VideoFrames(turned))).image.astype(int) - image[..., ::-1]).mean() < 2
 
 
 @pytest.mark.parametrize(
@@ -146,7 +147,7 @@ def test_a_video_that_was_cut_short_says_where(
 ) -> None:
     path = write_video(tmp_path / name, pictures(30, seed=2), codec=codec, pixels=pixels)
     whole = {
-        round(frame.time, 3): frame.image for frame in VideoStream(path) if frame.time is not None
+        round(frame.time, 3): frame.image for frame in VideoFrames(path) if frame.time is not None
     }
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
@@ -189,7 +190,7 @@ def test_what_is_no_video_is_refused(
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(kind, match=words) as refused:
-        open_stream(path)
+        frames_open(path)
     assert "drive.mp4" in str(refused.value)
 
 
@@ -197,7 +198,7 @@ def test_an_mp4_whose_index_was_never_written_is_no_video(tmp_path: Path) -> Non
     path = write_video(tmp_path / "drive.mp4", IMAGES, codec="libx264", pixels="yuv420p")
     path.write_bytes(path.read_bytes()[:-2000])
     with pytest.raises(surefix.SurefixValueError, match=r"drive\.mp4: expected a video"):
-        open_stream(path)
+        frames_open(path)
 
 
 def test_sound_alone_is_no_video(tmp_path: Path) -> None:
@@ -213,4 +214,4 @@ def test_sound_alone_is_no_video(tmp_path: Path) -> None:
         container.mux(track.encode(frame))
         container.mux(track.encode())
     with pytest.raises(surefix.SurefixValueError, match="no picture track"):
-        open_stream(path)
+        frames_open(path)

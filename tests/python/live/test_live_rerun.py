@@ -18,10 +18,10 @@ from PIL import Image
 import surefix
 from commands import surefix_
 from rerun_reader import Recording
+from surefix.frames import Frame
 from surefix.live import RerunView
 from surefix.live.pictures import PALETTE
 from surefix.simulate import Route
-from surefix.streams import Frame
 
 pytest.importorskip("rerun", reason='rerun is not installed: pip install "surefix[live]"')
 

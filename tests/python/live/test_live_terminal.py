@@ -24,11 +24,11 @@ from PIL import Image
 from rich.console import Console
 
 import surefix
+from surefix.frames import Frame
 from surefix.live import TerminalView, View
 from surefix.live.strip import Strip
 from surefix.live.thinning import Thinning
 from surefix.simulate import Route
-from surefix.streams import Frame
 
 PLACES = 60
 SIZES = [(20, 6), (20, 12), (28, 24), (40, 16), (60, 24), (80, 24), (80, 50), (132, 60)]

@@ -9,12 +9,12 @@ import pytest
 
 import surefix
 import surefix.descriptors
+import surefix.frames
 import surefix.simulate
-import surefix.streams
 
 
 def documented() -> Iterator[tuple[str, Any]]:
-    for module in (surefix, surefix.simulate, surefix.streams):
+    for module in (surefix, surefix.simulate, surefix.frames):
         for name in module.__all__:
             if name.startswith("_"):
                 continue
@@ -29,7 +29,7 @@ def documented() -> Iterator[tuple[str, Any]]:
 ALL = dict(documented())
 # Fields whose names say it all, described together in their class's docstring.
 PLAIN = {"surefix.Matches", "surefix.Fix", "surefix.Single", "surefix.Peak", "surefix.Sequence"}
-PLAIN |= {"surefix.streams.Frame", "surefix.streams.Shot"}
+PLAIN |= {"surefix.frames.Frame", "surefix.frames.Shot"}
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -46,23 +46,23 @@ def test_the_library_needs_numpy_alone() -> None:
 
 
 def test_parts_are_there_when_they_are_asked_for() -> None:
-    parts = ["baselines", "datasets", "descriptors", "live", "plot", "post", "simulate", "streams"]
+    parts = ["baselines", "datasets", "descriptors", "live", "plot", "post", "simulate", "frames"]
     found = loaded(
         f"import surefix\nassert all(getattr(surefix, part).__all__ for part in {parts})"
     )
     assert "numpy" in found
     assert (
         not loaded(
-            "import surefix\nsurefix.streams.open_stream, surefix.post.Pca, surefix.descriptors.Onnx"
+            "import surefix\nsurefix.frames.open, surefix.post.Pca, surefix.descriptors.Onnx"
         )
         & HEAVY
     )
     assert not loaded("from surefix import *") & HEAVY
-    code = "import surefix\nassert set(dir(surefix)) >= {'Map', 'streams'}\nassert not hasattr(surefix, 'stream')"
+    code = "import surefix\nassert set(dir(surefix)) >= {'Map', 'frames'}\nassert not hasattr(surefix, 'stream')"
     assert loaded(code)
 
 
-@pytest.mark.parametrize("module", ["descriptors", "live", "post", "streams"])
+@pytest.mark.parametrize("module", ["descriptors", "live", "post", "frames"])
 def test_optional_packages_wait_until_they_are_used(module: str) -> None:
     assert not loaded(f"import surefix.{module}") & HEAVY
 

@@ -1,0 +1,185 @@
+"""Inputs that several commands take: images or recordings, and the network of a map."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from surefix import Map, SurefixValueError, frames
+from surefix.descriptors import Onnx
+from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
+from surefix.frames.opening import is_recording
+from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
+from surefix.tables.vectors import ENDINGS
+
+__all__ = [
+    "Cache",
+    "Every",
+    "Metres",
+    "Model",
+    "Odometry",
+    "Stride",
+    "Topic",
+    "check_not_read",
+    "check_sampling",
+    "network_of",
+    "no_model",
+    "open_frames",
+    "open_network",
+    "refuse",
+    "steps_of",
+]
+
+Topic = Annotated[
+    str | None, typer.Option(help="A bag: the topic of the images, if there are several.")
+]
+Stride = Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")]
+Every = Annotated[
+    float | None, typer.Option(help="A video or a bag: take a frame every this many seconds.")
+]
+Metres = Annotated[
+    float | None,
+    typer.Option(help="A video or a bag: take a frame every this many metres, by --odometry."),
+]
+Odometry = Annotated[
+    str | None,
+    typer.Option(
+        help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."
+    ),
+]
+
+Model = Annotated[
+    Path | None,
+    typer.Option(help="The ONNX file that the map was made with: describe the images by it."),
+]
+Cache = Annotated[
+    Path | None,
+    typer.Option(
+        help="--model: keep the vectors in this file, and resume from it after an interruption."
+    ),
+]
+
+
+def refuse(wrong: bool, message: str) -> None:
+    """Ends the command as bad usage if it is wrong."""
+    if wrong:
+        raise typer.BadParameter(message)
+
+
+def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.Frames:
+    """The frames of a video or a bag, sampled; or all those of images or an array."""
+    recording = is_recording(place)
+    refuse(key is not None and recording, f"--key: expected descriptors, got the recording {place}")
+    if key is not None and Path(place).suffix.lower() not in ENDINGS:
+        raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
+    if recording:
+        return frames.open(place, **sampling)
+    check_sampling(place, **sampling)
+    return frames.ImageFrames(place, key)
+
+
+def check_sampling(got: object, stride: int = 1, **sampling: Any) -> None:
+    """Refuses sampling if there is no recording."""
+    options = "--topic, --stride, --every, --metres, --odometry"
+    refuse(
+        stride != 1 or any(value is not None for value in sampling.values()),
+        f"{options}: expected a video or a bag, got {got}",
+    )
+
+
+def check_not_read(out: Path, files: Iterable[Path | str | None]) -> None:
+    """Refuses to write a file that is read."""
+    given = [Path(file) for file in files if file is not None]
+    same = out.exists() and any(file.exists() and out.samefile(file) for file in given)
+    refuse(same, f"--out: {out} is what is read here; name another file")
+
+
+def open_network(
+    model: Path,
+    output: str | None,
+    size: tuple[int, int] | None,
+    mean: str | None,
+    std: str | None,
+    batch: int,
+) -> Onnx:
+    """The network of the options; ``mean`` and ``std`` are three numbers with commas, or "none"."""
+    try:
+        return Onnx(
+            model,
+            output,
+            size,
+            IMAGENET_MEAN if mean is None else _three("--mean", mean),
+            IMAGENET_STD if std is None else _three("--std", std),
+            batch,
+        )
+    except SurefixValueError as error:
+        # An output or a size that the model does not have is a mistake of the command line's.
+        raise typer.BadParameter(str(error)) from None
+
+
+def network_of(known: Map, route: object, model: Path) -> Onnx:
+    """The network that made a map, from the model's file; ``route`` is the map's name."""
+    recipe = known.recipe
+    expected = "--model: expected a map made with one"
+    if recipe is None:
+        raise typer.BadParameter(f"{expected}, got {route}, which names none")
+    wanted = ("output", "size", "mean", "std")
+    by_onnx = str(recipe.get("name", "")).startswith("onnx:")
+    refuse(
+        not by_onnx or not all(key in recipe for key in wanted),
+        f"{expected}, got a map by {recipe.get('name')!r}",
+    )
+    size, mean, std = (None if recipe[key] is None else tuple(recipe[key]) for key in wanted[1:])
+    network = Onnx(model, recipe["output"], size, mean, std)
+    refuse(
+        network.recipe["sha256"] != recipe.get("sha256"),
+        f"--model: expected {recipe.get('file')} as it was when the map was made, "
+        "got another model",
+    )
+    return network
+
+
+def no_model(name: str, route: object) -> typer.BadParameter:
+    """The refusal of images for a network's map without the network."""
+    return typer.BadParameter(
+        f"expected --model with {name}, which {route} was made with, got none"
+    )
+
+
+def steps_of(text: str) -> list[Step]:
+    """The steps of ``--post``: names with commas, such as ``standardize,pca:512,normalize``."""
+    steps: list[Step] = []
+    for part in text.split(","):
+        name, _, number = part.strip().partition(":")
+        count = int(number) if number.isdecimal() else 0
+        if (name, number) == ("standardize", ""):
+            steps.append(Standardize())
+        elif (name, number) == ("standardize", "running"):
+            steps.append(Standardize("running"))
+        elif (name, number) == ("normalize", ""):
+            steps.append(Normalize())
+        elif name == "pca" and count:
+            steps.append(Pca(count))
+        elif name == "projection" and count:
+            steps.append(RandomProjection(count))
+        else:
+            expected = (
+                "standardize, standardize:running, pca:N, projection:N and normalize, with commas"
+            )
+            raise typer.BadParameter(f"--post: expected {expected}, got {part!r}")
+    return steps
+
+
+def _three(option: str, text: str) -> tuple[float, ...] | None:
+    if text == "none":
+        return None
+    try:
+        values = tuple(float(value) for value in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != 3:
+        raise typer.BadParameter(
+            f'{option}: expected three numbers with commas, or "none", got {text!r}'
+        )
+    return values

@@ -1,0 +1,160 @@
+"""Images in order: ``Frames``, each decoded when it is wanted."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Frame", "Frames", "Shot", "shots_of"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """An image, when it was taken, and the frames that are missing before it.
+
+    Attributes
+    ----------
+    image : array of uint8, shape (H, W) grey or (H, W, 3) RGB
+        From a file of ready descriptors, one of them: shape (dim,).
+    time : float or None
+        In seconds: since 1970 from a camera, a bag or a folder that grows, since the start from a
+        video. None if the source has no times.
+    name : str
+        A file's name, or the frame's number in its video, its topic or its array.
+    dropped : int
+        The number of frames lost between the one before and this one.
+    gap : bool
+        Whether time is missing before this frame.
+    breaks : bool
+        Either of the two: the matcher must be told, by ``Localizer.gap``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.frames import Frame
+    >>> Frame(np.zeros((4, 6), np.uint8), time=12.5, name="125", dropped=2)
+    Frame('125', 4 x 6, time=12.5, dropped=2)
+    """
+
+    image: npt.NDArray[np.uint8]
+    time: float | None
+    name: str
+    dropped: int = 0
+    gap: bool = False
+
+    @property
+    def breaks(self) -> bool:
+        """Whether the drive is broken before this frame: a gap, or dropped frames."""
+        return self.gap or self.dropped > 0
+
+    def __repr__(self) -> str:
+        parts = [repr(self.name), " x ".join(map(str, self.image.shape[:2]))]
+        parts += [] if self.time is None else [f"time={self.time}"]
+        parts += [f"dropped={self.dropped}"] if self.dropped else []
+        parts += ["gap=True"] if self.gap else []
+        return f"Frame({', '.join(parts)})"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """A frame before it is decoded: most of a 30 Hz camera's frames are passed over.
+
+    ``read`` decodes it; ``time``, ``name``, ``dropped`` and ``gap`` are those of the ``Frame``;
+    ``path`` is the image file, if it has one of its own.
+    """
+
+    time: float | None
+    name: str
+    read: Callable[[], npt.NDArray[Any]]
+    dropped: int = 0
+    gap: bool = False
+    path: str | None = None
+
+    def frame(self) -> Frame:
+        """The frame, decoded. Call it before taking the next shot."""
+        return Frame(self.read(), self.time, self.name, self.dropped, self.gap)
+
+
+class Frames(ABC):
+    """A source of ``Frame`` in the order in which they were taken. Each iteration begins anew.
+
+    Attributes
+    ----------
+    timed : bool
+        Whether frames have times.
+    live : bool
+        Whether frames come at their own pace: a slow reader loses some, and the end is not known.
+    parallel : bool
+        Whether shots may be read later, and by several threads.
+    count : int or None
+        The number of frames, if it is known; then ``len`` gives it too.
+    """
+
+    timed: bool = False
+    live: bool = False
+    parallel: bool = False
+
+    @abstractmethod
+    def shots(self) -> Generator[Shot, None, None]:
+        """The frames before they are decoded."""
+
+    @property
+    def count(self) -> int | None:
+        """The number of frames; None if it is not known."""
+        return None
+
+    @property
+    def estimate(self) -> int | None:
+        """About how many frames there are, for a progress bar; None if unknown."""
+        return self.count
+
+    @property
+    def ready(self) -> npt.NDArray[Any] | None:
+        """All frames, (n, dim), if they are ready descriptors in a file; else None."""
+        return None
+
+    @property
+    def files(self) -> list[str]:
+        """The files that are read, if they are known."""
+        return []
+
+    def close(self) -> None:  # noqa: B027 (most do not wait)
+        """Ends an iteration that waits for frames, from any thread."""
+
+    def frames(self) -> Generator[Frame, None, None]:
+        """Each frame, decoded. Its ``close`` releases files, cameras and threads at once."""
+        with closing(self.shots()) as shots:
+            for shot in shots:
+                yield shot.frame()
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Each frame, decoded."""
+        return self.frames()
+
+    def __len__(self) -> int:
+        """The number of frames; a TypeError if it is not known."""
+        if self.count is None:
+            raise TypeError(f"{type(self).__name__}: the number of frames is not known beforehand")
+        return self.count
+
+    def __bool__(self) -> bool:
+        """True: whether there are frames shows when they are read."""
+        return True
+
+    def __length_hint__(self) -> int:
+        return self.estimate or 0
+
+
+def shots_of(source: Iterable[Frame]) -> Generator[Shot, None, None]:
+    """The shots of ``Frames``, or of any iterable of frames."""
+    if isinstance(source, Frames):
+        yield from source.shots()
+        return
+    for frame in source:
+        image = partial(getattr, frame, "image")
+        yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap)

@@ -1,0 +1,296 @@
+"""Images that are all at hand: files, or the rows of an array."""
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Generator, Iterable, Sequence
+from functools import partial
+from operator import index as as_index
+from pathlib import Path
+from typing import Any, Self, SupportsIndex, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix._core import Traverse, find_images, read_image
+from surefix.errors import SurefixValueError, mismatch
+from surefix.frames.bayer import Pattern, demosaic
+from surefix.frames.frame import Frames, Shot
+from surefix.tables.npy import read_npy
+from surefix.tables.vectors import ENDINGS, load
+
+__all__ = [
+    "BayerFiles",
+    "ImageArray",
+    "ImageFiles",
+    "ImageFrames",
+    "Images",
+    "frames_of",
+    "open_images",
+]
+
+UInt8 = npt.NDArray[np.uint8]
+Place = str | os.PathLike[str]
+
+
+class Images(Sequence[UInt8], ABC):
+    """Images in route order, loaded lazily: ``images[i]`` is uint8, (H, W) grey or (H, W, 3) RGB.
+
+    ``Map.from_images`` and ``match`` take them as they are, and then hold all at once. If ``paths``
+    is not None, give them that instead: plain image files are read and described in parallel, a few
+    at a time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.datasets import ImageArray
+    >>> route = ImageArray(np.zeros((3, 4, 6), np.uint8))
+    >>> len(route), route[-1].shape, route.names, len(route[1:])
+    (3, (4, 6), ['0', '1', '2'], 2)
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = list(names)
+
+    @property
+    def names(self) -> list[str]:
+        """The name of each image: its file's name, or its number."""
+        return list(self._names)
+
+    @property
+    def paths(self) -> list[str] | None:
+        """The plain image files; None if reading them takes this class."""
+        return None
+
+    def take(self, indices: npt.ArrayLike) -> Self:
+        """The images of some indices, in their order."""
+        return self._take([as_index(i) for i in np.asarray(indices, dtype=np.int64)])
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    @overload
+    def __getitem__(self, key: SupportsIndex) -> UInt8: ...
+    @overload
+    def __getitem__(self, key: slice) -> Self: ...
+    def __getitem__(self, key: SupportsIndex | slice) -> UInt8 | Self:
+        if isinstance(key, slice):
+            return self._take(range(len(self))[key])
+        return self._load(range(len(self))[as_index(key)])
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({len(self)} images)"
+
+    @abstractmethod
+    def _load(self, index: int) -> UInt8: ...
+
+    @abstractmethod
+    def _take(self, indices: Sequence[int]) -> Self: ...
+
+
+class ImageFiles(Images):
+    """Plain image files: png, jpeg, bmp, tiff, webp or pnm."""
+
+    def __init__(self, paths: Iterable[Place]) -> None:
+        self._paths = [os.fspath(path) for path in paths]
+        super().__init__(Path(path).name for path in self._paths)
+
+    @property
+    def paths(self) -> list[str] | None:
+        return list(self._paths)
+
+    def _load(self, index: int) -> UInt8:
+        return read_image(self._paths[index])
+
+    def _take(self, indices: Sequence[int]) -> Self:
+        return type(self)(self._paths[i] for i in indices)
+
+
+class BayerFiles(ImageFiles):
+    """Grey image files that hold a Bayer mosaic; ``images[i]`` is the colour image of half its
+    sides. ``paths`` is None on purpose.
+    """
+
+    def __init__(self, paths: Iterable[Place], pattern: Pattern) -> None:
+        super().__init__(paths)
+        self.pattern: Pattern = pattern
+
+    @property
+    def paths(self) -> None:
+        return None
+
+    def _load(self, index: int) -> UInt8:
+        mosaic = super()._load(index)
+        try:
+            return demosaic(mosaic, self.pattern)
+        except SurefixValueError as error:
+            raise SurefixValueError(f"{self._paths[index]}: {error}") from None
+
+    def _take(self, indices: Sequence[int]) -> Self:
+        return type(self)((self._paths[i] for i in indices), self.pattern)
+
+
+class ImageArray(Images):
+    """Images that lie in one array, (n, H, W) or (n, H, W, 3) uint8, in memory or memory-mapped."""
+
+    def __init__(
+        self, array: npt.NDArray[Any] | Sequence[UInt8], names: Iterable[str] | None = None
+    ) -> None:
+        self.array = array
+        super().__init__(map(str, range(len(array))) if names is None else names)
+
+    def _load(self, index: int) -> UInt8:
+        return np.array(self.array[index])
+
+    def _take(self, indices: Sequence[int]) -> Self:
+        return type(self)([self.array[i] for i in indices], [self._names[i] for i in indices])
+
+
+class ImageFrames(Frames):
+    """The images of a folder or a pattern, ``frame9`` before ``frame10``; of a list, in its order;
+    or the rows of an array in a file. No times.
+
+    Parameters
+    ----------
+    place : str or path, or iterable of them
+        A folder, a pattern like ``route/*.png``, or a list of files. Or a ``.npy`` of uint8 images,
+        (n, H, W) or (n, H, W, 3), or of ready descriptors, (n, dim); these also in the other files
+        that ``surefix.descriptors.load`` reads.
+    key : str, optional
+        As for ``surefix.descriptors.load``.
+
+    Attributes
+    ----------
+    images : Images
+        The same, for reading in any order.
+
+    Raises
+    ------
+    SurefixFileError
+        If there is no such folder or file; for a file of a list when its turn comes.
+    SurefixValueError
+        If it has no images or is no such array; if one cannot be decoded when its turn comes.
+    """
+
+    parallel = True
+
+    def __init__(self, place: Place | Iterable[Place], key: str | None = None) -> None:
+        self.images: Images
+        self._array: npt.NDArray[Any] | None = None
+        if isinstance(place, (str, os.PathLike)) and Path(place).suffix.lower() in ENDINGS:
+            self._array = _load_array(os.fspath(place), key)
+            self.images = ImageArray(self._array)
+            self._files = [os.fspath(place)]
+            return
+        if key is not None:
+            raise mismatch("key", "a file of descriptors", place)
+        single = isinstance(place, (str, os.PathLike))
+        self.images = ImageFiles(find_images(place) if single else place)  # type: ignore[arg-type]
+        self._files = self.images.paths or []
+
+    @property
+    def ready(self) -> npt.NDArray[Any] | None:
+        """The array, if its rows are ready descriptors."""
+        return None if self._array is None or self._array.ndim != 2 else self._array
+
+    @property
+    def source(self) -> list[str] | npt.NDArray[Any]:
+        """As ``Map.from_images`` takes them, to be read in parallel: the files, or the array."""
+        return self._files if self._array is None else self._array
+
+    @property
+    def count(self) -> int:
+        """The number of images or rows."""
+        return len(self.images)
+
+    @property
+    def files(self) -> list[str]:
+        """The images, in their order; or the file of the array."""
+        return list(self._files)
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """Each image, by its file's name or its number."""
+        yield from _shots_of_images(self.images)
+
+
+class _GivenFrames(Frames):
+    """Images in memory, files, frames, or a mixture of them, one after the other."""
+
+    parallel = True
+
+    def __init__(self, images: Any) -> None:
+        self._images = images
+        counted = hasattr(images, "__len__") and hasattr(images, "__getitem__")
+        self._count: int | None = len(images) if counted else None
+
+    @property
+    def count(self) -> int | None:
+        return self._count
+
+    def shots(self) -> Generator[Shot, None, None]:
+        # The classes of surefix may be read by several threads; others are read here, in order.
+        if isinstance(self._images, (Images, Traverse, np.ndarray)):
+            yield from _shots_of_images(self._images)
+            return
+        counted = self._count is not None
+        things = (self._images[i] for i in range(self._count or 0)) if counted else self._images
+        for index, thing in enumerate(things):
+            if isinstance(thing, (str, os.PathLike)):
+                path = os.fspath(thing)
+                yield Shot(None, Path(path).name, partial(read_image, path), path=path)
+            else:
+                image = getattr(thing, "image", thing)
+                yield Shot(None, str(index), partial(np.asarray, image))
+
+
+def frames_of(images: Any) -> Frames:
+    """The frames of whatever ``Map.from_images`` takes, and of a generator of images or frames."""
+    if isinstance(images, Images) and images.paths is not None:
+        images = images.paths
+    if isinstance(images, (str, os.PathLike)):
+        images = find_images(images)
+    if isinstance(images, np.ndarray) and (
+        images.ndim not in (3, 4) or (images.ndim == 3 and images.shape[2] == 3)
+    ):
+        expected = "(n, H, W) or (n, H, W, 3), one image a place"
+        raise mismatch("images", expected, f"the shape {images.shape}")
+    counted = hasattr(images, "__len__") and hasattr(images, "__getitem__")
+    if not counted and not hasattr(images, "__iter__"):
+        expected = "a folder, a pattern, or images or paths one after the other"
+        raise mismatch("images", expected, type(images).__name__)
+    frames = images if isinstance(images, Frames) else _GivenFrames(images)
+    if frames.count == 0:
+        raise mismatch("images", "at least one", "none")
+    return frames
+
+
+def open_images(place: Path) -> Images:
+    """A folder or pattern of image files, or a ``.npy`` of images, in route order."""
+    frames = ImageFrames(place)
+    if frames.ready is not None:
+        got = f"{frames.ready.dtype} {frames.ready.shape}"
+        raise mismatch(place, "uint8 images (n, H, W) or (n, H, W, 3)", got)
+    return frames.images
+
+
+def _shots_of_images(images: Any) -> Generator[Shot, None, None]:
+    names = images.names if isinstance(images, Images) else None
+    paths = images.paths if isinstance(images, Images) else None
+    for index in range(len(images)):
+        name = str(index) if names is None else names[index]
+        path = None if paths is None else paths[index]
+        yield Shot(None, name, partial(images.__getitem__, index), path=path)
+
+
+def _load_array(place: str, key: str | None) -> npt.NDArray[Any]:
+    if Path(place).suffix.lower() != ".npy":
+        return load(place, key)
+    if key is not None:
+        raise mismatch(place, "no key, as such a file holds one array", repr(key))
+    array = read_npy(place, "the array", mapped=True)
+    images = array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
+    if array.ndim != 2 and not (images and array.dtype == np.uint8):
+        raise SurefixValueError(
+            f"{place}: expected descriptors (n, dim), or uint8 images (n, H, W) or (n, H, W, 3), "
+            f"got {array.dtype} {array.shape}"
+        )
+    return array

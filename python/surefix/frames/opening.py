@@ -1,0 +1,165 @@
+"""The frames that a name means."""
+
+from collections.abc import Iterable
+from os import PathLike, fspath
+from pathlib import Path
+
+from surefix.errors import SurefixValueError, mismatch
+from surefix.frames.bag import BAG_ENDINGS, BagFrames, is_bag
+from surefix.frames.camera import CameraFrames, is_camera
+from surefix.frames.follow import FollowFrames
+from surefix.frames.frame import Frames
+from surefix.frames.images import ImageFrames
+from surefix.frames.newest import KeepNewest
+from surefix.frames.odometry import Odometry
+from surefix.frames.sampling import Every, EveryMetres, Gaps, Stride, check_stride
+from surefix.frames.video import VIDEO_ENDINGS, VideoFrames, is_video
+from surefix.tables.vectors import ENDINGS
+
+__all__ = ["is_recording", "open"]
+
+Place = str | PathLike[str]
+
+
+def open(
+    place: Place | int | Iterable[Place],
+    *,
+    topic: str | None = None,
+    follow: bool = False,
+    idle: float | None = None,
+    gap: float | None = None,
+    stride: int = 1,
+    every: float | None = None,
+    metres: float | None = None,
+    odometry: Odometry | Place | None = None,
+    newest: bool | int | None = None,
+) -> Frames:
+    """The frames of images, a folder that grows, a video, a bag, a camera or an array.
+
+    Parameters
+    ----------
+    place : str, path, int, or list of files
+        A folder of images or a pattern; a ``.npy``, or another file of descriptors; a video file; a
+        bag (``.bag``, ``.mcap``, ``.db3``, or the folder of a ROS 2 bag); a camera's number, device
+        file or URL; or a list of image files.
+    topic : str, optional
+        Of a bag: the images' topic, if there are several.
+    follow : bool
+        Of a folder or a pattern: go on with the files that come.
+    idle : float, optional
+        With ``follow``: end when none has come for this many seconds; by default never.
+    gap : float, optional
+        Frames more than this many seconds apart, or going back in time, have a gap between them.
+    stride : int
+        Take every n-th frame.
+    every : float, optional
+        Take a frame every this many seconds.
+    metres : float, optional
+        Take a frame every this many metres, by ``odometry``.
+    odometry : Odometry, str or path, optional
+        For ``metres``: a ``.csv`` (``Odometry.from_csv``), or a bag's topic of poses
+        (``Odometry.from_bag``).
+    newest : bool or int, optional
+        Read in a thread, and keep the newest frame, or this many, for a slow reader
+        (``KeepNewest``). By default for a camera only: the frames of a folder wait.
+
+    Returns
+    -------
+    Frames
+        Iterate over it for ``Frame``.
+
+    Raises
+    ------
+    SurefixValueError
+        For options that do not fit the place, and as each kind of frames says.
+    SurefixFileError
+        If the place does not exist.
+
+    Examples
+    --------
+    >>> import surefix
+    >>> localizer.stream(surefix.frames.open("drive.mp4", every=0.5, gap=2))     # doctest: +SKIP
+    >>> bag = surefix.frames.open("drive.bag", metres=3, odometry="/odom")       # doctest: +SKIP
+    """
+    source = _source(place, topic, follow, idle)
+    frames = source
+    # Gaps are between the source's frames, not between those that are left (see Gaps).
+    if gap is not None:
+        frames = Gaps(frames, gap)
+    # `True == 1` and `1.0 == 1`, so they are rejected explicitly.
+    if check_stride(stride) != 1:
+        frames = Stride(frames, stride)
+    if every is not None:
+        frames = Every(frames, every)
+    for option, value in (("gap", gap), ("every", every), ("metres", metres)):
+        if value is not None and not source.timed:
+            raise mismatch(option, "frames with times, as of a video or a bag", place)
+    if (metres is None) != (odometry is None):
+        given, lacking = ("metres", "odometry") if odometry is None else ("odometry", "metres")
+        raise mismatch(given, f"{lacking} too", "none")
+    if metres is not None and odometry is not None:
+        frames = EveryMetres(frames, _odometry(odometry, source), metres)
+    if newest is None:
+        newest = isinstance(source, CameraFrames)
+    return KeepNewest(frames, int(newest)) if newest else frames
+
+
+def is_recording(place: str) -> bool:
+    """Whether this names a video or a bag."""
+    return is_bag(Path(place)) or is_video(Path(place))
+
+
+def _source(
+    place: Place | int | Iterable[Place], topic: str | None, follow: bool, idle: float | None
+) -> Frames:
+    if idle is not None and not follow:
+        raise mismatch("idle", "follow too", "none")
+    if not isinstance(place, (str, PathLike, int)):
+        if follow or topic is not None:
+            raise SurefixValueError(f"{'follow' if follow else 'topic'}: not for a list of files")
+        return ImageFrames(place)
+    name = str(place) if isinstance(place, int) else fspath(place)
+    file = Path(name)
+    bag, video = is_bag(file), is_video(file)
+    if topic is not None and not bag:
+        raise mismatch("topic", "a bag", name)
+    array, camera = file.suffix.lower() in ENDINGS, is_camera(name) and not file.is_dir()
+    if follow:
+        if bag or array or camera or video:
+            raise mismatch("follow", "a folder or a pattern", name)
+        return FollowFrames(name, idle=idle)
+    if bag:
+        return BagFrames(name, topic)
+    if array:
+        return ImageFrames(name)
+    if camera:
+        return CameraFrames(name)
+    if video:
+        return VideoFrames(name)
+    if file.is_file():
+        endings = ", ".join(sorted({*VIDEO_ENDINGS, *BAG_ENDINGS, *ENDINGS}))
+        raise SurefixValueError(
+            f"{name}: expected a folder of images, a pattern, or a file that ends in {endings}"
+        )
+    try:
+        return ImageFrames(name)
+    except SurefixValueError:
+        # A recorder that was interrupted leaves a bag's folder without its metadata.
+        parts = sorted(p.name for p in file.glob("*") if is_bag(p)) if file.is_dir() else []
+        if not parts:
+            raise
+        raise SurefixValueError(
+            f"{name}: expected images, or the metadata.yaml of a bag; "
+            f"name one of {', '.join(parts)}"
+        ) from None
+
+
+def _odometry(given: Odometry | Place, source: Frames) -> Odometry:
+    if isinstance(given, Odometry):
+        return given
+    name = fspath(given)
+    if not name.startswith("/") or Path(name).is_file():
+        return Odometry.from_csv(name)
+    if not isinstance(source, BagFrames):
+        raise mismatch("odometry", "a .csv, or a topic of the bag that the images are in", name)
+    return Odometry.from_bag(source.path, name)

@@ -1,0 +1,300 @@
+"""Fewer frames: every n-th, one in a number of seconds or of metres; and gaps between frames."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Generator, Iterable, Sized
+from contextlib import closing
+from dataclasses import replace
+from numbers import Integral
+
+from surefix.errors import SurefixValueError, mismatch
+from surefix.frames.frame import Frame, Frames, Shot, shots_of
+from surefix.frames.odometry import Float64, Odometry
+
+__all__ = ["Derived", "Every", "EveryMetres", "Gaps", "Selection", "Stride", "check_stride"]
+
+
+class Derived(Frames):
+    """Frames made of others."""
+
+    def __init__(self, source: Iterable[Frame]) -> None:
+        self.source = source
+        self.timed = source.timed if isinstance(source, Frames) else True
+        self.live = source.live if isinstance(source, Frames) else False
+        self.parallel = source.parallel if isinstance(source, Frames) else False
+
+    @property
+    def source_count(self) -> int | None:
+        """The number of the source's frames, if it is known."""
+        if isinstance(self.source, Frames):
+            return self.source.count
+        return len(self.source) if isinstance(self.source, Sized) else None
+
+    @property
+    def source_estimate(self) -> int | None:
+        """About how many frames the source has."""
+        return self.source.estimate if isinstance(self.source, Frames) else self.source_count
+
+    @property
+    def files(self) -> list[str]:
+        """Those of the source."""
+        return self.source.files if isinstance(self.source, Frames) else []
+
+    def close(self) -> None:
+        """Ends the source's iteration."""
+        if isinstance(self.source, Frames):
+            self.source.close()
+
+
+class Selection(Derived):
+    """Some of the frames of another source. A gap, or dropped frames, before a frame that is passed
+    over count before the next.
+    """
+
+    @abstractmethod
+    def chooser(self) -> Callable[[Shot], bool]:
+        """Says of each shot, in order, whether to take it; a new one for each iteration."""
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """The chosen ones."""
+        chooser = self.chooser()
+        dropped, gap = 0, False
+        with closing(shots_of(self.source)) as shots:
+            for shot in shots:
+                dropped, gap = dropped + shot.dropped, gap or shot.gap
+                if chooser(shot):
+                    yield replace(shot, dropped=dropped, gap=gap)
+                    dropped, gap = 0, False
+
+
+class Stride(Selection):
+    """The first frame, and every n-th after it.
+
+    Raises
+    ------
+    SurefixValueError
+        If the stride is not a whole number of at least 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.frames import Frame, Stride
+    >>> frames = [Frame(np.zeros((4, 6), np.uint8), None, str(index)) for index in range(5)]
+    >>> [frame.name for frame in Stride(frames, 2)]
+    ['0', '2', '4']
+    """
+
+    def __init__(self, source: Iterable[Frame], stride: int) -> None:
+        super().__init__(source)
+        self.stride = check_stride(stride)
+
+    @property
+    def count(self) -> int | None:
+        """The number of frames left, if it is known."""
+        return None if self.source_count is None else math.ceil(self.source_count / self.stride)
+
+    @property
+    def estimate(self) -> int | None:
+        """About how many are left."""
+        source = self.source_estimate
+        return None if source is None else math.ceil(source / self.stride)
+
+    def chooser(self) -> Callable[[Shot], bool]:
+        """Counts the shots."""
+        taken = -1
+
+        def choose(_: Shot) -> bool:
+            nonlocal taken
+            taken = (taken + 1) % self.stride
+            return taken == 0
+
+        return choose
+
+
+class Every(Selection):
+    """The first frame, and then the first frame of each period of a number of seconds.
+
+    A frame that is late does not delay those after it. If the time goes back, it begins anew.
+
+    Raises
+    ------
+    SurefixValueError
+        If the seconds are not above 0; while it is read, for a frame without a time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.frames import Every, Frame
+    >>> frames = [Frame(np.zeros((4, 6), np.uint8), 0.4 * index, str(index)) for index in range(7)]
+    >>> [frame.name for frame in Every(frames, 1.0)]
+    ['0', '3', '5']
+    """
+
+    def __init__(self, source: Iterable[Frame], seconds: float) -> None:
+        super().__init__(source)
+        self.seconds = _above_0("every", "seconds", seconds)
+
+    def chooser(self) -> Callable[[Shot], bool]:
+        """Looks at the clock."""
+        start, period, last = 0.0, -1, 0.0
+
+        def choose(shot: Shot) -> bool:
+            nonlocal start, period, last
+            time = _time_of(shot, "every")
+            if period < 0 or time < last:
+                start, period = time, -1
+            last = time
+            now = math.floor((time - start) / self.seconds)
+            if now <= period:
+                return False
+            period = now
+            return True
+
+        return choose
+
+
+class EveryMetres(Selection):
+    """A frame every few metres, as the method wants: a query's neighbours are then as far apart as
+    the map's.
+
+    The first frame with a known position is taken; then each whose straight distance from the one
+    taken before, with the overshoot of that one, reaches ``metres``. So frames are ``metres`` apart
+    on average at any speed; a standstill yields none; and the noise of a receiver does not add up
+    to a path. Frames before the first position and after the last are passed over.
+
+    Parameters
+    ----------
+    source : iterable of Frame
+        With times, of the odometry's clock.
+    odometry : Odometry
+    metres : float
+        Above 0.
+
+    Raises
+    ------
+    SurefixValueError
+        For another distance; while it is read, for a frame without a time, and if no frame lies
+        within the odometry's times: the two clocks differ.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.frames import EveryMetres, Frame, Odometry
+    >>> frames = [Frame(np.zeros((4, 6), np.uint8), float(time), str(time)) for time in range(6)]
+    >>> halts = Odometry([0, 2, 3, 5], [[0.0, 0.0], [2.0, 0.0], [2.0, 0.0], [4.0, 0.0]])
+    >>> [frame.name for frame in EveryMetres(frames, halts, metres=1)]
+    ['0', '1', '2', '4', '5']
+    """
+
+    def __init__(self, source: Iterable[Frame], odometry: Odometry, metres: float) -> None:
+        super().__init__(source)
+        self.odometry = odometry
+        self.metres = _above_0("metres", "a distance", metres)
+        # The first and last time of the frames, while none of them has a position.
+        self._unplaced: tuple[float, float] | None = None
+
+    def chooser(self) -> Callable[[Shot], bool]:
+        """Looks at the odometry."""
+        last: Float64 | None = None
+        over = 0.0
+        self._unplaced = None
+
+        def choose(shot: Shot) -> bool:
+            nonlocal last, over
+            time = _time_of(shot, "metres")
+            here = self.odometry.at(time)
+            if here is None:
+                if last is None:
+                    low, high = self._unplaced or (time, time)
+                    self._unplaced = min(low, time), max(high, time)
+                return False
+            driven = over if last is None else math.dist(here, last) + over
+            # Short of it by a rounding error counts as there.
+            nearly = 1e-9 * self.metres
+            if last is not None and driven < self.metres - nearly:
+                return False
+            over = math.fmod(driven, self.metres)
+            last, over = here, 0.0 if self.metres - over < nearly else over
+            self._unplaced = None
+            return True
+
+        return choose
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """The chosen ones."""
+        yield from super().shots()
+        if self._unplaced is not None:
+            times, (first, last) = self.odometry.times, self._unplaced
+            raise SurefixValueError(
+                f"{self.odometry.source}: expected positions at the times of the frames, {first} s "
+                f"to {last} s, got those of {times[0]} s to {times[-1]} s: are the clocks the same?"
+            )
+
+
+class Gaps(Derived):
+    """All frames of a source. One more than some seconds after the one before, or earlier, has
+    ``gap`` set.
+
+    Put it next to the source, under the selections: then the long wait that ``EveryMetres`` makes
+    of a standstill is no gap, and a gap among frames that are passed over counts before the next.
+
+    Raises
+    ------
+    SurefixValueError
+        If the seconds are not above 0; while it is read, for a frame without a time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surefix.frames import Frame, Gaps
+    >>> times = (0.0, 0.1, 5.0, 5.1, 2.0)
+    >>> frames = [Frame(np.zeros((4, 6), np.uint8), time, str(time)) for time in times]
+    >>> [frame.name for frame in Gaps(frames, seconds=1) if frame.gap]
+    ['5.0', '2.0']
+    """
+
+    def __init__(self, source: Iterable[Frame], seconds: float) -> None:
+        super().__init__(source)
+        self.seconds = _above_0("gap", "seconds", seconds)
+
+    @property
+    def count(self) -> int | None:
+        """That of the source."""
+        return self.source_count
+
+    @property
+    def estimate(self) -> int | None:
+        """That of the source."""
+        return self.source_estimate
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """All, marked."""
+        before: float | None = None
+        with closing(shots_of(self.source)) as shots:
+            for shot in shots:
+                time = _time_of(shot, "gap")
+                broken = before is not None and not 0 <= time - before <= self.seconds
+                yield replace(shot, gap=shot.gap or broken)
+                before = time
+
+
+def check_stride(stride: object) -> int:
+    """The stride, an integer of Python's or of NumPy's, at least 1."""
+    if isinstance(stride, bool) or not isinstance(stride, Integral) or stride < 1:
+        raise mismatch("stride", "a whole number of at least 1", repr(stride))
+    return int(stride)
+
+
+def _above_0(option: str, what: str, value: float) -> float:
+    if not (math.isfinite(value) and value > 0):
+        raise mismatch(option, f"{what} above 0", value)
+    return value
+
+
+def _time_of(shot: Shot, option: str) -> float:
+    if shot.time is None:
+        raise SurefixValueError(
+            f"{option}: expected frames with times, as those of a video or a bag; "
+            f"{shot.name} has none"
+        )
+    return shot.time

@@ -1,0 +1,1 @@
+"""Files that speak of places: truths, positions, distance matrices, ready vectors."""

@@ -1,0 +1,153 @@
+"""Positions of frames, in metres or in degrees."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix.errors import SurefixError, SurefixValueError, mismatch, refusal
+from surefix.tables.metres import centre, local_metres
+from surefix.tables.npy import read_npy
+from surefix.tables.rows import columns, rows
+
+__all__ = ["Positions", "on_one_plane", "read_metres", "read_positions"]
+
+DEGREES = (("latitude", "longitude"), ("lat", "lon"))
+METRES = (("x", "y", "z"), ("x", "y"), ("easting", "northing"), ("east", "north"))
+COLUMNS = "x,y[,z] or easting,northing in metres, or latitude,longitude (or lat,lon) in degrees"
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """A row a frame: metres, or latitude and longitude."""
+
+    source: str
+    values: npt.NDArray[np.float64]
+    degrees: bool = False
+
+
+def read_positions(path: Path, names: Sequence[str] | None = None) -> Positions:
+    """A ``.npy`` or ``.csv`` of 2 or 3 metres a frame; or a ``.csv`` whose header says more.
+
+    Parameters
+    ----------
+    path : Path
+    names : sequence of str, optional
+        Of the frames: then a row for each is expected. A column ``name`` gives them, in any order.
+
+    Raises
+    ------
+    SurefixFileError
+        If the file cannot be read.
+    SurefixValueError
+        If it holds anything else, or degrees without a header that says so.
+    """
+    if path.suffix != ".npy" and _has_header(path):
+        read = _by_header(path, names)
+    else:
+        read = Positions(str(path), _bare(path))
+    if names is not None and len(read.values) != len(names):
+        raise mismatch(path, f"a row for each of the {len(names)} images", len(read.values))
+    return read
+
+
+def read_metres(path: Path) -> npt.NDArray[np.float64]:
+    """As ``read_positions``, for a map: it holds metres."""
+    read = read_positions(path)
+    if read.degrees:
+        raise SurefixValueError(
+            f"{path}: expected metres, as a map holds no degrees, got latitude and longitude; "
+            "surefix.datasets.local_metres makes metres of them, with one origin for all drives"
+        )
+    return read.values
+
+
+def on_one_plane(
+    references: Positions, queries: Positions
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Both in metres; degrees become metres about the mean of the references."""
+    if references.degrees != queries.degrees:
+        given, other = (references, queries) if references.degrees else (queries, references)
+        raise mismatch(
+            other.source, f"latitude,longitude as in {given.source}", "metres: they share no plane"
+        )
+    if not references.degrees:
+        return references.values, queries.values
+    origin = centre(references.values[:, 0], references.values[:, 1])
+    there, here = (
+        local_metres(values[:, 0], values[:, 1], origin)
+        for values in (references.values, queries.values)
+    )
+    return there, here
+
+
+def _bare(path: Path) -> npt.NDArray[np.float64]:
+    """Numbers without a header."""
+    try:
+        if path.suffix == ".npy":
+            values = np.asarray(read_npy(path, "the positions"), np.float64)
+        else:
+            values = np.loadtxt(path, delimiter=",", ndmin=2)
+    except SurefixError:
+        raise
+    except OSError as error:
+        raise refusal(path, "cannot read the positions", error) from None
+    except ValueError as error:
+        raise SurefixValueError(
+            f"{path}: expected a row of 2 or 3 numbers a place ({error})"
+        ) from None
+    if _look_like_degrees(values):
+        raise SurefixValueError(
+            f"{path}: expected metres, got numbers that look like latitude and longitude, such as "
+            f"{values[0].tolist()}; give a .csv with the header latitude,longitude, or metres "
+            "(header x,y)"
+        )
+    return values
+
+
+def _has_header(path: Path) -> bool:
+    first = next((cells for _, cells in rows(path, ",")), [])
+    return bool(first) and not any(_is_number(cell) for cell in first)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _by_header(path: Path, names: Sequence[str] | None) -> Positions:
+    chosen, values, numbers, cells_of = columns(path, (*METRES, *DEGREES), COLUMNS)
+    degrees = chosen in DEGREES
+    if degrees:
+        try:
+            local_metres(*values.T)
+        except SurefixValueError as error:
+            raise SurefixValueError(f"{path}: {error}") from None
+    given = None if names is None else cells_of("name")
+    if names is not None and given is not None:
+        row_of: dict[str, int] = {}
+        for index, name in enumerate(given):
+            if row_of.setdefault(name, index) != index:
+                raise mismatch(f"{path}, row {numbers[index]}", "each image once", f"{name} twice")
+        lacking = [name for name in names if name not in row_of]
+        if lacking:
+            raise SurefixValueError(
+                f"{path}: expected a position for each of the {len(names)} images, "
+                f"got none for {len(lacking)}, such as {lacking[0]}"
+            )
+        values = values[[row_of[name] for name in names]]
+    return Positions(str(path), values, degrees)
+
+
+def _look_like_degrees(values: npt.NDArray[np.float64]) -> bool:
+    """Whether all places lie within a metre, no further from 0 than degrees: no drive does."""
+    if values.ndim != 2 or values.shape[1] not in (2, 3) or len(values) < 2:
+        return False
+    plane = values[:, :2]
+    far = np.sort(np.abs(plane).max(axis=0))
+    return bool((np.ptp(plane, axis=0) < 1).all() and far[0] <= 90 and far[1] <= 180)

@@ -1,0 +1,111 @@
+"""Tables in text files. Errors name the file and the row."""
+
+import csv
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix.errors import SurefixValueError, mismatch, refusal
+
+__all__ = ["ascending", "columns", "decimal", "header_and_rows", "read_text", "rows", "whole"]
+
+
+def read_text(path: Path, what: str = "the table") -> str:
+    """A text file in UTF-8; ``what`` names it in an error."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise refusal(path, f"cannot read {what}", error) from None
+    except UnicodeDecodeError as error:
+        raise mismatch(path, "a text file in UTF-8", error.reason) from None
+
+
+def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
+    """The number of each line, from 1, and its cells, without empty lines and ``#`` comments.
+
+    A ``delimiter`` of None is any white space.
+    """
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            cells = (
+                line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
+            )
+        except csv.Error as error:
+            raise mismatch(f"{path}, row {number}", "values with commas between", error) from None
+        yield number, [cell.strip() for cell in cells]
+
+
+def header_and_rows(path: Path, expected: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The column names of a CSV, in lower case, and its rows, all of that length."""
+    numbered = list(rows(path, ","))
+    if len(numbered) < 2:
+        raise mismatch(path, f"a header ({expected}) and rows", f"{len(numbered)} lines")
+    header = [cell.lower() for cell in numbered[0][1]]
+    for number, cells in numbered[1:]:
+        if len(cells) != len(header):
+            raise mismatch(f"{path}, row {number}", f"{len(header)} values", len(cells))
+    return header, numbered[1:]
+
+
+def columns(
+    path: Path, choices: Sequence[Sequence[str]], expected: str
+) -> tuple[Sequence[str], npt.NDArray[np.float64], list[int], Callable[[str], list[str] | None]]:
+    """The first of some choices of columns that a CSV has, other columns left aside.
+
+    Returns the names of the columns, their numbers, shape (rows, columns), the number of each row
+    in the file, and a function that gives the cells of any column, None if there is none.
+    """
+    header, numbered = header_and_rows(path, expected)
+    names = next((names for names in choices if set(names) <= set(header)), None)
+    if names is None:
+        raise mismatch(f"{path}, row 1", f"the columns {expected}", ",".join(header))
+    at = [(header.index(name), name) for name in names]
+    values = [[decimal(cells[i], path, row, name) for i, name in at] for row, cells in numbered]
+
+    def cells_of(name: str) -> list[str] | None:
+        if name not in header:
+            return None
+        return [cells[header.index(name)] for _, cells in numbered]
+
+    return names, np.array(values), [row for row, _ in numbered], cells_of
+
+
+def whole(cell: str, path: Path, row: int, what: str) -> int:
+    """An integer, at most 64 bits wide."""
+    try:
+        value = int(cell)
+    except ValueError:
+        value = 1 << 63
+    if not -(1 << 63) <= value < 1 << 63:
+        raise mismatch(f"{path}, row {row}", f"{what}, a whole number", repr(cell))
+    return value
+
+
+def decimal(cell: str, path: Path, row: int, what: str, *, finite: bool = True) -> float:
+    """A number; with ``finite=False`` NaN and infinities too."""
+    kind, value = "number", None
+    try:
+        value = float(cell)
+        kind = "finite number"
+    except ValueError:
+        pass
+    if value is None or (finite and not np.isfinite(value)):
+        raise mismatch(f"{path}, row {row}", f"{what}, a {kind}", repr(cell))
+    return value
+
+
+def ascending(stamps: Sequence[int], numbers: Sequence[int], path: Path) -> npt.NDArray[np.int64]:
+    """The timestamps of the rows of these numbers; each must be later than the one before."""
+    array = np.array(stamps, dtype=np.int64)
+    wrong = np.flatnonzero(array[1:] <= array[:-1])
+    if len(wrong):
+        at = int(wrong[0]) + 1
+        problem = "twice" if array[at] == array[at - 1] else f"after {array[at - 1]}"
+        raise SurefixValueError(
+            f"{path}, row {numbers[at]}: expected ascending timestamps, got {array[at]} {problem}"
+        )
+    return array

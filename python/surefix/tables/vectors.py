@@ -1,0 +1,252 @@
+"""Ready descriptors in NumPy, safetensors, HDF5 and faiss files."""
+
+import os
+import re
+import zipfile
+from collections.abc import Callable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix._extra import require
+from surefix.errors import SurefixError, SurefixValueError, mismatch, refusal
+from surefix.tables.npy import read_npy
+
+__all__ = ["ENDINGS", "load", "metric_of"]
+
+Rows = npt.NDArray[Any]
+NUMBERS = ("float32", "float16", "int8", "uint8")
+# The number of names that an error lists.
+LISTED = 12
+# How far from 1 the length of a normalised float32 vector may be.
+UNIT = 1e-3
+
+
+def load(path: str | PathLike[str], key: str | None = None) -> Rows:
+    """The vectors of a file, as ``Map.from_descriptors`` takes them.
+
+    ==================  ========================================================================
+    ``.npy``            one array, memory-mapped
+    ``.npz``            ``key`` is the array's name
+    ``.safetensors``    ``key`` is the tensor's name; ``pip install safetensors``
+    ``.h5``, ``.hdf5``  ``key`` is the data set's path; or its name in the groups of the images, as
+                        hloc writes them, ``frame9`` before ``frame10``; ``pip install h5py``
+    ``.faiss``,         a flat index; ``pip install faiss-cpu``
+    ``.index``
+    ==================  ========================================================================
+
+    The packages come with ``pip install "surefix[files]"``.
+
+    Parameters
+    ----------
+    path : str or path
+    key : str, optional
+        Which array, if the file holds several.
+
+    Returns
+    -------
+    array, shape (n, dim), float32, float16, int8 or uint8
+        float64 is made float32.
+
+    Raises
+    ------
+    SurefixFileError
+        If the file cannot be read.
+    SurefixValueError
+        If it is not a file of its kind, has no such array (the error lists those it has), or the
+        array holds no vectors.
+    SurefixError
+        If the package for it is missing.
+
+    Examples
+    --------
+    >>> from surefix.descriptors import load
+    >>> rows = load("netvlad.h5", key="global_descriptor")   # doctest: +SKIP
+    >>> route = surefix.Map.from_descriptors(rows)   # doctest: +SKIP
+    """
+    file = Path(path)
+    reader = _READERS.get(file.suffix.lower())
+    if reader is None:
+        raise SurefixValueError(f"{file}: expected a file that ends in {', '.join(ENDINGS)}")
+    try:
+        with file.open("rb"):
+            pass
+    except OSError as error:
+        raise refusal(file, "cannot read the descriptors", error) from None
+    return _checked(file, key, reader(file, key))
+
+
+def metric_of(path: str | PathLike[str]) -> Literal["cosine", "euclidean"] | None:
+    """The metric that a file is made for, if it says so: a faiss index does.
+
+    An index of inner products is one of cosines if its vectors are of unit length, and refused
+    otherwise.
+
+    Raises
+    ------
+    SurefixError
+        As for ``load``.
+    """
+    file = Path(path)
+    return _read_index(file)[1] if _READERS.get(file.suffix.lower()) is _faiss else None
+
+
+def _npy(path: Path, key: str | None) -> Rows:
+    _no_key(path, key)
+    return read_npy(path, "the descriptors", mapped=True)
+
+
+def _npz(path: Path, key: str | None) -> Rows:
+    try:
+        # Opened here: NumPy leaves a file open that is no archive.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise mismatch(path, "an archive (.npz)", "one array (.npy)")
+            array: Rows = archive[_one_of(path, key, archive.files)]
+    except (ValueError, EOFError, OSError, zipfile.BadZipFile, KeyError) as error:
+        if isinstance(error, SurefixError):
+            raise
+        raise SurefixValueError(
+            f"{path}: not a .npz archive, or a truncated one ({error})"
+        ) from None
+    return array
+
+
+def _safetensors(path: Path, key: str | None) -> Rows:
+    library = require("safetensors", "a .safetensors file", "safetensors", "surefix[files]")
+    try:
+        with library.safe_open(path, framework="np") as tensors:
+            array: Rows = tensors.get_tensor(_one_of(path, key, list(tensors.keys())))
+    except library.SafetensorError as error:
+        raise SurefixValueError(
+            f"{path}: not a .safetensors file, or a truncated one ({error})"
+        ) from None
+    except (TypeError, AttributeError) as error:
+        # NumPy has no bfloat16, for one.
+        raise mismatch(path, ", ".join(NUMBERS), f"another type ({error})") from None
+    return array
+
+
+def _hdf5(path: Path, key: str | None) -> Rows:
+    library = require("h5py", "an HDF5 file", "h5py", "surefix[files]")
+    try:
+        with library.File(path, "r") as file:
+            found: dict[str, Any] = {}
+
+            def visit(name: str, thing: Any) -> None:
+                if isinstance(thing, library.Dataset):
+                    found[name] = thing
+
+            file.visititems(visit)
+            return _data_set(path, key, found)
+    except OSError as error:
+        raise SurefixValueError(f"{path}: not an HDF5 file, or a truncated one ({error})") from None
+
+
+def _data_set(path: Path, key: str | None, found: dict[str, Any]) -> Rows:
+    """The data set ``key``; or those of this name in all groups, a row each."""
+    name = None if key is None else key.strip("/")
+    if name is None and len(found) == 1:
+        (name,) = found
+    if name in found:
+        return np.asarray(found[name])
+    of_images = [full for full in found if "/" in full and full.rpartition("/")[2] == name]
+    if name is None or not of_images:
+        # If there are many groups, the names of the data sets in them say more.
+        listed = {n.rpartition("/")[2] for n in found} if len(found) > LISTED else found
+        short = ", ".join(sorted(listed)[:LISTED]) + (", ..." if len(listed) > LISTED else "")
+        raise SurefixValueError(
+            f"{path}: expected one of the data sets {short or '(there are none)'}, "
+            f"got {'no key' if key is None else f'the key {key!r}'}"
+        )
+    of_images.sort(key=_as_counted)
+    rows = [np.asarray(found[full]) for full in of_images]
+    for full, row in zip(of_images, rows, strict=True):
+        if row.ndim != 1 or row.shape != rows[0].shape:
+            raise SurefixValueError(
+                f"{path}, {full}: expected a vector of {rows[0].size} numbers as in the first "
+                f"group, got the shape {row.shape}"
+            )
+    return np.stack(rows)
+
+
+def _as_counted(name: str) -> list[tuple[int, int, str]]:
+    """The order that ``find_images`` puts files in: numbers by their value."""
+    pieces = re.findall(r"\d+|\D+", name)
+    return [(0, int(piece), piece) if piece.isdecimal() else (1, 0, piece) for piece in pieces]
+
+
+def _faiss(path: Path, key: str | None) -> Rows:
+    _no_key(path, key)
+    return _read_index(path)[0]
+
+
+def _read_index(path: Path) -> tuple[Rows, Literal["cosine", "euclidean"]]:
+    """The vectors in a flat faiss index, and its metric."""
+    library = require("faiss", "a faiss index", "faiss", "surefix[files]")
+    try:
+        index: Any = library.read_index(str(path))
+    except RuntimeError as error:
+        reason = str(error).strip().split("\n")[-1]
+        raise SurefixValueError(
+            f"{path}: not a faiss index, or a truncated one ({reason})"
+        ) from None
+    if not isinstance(index, library.IndexFlat):
+        raise SurefixValueError(
+            f"{path}: expected a flat index (IndexFlatL2, IndexFlatIP), which holds the vectors "
+            f"themselves in their order, got {type(index).__name__}"
+        )
+    rows: Rows = np.empty((0, index.d), np.float32)
+    if index.ntotal:
+        rows = index.reconstruct_n(0, index.ntotal)
+    if index.metric_type == library.METRIC_L2:
+        return rows, "euclidean"
+    if index.metric_type != library.METRIC_INNER_PRODUCT:
+        raise mismatch(path, "an index of L2 or of inner products", f"metric {index.metric_type}")
+    lengths = np.linalg.norm(rows.astype(np.float64), axis=1)
+    if len(rows) and np.abs(lengths - 1).max() > UNIT:
+        raise SurefixValueError(
+            f"{path}: expected vectors of unit length in an index of inner products, which are "
+            f"cosines then, got lengths from {lengths.min():.4g} to {lengths.max():.4g}"
+        )
+    return rows, "cosine"
+
+
+_READERS: dict[str, Callable[[Path, str | None], Rows]] = {
+    ".npy": _npy,
+    ".npz": _npz,
+    ".safetensors": _safetensors,
+    ".h5": _hdf5,
+    ".hdf5": _hdf5,
+    ".faiss": _faiss,
+    ".index": _faiss,
+}
+ENDINGS = tuple(_READERS)
+
+
+def _no_key(path: Path, key: str | None) -> None:
+    if key is not None:
+        raise mismatch(path, "no key, as such a file holds one array", repr(key))
+
+
+def _one_of(path: Path, key: str | None, keys: Sequence[str]) -> str:
+    listed = ", ".join(sorted(keys)) or "none"
+    if key is None and len(keys) == 1:
+        return keys[0]
+    if key is None:
+        raise SurefixValueError(f"{path}: expected a key, as it holds {len(keys)} arrays: {listed}")
+    if key not in keys:
+        raise mismatch(path, f"one of the arrays {listed}", f"the key {key!r}")
+    return key
+
+
+def _checked(path: Path, key: str | None, array: Rows) -> Rows:
+    where = os.fspath(path) if key is None else f"{path}, {key}"
+    if array.dtype.kind not in "fiu" or array.dtype.name not in (*NUMBERS, "float64"):
+        raise mismatch(where, f"descriptors of {', '.join(NUMBERS)}", array.dtype)
+    if array.ndim != 2 or 0 in array.shape:
+        raise mismatch(where, "descriptors (n, dim)", f"the shape {array.shape}")
+    return array.astype(np.float32) if array.dtype.name == "float64" else array
