@@ -1,4 +1,4 @@
-"""How the documentation is built: `make docs`, with warnings as errors, of the installed wheel."""
+"""The settings of `make docs`, which builds from the installed wheel, with warnings as errors."""
 
 import sys
 from pathlib import Path
@@ -28,7 +28,7 @@ templates_path: list[str] = []
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-# The notebook is run at each build, so that its outputs are today's; one that fails ends the build.
+# The notebook is run at each build, so that its outputs are current; a failure ends the build.
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 120
@@ -40,7 +40,7 @@ autodoc_typehints = "none"
 autosummary_generate = False
 napoleon_google_docstring = False
 napoleon_use_ivar = True
-# Types are words, such as "array or path", not names to be looked up.
+# Types are words, such as "array or path", not references.
 napoleon_use_param = False
 napoleon_use_rtype = False
 add_module_names = False
@@ -62,6 +62,6 @@ pygments_style = "friendly"
 pygments_dark_style = "github-dark"
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
-# What a command prints is not copied with it.
+# A command's output is not copied with it.
 copybutton_only_copy_prompt_lines = True
 copybutton_exclude = ".linenos, .gp, .go"

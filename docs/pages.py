@@ -1,14 +1,13 @@
-"""The pages of the documentation, and their examples run in order: what a page says is printed must
-be printed.
+"""The pages of the documentation. Their examples are run in order, and must print the output on the
+page.
 
-A block of ``python`` is run, and a block of ``text`` right after it is what it prints; each ``$``
-line of a ``console`` block is run by the shell, and the lines after it are what it prints. In both,
-``...`` stands for anything. Blocks of ``sh``, such as those that install something, are not run;
-those of ``rust`` are cargo's to run. Code in a comment of a page draws its pictures, and is not
-shown.
+A block of ``python`` is run, and a block of ``text`` right after it is its output. Each ``$`` line
+of a ``console`` block is run by the shell, and the lines after it are its output. In both, ``...``
+matches any text. Blocks of ``sh``, such as installations, are not run; cargo runs those of
+``rust``. Code in a comment of a page draws its pictures, and is not shown.
 
-Each ``NAME.png`` that the examples of ``a/page.md`` write is the picture ``images/page-NAME.png``.
-Run as a program, this draws all of them anew.
+A ``NAME.png`` that the examples of ``a/page.md`` write is the picture ``images/page-NAME.png``. As
+a program, this module draws all of them again.
 """
 
 import contextlib
@@ -38,9 +37,7 @@ SECONDS = 120
 
 @dataclass(frozen=True)
 class Block:
-    """A block of code of a page: its language, its text, the line that it begins in, and whether it
-    is in a comment.
-    """
+    """A block of code of a page: language, text, first line, and whether it is in a comment."""
 
     language: str
     text: str
@@ -63,17 +60,17 @@ def blocks(page: str) -> list[Block]:
 
 
 def run(page: str, folder: Path) -> dict[str, bytes]:
-    """Runs a page's examples in ``folder``, which is the working folder meanwhile.
+    """Runs a page's examples, with ``folder`` as the working folder.
 
     Returns
     -------
     dict
-        The pictures that they drew, as PNG, by the names that they have among the images.
+        The pictures that they drew, as PNG, by their names in ``images``.
 
     Raises
     ------
     AssertionError
-        Where something else is printed than the page says; it names the page and the line.
+        If the output differs from the page; the message names the page and the line.
     """
     names: dict[str, object] = {"__name__": "__main__"}
     with contextlib.chdir(folder):
@@ -101,7 +98,7 @@ def _with_output(found: list[Block]) -> Iterator[tuple[Block, str | None]]:
 
 
 def _commands(text: str) -> Iterator[tuple[str, str]]:
-    """Each command of a console block, and what follows it."""
+    """Each command of a console block, and its output."""
     for part in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
         command, _, shown = part.partition("\n")
         while command.endswith("\\"):
@@ -126,7 +123,7 @@ def _shell(command: str) -> str:
 
 
 def _compare(where: str, expected: str, got: str) -> None:
-    # Spaces at the ends of lines, as tables have them, are not seen on a page.
+    # Spaces at the ends of lines, as in tables, are invisible on a page.
     expected, got = (re.sub(r"[ ]+$", "", text, flags=re.MULTILINE) for text in (expected, got))
     if not doctest.OutputChecker().check_output(expected, got, doctest.ELLIPSIS):
         raise AssertionError(f"{where}: expected\n{expected}\ngot\n{got}")
@@ -137,7 +134,7 @@ if __name__ == "__main__":
         if any(".png" in block.text for block in blocks(page)):
             with tempfile.TemporaryDirectory() as folder:
                 for name, drawn in run(page, Path(folder)).items():
-                    # 256 colours, rare ones kept, are enough, and half of the bytes.
+                    # 256 colours, rare ones included, are enough, and halve the bytes.
                     picture = Image.open(io.BytesIO(drawn)).convert("RGB")
                     picture.quantize(256, Image.Quantize.MAXCOVERAGE).save(
                         IMAGES / name, optimize=True

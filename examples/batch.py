@@ -1,4 +1,4 @@
-"""Ready distances in, trusted places out: any technique that yields a distance matrix.
+"""From ready distances to trusted places, for any technique that yields a distance matrix.
 
 Run it with: python examples/batch.py
 """
@@ -8,7 +8,7 @@ import numpy as np
 import surefix
 
 # D[i, j] is the distance between place i and query j. Here: descriptors of 500 places along a
-# street of 30 kinds of house, so that places look alike, seen again through a lot of noise.
+# street of 30 kinds of house, so that places look alike, and the same with much noise.
 rng = np.random.default_rng(7)
 kinds = rng.standard_normal((30, 64))
 street = kinds[np.repeat(rng.integers(0, 30, 50), 10)] + 0.5 * rng.standard_normal((500, 64))
@@ -19,7 +19,7 @@ cosines = (
 )
 D = (1 - cosines).astype(np.float32)
 
-# The plain sequence, and the paper's: trusted cells are drawn towards the minimum of the whole
+# The plain sequence, and the paper's: trusted cells are lowered towards the minimum of the whole
 # matrix.
 plain = surefix.match_distances(D, weight=0.0)
 weighted = surefix.match_distances(D, weight=0.99)

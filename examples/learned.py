@@ -1,10 +1,10 @@
-"""Plain image differences and a learned descriptor side by side, on drives of yours, and what
-standardisation gives.
+"""Plain image differences and a learned descriptor side by side, on your drives, with and without
+standardisation.
 
-A network's numbers have a mean and a spread that say more of the season than of the place. Taking
-them away, number by number, is often worth more than a better network; the question is whose
-statistics to use. Those of the whole drive are best, and only known once it is over. A robot has
-those of the reference drive, and what it has seen so far.
+The mean and the spread of a network's numbers depend more on the season than on the place. Removing
+them, number by number, often gains more than a better network; the question is whose statistics to
+use. Those of the whole drive are best, but are known only after it. A robot has those of the
+reference drive, and those of its queries so far.
 
 Run it with: python examples/learned.py MODEL.onnx --output feat_s16 --size 256 128 NAME REFERENCES
 QUERIES [...] Query i must show the place of reference i. It prints a table in Markdown.
@@ -22,7 +22,7 @@ from surefix.post import Standardize, standardized
 
 
 def figures(route: surefix.Map, queries: object) -> str:
-    """What a table's row says, with default options."""
+    """The figures of a table's row, with default options."""
     run = surefix.match(route, queries, progress=False)
     truth = np.arange(len(run))
     right = np.abs(run.single_place - truth) <= 1

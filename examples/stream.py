@@ -6,7 +6,7 @@ Run it with: python examples/stream.py
 import surefix
 from surefix.simulate import Route
 
-# A generated road stands in for your camera: one drive in summer, one on a winter afternoon.
+# A generated road replaces your camera: one drive in summer, one on a winter afternoon.
 road = Route(places=300, size=(160, 80))
 summer, winter = road.reference(), road.revisit()
 
@@ -26,6 +26,6 @@ for fix in localizer.stream(winter):
         print(fix)
 print(f"{len(winter)} frames, {trusted} trusted, {right} of those right")
 
-# A robot that restarts goes on where it was, to the last bit.
+# A robot that restarts continues from its snapshot, to the last bit.
 localizer = surefix.Localizer.restore(route, localizer.snapshot())
 print(localizer.push(winter[-1]))

@@ -10,7 +10,7 @@ use surefix::{Channels, Config, ImageView, Localizer, Map, Sad};
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // A generated road stands in for your robot's camera: one drive in summer, one on a winter
+    // A generated road replaces your robot's camera: one drive in summer, one on a winter
     // afternoon.
     let (width, height) = (160, 80);
     let route = Route::new(RouteConfig { places: 300, width, height, ..RouteConfig::default() })?;

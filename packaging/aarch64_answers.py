@@ -1,9 +1,9 @@
-"""Runs the wheel for 64-bit ARM under qemu, and holds its answers to those of this machine, bit by
+"""Runs the wheel for 64-bit ARM under qemu, and compares its answers with this machine's, bit by
 bit.
 
 ``python packaging/aarch64_answers.py dist/surefix-*_aarch64.whl`` needs qemu-user and an arm64
-Python: it makes one in target/aarch64/root of Debian's packages, or uses that of a root folder that
-SUREFIX_ARM64_ROOT names. numpy comes from PyPI. This Python must have the same surefix installed.
+Python: it makes one in target/aarch64/root from Debian's packages, or uses that of the root folder
+SUREFIX_ARM64_ROOT. numpy comes from PyPI. This Python must have the same surefix installed.
 """
 
 import argparse
@@ -39,11 +39,11 @@ ISAS = ("neon", "scalar")
 
 
 class MissingError(Exception):
-    """What this machine has not got, and how to get it."""
+    """Something that this machine lacks, and how to get it."""
 
 
 def main() -> int:
-    """Compare. Exit codes: 0, 1 (another answer, or something is missing)."""
+    """Compares. Exit codes: 0, 1 (another answer, or something is missing)."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("wheel", type=Path)
     wheel = options.parse_args().wheel
@@ -74,7 +74,7 @@ def main() -> int:
 
 
 def debian_root() -> Path:
-    """A folder with an arm64 Python and the libraries that it needs, unpacked, not installed."""
+    """A folder with an arm64 Python and its libraries, unpacked, not installed."""
     root, debs = HERE / "root", HERE / "debs"
     if (root / "usr/bin/python3.11").exists():
         return root
@@ -94,7 +94,7 @@ def debian_root() -> Path:
 
 
 def install(wheel: Path) -> Path:
-    """The wheel and what it depends on, for that Python, in a folder of their own."""
+    """Installs the wheel and its dependencies for that Python in a folder of their own."""
     site = HERE / "site"
     shutil.rmtree(site, ignore_errors=True)
     command = [
@@ -116,7 +116,7 @@ def install(wheel: Path) -> Path:
 
 
 def run(python: list[str]) -> list[str]:
-    """The lines that the answers are."""
+    """The answers, a line each."""
     said = subprocess.run([*python, str(ANSWERS)], stdout=subprocess.PIPE, text=True, check=True)
     return said.stdout.splitlines()
 

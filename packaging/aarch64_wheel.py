@@ -2,8 +2,8 @@
 packaging/aarch64_wheel.py --out dist``.
 
 It needs maturin and ziglang, which links against any glibc, in this Python, and a Rust compiler
-that has the standard library of aarch64-unknown-linux-gnu. It says which is missing, and how to get
-it.
+with the standard library of aarch64-unknown-linux-gnu. If one is missing, the message says how to
+get it.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = "aarch64-unknown-linux-gnu"
-# Where Debian's compiler is, beside whatever comes first in the path.
+# Debian's compiler, which need not be the first in the path.
 DEBIAN_RUSTC = "/usr/bin/rustc"
 STANDARD_LIBRARY = f"""no Rust compiler with the standard library of {TARGET}. Either of these brings it:
   rustup target add {TARGET}
@@ -25,11 +25,11 @@ or name a compiler that has it: RUSTC=..."""
 
 
 class MissingError(Exception):
-    """What this machine has not got, and how to get it."""
+    """Something that this machine lacks, and how to get it."""
 
 
 def main() -> int:
-    """Build it. Exit codes: 0, 1 (something is missing), maturin's own."""
+    """Builds it. Exit codes: 0, 1 (something is missing), maturin's own."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("--out", type=Path, default=ROOT / "dist", help="where the wheel goes")
     options.add_argument(
@@ -45,7 +45,7 @@ def main() -> int:
         print(f"wheel-aarch64: {missing}", file=sys.stderr)
         return 1
     print(f"wheel-aarch64: with {compiler}")
-    # A folder of its own: the build's scripts were compiled by another compiler elsewhere.
+    # A folder of its own: the usual one has build scripts of another compiler.
     environment = os.environ | {
         "RUSTC": compiler,
         "CARGO_TARGET_DIR": str(ROOT / "target" / "aarch64"),

@@ -1,8 +1,8 @@
-"""The answers of an installed wheel, a line each with a digest of every bit: those of two
-processors must be the same.
+"""The answers of an installed wheel, a line each with a digest of every bit. They must be the same
+on two processors.
 
-``python packaging/answers.py`` needs surefix and numpy, and no other file: it runs wherever the
-wheel does. Inputs are made of whole numbers and exact fractions, so that they are the same
+``python packaging/answers.py`` needs surefix and numpy, and no other file: it runs on every machine
+that runs the wheel. Inputs are whole numbers and exact fractions, so that they are the same
 everywhere.
 """
 
@@ -18,7 +18,7 @@ import surefix
 from surefix.simulate import Route
 
 PLACES = 300
-# Prime, so that every kernel ends on a rest that is shorter than its registers.
+# Prime, so that every kernel ends on a remainder that is shorter than its registers.
 DIM = 509
 ELEMENTS = ("float32", "float16", "int8", "uint8")
 METRICS = ("manhattan", "euclidean", "cosine")
@@ -31,7 +31,7 @@ OPTIONS = (
 
 
 def main() -> None:
-    """Print them."""
+    """Prints them."""
     print(f"surefix {surefix.__version__}")
     for name, arrays in answers():
         digest = hashlib.sha256()
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def answers() -> Iterator[tuple[str, tuple[np.ndarray, ...]]]:
-    """Each piece of work, and the arrays that come out of it."""
+    """The name of each computation, and its arrays."""
     route = Route(places=PLACES, size=(128, 64), seed=3)
     reference, revisit = route.reference(), route.revisit()
     yield (
@@ -84,7 +84,7 @@ def answers() -> Iterator[tuple[str, tuple[np.ndarray, ...]]]:
 
 
 def vectors(element: str, count: int, seed: int = 1) -> np.ndarray:
-    """Descriptors that walk slowly, as a camera's do: neighbours are alike."""
+    """Descriptors that change slowly, as a camera's do: neighbours are alike."""
     steps = np.random.default_rng(seed).integers(-40, 41, size=(count, DIM))
     walk = np.cumsum(steps, axis=0) % 251 - 125
     if element == "uint8":
@@ -93,7 +93,7 @@ def vectors(element: str, count: int, seed: int = 1) -> np.ndarray:
 
 
 def columns(run: surefix.Run) -> tuple[np.ndarray, ...]:
-    """All that a run knows."""
+    """All columns of a run."""
     names = (
         "place",
         "score",
@@ -108,8 +108,8 @@ def columns(run: surefix.Run) -> tuple[np.ndarray, ...]:
 
 
 def stream(known: surefix.Map, drive: surefix.simulate.Traverse) -> tuple[np.ndarray, ...]:
-    """Places and scores of a localizer that is stopped half way, kept as a file with its map, and
-    goes on.
+    """Places and scores of a localizer that is stopped half way and restored, with its map saved
+    and opened again.
     """
     localizer = surefix.Localizer(known, sequence_length=5)
     fixes = [localizer.push(drive[index]) for index in range(PLACES // 2)]

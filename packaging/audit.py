@@ -1,7 +1,7 @@
-"""Whether wheels are what they say they are: ``python packaging/audit.py dist/*.whl``.
+"""Checks that wheels keep the promises of their names: ``python packaging/audit.py dist/*.whl``.
 
-A wheel's own symbols must not ask for a newer Linux than its name promises (by auditwheel, on
-Linux's wheels), and it holds the package with its types and licences, and nothing else.
+A Linux wheel's symbols must not need a newer Linux than its name promises (checked by auditwheel).
+A wheel must hold the package with its types and licences, and nothing else.
 """
 
 import argparse
@@ -23,12 +23,12 @@ NEEDED = (
     "surefix-*.dist-info/licenses/LICENSE-MIT",
 )
 ALLOWED = (*NEEDED, "surefix/*.py", "surefix/*.css", "surefix/_core.*", "surefix-*.dist-info/*")
-# What a plain `pip install surefix` brings.
+# The dependencies of a plain `pip install surefix`.
 DEPENDENCIES = {"numpy", "rich", "typer"}
 
 
 def main() -> int:
-    """Audit. Exit codes: 0, 1 (something is amiss)."""
+    """Audits. Exit codes: 0, 1 (a problem)."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("wheels", type=Path, nargs="+")
     amiss = 0
@@ -48,7 +48,7 @@ def main() -> int:
 
 
 def contents(wheel: Path) -> list[str]:
-    """What is missing from it, and what has no business in it."""
+    """The files that are missing from it, and those that do not belong in it."""
     with zipfile.ZipFile(wheel) as pack:
         names = pack.namelist()
         about = message_from_bytes(
@@ -73,8 +73,8 @@ def contents(wheel: Path) -> list[str]:
 
 
 def glibc(wheel: Path) -> tuple[str, list[str]]:
-    """The oldest Linux that its symbols are for, in words, and whether its name promises an older
-    one.
+    """The oldest Linux that its symbols run on, in words, and a problem if its name promises an
+    older one.
     """
     command = [sys.executable, "-m", "auditwheel", "show", "--json", str(wheel)]
     found = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
@@ -89,9 +89,7 @@ def glibc(wheel: Path) -> tuple[str, list[str]]:
 
 
 def version(tag: str) -> tuple[int, int]:
-    """The glibc of ``manylinux_2_17_x86_64``, as numbers; a tag without one is for no other
-    Linux.
-    """
+    """The glibc of ``manylinux_2_17_x86_64``, as numbers; for a tag without one, the largest."""
     parts = tag.split("_")
     return (int(parts[1]), int(parts[2])) if parts[0] == "manylinux" else (sys.maxsize, 0)
 

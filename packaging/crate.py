@@ -1,6 +1,4 @@
-"""What the crate holds, and what is amiss with it: ``python packaging/crate.py``, after ``cargo
-package``.
-"""
+"""Checks the files of the crate: ``python packaging/crate.py``, after ``cargo package``."""
 
 import subprocess
 import sys
@@ -8,7 +6,7 @@ import tarfile
 from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).resolve().parents[1]
-# Whoever builds it from the pack needs these.
+# A build from the archive needs these.
 NEEDED = (
     "Cargo.toml",
     "Cargo.lock",
@@ -20,12 +18,12 @@ NEEDED = (
 )
 SUFFIXES = {".lock", ".md", ".orig", ".rs", ".toml"}
 NAMES = {".cargo_vcs_info.json", "LICENSE-MIT", "LICENSE-APACHE"}
-# crates.io takes ten times as much.
+# The limit of crates.io is ten times as large.
 LARGEST = 1_000_000
 
 
 def main() -> int:
-    """Look. Exit codes: 0, 1 (something is amiss)."""
+    """Checks. Exit codes: 0, 1 (a problem)."""
     command = ["cargo", "pkgid", "--package", "surefix"]
     pack = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     version = pack.stdout.strip().rpartition("#")[2].rpartition("@")[2]

@@ -1,8 +1,8 @@
-"""Installs a wheel or a source distribution as somebody new would, and tries what the README says.
+"""Installs a wheel or a source distribution as a new user would, and runs the README's lines.
 
 ``python packaging/new_user.py FILE`` makes an empty virtual environment in a clean folder. Without
-extras everything must import or say in one line which extra it wants; then the README's lines run;
-then nothing is left behind.
+extras, each module must import or name in one line the extra that it needs. Then the README's lines
+must run, and uninstalling must leave no files.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 README = Path(__file__).resolve().parents[1] / "README.md"
-# What each command wants that a plain installation has not got.
+# The extra that each command needs, and that a plain installation lacks.
 WANT = {
     "demo": "plot",
     "eval D.npy D.npy --truth identity": "plot",
@@ -28,7 +28,7 @@ WANT = {
     "run known.safetensors rtsp://127.0.0.1:1/front": "camera",
     "run known.safetensors photos/tuesday --save drive.rrd": "live",
 }
-# They want data sets of the paper's, and a bag.
+# They need the paper's data sets, and a bag.
 LEFT_OUT = ("surefix reproduce", "drive.bag")
 EXTRA = re.compile(r"pip install ['\"]surefix\[(\w+)\]['\"]")
 
@@ -66,12 +66,12 @@ for day, drive in (("monday", route.reference()), ("tuesday", route.traverse(noi
         (folder / f"{index}.ppm").write_bytes(header + np.ascontiguousarray(image).tobytes())
 surefix.Map.from_images("photos/monday").save("known.safetensors")
 np.save("D.npy", np.arange(64, dtype=np.float32).reshape(8, 8) % 5)
-# Nobody gets to look into these.
+# These are never read.
 for name in ("network.onnx", "descriptors.h5", "drive.mp4", "drive.mcap"):
     Path(name).touch()
 """
-# In one process each, so that nothing is imported yet; the processor's time, which other load
-# hardly moves.
+# A process each, so that nothing is imported yet; processor time, which depends little on other
+# load.
 IMPORT_TIME = """
 import resource, subprocess, sys
 def spent(code):
@@ -86,11 +86,11 @@ print(f"import surefix {surefix - nothing:.0f} ms of processor time, of which nu
 
 
 class FailedError(Exception):
-    """What a new user would have stumbled over."""
+    """A failure that a new user would have met."""
 
 
 def main() -> int:
-    """Try it. Exit codes: 0, 1 (somebody new would stumble)."""
+    """Tries it. Exit codes: 0, 1 (a failure for a new user)."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("file", type=Path, help="a wheel or a source distribution")
     file = options.parse_args().file.resolve()
@@ -104,7 +104,7 @@ def main() -> int:
 
 
 def visit(file: Path, folder: Path) -> None:
-    """Everything, in order."""
+    """All checks, in order."""
     venv.create(folder / "venv", with_pip=True)
     here = folder / "here"
     here.mkdir()
@@ -155,7 +155,7 @@ def visit(file: Path, folder: Path) -> None:
 
 
 def readme_lines(call: Callable[..., str], python: str, surefix: str) -> int:
-    """The README's Python, and its command line."""
+    """Runs the README's Python and command lines; their number."""
     text = README.read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     for block in blocks:

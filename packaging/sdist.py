@@ -1,4 +1,4 @@
-"""What a source distribution holds: ``python packaging/sdist.py dist/surefix-*.tar.gz``."""
+"""Checks a source distribution: ``python packaging/sdist.py dist/surefix-*.tar.gz``."""
 
 import argparse
 import sys
@@ -28,7 +28,7 @@ NAMES = {"LICENSE-APACHE", "LICENSE-MIT", "PKG-INFO"}
 
 
 def main() -> int:
-    """Look. Exit codes: 0, 1 (something is amiss)."""
+    """Checks. Exit codes: 0, 1 (a problem)."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("sdist", type=Path)
     file = options.parse_args().sdist

@@ -1,8 +1,6 @@
-"""The directive ``class-reference``: a class of the compiled part with its members in the order of
-the stub.
+"""The directive ``class-reference``: a compiled class with its members in the order of the stub.
 
-A compiled class does not say where its members stand in the source, so autodoc would sort them by
-the alphabet.
+A compiled class has no source order, so autodoc would sort its members by the alphabet.
 """
 
 import ast
@@ -52,8 +50,8 @@ def _members(name: str) -> list[str]:
 def _whole_sentence(
     app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]
 ) -> None:
-    """Napoleon takes what stands before a colon in an attribute's first line for a type, but not
-    after a comment.
+    """Napoleon takes the text before a colon in an attribute's first line for a type, but not after
+    a comment.
     """
     if what in ("attribute", "property") and lines:
         lines[:0] = ["..", ""]

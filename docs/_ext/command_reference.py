@@ -50,7 +50,7 @@ def _definition(parameter: Any, context: Any) -> list[str]:
     if record is None or "--help" in parameter.opts:
         return []
     names, text = record
-    # What the help puts in brackets at its end: the default, the bounds, whether it must be given.
+    # The help ends with brackets: the default, the bounds, whether the option is required.
     said, _, facts = text.partition("  [")
     facts = facts.removesuffix("]")
     tail = f" *({_plain(facts)})*" if facts else ""
@@ -58,9 +58,7 @@ def _definition(parameter: Any, context: Any) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """The text with nothing in it that Markdown takes for its own, but code; options become
-    code.
-    """
+    """The text with Markdown's characters escaped, except code; options become code."""
     pieces = text.split("`")
     for index in range(0, len(pieces), 2):
         plain = re.sub(r"([*_<>\[\]])", r"\\\1", pieces[index])

@@ -1,5 +1,5 @@
-"""Every public name of the package is in the reference: one that is missing is a warning, and so
-ends the build.
+"""Every public name of the package must be in the reference: a missing one is a warning, which ends
+the build.
 """
 
 import importlib

@@ -1,7 +1,7 @@
 """A ROS 2 node: images in, poses along the route and diagnostics out.
 
 It needs ROS 2 (rclpy, sensor_msgs, geometry_msgs, diagnostic_msgs), and surefix in the same Python.
-Only what talks to ROS is in this file; what it says is decided in route_pose.py, which is tested
+This file has only the ROS interface; the messages are computed in route_pose.py, which is tested
 without ROS.
 
 Run it with:
@@ -25,7 +25,7 @@ try:
 except ImportError as error:
     sys.exit(f"localizer_node: needs a ROS 2 installation, sourced in this shell ({error})")
 
-# A camera's newest image, and no other: what is missed is a gap, which the stamps tell.
+# The camera's newest image only. A missed one is a gap, which the time stamps show.
 NEWEST = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
 )

@@ -1,14 +1,12 @@
-"""From an image message to a pose with a covariance, and a word on how it goes. No ROS is needed
-here.
+"""From an image message to a pose with a covariance, and a status. Needs no ROS.
 
-The covariance says in metres what the fix says in a word:
+The covariance expresses the trust flag in metres:
 
-- trusted: the place, give or take one: a standard deviation of the distance between neighbouring
-  places;
+- trusted: within one place: the standard deviation is the distance between neighbouring places;
 - untrusted: anywhere along the route: that of a uniform distribution over its length, length /
   sqrt(12).
 
-What an image cannot tell (height on a flat map, roll, pitch) has a variance that says so.
+Height on a flat map, roll and pitch cannot be measured and have a very large variance.
 """
 
 import math
@@ -25,11 +23,12 @@ __all__ = ["Answer", "Pose", "RoutePose"]
 
 # DiagnosticStatus.OK, WARN, ERROR
 OK, WARN, ERROR = 0, 1, 2
-# Of what is not measured: square metres.
+# The variance of a coordinate that is not measured, in square metres.
 UNKNOWN = 1e6
-# Of an angle that may be any: that of a uniform distribution over the circle, in square radians.
+# The variance of an unknown angle: that of a uniform distribution over the circle, in square
+# radians.
 ANY_ANGLE = (2 * math.pi) ** 2 / 12
-# How far the camera's heading is from the route's, in radians, where the place is known.
+# The standard deviation of the camera's heading from the route's, in radians, at a known place.
 HEADING = 0.2
 
 
@@ -53,7 +52,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Answer:
-    """What one image gave. ``fix`` and ``pose`` are None where the image could not be used."""
+    """The answer to one image. ``fix`` and ``pose`` are None if the image is unusable."""
 
     fix: surefix.Fix | None
     pose: Pose | None
@@ -71,7 +70,7 @@ class RoutePose:
     route : Map
         With positions, in the metres of the frame that poses are published in.
     gap : float
-        Images more than so many seconds apart, or going back in time, do not follow on each other.
+        Images more than this many seconds apart, or out of order, are treated as a break.
     **options
         As for ``surefix.Localizer``.
     """
@@ -92,15 +91,14 @@ class RoutePose:
         self.spacing = max(float(np.median(lengths)), 0.1)
         self.anywhere = max(float(lengths.sum()) / math.sqrt(12), self.spacing)
         self.height_known = not flat
-        # The heading at a place is that of the way from the place before to the one after.
+        # The heading at a place is the direction from the place before to the one after.
         around = np.concatenate([steps[:1], steps[1:] + steps[:-1], steps[-1:]])
         self.yaws = np.arctan2(around[:, 1], around[:, 0])
 
     def push(self, message: Any) -> Answer:
         """Takes a sensor_msgs Image or CompressedImage, in the order of their stamps.
 
-        An image that cannot be used is no reason to stop: the answer says why, and the next one has
-        a gap before it.
+        An unusable image raises no error: the answer has the reason, and a gap follows it.
         """
         time = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
         if self.before is not None and not 0 <= time - self.before <= self.gap:
@@ -112,8 +110,7 @@ class RoutePose:
             self.refused += 1
             self._break()
             return Answer(None, None, False, ERROR, str(error), self._values(None))
-        # The flag speaks of the single match; the pose is that of the sequence, so the two must
-        # agree.
+        # The flag is about the single match and the pose is the sequence's, so the two must agree.
         trusted = fix.trusted and abs(fix.place - fix.single.place) <= 1
         return Answer(
             fix,

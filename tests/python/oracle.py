@@ -1,11 +1,11 @@
 """The oracle: docs/method.md in plain NumPy, whole matrices at a time, slow and obvious.
 
-It shares nothing with the library: no stream, no ring, no state, only matrices `D[i, j]` (place
-`i`, query `j`) and their shifted copies. Section numbers are that page's, equation
-numbers those of Carson, Ford, Milford, ICRA 2023.
+It shares no code with the library: no stream, no ring, no state, only matrices `D[i, j]` (place
+`i`, query `j`) and their shifted copies. Section numbers are those of that page, equation numbers
+those of Carson, Ford, Milford, ICRA 2023.
 
-Read into the text where it is silent: `D` is float32; ties go to the lowest index; gradients are
-float32 in the written order of operations; diagonal sums are float64, in the order of 1.5.
+The paper leaves open: `D` is float32; ties go to the lowest index; gradients are float32 in the
+written order of operations; diagonal sums are float64, in the order of 1.5.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def gradient(D: Array, kind: str = "halved") -> Array:
 
 
 def gradient_mean(D: Array, kind: str = "halved") -> Array:
-    """1.2: the mean of every column of the gradient, (m,), telescoped, in float32."""
+    """1.2: the mean of each column of the gradient, (m,), telescoped, in float32."""
     D = np.asarray(D, np.float32)
     n, m = D.shape
     if kind == "unhalved":
@@ -52,8 +52,8 @@ def gradient_mean(D: Array, kind: str = "halved") -> Array:
 
 
 def drives(queries: int, gaps: Sequence[int] = ()) -> Array:
-    """1.5: which unbroken drive each query belongs to, (m,): a gap before query `j` begins a new
-    one there.
+    """1.5: the number of each query's unbroken drive, (m,): a gap before query `j` begins a new one
+    there.
     """
     first_of_a_drive = np.isin(np.arange(queries), np.asarray(gaps, np.int64))
     return np.cumsum(first_of_a_drive)
@@ -62,9 +62,8 @@ def drives(queries: int, gaps: Sequence[int] = ()) -> Array:
 def enhance(g: Array, mean: Array, smoothing: int = 3, drive: Array | None = None) -> Array:
     """1.2: `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms, in this order, float32.
 
-    A term before the first place or the first query is `mean[j]`, of the *current* column; and so
-    is one of another `drive` (m,) than query `j`'s. `smoothing` may exceed both sides of the
-    matrix.
+    A term before the first place or the first query, or of another `drive` (m,) than query `j`'s,
+    is `mean[j]`, of the *current* column. `smoothing` may exceed both sides of the matrix.
     """
     n, m = g.shape
     drive = np.zeros(m) if drive is None else drive
@@ -78,14 +77,14 @@ def enhance(g: Array, mean: Array, smoothing: int = 3, drive: Array | None = Non
 
 
 def consensus(D: Array, G: Array, tolerance: int = 1) -> tuple[Array, Array, Array]:
-    """The place of least distance, that of the greatest gradient (Eq. 2), whether they agree (Eq. 3)."""
+    """1.3: the places of the least distance and the largest gradient (Eq. 2), and trust (Eq. 3)."""
     i_d = np.argmin(D, axis=0)
     i_g = np.argmax(G, axis=0)
     return i_d, i_g, np.abs(i_g - i_d) <= tolerance
 
 
 def floors(D: Array, floor: Floor = "running") -> Array:
-    """1.4: the floor that is in force when query `j` is answered, (m,) float32.
+    """1.4: the floor at query `j`, (m,) float32.
 
     `running` is the least raw distance of all queries up to and including `j`; a number `x` is
     `min(x, running)`, with `x` taken as a float32; `global` is the minimum of the whole matrix.
@@ -119,11 +118,11 @@ def sequence(
     speed: float = 1.0,
     drive: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Eqs. 5 and 6: `L S` (n, m) float64, `inf` where undefined, and the anchors on each diagonal.
+    """Eq. 5: `L S` (n, m) float64, `inf` if undefined, and the number of anchors on each diagonal.
 
-    Column `j` weights *every* column of its window by `floor[j]`, the floor in force at `j`.
-    Each sum runs from the oldest query to the newest. Defined where `j >= L-1` and `i >= round(v
-    (L-1))`, and all queries of the window are of one `drive` (m,).
+    Column `j` weights *every* column of its window with `floor[j]`. Each sum runs from the oldest
+    query to the newest. Defined if `j >= L-1`, `i >= round(v (L-1))`, and all queries of the window
+    are of one `drive` (m,).
     """
     n, m = D.shape
     drive = np.zeros(m) if drive is None else drive
@@ -148,7 +147,7 @@ def sequence(
 
 @dataclass(frozen=True)
 class Options:
-    """The options of section 2, with its defaults."""
+    """The options of the method, with their defaults."""
 
     sequence_length: int = 2
     weight: float = 0.99
@@ -161,7 +160,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Run:
-    """One value per query, by the names of section 2."""
+    """One value per query, by the names of `surefix.Run`."""
 
     place: Array
     score: Array
@@ -176,12 +175,12 @@ class Run:
 
 
 def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int] = ()) -> Run:
-    """Sections 1.1 to 1.5 for a matrix `D` (n, m); `trusted` (m,) stands in for the consensus.
+    """Sections 1.1 to 1.5 for a matrix `D` (n, m); `trusted` (m,) replaces the consensus.
 
-    `gaps` are queries that do not follow on the one before, in any order; the floors know nothing
-    of them. Warming up (the first `L-1` queries of each drive): place and score are the single
-    frame's, no anchors, speed NaN. Ties between speeds: the lowest place, then the first in the
-    list. A speed that never fits is none.
+    `gaps` are queries that do not follow the one before, in any order; floors ignore them. Warming
+    up (the first `L-1` queries of each drive): place and score are the single frame's, no anchors,
+    speed NaN. Ties between speeds: the lowest place, then the first in the list. A speed whose
+    diagonal never fits is ignored.
     """
     D = np.asarray(D, np.float32)
     drive = drives(D.shape[1], gaps)
@@ -196,7 +195,7 @@ def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int
     speed, anchors = np.full(len(j), np.nan), np.zeros(len(j), np.int64)
     for v in o.speeds:
         S, on_diagonal = sequence(D, i_d, trusted, floor, o.weight, o.sequence_length, v, drive)
-        i_0 = np.argmin(S, axis=0)
+        i_0 = np.argmin(S, axis=0)  # Eq. 6
         s = S[i_0, j]
         better = (s < best) | (np.isfinite(s) & (s == best) & (i_0 < place))
         place[better], best[better], speed[better] = i_0[better], s[better], v
@@ -290,9 +289,9 @@ def auc(recall: Array, precision: Array, upto: float = 1.0) -> float:
     """1.8: the area under the curve up to recall `upto`, over `upto`; nothing past its end.
 
     One knot per distinct recall, at its *last* precision, the lowest, and trapezoids between knots.
-    Recall 0 has the first precision, unless mistakes come first. A cut inside a segment aims at the
-    *first* precision of the next recall, the sweep's own line. (So the reference figures were made;
-    trapezoids through every point of the sweep give others.)
+    Recall 0 has the first precision, unless mistakes come first. A cut inside a segment leads to
+    the *first* precision of the next recall, the sweep's own line. (The reference figures were
+    computed so; trapezoids through every point of the sweep give others.)
     """
     r = np.concatenate([[0.0], recall])
     p = np.concatenate([precision[:1], precision])
