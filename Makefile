@@ -25,7 +25,7 @@ help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
 	@echo "make test-long            the kernels once more, 100,000 cases each"
-	@echo "make quick   after an edit, in under a minute: Rust's unit tests, and Python's without the slow ones"
+	@echo "make quick   after an edit: Rust's unit tests, and Python's without the slow ones"
 	@echo "make stubs   the docstrings of the binding, copied into its stub"
 	@echo "make docs    the documentation, in out/docs/index.html"
 	@echo "make figures              the pictures of the documentation's pages, made anew"
@@ -41,7 +41,8 @@ help:
 demo: $(VENV)/installed
 	$(BIN)/surefix demo --out out/demo
 
-# An editable build of a profile that builds fast, in an environment of its own; kernels with fewer random cases.
+# An editable build of a profile that builds fast, in an environment of its own; the kernels have
+# fewer random cases.
 quick: $(VENV)/quick/made
 	PROPTEST_CASES=2000 cargo test --quiet --locked --lib --profile quick
 	$(VENV)/quick/bin/maturin develop --quiet --locked --profile quick

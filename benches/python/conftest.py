@@ -51,7 +51,7 @@ def one_thread() -> Iterator[None]:
 
 @pytest.fixture
 def measure(benchmark: Any, quick: bool, request: pytest.FixtureRequest) -> Any:
-    """Checks an entrant's answer, times it, and notes what the page says of it."""
+    """Checks an entrant's answer, times it, and notes the facts for the page."""
 
     def run(work: Work, name: str) -> None:
         if name not in work.entrants:

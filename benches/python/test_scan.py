@@ -80,7 +80,7 @@ def plain(request: Any, floats: Any) -> Iterator[Work]:
             return 1 - rows @ query
         return np.sqrt(np.maximum(squares - 2 * (rows @ query) + query @ query, 0))
 
-    # In the cache, BLAS has half the work: a product, where we have a difference and a square.
+    # In the cache, BLAS has half the work: a product instead of a difference and a square.
     target = LEVEL if places > 1800 else None
     entrants = {
         "surefix": Entrant(lambda: known.distances(query)),

@@ -13,7 +13,7 @@ from surefix import Fix
 # Two runs of one thing differ by 3 %: a rival that surefix is to be level with may be that much
 # faster.
 LEVEL = 0.97, "level or better"
-# What is left to the rest of the machine.
+# Memory that is left to the rest of the machine.
 SPARE = 1 << 30
 # Place, score, trusted.
 Answer = tuple[int, float, bool]
@@ -42,7 +42,7 @@ class Entrant:
 
 @dataclass(frozen=True)
 class Work:
-    """What is timed under one name: surefix is the first entrant.
+    """A piece of work with its entrants, of which surefix is the first.
 
     `agrees` says how two answers differ, or nothing. `read` is the bytes that must be read.
     """

@@ -1,4 +1,4 @@
-//! `surefix.match`, `surefix.match_distances` and what they return.
+//! `surefix.match`, `surefix.match_distances` and `surefix.Run`.
 
 use std::fs::File;
 use std::io::{BufWriter, Write as _};

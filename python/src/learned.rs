@@ -144,7 +144,7 @@ pub(crate) fn described<'py>(
         if map.recipe() != Recipe::Ready || !is_image(frame) {
             return Ok(None);
         }
-        // What is no image and has more axes than a descriptor is most likely a network's batch of
+        // An array of floats with more axes than a descriptor is most likely a network's batch of
         // one.
         let batch = as_array(frame, "frame").ok().filter(|array| dtype_of(array) != "uint8");
         let batch =
