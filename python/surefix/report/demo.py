@@ -120,8 +120,8 @@ def write_report(
     curves = figures.curves(study, demo.trusted_point, f"the trusted fixes{full} alone")
     trusted = "weighted, trusted fixes only", demo.right, run.trusted
     pictures = {
-        "distance_matrix.png": figures.matrix(study, LABEL),
-        "close_up.png": figures.close_up(study, LABEL),
+        "distance_matrix.png": figures.matrix(study, LABEL, every=True),
+        "close_up.png": figures.close_up(study, LABEL, every=True),
         "route.png": figures.strip(study, demo.revisit.positions, trusted),
         "precision_recall.png": curves[0],
         "montage.png": _pairs(demo),

@@ -108,11 +108,11 @@ def trust(study: Study) -> Picture:
     )
 
 
-def matrix(study: Study, label: str = "distance") -> Picture:
-    """The whole distance matrix, with the matches of the shown method."""
+def matrix(study: Study, label: str = "distance", every: bool = False) -> Picture:
+    """The whole distance matrix, with the judged matches of the shown method, or every match."""
     n, m = study.distances.shape
     return drawn(
-        lambda ax, theme: _matrix(ax, study, label, theme, close=False),
+        lambda ax, theme: _matrix(ax, study, label, every, theme, close=False),
         SQUARE,
         f"Distance matrix of {counted(n, 'place')} by {counted(m, 'query', 'queries')}, with the "
         f"match of each by {study.shown.name}.",
@@ -121,11 +121,11 @@ def matrix(study: Study, label: str = "distance") -> Picture:
     )
 
 
-def close_up(study: Study, label: str = "distance") -> Picture:
+def close_up(study: Study, label: str = "distance", every: bool = False) -> Picture:
     """The part of the matrix with the rarest outcomes."""
     (query, width), (place, height) = _window(study)
     return drawn(
-        lambda ax, theme: _matrix(ax, study, label, theme, close=True),
+        lambda ax, theme: _matrix(ax, study, label, every, theme, close=True),
         SQUARE,
         f"Close-up of the matrix, from query {query} and place {place} on: "
         f"{counted(width, 'query', 'queries')}, {counted(height, 'place')}.",
@@ -134,7 +134,7 @@ def close_up(study: Study, label: str = "distance") -> Picture:
     )
 
 
-def _matrix(ax: Axes, study: Study, label: str, theme: Theme, *, close: bool) -> None:
+def _matrix(ax: Axes, study: Study, label: str, every: bool, theme: Theme, *, close: bool) -> None:
     queries, places = _window(study)
     shown = study.shown
     distance_matrix(
@@ -144,7 +144,7 @@ def _matrix(ax: Axes, study: Study, label: str, theme: Theme, *, close: bool) ->
         study.run.trusted,
         shown.right,
         truth=study.true_place,
-        judged=shown.judged,
+        judged=None if every else shown.judged,
         queries=queries if close else None,
         places=places if close else None,
         outline=None if close else (queries, places),
@@ -165,10 +165,13 @@ def strip(
     study: Study, along: NDArray[np.float64] | None = None, trusted: Band | None = None
 ) -> Picture:
     """The route, with a band for each method, right and wrong, and one of the trusted matches: by
-    default the single ones. The bracket is the longest stretch without a trusted and right one.
+    default the single ones. With ``trusted``, every match is shown, not only those that were
+    judged. The bracket is the longest stretch without a trusted and right one.
     """
+    all_ = np.ones(len(study), np.bool_)
     bands: list[Band] = [
-        (result.name, result.right, result.judged & result.accepted) for result in study.results
+        (result.name, result.right, all_ if trusted else result.judged & result.accepted)
+        for result in study.results
     ]
     judged = study.run.trusted & study.single_judged
     bands.append(trusted or ("trusted single matches", study.single_right, judged))
