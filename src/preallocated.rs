@@ -1,10 +1,12 @@
-//! Lists whose room is set aside once: a copy of one has as much room as the original, and need not
-//! ask for more later.
+//! Lists whose memory is taken once: a copy has the capacity of the original, and allocates nothing
+//! later.
 
 use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut};
 
-/// A list that is cloned with its room.
+use crate::error::Error;
+
+/// A list that is cloned with its capacity.
 #[derive(Debug)]
 pub(crate) struct Preallocated<L>(pub(crate) L);
 
@@ -36,4 +38,14 @@ impl<L> DerefMut for Preallocated<L> {
     fn deref_mut(&mut self) -> &mut L {
         &mut self.0
     }
+}
+
+/// An empty list with memory for `length` items.
+///
+/// # Errors
+/// [`Error::Memory`] if there is not enough.
+pub(crate) fn reserved<T>(length: usize) -> Result<Vec<T>, Error> {
+    let mut list = Vec::new();
+    list.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
+    Ok(list)
 }

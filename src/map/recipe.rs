@@ -12,7 +12,7 @@ use crate::distance::{Metric, Rows};
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::numbers::View;
-use crate::post::{ChainState, Post};
+use crate::post::Post;
 use crate::simd::Isa;
 
 /// The longest recipe of a learned descriptor, in bytes. The header of a file has room for it,
@@ -133,23 +133,6 @@ impl Map {
     /// The recipe of learned descriptors as JSON, if it is known.
     pub fn learned_recipe(&self) -> Option<&str> {
         self.kind.learned.as_deref()
-    }
-
-    /// The descriptor after post-processing, which uses the memory in `through`; unchanged if the
-    /// map has no post-processing.
-    pub(crate) fn passed<'a>(
-        &self,
-        descriptor: View<'a>,
-        through: Option<&'a mut ChainState>,
-    ) -> Result<View<'a>, Error> {
-        let (Some(post), Some(through)) = (self.post(), through) else { return Ok(descriptor) };
-        match descriptor {
-            View::F32(vector) => Ok(View::F32(post.pass(vector, through)?)),
-            other => {
-                let (what, map, got) = ("descriptor", Dtype::F32, other.dtype());
-                Err(Error::Dtype { what, map, or_float: false, got })
-            }
-        }
     }
 }
 

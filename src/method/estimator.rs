@@ -1,6 +1,6 @@
 //! What becomes of the columns after the trust flag: estimators, of which the sequence is one.
 
-use super::sequence::Anchors;
+use super::trust::Anchors;
 use super::window::{Exact, Window};
 use crate::segments::Segments;
 

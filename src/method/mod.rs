@@ -22,6 +22,7 @@ mod bounds_tests;
 mod estimator;
 mod gradient;
 mod sequence;
+mod single;
 mod snapshot;
 #[cfg(test)]
 mod tests;
@@ -30,16 +31,16 @@ mod window;
 
 use estimator::{Estimator, Seen};
 use gradient::Enhancement;
-use sequence::{Anchor, Anchors, SequenceSearch};
-use trust::consensus;
+use sequence::SequenceSearch;
+use trust::{Anchor, Anchors, consensus};
 use window::Window;
 
 pub(crate) use estimator::Memory;
 pub use gradient::Peak;
 pub use sequence::Sequence;
+pub use single::Single;
+pub(crate) use single::minimum;
 pub(crate) use snapshot::load;
-pub use trust::Single;
-pub(crate) use trust::minimum;
 pub(crate) use window::{Column, Exact, Ring};
 
 use crate::config::{Config, Floor};

@@ -4,11 +4,10 @@ use std::ops::Range;
 
 use super::argmin::{Candidate, Search, beats, first_better, first_least};
 use super::estimator::{Estimator, Memory, Seen};
-use super::trust::Single;
 use super::window::{Exact, Ring, Window};
 use crate::config::{Config, reach};
 use crate::error::Error;
-use crate::preallocated::Preallocated;
+use crate::preallocated::{Preallocated, reserved};
 
 /// Sums that are made at a time: they stay in the first-level cache.
 const BLOCK: usize = 256;
@@ -24,57 +23,6 @@ pub struct Sequence {
     pub anchors: usize,
     /// The slope of that diagonal, in places a query.
     pub speed: f64,
-}
-
-/// The single match of a column and whether it was trusted: all that Eq. 4 needs to weight it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Anchor {
-    pub(super) single: Single,
-    pub(super) trusted: bool,
-}
-
-/// The anchors of the newest queries.
-#[derive(Clone, Debug)]
-pub(super) struct Anchors {
-    ring: Vec<Anchor>,
-    /// The index of the newest.
-    newest: usize,
-}
-
-impl Anchors {
-    /// Those of `length` queries.
-    ///
-    /// # Errors
-    /// [`Error::Memory`] if there is not enough.
-    pub(super) fn new(length: usize) -> Result<Self, Error> {
-        let none = Anchor { single: Single { place: 0, distance: 0.0 }, trusted: false };
-        let mut ring = reserved(length)?;
-        ring.resize(length, none);
-        Ok(Self { ring, newest: 0 })
-    }
-
-    pub(super) fn push(&mut self, anchor: Anchor) {
-        self.newest = if self.newest + 1 == self.ring.len() { 0 } else { self.newest + 1 };
-        self.ring[self.newest] = anchor;
-    }
-
-    /// That of `age` queries ago, below `length`.
-    pub(super) fn get(&self, age: usize) -> Anchor {
-        self.ring[self.mirrored(age)]
-    }
-
-    /// The age and the place of each trusted match, in any order; `length` queries must have been
-    /// pushed.
-    fn trusted(&self) -> impl Iterator<Item = (usize, usize)> {
-        let trusted = self.ring.iter().enumerate().filter(|(_, anchor)| anchor.trusted);
-        trusted.map(|(index, anchor)| (self.mirrored(index), anchor.single.place))
-    }
-
-    /// The index of an age, and the age of an index.
-    fn mirrored(&self, index: usize) -> usize {
-        let newest = self.newest;
-        if index > newest { newest + self.ring.len() - index } else { newest - index }
-    }
 }
 
 /// Eq. 4: the trusted cell's distance, drawn towards the floor by `weight`.
@@ -372,11 +320,4 @@ fn any_of(
         any |= holds(a[at].into(), b[at].into(), c[at].into());
     }
     any
-}
-
-/// An empty list with memory for `length` items.
-fn reserved<T>(length: usize) -> Result<Vec<T>, Error> {
-    let mut list = Vec::new();
-    list.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
-    Ok(list)
 }

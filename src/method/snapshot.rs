@@ -5,8 +5,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::Matcher;
-use super::sequence::Anchor;
-use super::trust::Single;
+use super::single::Single;
+use super::trust::Anchor;
 use crate::archive::{self, Format, Refusal, Writer};
 use crate::config::Config;
 use crate::error::Error;

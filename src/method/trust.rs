@@ -1,24 +1,9 @@
-//! The best single match, and whether to trust it (method 1.3, Eq. 3).
+//! Whether to trust the single match (method 1.3, Eq. 3), and the trusted matches of the window.
 
-use super::argmin::{BLOCK, any, first_better};
 use super::gradient::Peak;
+use super::single::Single;
 use crate::error::Error;
-use crate::numbers::first_not_finite;
-use crate::simd::fetch;
-
-/// Distances in a line of the cache.
-const LINE: usize = 16;
-/// How many distances ahead memory is prefetched.
-const AHEAD: usize = 1024;
-
-/// The best match of one query alone: the smallest distance.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Single {
-    /// The place, from 0.
-    pub place: usize,
-    /// The distance there, in the units of the distances.
-    pub distance: f32,
-}
+use crate::preallocated::reserved;
 
 /// Eq. 3: the smallest distance and the largest gradient fall on the same place, within
 /// `tolerance` places.
@@ -26,44 +11,53 @@ pub(super) fn consensus(single: Single, peak: Peak, tolerance: usize) -> bool {
     single.place.abs_diff(peak.place) <= tolerance
 }
 
-/// `i_d = argmin d`: the first of the smallest distances, which are finite.
-#[inline(always)]
-pub(crate) fn minimum(distances: &[f32]) -> Single {
-    let mut single = Single { place: 0, distance: f32::INFINITY };
-    for (index, block) in distances.chunks(BLOCK).enumerate() {
-        if let Some((at, distance)) = first_better(block, single.distance, |a, b| a < b) {
-            single = Single { place: index * BLOCK + at, distance };
-        }
-    }
-    single
+/// The single match of a column and whether it was trusted: all that Eq. 4 needs to weight it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Anchor {
+    pub(super) single: Single,
+    pub(super) trusted: bool,
 }
 
-/// [`minimum`], and a check of every distance in the same pass.
-///
-/// # Errors
-/// [`Error::Length`] unless there is one distance a place, [`Error::NotFinite`] for a NaN or an
-/// infinity.
-#[inline(always)]
-pub(super) fn checked_minimum(distances: &[f32], places: usize) -> Result<Single, Error> {
-    let what = "distances";
-    if distances.len() != places {
-        return Err(Error::Length { what, expected: places, got: distances.len() });
+/// The anchors of the newest queries.
+#[derive(Clone, Debug)]
+pub(super) struct Anchors {
+    ring: Vec<Anchor>,
+    /// The index of the newest.
+    newest: usize,
+}
+
+impl Anchors {
+    /// Those of `length` queries.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] if there is not enough.
+    pub(super) fn new(length: usize) -> Result<Self, Error> {
+        let none = Anchor { single: Single { place: 0, distance: 0.0 }, trusted: false };
+        let mut ring = reserved(length)?;
+        ring.resize(length, none);
+        Ok(Self { ring, newest: 0 })
     }
-    let mut single = Single { place: 0, distance: f32::INFINITY };
-    for (index, block) in distances.chunks(BLOCK).enumerate() {
-        for line in block.chunks(LINE) {
-            fetch(line.as_ptr().wrapping_add(AHEAD));
-        }
-        // One question for both: smaller than all before, or not finite? A NaN is in no range.
-        let expected = single.distance..=f32::MAX;
-        if any(block, |x| !expected.contains(&x)) {
-            if let Some((at, value)) = first_not_finite(block) {
-                return Err(Error::NotFinite { what, row: None, index: index * BLOCK + at, value });
-            }
-            if let Some((at, distance)) = first_better(block, single.distance, |a, b| a < b) {
-                single = Single { place: index * BLOCK + at, distance };
-            }
-        }
+
+    pub(super) fn push(&mut self, anchor: Anchor) {
+        self.newest = if self.newest + 1 == self.ring.len() { 0 } else { self.newest + 1 };
+        self.ring[self.newest] = anchor;
     }
-    Ok(single)
+
+    /// That of `age` queries ago, below `length`.
+    pub(super) fn get(&self, age: usize) -> Anchor {
+        self.ring[self.mirrored(age)]
+    }
+
+    /// The age and the place of each trusted match, in any order; `length` queries must have been
+    /// pushed.
+    pub(super) fn trusted(&self) -> impl Iterator<Item = (usize, usize)> {
+        let trusted = self.ring.iter().enumerate().filter(|(_, anchor)| anchor.trusted);
+        trusted.map(|(index, anchor)| (self.mirrored(index), anchor.single.place))
+    }
+
+    /// The index of an age, and the age of an index.
+    fn mirrored(&self, index: usize) -> usize {
+        let newest = self.newest;
+        if index > newest { newest + self.ring.len() - index } else { newest - index }
+    }
 }

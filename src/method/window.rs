@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::argmin::{Candidate, Search, first_least};
-use super::trust::{Single, checked_minimum, minimum};
+use super::single::{Single, checked_minimum, minimum};
 use crate::error::Error;
 use crate::preallocated::Preallocated;
 

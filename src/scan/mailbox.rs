@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::{Condvar, Mutex, MutexGuard};
 
 use super::Job;
-use super::pool::Chunks;
+use super::chunks::Chunks;
 use crate::distance::Query;
 use crate::dtype::Dtype;
 use crate::map::Map;

@@ -1,6 +1,7 @@
 //! A query becomes a column of distances: on the caller's thread, by a pool of threads, or as
 //! bounds from a screen's codes.
 
+mod chunks;
 mod mailbox;
 mod pool;
 mod screen;
@@ -8,6 +9,7 @@ mod screen;
 use std::ops::Range;
 
 use crate::distance::{self, Query};
+use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::map::{Map, Recipe};
 use crate::numbers::View;
@@ -82,6 +84,23 @@ impl Map {
         }
         self.scan(query, 0..expected, out);
         Ok(())
+    }
+
+    /// The descriptor after post-processing, which uses the memory in `through`; unchanged if the
+    /// map has no post-processing.
+    pub(crate) fn passed<'a>(
+        &self,
+        descriptor: View<'a>,
+        through: Option<&'a mut ChainState>,
+    ) -> Result<View<'a>, Error> {
+        let (Some(post), Some(through)) = (self.post(), through) else { return Ok(descriptor) };
+        match descriptor {
+            View::F32(vector) => Ok(View::F32(post.pass(vector, through)?)),
+            other => {
+                let (what, map, got) = ("descriptor", Dtype::F32, other.dtype());
+                Err(Error::Dtype { what, map, or_float: false, got })
+            }
+        }
     }
 
     /// A descriptor that can be compared with the map's: after post-processing, if the map has

@@ -7,13 +7,12 @@
 //! thread that wakes late does less, and one that is delayed or dead does not hold a frame up. Rows
 //! are independent of each other, so the results do not depend on the thread, to the last bit.
 
-use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
 use std::{fmt, io, mem, process};
 
 use super::Job;
+use super::chunks::Chunks;
 use super::mailbox::Mailbox;
 use crate::map::Map;
 
@@ -23,10 +22,6 @@ use crate::map::Map;
 /// are all busy, waking others gains nothing and can cost the caller its turn, so small maps, which
 /// are scanned within one turn, get no threads.
 const BYTES_A_THREAD: usize = 8 << 20;
-/// Bytes of rows in a chunk, a quarter of a block: far more than its handling costs, and far less
-/// than a frame, because one chunk for each thread may be scanned twice.
-const BYTES_A_CHUNK: usize = 1 << 18;
-
 /// The threads of one localizer, and the data that they share.
 pub(crate) struct Pool {
     /// Threads do not survive a fork: in a child, `process` is the parent's.
@@ -37,13 +32,6 @@ pub(crate) struct Pool {
     generation: u64,
     /// The chunks whose results are in place.
     done: Vec<bool>,
-}
-
-/// The map in chunks, and how many of them are taken.
-pub(super) struct Chunks {
-    pub(super) map: Arc<Map>,
-    places_a_chunk: usize,
-    next: AtomicUsize,
 }
 
 struct Worker {
@@ -85,13 +73,8 @@ impl Pool {
 
     /// The caller alone, with chunks for `threads`.
     fn alone(map: &Arc<Map>, threads: usize) -> Self {
-        // A small map has several chunks for each thread too.
-        let small = map.places().div_ceil(threads.saturating_mul(16));
-        let large = BYTES_A_CHUNK / (map.dim() * map.dtype().size());
-        let places_a_chunk = small.min(large).max(1);
-        let done = vec![false; map.places().div_ceil(places_a_chunk)];
-        let shared =
-            Arc::new(Chunks { map: Arc::clone(map), places_a_chunk, next: AtomicUsize::new(0) });
+        let shared = Arc::new(Chunks::new(map, threads));
+        let done = vec![false; shared.len()];
         Self { process: process::id(), shared, workers: Vec::new(), generation: 0, done }
     }
 
@@ -117,7 +100,7 @@ impl Pool {
         let Self { shared, workers, generation, done, .. } = self;
         *generation += 1;
         done.fill(false);
-        shared.next.store(0, Ordering::Relaxed);
+        shared.restart();
         for worker in &*workers {
             worker.mailbox.post(*generation, job);
         }
@@ -137,25 +120,6 @@ impl Pool {
 
     fn is_forked(&self) -> bool {
         process::id() != self.process
-    }
-}
-
-impl Chunks {
-    /// Takes the next chunk. (The locks of the mailboxes order all other accesses.)
-    pub(super) fn take(&self) -> Option<usize> {
-        let chunk = self.next.fetch_add(1, Ordering::Relaxed);
-        (chunk < self.map.places().div_ceil(self.places_a_chunk)).then_some(chunk)
-    }
-
-    pub(super) fn places(&self, chunk: usize) -> Range<usize> {
-        let start = chunk * self.places_a_chunk;
-        start..self.map.places().min(start + self.places_a_chunk)
-    }
-
-    /// Writes the results for a chunk to its places in `out`.
-    pub(super) fn scan(&self, chunk: usize, job: Job<'_>, out: &mut [f32]) {
-        let places = self.places(chunk);
-        job.scan(&self.map, places.clone(), &mut out[places]);
     }
 }
 
