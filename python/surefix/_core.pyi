@@ -555,19 +555,81 @@ class Map:
         (7, True)
         """
     def save(self, path: _Path) -> None:
-        """Saves the map as one safetensors file with all that is needed to use it. It is written
-        beside its place and then renamed: there is never half a file.
+        """Saves the map as one safetensors file with everything that it takes to use it. It is written
+        beside its place and then renamed: there is never half a file. Symbolic links and the mode of
+        an old file stay.
 
         Raises
         ------
         SurefixFileError
             If the file cannot be written.
         """
-    def to_bytes(self) -> bytes: ...
+    def to_bytes(self) -> bytes:
+        """The bytes of the file that ``save`` writes.
+
+        Returns
+        -------
+        bytes
+        """
     @staticmethod
-    def from_bytes(data: bytes, screen: Literal["i8"] | None = None) -> Map: ...
-    def verify(self) -> None: ...
-    def slice(self, start: int, stop: int) -> Map: ...
+    def from_bytes(data: bytes, screen: Literal["i8"] | None = None) -> Map:
+        """A map from the bytes of its file. Maps are pickled this way, too.
+
+        Parameters
+        ----------
+        data : bytes
+        screen : {"i8"}, optional
+            As for ``with_screen``.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            If the bytes are not a map's, are damaged, or of a newer version of the library.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32))
+        >>> surefix.Map.from_bytes(route.to_bytes())
+        Map(3 places x 3 float32, cosine, 0.0 MB)
+        """
+    def verify(self) -> None:
+        """Checks a map that was opened with ``mmap=True``: reads its whole file, and compares its
+        checksum. A map in memory was checked when it was opened.
+
+        Raises
+        ------
+        SurefixValueError
+            If the file is damaged.
+        """
+    def slice(self, start: int, stop: int) -> Map:
+        """The places from ``start`` to before ``stop``, as a map of their own. It shares the memory of
+        this map's rows.
+
+        Parameters
+        ----------
+        start, stop : int
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            Unless this map has these places, or for less than two.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_descriptors(np.eye(5, dtype=np.float32))
+        >>> len(route.slice(1, 4))
+        3
+        """
     def distances(self, descriptor: _Array) -> _Float32:
         """The distances from a descriptor to every place.
 

@@ -1,6 +1,7 @@
 """Large maps through the wheel: mapped, built straight into a file, made longer."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -130,6 +131,39 @@ def test_extended_is_the_map_of_all_descriptors(tmp_path: Path) -> None:
     parts[0].save(file)
     Map.append(file, parts[1])
     assert file.read_bytes() == saved(whole, tmp_path)
+
+
+@pytest.mark.parametrize("screen", [None, "i8"])
+def test_maps_go_through_bytes_and_pickle(screen: Any, tmp_path: Path) -> None:
+    names = [f"lamp {i}" for i in range(40)]
+    route = Map.from_descriptors(ROWS, positions=POSITIONS[:40], names=names, screen=screen)
+    data = route.to_bytes()
+    assert data == saved(route, tmp_path)
+    for again in (Map.from_bytes(data, screen), pickle.loads(pickle.dumps(route))):
+        assert (again.to_bytes(), again.screen) == (data, screen)
+        assert again.distances(ROWS[3]).tobytes() == route.distances(ROWS[3]).tobytes()
+    for at in range(0, len(data), 7):
+        with pytest.raises(SurefixValueError):
+            Map.from_bytes(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :])
+
+
+def test_damage_to_a_mapped_map_is_found_on_request(tmp_path: Path) -> None:
+    data = bytearray(Map.from_descriptors(ROWS).to_bytes())
+    (tmp_path / "whole").write_bytes(data)
+    data[-400] ^= 1
+    (tmp_path / "damaged").write_bytes(data)
+    Map.open(tmp_path / "whole", mmap=True).verify()
+    with pytest.raises(SurefixValueError, match="checksum"):
+        Map.open(tmp_path / "damaged", mmap=True).verify()
+
+
+def test_a_slice_is_the_map_of_its_places() -> None:
+    route = Map.from_descriptors(ROWS, positions=POSITIONS[:40])
+    part = Map.from_descriptors(ROWS[5:30], positions=POSITIONS[5:30])
+    assert route.slice(5, 30).to_bytes() == part.to_bytes()
+    for start, stop in [(0, 41), (7, 8), (9, 3)]:
+        with pytest.raises(SurefixValueError):
+            route.slice(start, stop)
 
 
 def test_places_that_do_not_fit_are_refused_and_the_file_stays(tmp_path: Path) -> None:
