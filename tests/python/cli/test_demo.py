@@ -173,6 +173,7 @@ def test_a_report_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> No
     assert said.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_without_matplotlib_one_line_says_how_to_install_it(tmp_path: Path) -> None:
     missing = 'raise ModuleNotFoundError("No module named \'matplotlib\'", name="matplotlib")\n'
     (tmp_path / "matplotlib.py").write_text(missing)

@@ -266,6 +266,7 @@ def test_a_large_image_is_made_small(tmp_path: Path) -> None:
     assert recording.picture("camera", 1).mode == "L"
 
 
+@pytest.mark.slow
 def test_the_command_line_saves_what_it_prints(drive: Drive, tmp_path: Path) -> None:
     (tmp_path / "queries").mkdir()
     for index, image in enumerate(drive.queries):

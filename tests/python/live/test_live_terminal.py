@@ -272,6 +272,7 @@ def drives(
     return folder
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_the_terminal_whole(drives: Path) -> None:
     arguments = ["run", str(drives / "route.safetensors"), str(drives / "winter"), "--follow"]
     code, text = run_on_a_terminal(arguments, until=b"frame59.png")
@@ -283,6 +284,7 @@ def test_ctrl_c_leaves_the_terminal_whole(drives: Path) -> None:
     assert "Traceback" not in text
 
 
+@pytest.mark.slow
 def test_live_without_rerun_says_so_in_one_line_and_shows_the_drive(drives: Path) -> None:
     block = "import sys; sys.modules['rerun'] = None; from surefix.cli import main; main()"
     (drives / "blocked").mkdir(exist_ok=True)
@@ -306,6 +308,7 @@ def test_live_without_rerun_says_so_in_one_line_and_shows_the_drive(drives: Path
     assert 'pip install "surefix[live]"' in done.stderr
 
 
+@pytest.mark.slow
 def test_no_color_is_respected(drives: Path) -> None:
     arguments = ["run", str(drives / "route.safetensors"), str(drives / "winter")]
     code, text = run_on_a_terminal(arguments, until=None, NO_COLOR="1", height=60)

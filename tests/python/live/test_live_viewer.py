@@ -24,7 +24,8 @@ rerun_cli = pytest.importorskip(
 )
 
 PLACES = 12
-PATIENCE = 60.0
+DEADLINE = 60.0
+ENTITIES = ("fix", "score", "distances/all", "matrix/distances")
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def scripts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.delenv("RUST_LOG", raising=False)
-    monkeypatch.delenv("CI", raising=False)  # Where it is set, rerun warns of every viewer.
+    monkeypatch.delenv("CI", raising=False)  # If it is set, rerun warns of every viewer.
     folder = tmp_path / "scripts"
     folder.mkdir()
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(folder))
@@ -55,16 +56,18 @@ def free_port() -> int:
 
 
 def received(path: Path, count: int) -> Recording:
-    """What the viewer wrote down, once it has all of it."""
-    deadline = time.monotonic() + PATIENCE
+    """The recording that the viewer wrote, once it has all of it."""
+    deadline = time.monotonic() + DEADLINE
     while True:
         with pytest.warns(Warning, match="no footer"):  # It is still being written.
             recording = Recording(path)
-        if len(recording.logged.get("fix", {})) == count or time.monotonic() > deadline:
+        rows = [len(recording.logged.get(entity, {})) for entity in ENTITIES]
+        if rows == [count] * len(ENTITIES) or time.monotonic() > deadline:
             return recording
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_the_viewer_is_opened_and_told_what_the_file_is_told(
     scripts: Path,
     tmp_path: Path,
@@ -86,7 +89,7 @@ def test_the_viewer_is_opened_and_told_what_the_file_is_told(
         os.kill(int((tmp_path / "pid").read_text()), signal.SIGTERM)
     saved = Recording(tmp_path / "saved.rrd")
     assert len(saved.logged["fix"]) == PLACES
-    for entity in ("fix", "score", "distances/all", "matrix/distances"):
+    for entity in ENTITIES:
         assert repr(told.logged[entity]) == repr(saved.logged[entity]), "repr, since NaN is not NaN"
     assert told.layout, "the blueprint comes along"
     assert caplog.text == "", "rerun has nothing to complain of"
@@ -94,6 +97,7 @@ def test_the_viewer_is_opened_and_told_what_the_file_is_told(
     assert "RUST_LOG" not in os.environ
 
 
+@pytest.mark.slow
 def test_a_viewer_that_does_not_start_is_an_error(scripts: Path, tmp_path: Path) -> None:
     program(scripts, "exit 3")
     route = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32))

@@ -407,6 +407,7 @@ def test_the_papers_rows_are_found_by_the_registrys_names_and_others_are_told_th
     assert "gardens_point. The techniques: Net." in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["matplotlib", "PIL"])
 def test_without_the_extra_it_is_one_line_with_the_command(tmp_path: Path, module: str) -> None:
     code = f"import sys; sys.modules[{module!r}] = None; from surefix.cli import main; main()"
