@@ -358,6 +358,7 @@ def test_a_callback_that_says_no_stops_the_build() -> None:
         surefix.Map.from_images(FRAMES, progress=lambda done, total: 1 / 0)
 
 
+@pytest.mark.slow
 def test_ctrl_c_during_a_build_leaves_no_file_and_no_traceback(tmp_path: Path) -> None:
     # One image under many names: long to describe, quick to make.
     frames = tmp_path / "frames"

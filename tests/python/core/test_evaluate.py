@@ -70,6 +70,7 @@ def test_the_sweep_is_a_count_at_every_threshold(recall: str) -> None:
             )
 
 
+@pytest.mark.slow
 def test_the_curve_is_scikit_learns() -> None:
     rng = np.random.default_rng(2)
     for _ in range(CASES):

@@ -302,6 +302,7 @@ def matrix_of() -> Callable[[str], Array]:
     return matrix
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "queries", "correct", "trusted", "both", "within"),
     [

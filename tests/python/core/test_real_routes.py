@@ -86,6 +86,7 @@ def test_learned_techniques_come_as_ready_distances(technique: str) -> None:
     np.testing.assert_array_equal(run.place, expected.place)
 
 
+@pytest.mark.slow
 def test_the_command_line_maps_and_runs_a_real_route(tmp_path: Path) -> None:
     references, queries = route("gardens_point")
     surefix_ = [sys.executable, "-m", "surefix"]

@@ -23,6 +23,7 @@ def _pixels(file: io.BytesIO | Path) -> np.ndarray:
     return np.asarray(Image.open(file).convert("RGB"), np.int16)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", pages.PAGES)
 def test_the_examples_run_and_draw_the_pictures_that_are_shown(page: str, tmp_path: Path) -> None:
     for name, drawn in pages.run(page, tmp_path).items():
