@@ -11,7 +11,8 @@ from surefix.baselines.truth import Truth
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.reproduce.case import Case
 from surefix.reproduce.exhibit import stem
-from surefix.reproduce.sources import IDENTITY, SAD, kind, matrix_distances, sad_distances
+from surefix.reproduce.sources import IDENTITY, SAD, kind, sad_distances
+from surefix.tables.matrices import read_matrix
 from surefix.tables.truth import read_truth
 
 __all__ = ["METRES", "Found", "check_pairs", "find_datasets", "load_cases", "read_pairs"]
@@ -25,24 +26,6 @@ TRUTH = "ground_truth.csv"
 
 # Their traverses correspond by position only, not image by image.
 BY_POSITION = ("four_seasons", "robotcar")
-
-# The signs of a data set: its folder has any of these.
-SIGNS = {
-    "gardens_point": ("day_left", "day_right", "night_right"),
-    "nordland": (
-        "summer_*.npy",
-        "winter_*.npy",
-        "fall_*.npy",
-        "spring_*.npy",
-        "test/*_images_test",
-        "Dataset_images/test",
-        "Partitioned_Nordland_Dataset*",
-    ),
-    "four_seasons": ("recording_*",),
-    "robotcar": ("20??-??-??-??-??-??*",),
-    "folders": ("reference",),
-    MATRICES: ("matrices/*.npy",),
-}
 
 
 @dataclass(frozen=True)
@@ -294,7 +277,7 @@ def _matrix(
             f"{path}: expected names that differ in letters or digits, got another such"
         )
     similarity = word == "similarity"
-    D = matrix_distances(path, similarity)
+    D = read_matrix(path, similarity)
     if known is None:
         beside, assumed = _truth_beside(found, path, *D.shape)
         known, notes = (beside, 1), notes + assumed
@@ -333,7 +316,8 @@ def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
 
 
 def _looks_like(folder: Path) -> Found | None:
-    for dataset, patterns in SIGNS.items():
+    signs = {name: dataset.signs for name, dataset in datasets.DATASETS.items()}
+    for name, patterns in (signs | {MATRICES: (f"{MATRICES}/*.npy",)}).items():
         if any(any(folder.glob(pattern)) for pattern in patterns):
-            return Found(dataset, folder)
+            return Found(name, folder)
     return None

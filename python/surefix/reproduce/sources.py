@@ -5,15 +5,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from surefix._core import Map, Sad, read_image
 from surefix.baselines.distances import Distances
 from surefix.baselines.truth import Truth
 from surefix.datasets import Images
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixValueError
 from surefix.reproduce.case import Case, Settings
 from surefix.simulate import Route
+from surefix.tables.matrices import read_matrix
+from surefix.tables.npy import read_npy
 
 __all__ = [
     "IDENTITY",
@@ -21,7 +22,6 @@ __all__ = [
     "generated_cases",
     "kind",
     "matrix_case",
-    "matrix_distances",
     "sad_distances",
 ]
 
@@ -96,11 +96,11 @@ def matrix_case(text: str, *, similarity: bool = False) -> Case:
     dataset, slash, technique = name.partition("/")
     if not slash:
         dataset, technique = Path(file).resolve().parent.name or "matrix", name
-    D = matrix_distances(Path(file), similarity)
+    D = read_matrix(Path(file), similarity)
     notes: tuple[str, ...] = ()
     truth: Truth
     if truth_file:
-        truth = _load(Path(truth_file), "the truth")
+        truth = read_npy(Path(truth_file), "the truth")
     elif D.shape[0] == D.shape[1]:
         truth = np.arange(D.shape[1], dtype=np.int64)
         notes = (IDENTITY,)
@@ -114,34 +114,6 @@ def matrix_case(text: str, *, similarity: bool = False) -> Case:
     )
 
 
-def matrix_distances(path: Path, similarity: bool) -> Distances:
-    """The matrix in a .npy file, a row a place and a column a query, as float32 distances."""
-    matrix = _load(path, "the matrix")
-    if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or 0 in matrix.shape:
-        raise SurefixValueError(
-            f"{path}: expected numbers (places, queries), got {matrix.dtype} {matrix.shape}"
-        )
-    values = matrix.astype(np.float64)
-    if not np.isfinite(values).all():
-        place, query = np.argwhere(~np.isfinite(values))[0].tolist()
-        raise SurefixValueError(
-            f"{path}: expected finite numbers, got {values[place, query]} at [{place}, {query}]"
-        )
-    return (1 - values if similarity else values).astype(np.float32)
-
-
 def kind(similarity: bool) -> str:
     """The kind of numbers in a matrix."""
     return "similarities" if similarity else "distances"
-
-
-def _load(path: Path, kind: str) -> npt.NDArray[Any]:
-    try:
-        array: npt.NDArray[Any] = np.load(path, allow_pickle=False)
-    except OSError as error:
-        raise SurefixFileError(f"{path}: cannot read {kind}: {error.strerror or error}") from None
-    except (ValueError, EOFError) as error:
-        raise SurefixValueError(
-            f"{path}: not a .npy array of numbers, or a truncated one ({error})"
-        ) from None
-    return array
