@@ -190,6 +190,7 @@ pub(crate) fn read(bytes: &[u8], format: &Format) -> Result<Tensors<'static>, Re
 }
 
 /// Compares the checksum of an archive that lies in memory, if it has one.
+#[cfg(any(feature = "mmap", test))]
 pub(crate) fn verify(bytes: &[u8], format: &Format) -> Result<(), Refusal> {
     let mut hash = XxHash3_64::with_seed(0);
     let header = Header::read(&mut &bytes[..], bytes.len() as u64, format, &mut hash)?;
@@ -201,6 +202,7 @@ pub(crate) fn verify(bytes: &[u8], format: &Format) -> Result<(), Refusal> {
 
 impl<'a> Tensors<'a> {
     /// The tensors of an archive that lies in memory, without a look at their bytes.
+    #[cfg(any(feature = "mmap", test))]
     pub(crate) fn borrowed(bytes: &'a [u8], format: &Format) -> Result<Self, Refusal> {
         let mut hash = XxHash3_64::with_seed(0);
         let header = Header::read(&mut &bytes[..], bytes.len() as u64, format, &mut hash)?;
