@@ -1,12 +1,13 @@
 """The paper's methods on ready distances: single frames and sequences, with or without trust."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Unpack
 
 from surefix._core import match_distances
 from surefix.baselines.distances import Distances, Flags, nearest
 from surefix.baselines.rivals import enhance_contrast
 from surefix.matches import Matches
+from surefix.options import Options
 
 __all__ = [
     "masked_single_frame",
@@ -43,7 +44,7 @@ def single_frame(D: Distances) -> Matches:
 
 
 def masked_single_frame(
-    D: Distances, *, trusted: Flags | list[bool] | None = None, **options: Any
+    D: Distances, *, trusted: Flags | list[bool] | None = None, **options: Unpack[Options]
 ) -> Matches:
     """The single frame, with the matches refused that are not trusted (Carson, Ford and Milford,
     ICRA 2023).
@@ -69,11 +70,12 @@ def masked_single_frame(
     >>> baselines.masked_single_frame(D, trusted=[True, False, True, True]).accepted
     array([ True, False,  True,  True])
     """
-    run = match_distances(D, trusted=trusted, **options | {"sequence_length": 1})
+    options["sequence_length"] = 1
+    run = match_distances(D, trusted=trusted, **options)
     return Matches(place=run.single_place, score=run.single_distance, accepted=run.trusted)
 
 
-def maximum_gradient(D: Distances, **options: Any) -> Matches:
+def maximum_gradient(D: Distances, **options: Unpack[Options]) -> Matches:
     """The place of the greatest enhanced gradient (Eqs. 1 and 2): the other half of the consensus
     on its own.
 
@@ -95,7 +97,8 @@ def maximum_gradient(D: Distances, **options: Any) -> Matches:
     >>> baselines.maximum_gradient(1 - np.eye(5, dtype=np.float32)).place
     array([0, 1, 2, 3, 4])
     """
-    run = match_distances(D, **options | {"sequence_length": 1})
+    options["sequence_length"] = 1
+    run = match_distances(D, **options)
     return Matches(place=run.gradient_place, score=-run.gradient_value)
 
 
@@ -145,7 +148,7 @@ def plain_sequence(
 
 
 def weighted_sequence(
-    D: Distances, *, trusted: Flags | list[bool] | None = None, **options: Any
+    D: Distances, *, trusted: Flags | list[bool] | None = None, **options: Unpack[Options]
 ) -> Matches:
     """The sequence in which trusted matches draw the diagonal (Carson, Ford and Milford, ICRA 2023,
     Eqs. 4 to 6).

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy.typing as npt
 
@@ -20,6 +19,7 @@ from surefix.baselines.rivals import ratio_test, spread
 from surefix.baselines.truth import Truth
 from surefix.errors import SurefixError, SurefixValueError
 from surefix.matches import Matches
+from surefix.options import Options
 
 __all__ = ["METHODS", "Context", "Method", "run_method"]
 
@@ -74,8 +74,8 @@ class Context:
     trusted: Flags | None = None
 
     @property
-    def options(self) -> dict[str, Any]:
-        """The options of ``surefix.match_distances``."""
+    def options(self) -> Options:
+        """Those of ``surefix.match_distances``."""
         return {
             "sequence_length": self.sequence_length,
             "weight": self.weight,

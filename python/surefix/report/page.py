@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 # Pillow comes with matplotlib.
 from PIL import Image
 
-from surefix.errors import SurefixFileError
+from surefix.errors import refusal
 from surefix.plot.theme import DARK, LIGHT, Theme, png
 
 __all__ = [
@@ -296,9 +296,7 @@ def write(
         finally:
             shutil.rmtree(inside, ignore_errors=True)
     except OSError as error:
-        raise SurefixFileError(
-            f"{folder}: cannot write the report: {error.strerror or error}"
-        ) from None
+        raise refusal(folder, "cannot write the report", error) from None
     return folder / PAGE
 
 
@@ -313,9 +311,7 @@ def output_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SurefixFileError(
-            f"{folder}: cannot make the output folder: {error.strerror or error}"
-        ) from None
+        raise refusal(folder, "cannot make the output folder", error) from None
 
 
 def _move(inside: Path, folder: Path, old: Iterable[str]) -> None:

@@ -4,7 +4,7 @@ import csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from surefix.errors import SurefixFileError, SurefixValueError
+from surefix.errors import SurefixValueError, refusal
 
 __all__ = ["PaperRow", "read_paper"]
 
@@ -42,9 +42,7 @@ def read_paper(path: Path) -> list[PaperRow]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = [[cell.strip() for cell in line] for line in csv.reader(file)]
     except OSError as error:
-        raise SurefixFileError(
-            f"{path}: cannot read the paper's numbers: {error.strerror or error}"
-        ) from None
+        raise refusal(path, "cannot read the paper's numbers", error) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SurefixValueError(f"{path}: expected a CSV file in UTF-8, got {error}") from None
     header = [name.lower() for name in lines[0]] if lines else []
