@@ -255,11 +255,6 @@ impl Map {
         self
     }
 
-    /// The lengths of all rows, block by block, for the cosine.
-    pub(crate) fn norms(&self) -> impl Iterator<Item = f64> {
-        self.blocks.iter().flat_map(|block| block.norms()).copied()
-    }
-
     /// Calls `work` with the rows of each block that has some of `places`, and the range of their
     /// distances.
     pub(crate) fn each_block(

@@ -114,9 +114,11 @@ impl Map {
     ) -> bool {
         let Some(codes) = self.codes() else { return false };
         match self.metric() {
-            Metric::Cosine => {
-                self.isa().run(|| codes.cosines(query, self.norms(), sums, low, high));
-            }
+            Metric::Cosine => self.each_block(0..self.places(), |rows, at| {
+                let (low, high) = (&mut low[at.clone()], &mut high[at.clone()]);
+                let sums = &sums[at.clone()];
+                self.isa().run(|| codes.cosines(query, rows.norms, at, sums, low, high));
+            }),
             _ => self.isa().run(|| codes.euclideans(query, sums, low, high)),
         }
         high.iter().fold(true, |near, &d| near & (d < MAX_SCREENED))
@@ -235,6 +237,8 @@ impl Codes {
         }
     }
 
+    /// Writes the bounds of some places, from their rows' norms and sums.
+    ///
     /// The product with a row is `constant + step * sum`, with an error of at most `slack` and, by
     /// Cauchy and Schwarz, `|q|` times the length that the row's codes leave out. All further
     /// operations are those of the distance. They are monotonic, rounding included, so bounds stay
@@ -243,13 +247,14 @@ impl Codes {
     fn cosines(
         &self,
         query: &EncodedQuery,
-        norms: impl Iterator<Item = f64>,
+        norms: &[f64],
+        places: Range<usize>,
         sums: &[f32],
         low: &mut [f32],
         high: &mut [f32],
     ) {
         let length = query.length * (1.0 + rounding(self.offset.len()));
-        let rows = sums.iter().zip(&self.error).zip(norms);
+        let rows = sums.iter().zip(&self.error[places]).zip(norms);
         for (((&sum, error), norm), (low, high)) in rows.zip(low.iter_mut().zip(high)) {
             let part = query.step * f64::from(sum);
             let (product, around) =

@@ -323,7 +323,7 @@ def test_a_newer_map_says_upgrade(tmp_path: Path) -> None:
     newer = data.replace(rb"\"version\":1", rb"\"version\":7")
     assert newer != data
     file.write_bytes(newer)
-    with pytest.raises(surefix.SurefixValueError, match=r"format 7.*reads up to 2.*upgrade"):
+    with pytest.raises(surefix.SurefixValueError, match=r"format 7.*reads up to 1.*upgrade"):
         surefix.Map.open(file)
 
 
