@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use cases::{DTYPES, numbers};
 use surefix::{Config, Dtype, Localizer, Map, Metric};
 
-/// The system's allocator, counting what is asked of it by whom ever.
+/// The system's allocator, counting the calls of all threads.
 struct Counting;
 
 static CALLS: AtomicUsize = AtomicUsize::new(0);
@@ -43,7 +43,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 #[test]
-fn a_crew_allocates_nothing_after_its_first_frame() {
+fn a_pool_allocates_nothing_after_its_first_frame() {
     const DIM: usize = 500;
     for dtype in DTYPES {
         let map =

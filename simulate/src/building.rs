@@ -30,7 +30,7 @@ const AWNINGS: [Rgb; 5] = [
     [108.0, 62.0, 92.0],
 ];
 
-/// A building in metres: a box beside the road and what is on its face.
+/// A building in metres: a box beside the road, and its face.
 struct Building {
     side: f32,
     /// Distance of the front from the road's middle, and of the back.
@@ -39,7 +39,7 @@ struct Building {
     z: (f32, f32),
     height: f32,
     storey: f32,
-    /// Height of the ground floor where it is a shop's, else 0.
+    /// Height of the ground floor if it is a shop's, else 0.
     shop: f32,
     awning: Rgb,
     windows: u32,
@@ -67,7 +67,7 @@ pub(super) fn paint_block(scene: &mut Scene, lot: &Lot, start: f32) {
     let roof = dice.pick(&ROOFS);
     let rise = if pitched { dice.between(2.0, 3.6) } else { 0.0 };
     let set_back = PAVEMENT + if flats { dice.between(1.0, 3.5) } else { dice.between(0.0, 0.8) };
-    // What one house has and its neighbour has not.
+    // The differences of one house from its neighbour.
     let mut own = Dice::new(lot.seed ^ 0xB1);
     if own.chance(0.45) {
         wall = own.pick(&WALLS);

@@ -98,7 +98,7 @@ impl<'a> Canvas<'a> {
         self.width
     }
 
-    /// How many pixels from one sample of a smooth texture to the next; between them a straight
+    /// Pixels from one sample of a smooth texture to the next; between them a straight
     /// line will do.
     pub(super) fn grain(&self) -> usize {
         (self.width / 80).max(1)
@@ -258,7 +258,7 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// Where the scan line at `at` enters and leaves the polygon; an empty span where it misses.
+/// Where the scan line at `at` enters and leaves the polygon; an empty span if it misses.
 fn crossing(corners: &[Point], at: f32, upright: bool) -> (f32, f32) {
     let mut span = (f32::MAX, f32::MIN);
     let pair = |p: Point| if upright { (p.1, p.0) } else { p };

@@ -63,7 +63,7 @@ fn paint_row(scene: &mut Scene, y: usize, z: f32, lots: &[Lot; 2]) {
     let veiled = z.min(HAZE_END);
     let road = look.shade(look.snowed(ASPHALT, 0.35), 1.0, z);
     let width = scene.canvas.width() as f32;
-    // The road first and right across: what was in the buffer must not shine through any seam.
+    // The road first and right across: the buffer's old pixels must not shine through any seam.
     scene.canvas.row(y, 0.0, width, road, 1.0);
     let zoom = scene.camera.zoom(z);
     let middle = scene.camera.column(0.0, z);
@@ -147,7 +147,7 @@ fn paint_markings(scene: &mut Scene, y: usize, z: f32, middle: f32, lots: &[Lot;
     }
 }
 
-/// The shadow of what stands on the left, where the sun is.
+/// The shadow of the left side, where the sun is.
 fn paint_shadow(scene: &mut Scene, y: usize, z: f32, middle: f32, lot: &Lot) {
     let reach = match lot.plot {
         Plot::Terrace => 5.0 + 2.0 * unit(hash(lot.style, 3)),

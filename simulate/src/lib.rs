@@ -25,7 +25,7 @@
     clippy::cast_possible_wrap,
     clippy::cast_precision_loss,
     clippy::cast_sign_loss,
-    reason = "pixels, metres and hashes change type all the time; float to integer saturates, which is what is meant"
+    reason = "pixels, metres and hashes change type all the time; float to integer saturates, as it should"
 )]
 
 mod building;
@@ -55,7 +55,7 @@ use surefix::Error;
 /// The shortest and the longest side of a frame, in pixels.
 const SIDES: std::ops::RangeInclusive<usize> = 8..=8192;
 
-/// What a [`Route`] is made from. Flat, with defaults.
+/// The options of a [`Route`], all with defaults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RouteConfig {
     /// Frames of a traverse, at least 2.

@@ -1,4 +1,4 @@
-//! What light and season do to colours.
+//! The effect of light and season on colours.
 
 use super::camera::FAR;
 use super::canvas::{Rgb, blend, scale};
@@ -17,7 +17,7 @@ pub(super) struct Look {
     pub(super) sun: f32,
     /// 0 to 1: how much snow lies.
     pub(super) snow: f32,
-    /// 0 to 1: how many leaves are left on the trees.
+    /// 0 to 1: the leaves left on the trees.
     pub(super) leaves: f32,
     pub(super) zenith: Rgb,
     pub(super) haze: Rgb,
@@ -60,7 +60,7 @@ impl Look {
 
     /// How bright a wall is that faces right (`side` -1, left of the road) or left (`side` 1).
     pub(super) fn facing(&self, side: f32) -> f32 {
-        // The sun of the reference drive stands on the left, so what faces left is in it.
+        // The sun of the reference drive stands on the left, so walls that face left are in it.
         lerp(0.9, if side > 0.0 { 1.06 } else { 0.74 }, self.sun)
     }
 
@@ -80,7 +80,7 @@ impl Look {
         self.snowed(blend(green, [158.0, 148.0, 92.0], self.autumn * 0.7), 0.96)
     }
 
-    /// A window pane: dark by day, and by dusk warm where `home` (0 to 1) says that somebody is in.
+    /// A window pane: dark by day, and by dusk warm if `home` (0 to 1) is high.
     pub(super) fn pane(&self, home: f32, lit: f32, z: f32) -> Rgb {
         let glass = blend([62.0, 78.0, 94.0], self.zenith, 0.18);
         let dark = self.shade(scale(glass, 0.8 + 0.35 * home), lit, z);

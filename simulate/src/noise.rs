@@ -65,9 +65,9 @@ pub(super) fn wave(seed: u64, x: f64) -> f32 {
 /// Lattice noise in [0, 1] along one image row: `value` at `(column, across)`, smooth in both.
 ///
 /// Neighbouring pixels mostly share a lattice cell, so the two corners are kept and looked up
-/// afresh only where the cell changes.
+/// afresh only when the cell changes.
 pub(super) struct Lattice {
-    /// What the two lattice rows around `across` hash to.
+    /// The hashes of the two lattice rows around `across`.
     rows: (u64, u64),
     blend: f32,
     cell: i32,

@@ -7,8 +7,8 @@ use super::scenery::{LOT, Lot, Plot};
 use super::traffic::Traffic;
 use super::{building, ground, plants, sky, street};
 
-/// Paints everything. The painter's algorithm: what is nearer is painted later, over what is
-/// behind it.
+/// Paints everything. The painter's algorithm: nearer things are painted later, over
+/// farther ones.
 pub(super) fn paint(scene: &mut Scene, traffic: &Traffic) {
     sky::paint_sky(scene);
     sky::paint_skyline(scene);

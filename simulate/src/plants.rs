@@ -17,7 +17,7 @@ const GREENS: [Rgb; 5] = [
     [84.0, 116.0, 76.0],
 ];
 
-/// Lawn with a few trees and a low wall or nothing.
+/// Lawn with a few trees, with or without a low wall.
 pub(super) fn paint_park(scene: &mut Scene, lot: &Lot, start: f32) {
     let mut dice = Dice::new(lot.seed ^ 0xA1);
     for slot in (0..3_i64).rev() {
@@ -32,7 +32,7 @@ pub(super) fn paint_park(scene: &mut Scene, lot: &Lot, start: f32) {
     }
 }
 
-/// What grows in front of a villa.
+/// The plants in front of a villa.
 pub(super) fn paint_garden(scene: &mut Scene, lot: &Lot, start: f32) {
     let mut dice = Dice::new(lot.seed ^ 0xA2);
     if dice.chance(0.65) {

@@ -1,8 +1,8 @@
-//! What stands where along the road.
+//! The lots along the road, and their use.
 //!
 //! The road is lined by lots of [`LOT`] metres, eight to a block. Half of the blocks are copies of
 //! a few templates that come back all along the route, and the houses of a terrace are one house
-//! repeated: that is what makes different places look alike.
+//! repeated: so different places look alike.
 
 use super::noise::{Dice, hash};
 
@@ -11,13 +11,13 @@ pub(super) const LOT: f64 = 12.0;
 const LOTS_A_BLOCK: i64 = 8;
 /// Blocks that in a row belong to the same kind of district.
 const BLOCKS_A_DISTRICT: i64 = 2;
-/// How many templates each kind of district has, how many of its blocks are copies, and of a copy's
-/// lots how many have been rebuilt since.
+/// Templates of each kind of district, the share of its blocks that are copies, and the share of a
+/// copy's lots that have been rebuilt since.
 const TEMPLATES: i64 = 3;
 const COPIES: f32 = 0.65;
 const REBUILT: f32 = 0.08;
 
-/// Once in so many lots the road runs between noise barriers, for this many lots. There one place
+/// Once in 28 lots the road runs between noise barriers, for 5 lots. There one place
 /// looks like the next, and like the same stretch elsewhere: matches are close, and wrong.
 const BARRIER_EVERY: i64 = 28;
 const BARRIER_LOTS: i64 = 5;
@@ -41,7 +41,7 @@ const TOUR: [District; 6] = [
     District::Forest,
 ];
 
-/// What a lot is used for.
+/// The use of a lot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Plot {
     /// A house of several floors, wall to wall with its neighbours.
@@ -69,7 +69,7 @@ pub(super) struct Lot {
     pub(super) plot: Plot,
     /// The seed of everything on it.
     pub(super) seed: u64,
-    /// The seed of what it has in common with its neighbours: a terrace's facade, the spacing of
+    /// The seed of its likeness to its neighbours: a terrace's facade, the spacing of
     /// poles.
     pub(super) style: u64,
     /// Its number along the route.

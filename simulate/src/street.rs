@@ -1,4 +1,4 @@
-//! What stands at the kerb: lamps, poles and wires, signs, street trees, parked cars.
+//! The kerb: lamps, poles and wires, signs, street trees, parked cars.
 
 use super::camera::NEAR;
 use super::canvas::{Rgb, blend};
@@ -12,7 +12,7 @@ use super::traffic::Traffic;
 const SIGNS: [Rgb; 4] =
     [[206.0, 52.0, 48.0], [48.0, 92.0, 170.0], [232.0, 190.0, 60.0], [236.0, 236.0, 232.0]];
 
-/// Paints what one lot has at the kerb, from far to near.
+/// Paints the kerb of one lot, from far to near.
 pub(super) fn paint_kerb(scene: &mut Scene, lot: &Lot, start: f32, traffic: &Traffic) {
     let urban = matches!(lot.district, District::Town | District::Suburb);
     if lot.plot == Plot::Junction {

@@ -1,4 +1,4 @@
-//! What the demo, the tests and the scale runs rely on.
+//! The promises that the demo, the tests and the scale runs rely on.
 
 use surefix::Image;
 
@@ -30,7 +30,7 @@ fn the_same_options_give_the_same_bits() {
 
 #[test]
 fn every_machine_gives_the_same_bits() {
-    // FNV-1a of a few frames. Whoever changes how the world looks puts the new number here.
+    // FNV-1a of a few frames: another number if the world is to look otherwise.
     let mut sum = 0xCBF2_9CE4_8422_2325_u64;
     for conditions in [Conditions::reference(), Conditions::revisit()] {
         let drive = drive(1000, conditions);
@@ -181,7 +181,7 @@ fn a_short_buffer_gets_the_rows_that_fit() {
         let mut buffer = vec![77; bytes];
         drive.render(7, &mut buffer);
         let full = (bytes / row).min(whole.height()) * row;
-        // What was in the buffer before must not shine through.
+        // The buffer's old pixels must not shine through.
         assert!(buffer[..full] == whole.pixels()[..full], "{bytes} bytes");
         assert!(buffer[full..].iter().all(|&byte| byte == 77));
     }

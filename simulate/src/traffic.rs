@@ -1,5 +1,4 @@
-//! Who else is on the road: vehicles that move, walkers, and parked cars that were not there
-//! before.
+//! Other traffic: vehicles that move, walkers, and parked cars that were not there before.
 
 use super::camera::{FAR, NEAR};
 use super::canvas::{Rgb, blend, scale};
@@ -77,7 +76,7 @@ impl Traffic {
         seed
     }
 
-    /// Paints somebody on the pavement, if anybody is there.
+    /// Paints the walker on the pavement, if there is one.
     pub(super) fn paint_walker(&self, scene: &mut Scene, lot: &Lot, start: f32) {
         let place = lot.index * 2 + i64::from(lot.side > 0.0);
         let mut dice = Dice::new(hash(self.seed ^ 0x3A1, place));

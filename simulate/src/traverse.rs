@@ -32,7 +32,7 @@ impl Traverse {
         Self { look: Look::new(&conditions), config, conditions }
     }
 
-    /// How many frames there are.
+    /// The number of frames.
     #[must_use]
     pub fn len(&self) -> usize {
         self.config.places
@@ -62,7 +62,7 @@ impl Traverse {
         (index as f64 + self.lead(index, last)) * self.config.spacing
     }
 
-    /// How many frames ahead of an even drive frame `index` is.
+    /// The frames by which frame `index` is ahead of an even drive.
     fn lead(&self, index: usize, last: usize) -> f64 {
         let jitter = f64::from(self.conditions.speed_jitter);
         if jitter == 0.0 {

@@ -18,9 +18,15 @@ pub(super) trait Term: Copy {
         row: M::Block,
     ) -> M::Counts;
     /// The total of [`count`](Self::count).
-    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64;
+    #[inline(always)]
+    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
+        machine.total(sum)
+    }
     /// By how much that is too large, for any row.
-    fn excess<M: Machine, B: Byte>(query: &[B]) -> i64;
+    #[inline(always)]
+    fn excess<M: Machine, B: Byte>(_: &[B]) -> i64 {
+        0
+    }
 }
 
 /// Absolute differences, for the manhattan distance.
@@ -68,10 +74,6 @@ impl Term for Differences {
     fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
         machine.total_differences(sum)
     }
-    #[inline(always)]
-    fn excess<M: Machine, B: Byte>(_: &[B]) -> i64 {
-        0
-    }
 }
 
 impl Term for Squares {
@@ -98,14 +100,6 @@ impl Term for Squares {
         row: M::Block,
     ) -> M::Counts {
         machine.squares(sum, unsigned::<M, B>(machine, query), unsigned::<M, B>(machine, row))
-    }
-    #[inline(always)]
-    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
-        machine.total(sum)
-    }
-    #[inline(always)]
-    fn excess<M: Machine, B: Byte>(_: &[B]) -> i64 {
-        0
     }
 }
 
@@ -137,10 +131,6 @@ impl Term for Products {
         } else {
             machine.products_u8(sum, query, row)
         }
-    }
-    #[inline(always)]
-    fn total<M: Machine>(machine: M, sum: M::Counts) -> i64 {
-        machine.total(sum)
     }
     #[inline(always)]
     fn excess<M: Machine, B: Byte>(query: &[B]) -> i64 {

@@ -3,8 +3,7 @@
 //! Neighbouring frames see the same scenery, so they are not independent, and queries are drawn in
 //! blocks of consecutive ones (Künsch 1989; circular blocks, Politis and Romano 1992).
 
-use super::curve::Curve;
-use super::metrics::area;
+use super::curve::{Curve, area};
 use crate::error::Error;
 use crate::parallel::each;
 use crate::random::SplitMix64;

@@ -2,14 +2,12 @@
 
 mod bootstrap;
 mod curve;
-mod metrics;
 mod recall_at;
 mod trust;
 mod truth;
 
 pub use bootstrap::{Bootstrap, Interval};
-pub use curve::{Curve, Match, Point, Recall, evaluate};
-pub use metrics::BestF1;
+pub use curve::{BestF1, Curve, Match, Point, Recall, evaluate};
 pub use recall_at::recall_at;
 pub use trust::{TrustTable, evaluate_trust};
 pub use truth::{Truth, Verdict};

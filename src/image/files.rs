@@ -67,7 +67,7 @@ fn inside(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let refused = |source| Error::Io { path: folder.to_owned(), action: "list the folder", source };
     if folder.is_file() {
         return Err(refused(io::Error::other(
-            "it is a file; a folder of images or a pattern is expected",
+            "it is a file, where a folder of images or a pattern is expected",
         )));
     }
     let mut paths = Vec::new();

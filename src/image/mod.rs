@@ -12,7 +12,6 @@ mod files;
 mod grey;
 mod resize;
 mod source;
-mod transpose;
 mod view;
 
 #[cfg(feature = "image")]

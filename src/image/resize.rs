@@ -12,7 +12,6 @@
 use super::avx512::Columns;
 use super::axis::{Axis, END, PRECISION};
 use super::grey::brightness;
-use super::transpose::{deinterleave, interleave};
 use super::view::{Channels, ImageView};
 use crate::simd::Isa;
 
@@ -184,4 +183,23 @@ impl Block {
 #[inline(always)]
 fn rounded(sum: i32) -> u8 {
     ((sum + (1 << (PRECISION - 1))) >> PRECISION).clamp(0, 255) as u8
+}
+
+/// Turns rows on their side: `out[i]` is the `i`-th of each. Four by four, because compilers turn
+/// this loop into the shuffles of any instruction set.
+#[inline(always)]
+fn interleave<T: Copy>(rows: [&[T]; 4], out: &mut [[T; 4]]) {
+    let [a, b, c, d] = rows.map(|row| &row[..out.len()]);
+    for i in 0..out.len() {
+        out[i] = [a[i], b[i], c[i], d[i]];
+    }
+}
+
+/// The way back: the `i`-th of each row is from `columns[i]`.
+#[inline(always)]
+fn deinterleave<T: Copy>(columns: &[[T; 4]], rows: [&mut [T]; 4]) {
+    let [a, b, c, d] = rows.map(|row| &mut row[..columns.len()]);
+    for i in 0..columns.len() {
+        [a[i], b[i], c[i], d[i]] = columns[i];
+    }
 }

@@ -134,12 +134,7 @@ impl<'a> View<'a> {
 
     /// The memory of the numbers.
     pub(crate) fn bytes(&self) -> &'a [u8] {
-        match self {
-            Self::F32(v) => bytemuck::must_cast_slice(v),
-            Self::F16(v) => bytemuck::must_cast_slice(v),
-            Self::I8(v) => bytemuck::must_cast_slice(v),
-            Self::U8(v) => v,
-        }
+        each_type!(Self, self, v => bytemuck::must_cast_slice(v))
     }
 
     /// Refuses a NaN or an infinity, and names its row of `dim` numbers (if there are several) and

@@ -1,11 +1,5 @@
 //! The registers of AVX2, with FMA and F16C.
 
-#![allow(
-    unsafe_code,
-    reason = "intrinsics, behind a value that proves that the processor has them"
-)]
-#![allow(clippy::wildcard_imports, reason = "their names are prefixed")]
-
 use std::arch::x86_64::*;
 
 use half::f16;
@@ -13,21 +7,7 @@ use half::f16;
 use super::isa::{Isa, fetch};
 use super::machine::{BLOCK, Kernel, LANES, Machine};
 
-/// Proof that this processor has [`Isa::Avx2`].
-#[derive(Clone, Copy)]
-pub(super) struct Avx2(());
-
-impl Avx2 {
-    /// `None` if the CPU lacks AVX2, FMA or F16C.
-    pub(super) fn new() -> Option<Self> {
-        Isa::Avx2.is_available().then_some(Self(()))
-    }
-}
-
-#[target_feature(enable = "avx2,fma,f16c")]
-fn inside<K: Kernel>(machine: Avx2, kernel: K) {
-    kernel.simd(machine);
-}
+instruction_set!(Avx2, "avx2,fma,f16c");
 
 impl Machine for Avx2 {
     type Floats = [__m128; 4];

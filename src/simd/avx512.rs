@@ -1,11 +1,5 @@
 //! The registers of AVX-512: F, BW, DQ, VL and VNNI.
 
-#![allow(
-    unsafe_code,
-    reason = "intrinsics, behind a value that proves that the processor has them"
-)]
-#![allow(clippy::wildcard_imports, reason = "their names are prefixed")]
-
 use std::arch::x86_64::*;
 
 use half::f16;
@@ -13,21 +7,7 @@ use half::f16;
 use super::isa::{Isa, fetch};
 use super::machine::{BLOCK, Kernel, LANES, Machine};
 
-/// Proof that this processor has [`Isa::Avx512`].
-#[derive(Clone, Copy)]
-pub(super) struct Avx512(());
-
-impl Avx512 {
-    /// `None` if the CPU lacks one of them.
-    pub(super) fn new() -> Option<Self> {
-        Isa::Avx512.is_available().then_some(Self(()))
-    }
-}
-
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-fn inside<K: Kernel>(machine: Avx512, kernel: K) {
-    kernel.simd(machine);
-}
+instruction_set!(Avx512, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni");
 
 impl Machine for Avx512 {
     type Floats = [__m256; 2];

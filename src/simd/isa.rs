@@ -104,11 +104,6 @@ impl Isa {
 
 /// Prefetches memory that will be read soon. Only a hint: any address is allowed.
 #[inline(always)]
-#[allow(
-    clippy::inline_always,
-    unsafe_code,
-    reason = "one instruction, which is always there on this processor"
-)]
 pub(crate) fn fetch<T>(ahead: *const T) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: SSE is part of x86-64, and a prefetch reads nothing that the program can see.
@@ -133,7 +128,6 @@ impl<R, F: FnOnce() -> R> Compiled for F {
     type Out = R;
 
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "else the closure's copies are one")]
     fn run(self) -> R {
         self()
     }
@@ -141,7 +135,6 @@ impl<R, F: FnOnce() -> R> Compiled for F {
 
 /// Functions that are compiled for one instruction set.
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code)]
 mod x86 {
     use super::Compiled;
 

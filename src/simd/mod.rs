@@ -1,8 +1,30 @@
 //! The kernels' instruction sets, and registers that look the same on each.
 #![allow(
     clippy::inline_always,
-    reason = "what is inlined is compiled for the caller's instruction set"
+    clippy::wildcard_imports,
+    unsafe_code,
+    reason = "what is inlined is compiled for the caller's instruction set; intrinsics have prefixes"
 )]
+
+/// A machine's type: its value proves that the CPU has the instruction set of that name.
+macro_rules! instruction_set {
+    ($name:ident, $features:literal) => {
+        #[derive(Clone, Copy)]
+        pub(super) struct $name(());
+
+        impl $name {
+            /// `None` if the CPU lacks it.
+            pub(super) fn new() -> Option<Self> {
+                Isa::$name.is_available().then_some(Self(()))
+            }
+        }
+
+        #[target_feature(enable = $features)]
+        fn inside<K: Kernel>(machine: $name, kernel: K) {
+            kernel.simd(machine);
+        }
+    };
+}
 
 /// Intrinsics, in the methods of a [`Machine`].
 macro_rules! intrinsics {

@@ -1,11 +1,5 @@
 //! The registers of NEON.
 
-#![allow(
-    unsafe_code,
-    reason = "intrinsics, behind a value that proves that the processor has them"
-)]
-#![allow(clippy::wildcard_imports, reason = "their names are prefixed")]
-
 use std::arch::aarch64::*;
 use std::arch::asm;
 
@@ -14,21 +8,7 @@ use half::f16;
 use super::isa::Isa;
 use super::machine::{BLOCK, Kernel, LANES, Machine};
 
-/// Proof that this processor has [`Isa::Neon`].
-#[derive(Clone, Copy)]
-pub(super) struct Neon(());
-
-impl Neon {
-    /// `None` if the CPU lacks it.
-    pub(super) fn new() -> Option<Self> {
-        Isa::Neon.is_available().then_some(Self(()))
-    }
-}
-
-#[target_feature(enable = "neon")]
-fn inside<K: Kernel>(machine: Neon, kernel: K) {
-    kernel.simd(machine);
-}
+instruction_set!(Neon, "neon");
 
 impl Machine for Neon {
     type Floats = [float32x4_t; 4];
