@@ -200,9 +200,9 @@ pub(crate) fn verify(bytes: &[u8], format: &Format) -> Result<(), Refusal> {
     check(&header, hash.finish(), Some(*stored))
 }
 
+#[cfg(any(feature = "mmap", test))]
 impl<'a> Tensors<'a> {
     /// The tensors of an archive that lies in memory, without a look at their bytes.
-    #[cfg(any(feature = "mmap", test))]
     pub(crate) fn borrowed(bytes: &'a [u8], format: &Format) -> Result<Self, Refusal> {
         let mut hash = XxHash3_64::with_seed(0);
         let header = Header::read(&mut &bytes[..], bytes.len() as u64, format, &mut hash)?;
@@ -212,7 +212,9 @@ impl<'a> Tensors<'a> {
             .collect();
         Ok(Self { header, data })
     }
+}
 
+impl Tensors<'_> {
     /// A tensor's shape and numbers, or `None` if there is no tensor of that name.
     ///
     /// # Errors

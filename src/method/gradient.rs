@@ -64,10 +64,10 @@ pub(super) fn gradient(
     let inside = out[first - from..last - from].iter_mut().zip(d[first..last].iter().zip(around));
     match kind {
         Gradient::Halved => {
-            inside.for_each(|(out, (&d, (&before, &after)))| put(out, halved(before, d, after)))
+            inside.for_each(|(out, (&d, (&before, &after)))| put(out, halved(before, d, after)));
         }
         Gradient::Unhalved => {
-            inside.for_each(|(out, (&d, (&before, &after)))| put(out, unhalved(before, d, after)))
+            inside.for_each(|(out, (&d, (&before, &after)))| put(out, unhalved(before, d, after)));
         }
     }
 }
@@ -138,7 +138,9 @@ impl Enhancement {
                     let sums = &mut scratch.gradients[start..segment.end.min(start + BLOCK)];
                     bounds.block(start - segment.start, sums);
                     // The largest sum is the least negated one.
-                    sums.iter_mut().for_each(|sum| *sum = -*sum);
+                    for sum in sums {
+                        *sum = -*sum;
+                    }
                 }
             }
             let negated = |place: usize, best: Option<(f64, usize)>| {

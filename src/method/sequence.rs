@@ -243,7 +243,9 @@ impl Sums<'_> {
             1 => each(sums, term(0), term(0), term(0), |_, a, _, _| a),
             2 => each(sums, term(1), term(0), term(0), |_, a, b, _| a + b),
             _ => {
-                each(sums, term(oldest), term(oldest - 1), term(oldest - 2), |_, a, b, c| a + b + c)
+                each(sums, term(oldest), term(oldest - 1), term(oldest - 2), |_, a, b, c| {
+                    a + b + c
+                });
             }
         }
         let mut left = length.saturating_sub(3);
