@@ -235,6 +235,7 @@ fn a_chain_without_steps_is_none() {
 }
 
 /// Every kind of damage to the entry and to the tensors is refused, and says what.
+#[cfg(feature = "pca")]
 #[test]
 fn files_that_do_not_fit_together_are_refused() {
     let (map, _) = route(CHAINS[5], 12, 9, Metric::Euclidean, 3);
