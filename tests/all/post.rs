@@ -6,7 +6,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::cases::{cases, sealed, signed};
+#[cfg(feature = "pca")]
+use crate::cases::sealed;
+use crate::cases::{cases, signed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use surefix::{Config, Dtype, Error, Localizer, Map, Metric, Post, Step, match_descriptors};
@@ -234,7 +236,7 @@ fn a_chain_without_steps_is_none() {
     assert_eq!(Map::open(&path).unwrap().post(), None);
 }
 
-/// Every kind of damage to the entry and to the tensors is refused, and says what.
+/// Every kind of damage to the entry and to the tensors is refused, and named.
 #[cfg(feature = "pca")]
 #[test]
 fn files_that_do_not_fit_together_are_refused() {
