@@ -9,6 +9,9 @@ SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src simul
 # The optimised profile keeps the checks of a debug build.
 CARGO_TEST := cargo test --locked --profile test-release
 
+# The package in an environment of its own, from the source folder.
+DEVELOP := VIRTUAL_ENV=$(CURDIR)/$(VENV)/quick $(VENV)/quick/bin/maturin develop --quiet --locked --profile quick
+
 # Where the wheel for this machine alone goes; those for others are in dist.
 WHEELS := target/wheels
 # The oldest Linux that the wheels for others run on: glibc 2.17, of 2012.
@@ -45,13 +48,14 @@ demo: $(VENV)/installed
 # fewer random cases.
 quick: $(VENV)/quick/made
 	PROPTEST_CASES=2000 cargo test --quiet --locked --lib --profile quick
-	$(VENV)/quick/bin/maturin develop --quiet --locked --profile quick
-	$(VENV)/quick/bin/python -m pytest -q -m "not slow"
+	$(DEVELOP)
+	$(VENV)/quick/bin/python -m pytest -q -n auto -m "not slow"
 
 $(VENV)/quick/made:
 	$(PYTHON) -m venv $(VENV)/quick
 	$(VENV)/quick/bin/python -m pip install --quiet --upgrade pip "maturin>=1.16,<2"
-	$(VENV)/quick/bin/maturin develop --quiet --locked --profile quick --extras dev
+	$(DEVELOP)
+	$(VENV)/quick/bin/python -m pip install --quiet "surefix[dev]"
 	@touch $@
 
 stubs: $(VENV)/installed $(VENV)/dev

@@ -100,6 +100,7 @@ def test_queries_that_the_truth_ignores_are_left_out_and_those_off_the_map_are_m
     np.testing.assert_array_equal(ignored.right, perfect_predictor(D, truth)[10:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["nordland"])
 def test_on_a_real_railway_half_teaches_the_other_half(name: str) -> None:
     folder = real_data.folder() / name

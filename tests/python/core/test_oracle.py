@@ -328,6 +328,7 @@ def test_reference_counts(
     assert abs(int((right & run.trusted).sum()) - both) <= within
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "length", "unweighted", "weighted"),
     [

@@ -30,6 +30,7 @@ def route(name: str) -> tuple[Any, Any]:
     return folder / "reference", folder / "query"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_reference_figures(name: str) -> None:
     references, queries = route(name)

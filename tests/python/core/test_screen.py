@@ -50,6 +50,7 @@ def looked_at(route: Map, queries: Any, **options: Any) -> list[int]:
     return counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("metric", ["cosine", "euclidean"])
 @pytest.mark.parametrize(
     "options", [{}, {"sequence_length": 20, "speeds": [1.0, 0.9]}, {"smoothing": 1, "floor": 0.1}]
@@ -62,6 +63,7 @@ def test_few_rows_are_looked_at_and_the_fixes_are_the_same(
     assert np.median(counts) < 0.02 * len(rows)
 
 
+@pytest.mark.slow
 def test_the_batch_gives_what_the_stream_gives() -> None:
     rows, queries = drives(600)
     plain = Map.from_descriptors(rows)
@@ -81,6 +83,7 @@ def test_the_batch_gives_what_the_stream_gives() -> None:
             np.testing.assert_array_equal(getattr(got, name), getattr(expected, name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("metric", ["cosine", "euclidean"])
 def test_across_the_seasons_of_a_real_route(metric: str) -> None:
     nordland = real_data.folder() / "nordland"

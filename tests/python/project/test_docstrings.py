@@ -26,7 +26,8 @@ def documented() -> Iterator[tuple[str, Any]]:
                         yield f"{module.__name__}.{name}.{member}", value
 
 
-ALL = dict(documented())
+# In one order: a class of the binding has its members in any.
+ALL = dict(sorted(documented()))
 # Fields whose names say it all, described together in their class's docstring.
 PLAIN = {"surefix.Matches", "surefix.Fix", "surefix.Single", "surefix.Peak", "surefix.Sequence"}
 PLAIN |= {"surefix.frames.Frame", "surefix.frames.Shot"}

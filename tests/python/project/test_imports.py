@@ -45,6 +45,7 @@ def test_the_library_needs_numpy_alone() -> None:
     assert not found & (HEAVY | {"rich", "typer", "concurrent", "asyncio"})
 
 
+@pytest.mark.slow
 def test_parts_are_there_when_they_are_asked_for() -> None:
     parts = ["baselines", "datasets", "descriptors", "live", "plot", "post", "simulate", "frames"]
     found = loaded(
@@ -67,6 +68,7 @@ def test_optional_packages_wait_until_they_are_used(module: str) -> None:
     assert not loaded(f"import surefix.{module}") & HEAVY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["", "demo", "run", "map build"])
 def test_help_needs_the_command_lines_libraries_only(command: str) -> None:
     found = loaded(

@@ -47,6 +47,7 @@ CORNERS: dict[str, tuple[np.ndarray, np.ndarray]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.usefixtures("light_only")
 @pytest.mark.parametrize("name", CORNERS)

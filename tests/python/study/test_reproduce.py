@@ -574,6 +574,7 @@ def test_a_matrix_that_cannot_be_paired_asks_for_its_truth(tmp_path: Path) -> No
         matrix_case(f"NetVLAD={tmp_path / 'D.npy'}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_reference_figures_on_real_data(name: str) -> None:
     found = next(found for found in find_datasets(real_data.folder()) if found.folder.name == name)
@@ -586,6 +587,7 @@ def test_the_reference_figures_on_real_data(name: str) -> None:
         assert areas == pytest.approx(expected, abs=0.002), length
 
 
+@pytest.mark.slow
 def test_the_other_recall_on_real_data() -> None:
     settings = Settings(recall="place_exists")
     for name, length, expected in (
