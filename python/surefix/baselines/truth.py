@@ -51,8 +51,7 @@ def _whole_float(tolerance: float) -> int:
     if not tolerance.is_integer():
         raise SurefixValueError(
             "option `tolerance`: expected a whole number of places, 0 or more (metres only if the "
-            "truth is "
-            f"positions), got {tolerance}"
+            f"truth is positions), got {tolerance}"
         )
     return whole("tolerance", int(tolerance), 0)
 

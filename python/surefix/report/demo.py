@@ -242,12 +242,11 @@ def _route(demo: Demo, strip: Picture) -> Section:
         "Along the route",
         (
             "A robot that acts on every fix is sent to a wrong place "
-            f"{counted(bad + held, 'time')} "
-            f"in {len(demo.study)}. One that acts on the trusted fixes only, "
-            f"{counted(bad, 'time')}. The price: {counted(right, 'right fix', 'right fixes')} "
-            f"{are(right)} held back together with the {counted(held, 'wrong one')}, and the "
-            "longest stretch without a fix that is both trusted and right is "
-            f"{demo.gap_metres:.0f} m. Odometry has to bridge it.",
+            f"{counted(bad + held, 'time')} in {len(demo.study)}. One that acts on the trusted "
+            f"fixes only, {counted(bad, 'time')}. The price: "
+            f"{counted(right, 'right fix', 'right fixes')} {are(right)} held back together with "
+            f"the {counted(held, 'wrong one')}, and the longest stretch without a fix that is both "
+            f"trusted and right is {demo.gap_metres:.0f} m. Odometry has to bridge it.",
         ),
         (strip,),
     )

@@ -97,10 +97,8 @@ def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
     if len(drawn) == len(cases):
         data = (
             "None of the paper's data was given, so all of this is on a generated route: a drawn "
-            "world, not a real "
-            "one. It shows what the method does and that it works; its numbers are not the "
-            "paper's, and no real "
-            "route's. Give the data sets with --data."
+            "world, not a real one. It shows what the method does and that it works; its numbers "
+            "are not the paper's, and no real route's. Give the data sets with --data."
         )
     elif drawn:
         count = f"{len(drawn)} of the {len(cases)}"
@@ -109,10 +107,8 @@ def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
         data = f"On {len(cases)} cases of recorded data, none of it generated."
     lead = [
         "Carson, Ford and Milford, \u201cUnsupervised Quality Prediction for Improved Single-Frame "
-        "and Weighted "
-        "Sequential Visual Place Recognition\u201d, ICRA 2023 (arXiv 2307.01464): its table and "
-        "its figures, computed "
-        "anew by surefix, on the data that is here.",
+        "and Weighted Sequential Visual Place Recognition\u201d, ICRA 2023 (arXiv 2307.01464): its "
+        "table and its figures, computed anew by surefix, on the data that is here.",
         data,
     ]
     if problems:
