@@ -14,9 +14,9 @@ from surefix.baselines import (
 )
 from surefix.errors import SurefixError
 from surefix.matches import Matches
-from surefix.report.page import Picture, drawn
+from surefix.report.page import Picture
 from surefix.reproduce.case import Case, Settings, sliced
-from surefix.reproduce.exhibit import Cell, Exhibit, a_case
+from surefix.reproduce.exhibit import Cell, Exhibit, pictured
 from surefix.study import UPTO
 
 __all__ = ["perfect_prediction", "sequences", "single_frames"]
@@ -146,29 +146,16 @@ def _exhibit(
     points: Sequence[str],
 ) -> Exhibit:
     rows: list[Sequence[Cell]] = []
+    pictures: dict[str, Picture] = {}
     for case, named in curves.items():
         for method, curve in named.items():
             columns = (curve.recall, curve.precision, curve.thresholds, curve.false_positives)
             numbers = zip(*(column.tolist() for column in columns), strict=True)
             rows += [(case.dataset, case.technique, method, *point) for point in numbers]
-    return Exhibit(
-        name,
-        title,
-        paragraphs,
-        ["dataset", "technique", "curve", "recall", "precision", "threshold", "false_positives"],
-        rows,
-        a_case(name, {case: _picture(case, named, settings) for case, named in curves.items()}),
-        points=points,
-    )
-
-
-def _picture(case: Case, curves: Curves, settings: Settings) -> Picture:
-    return drawn(
-        lambda ax, theme: plot.precision_recall(
-            ax, curves, upto=UPTO, recall=settings.recall, theme=theme
-        ),
-        (6.4, 4.9),
-        f"Precision-recall curves of {case.name}. Area up to recall {UPTO:g}: {_ranked(curves)}.",
-        case.name,
-        small=True,
-    )
+        alt = (
+            f"Precision-recall curves of {case.name}. Area up to recall {UPTO:g}: {_ranked(named)}."
+        )
+        options = {"upto": UPTO, "recall": settings.recall}
+        pictures |= pictured(name, case, alt, plot.precision_recall, named, **options)
+    header = "dataset,technique,curve,recall,precision,threshold,false_positives"
+    return Exhibit(title, paragraphs, pictures, points=points, name=name, header=header, rows=rows)

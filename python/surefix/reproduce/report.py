@@ -7,7 +7,7 @@ from surefix import __version__
 from surefix.errors import SurefixValueError
 from surefix.machine import machine
 from surefix.report import sections
-from surefix.report.page import Section, Tile, page, write
+from surefix.report.page import Section, Tile, write
 from surefix.report.tables import write_csv
 from surefix.reproduce.break_even import break_even
 from surefix.reproduce.case import Case, Settings
@@ -65,21 +65,15 @@ def write_report(
         for exhibit in made:
             write_csv(inside / f"{exhibit.name}.csv", exhibit.header, exhibit.rows)
 
-    text = page(
+    return write(
+        folder,
         "The paper, made again",
         _lead(cases, settings, problems),
         (),
         _tiles(made[0], len(cases)),
-        [
-            *(exhibit.section for exhibit in made),
-            _data(cases, settings, problems),
-            _made(settings, command),
-        ],
+        [*made, _data(cases, settings, problems), _made(settings, command)],
+        tables,
     )
-    pictures = {
-        f"{name}.png": picture for exhibit in made for name, picture in exhibit.pictures.items()
-    }
-    return write(folder, text, pictures, tables)
 
 
 def _check_distinct(cases: Sequence[Case]) -> None:
@@ -124,7 +118,7 @@ def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
 
 
 def _tiles(first: Exhibit, cases: int) -> Sequence[Tile]:
-    column = list(first.header).index("verdict")
+    column = first.header.split(",").index("verdict")
     verdicts = [row[column] for row in first.rows]
     return tuple(
         Tile(verdict, str(verdicts.count(verdict)), label, f"of {cases} rows of Table I")
@@ -146,7 +140,7 @@ def _data(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
         rows.append((case.name, ". ".join(part.rstrip(".") for part in parts) + "."))
     missing = [f"Not used: {problem}" for problem in problems]
     return Section(
-        "The data", ("All data that was found, used or not.",), rows=rows, points=missing
+        "The data", ("All data that was found, used or not.",), facts=rows, points=missing
     )
 
 
@@ -175,5 +169,5 @@ def _made(settings: Settings, command: str) -> Section:
     return Section(
         "How this was made",
         ("Beside this page: a PNG of each picture, a CSV of each section.",),
-        rows=rows,
+        facts=rows,
     )
