@@ -4,6 +4,8 @@ prediction.
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from surefix import plot
 from surefix._core import Evaluation, evaluate
 from surefix.baselines import (
@@ -12,10 +14,11 @@ from surefix.baselines import (
     maximum_gradient,
     single_frame,
 )
+from surefix.baselines.truth import Truth, by_metres
 from surefix.errors import SurefixError
 from surefix.matches import Matches
 from surefix.report.page import Picture
-from surefix.reproduce.case import Case, Settings, sliced
+from surefix.reproduce.case import Case, Settings
 from surefix.reproduce.exhibit import Cell, Exhibit, pictured
 from surefix.study import UPTO
 
@@ -108,9 +111,16 @@ def perfect_prediction(cases: Sequence[Case], settings: Settings) -> Exhibit:
     )
 
 
+def _sliced(truth: Truth, queries: slice) -> Truth:
+    """The truth of some of the queries."""
+    if by_metres(truth):
+        return truth[0], np.asarray(truth[1])[queries]
+    return np.asarray(truth)[..., queries]
+
+
 def _supervised(case: Case, begin: int) -> Matches:
     predictor = SupervisedPredictor()
-    predictor.fit(case.D[:, :begin], sliced(case.truth, slice(0, begin)), case.tolerance)
+    predictor.fit(case.D[:, :begin], _sliced(case.truth, slice(0, begin)), case.tolerance)
     return masked_single_frame(case.D, trusted=predictor.predict(case.D))
 
 
@@ -122,7 +132,7 @@ def _evaluate_from(case: Case, begin: int, matches: Matches, settings: Settings)
         None if matches.ready is None else matches.ready[begin:],
         None if matches.accepted is None else matches.accepted[begin:],
     )
-    truth = sliced(case.truth, slice(begin, None))
+    truth = _sliced(case.truth, slice(begin, None))
     return evaluate(part, truth, case.tolerance, settings.recall)
 
 
