@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import match_distances
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 
 __all__ = [
     "Distances",
@@ -66,17 +66,15 @@ def whole(name: str, value: SupportsIndex, low: int, high: int | None = None, wh
             return got
     except TypeError:
         pass
-    raise SurefixValueError(f"option `{name}`: expected a whole number {expected}, got {got!r}")
+    raise mismatch(f"option `{name}`", f"a whole number {expected}", repr(got))
 
 
 def number(name: str, value: SupportsFloat, low: float, high: float | None = None) -> float:
     """A finite number from ``low`` to ``high``, if that is given."""
-    expected = (
-        f"a finite number of {low:g} or more"
-        if high is None
-        else f"a number from {low:g} to {high:g}"
-    )
     got = float(value) if isinstance(value, Real) else float("nan")
     if not (low <= got < float("inf")) or (high is not None and got > high):
-        raise SurefixValueError(f"option `{name}`: expected {expected}, got {value!r}")
+        expected = f"a finite number of {low:g} or more"
+        if high is not None:
+            expected = f"a number from {low:g} to {high:g}"
+        raise mismatch(f"option `{name}`", expected, repr(value))
     return got

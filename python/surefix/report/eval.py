@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix._words import counted
+from surefix.baselines import METHODS
 from surefix.report import figures, sections
 from surefix.report.figures import Images
 from surefix.report.page import write
@@ -78,7 +79,7 @@ def write_report(
             f"95 %, {study.samples} samples of blocks as long as the root of the number of "
             "queries, seed 0",
         ),
-        *((result.name, result.description) for result in study.results),
+        *((name, METHODS[name].description) for name in study.names),
         *(FILES | extra).items(),
         command=command,
     )
