@@ -250,8 +250,7 @@ def _sections(demo: Demo) -> Sequence[Section]:
             "own route can tell.",
         ),
     )
-    methods, words = sections.methods(study), sections.words(study)
-    return matrix, route, _curves(demo), methods, words, see, meaning
+    return matrix, route, _curves(demo), *sections.methods(study), see, meaning
 
 
 def _curves(demo: Demo) -> Section:

@@ -92,8 +92,7 @@ def write_report(
         (),
         sections.tiles(study),
         (
-            sections.methods(study, figures.numbers(study)),
-            sections.words(study),
+            *sections.methods(study, figures.numbers(study)),
             sections.curves(study, curves),
             sections.trust(study),
             sections.matrix(study, figures.matrix(study)),

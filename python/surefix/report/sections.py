@@ -12,19 +12,7 @@ from surefix.report import figures, tables
 from surefix.report.page import Picture, Section, Tile
 from surefix.study import KS, UPTO, Study, verdict
 
-__all__ = [
-    "curves",
-    "lead",
-    "made",
-    "matrix",
-    "methods",
-    "mistakes",
-    "route",
-    "share",
-    "tiles",
-    "trust",
-    "words",
-]
+__all__ = ["curves", "lead", "made", "matrix", "methods", "mistakes", "route", "share", "tiles"]
 
 RECALLS = {
     "correct": "accepted correct matches over all correct matches of the same method, the paper's "
@@ -77,9 +65,9 @@ def tiles(study: Study) -> Sequence[Tile]:
     )
 
 
-def methods(study: Study, pictures: Mapping[str, Picture] | None = None) -> Section:
-    """The table of all methods."""
-    return Section(
+def methods(study: Study, pictures: Mapping[str, Picture] | None = None) -> Sequence[Section]:
+    """The table of all methods, and a sentence or two for each."""
+    table = Section(
         "Every method",
         (
             "The area is that under the precision-recall curve up to recall 0.2, divided by 0.2. "
@@ -90,15 +78,8 @@ def methods(study: Study, pictures: Mapping[str, Picture] | None = None) -> Sect
         pictures or {},
         tables=(tables.methods(study),),
     )
-
-
-def words(study: Study) -> Section:
-    """A sentence or two for each method."""
-    return Section(
-        "In words",
-        ("Which methods win, which lose and which are level on this drive.",),
-        points=[verdict(result) for result in study.results],
-    )
+    words = ("Which methods win, which lose and which are level on this drive.",)
+    return table, Section("In words", words, points=[verdict(each) for each in study.results])
 
 
 def curves(study: Study, pictures: Mapping[str, Picture], *more: str) -> Section:

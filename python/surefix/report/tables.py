@@ -16,44 +16,38 @@ METHOD_COLUMNS = (
     "verdict,max_recall,recall_at_full_precision,false_positives,best_f1,best_f1_threshold,correct,judged"
 )
 FIX_COLUMNS = "method,query,name,place,score,ready,accepted,judged,right,true_place,trusted"
-PERCENT = f"{100 * UPTO:g} %"
 
 
 def methods(study: Study) -> Table:
     """Every method, none left out."""
+    percent = f"{100 * UPTO:g} %"
     header = (
-        "method",
-        f"AUC to {PERCENT} recall (95 % interval)",
-        "difference to the plain sequence (95 % interval)",
-        "verdict",
-        "largest recall",
-        "recall at 100 % precision",
-        f"false positives at {PERCENT} recall",
-        "best F1",
+        "method", f"AUC to {percent} recall (95 % interval)",
+        "difference to the plain sequence (95 % interval)", "verdict", "largest recall",
+        "recall at 100 % precision", f"false positives at {percent} recall", "best F1",
         "matches right",
-    )
+    )  # fmt: skip
+    # Not broken into two lines.
+    interval = "({:.3f}\u00a0to\u00a0{:.3f})"
+    signed = "({:+.3f}\u00a0to\u00a0{:+.3f})"
+    rows = []
+    for result in study.results:
+        (area, *ends), (difference, *apart) = result.area, result.difference
+        curve, plain = result.curve, result is study.baseline
+        row = (
+            result.name,
+            f"{area:.3f} {interval.format(*ends)}",
+            "-" if plain else f"{difference:+.3f} {signed.format(*apart)}",
+            "the baseline" if plain else result.outcome,
+            f"{curve.max_recall:.3f}",
+            f"{curve.recall_at_precision(1.0):.3f}",
+            count(curve.false_positives_at(UPTO)),
+            f"{curve.best_f1:.3f}",
+            f"{curve.correct} of {curve.judged}",
+        )
+        rows.append(row)
     caption = f'Recall is "{study.recall}". The plain sequence is the method "{BASELINE}".'
-    return Table("methods", caption, header, [_row(result) for result in study.results])
-
-
-def _row(result: Result) -> Sequence[str]:
-    # Intervals that are not broken into two lines.
-    interval, signed = (
-        "{:.3f} ({:.3f}\u00a0to\u00a0{:.3f})",
-        "{:+.3f} ({:+.3f}\u00a0to\u00a0{:+.3f})",
-    )
-    curve, plain = result.curve, result is result.study.baseline
-    return (
-        result.name,
-        interval.format(*result.area),
-        "-" if plain else signed.format(*result.difference),
-        "the baseline" if plain else result.outcome,
-        f"{curve.max_recall:.3f}",
-        f"{curve.recall_at_precision(1.0):.3f}",
-        count(curve.false_positives_at(UPTO)),
-        f"{curve.best_f1:.3f}",
-        f"{curve.correct} of {curve.judged}",
-    )
+    return Table("methods", caption, header, rows)
 
 
 def count(false: int | None) -> str:
@@ -65,7 +59,8 @@ def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Tabl
     """The mistakes with the best scores, and the trusted ones."""
     shown, run = study.shown, study.run
     header = ("query", "matched to place", "true place", "off by", "score", "trusted")
-    kinds = (
+    found = []
+    for name, caption, queries, place, score in (
         (
             "mistakes",
             f"Wrong matches of {shown.name}, the best scores first.",
@@ -81,9 +76,7 @@ def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Tabl
             run.single_place,
             run.single_distance,
         ),
-    )
-    found = []
-    for name, caption, queries, place, score in kinds:
+    ):
         rows = [
             (
                 _named(query, names),

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from surefix import __version__
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.machine import machine
 from surefix.report import sections
 from surefix.report.page import Section, Tile, write
@@ -33,17 +33,15 @@ def exhibits(
     SurefixError
         If two cases have one name, or a case does not do.
     """
-    _check_distinct(cases)
+    # Files are named after cases, so each needs a name of its own.
+    names = [stem(case.dataset, case.technique) for case in cases]
+    for case, name in zip(cases, names, strict=True):
+        if names.count(name) > 1:
+            raise mismatch("cases", "names that differ in letters or digits", f"{case.name} twice")
     yield table_1(cases, paper, settings)
-    for make in (
-        sequences,
-        single_frames,
-        perfect_prediction,
-        weight_sweep,
-        break_even,
-        ablation,
-        false_positives,
-    ):
+    for curves in (sequences, single_frames, perfect_prediction):
+        yield curves(cases, settings)
+    for make in (weight_sweep, break_even, ablation, false_positives):
         yield make(cases, settings)
     yield execution_time(machine(), settings)
 
@@ -74,16 +72,6 @@ def write_report(
         [*made, _data(cases, settings, problems), _made(settings, command)],
         tables,
     )
-
-
-def _check_distinct(cases: Sequence[Case]) -> None:
-    """Files are named after cases, so each needs a name of its own."""
-    names = [stem(case.dataset, case.technique) for case in cases]
-    for case, name in zip(cases, names, strict=True):
-        if names.count(name) > 1:
-            raise SurefixValueError(
-                f"cases: expected names that differ in letters or digits, got {case.name} twice"
-            )
 
 
 def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) -> Sequence[str]:

@@ -31,40 +31,16 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
             None,
         )
         seen.append(own)
-        plain, weighted = case.study(settings).results
+        both = case.study(settings).results
+        names, weighted = (case.dataset, case.technique), both[1]
+        curves, areas = [result.curve for result in both], [result.area[0] for result in both]
+        correct, reached = [c.correct for c in curves], [c.max_recall for c in curves]
+        numbers = *case.D.shape, *correct, *areas, *weighted.difference, *reached
+        theirs = (None, None) if own is None else (own.baseline, own.weighted)
+        rows.append((*names, *numbers, weighted.outcome, *theirs))
         difference, low, high = weighted.difference
-        rows.append(
-            (
-                case.dataset,
-                case.technique,
-                *case.D.shape,
-                plain.curve.correct,
-                weighted.curve.correct,
-                plain.area[0],
-                weighted.area[0],
-                difference,
-                low,
-                high,
-                plain.curve.max_recall,
-                weighted.curve.max_recall,
-                weighted.outcome,
-                None if own is None else own.baseline,
-                None if own is None else own.weighted,
-            )
-        )
-        lines.append(
-            (
-                case.dataset,
-                case.technique,
-                str(case.D.shape[1]),
-                shown(plain.area[0]),
-                shown(weighted.area[0]),
-                f"{difference:+.3f}",
-                f"{low:+.3f}\u00a0to\u00a0{high:+.3f}",
-                weighted.outcome,
-                _pair(own),
-            )
-        )
+        apart = f"{difference:+.3f}", f"{low:+.3f}\u00a0to\u00a0{high:+.3f}", weighted.outcome
+        lines.append((*names, str(case.D.shape[1]), *map(shown, areas), *apart, _pair(own)))
     absent = [own for own in paper or () if own not in seen]
     for own in absent:
         names = own.dataset, own.technique
