@@ -29,17 +29,13 @@ Places: TypeAlias = npt.NDArray[np.int64]
 
 
 def nearest(D: Distances) -> tuple[Places, Distances]:
-    """Each query's place of least distance and that distance; the errors are those of
-    ``surefix.match_distances``.
-    """
+    """Each query's nearest place and its distance; errors are those of ``match_distances``."""
     run = match_distances(D, sequence_length=1, weight=0.0, smoothing=1)
     return run.single_place, run.single_distance
 
 
 def nearest_elsewhere(D: Distances, place: Places, exclude: int) -> Floats:
-    """Each query's least distance, shape (m,), among the places more than ``exclude`` from
-    ``place``.
-    """
+    """Each query's least distance, (m,), among places more than ``exclude`` from ``place``."""
     elsewhere = np.array(D, np.float32)
     queries = np.arange(D.shape[1])
     for step in range(-exclude, exclude + 1):
@@ -55,9 +51,7 @@ def checked_window(exclude: int, places: int) -> int:
 
 
 def whole(name: str, value: SupportsIndex, low: int, high: int | None = None, why: str = "") -> int:
-    """A whole number from ``low`` to ``high``, if that is given; ``why`` tells the reason for
-    ``high``.
-    """
+    """A whole number from ``low`` to ``high``, if given; ``why`` is the reason for ``high``."""
     expected = f"from {low} to {high}{why}" if high is not None else f"of {low} or more"
     got: object = value
     try:

@@ -89,9 +89,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Method:
-    """A method in one line, how to call it, and the field of the ``Context`` that its predictor
-    cannot do without.
-    """
+    """A method in a line, how to call it, and the field of the ``Context`` that it must have."""
 
     description: str
     call: Callable[[Distances, Context], Matches]

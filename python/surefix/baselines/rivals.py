@@ -65,9 +65,7 @@ def enhance_contrast(D: Distances, window: int = 10) -> Distances:
 
 
 def _standardise(D: Distances, half: int) -> Distances:
-    """Whole columns at a time, in two passes over each neighbourhood, so that a flat one has
-    exactly no spread.
-    """
+    """Whole columns, in two passes over each neighbourhood: a flat one has exactly no spread."""
     values = D.astype(np.float64)
     places = len(values)
     each = np.arange(places)

@@ -16,9 +16,7 @@ Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.Array
 def right_matches(
     place: Places, places: int, truth: Truth, tolerance: float
 ) -> tuple[Flags, Flags]:
-    """Is each match right, (m,), and does the truth say, (m,)? If not, the match is not
-    right.
-    """
+    """Is each match right, (m,), and does the truth say, (m,)? If not, it is not right."""
     if by_metres(truth):
         return _by_position(place, places, truth, number("tolerance", tolerance, 0.0))
     # A tolerance in places may come as a float, as from the command line.
@@ -40,9 +38,7 @@ def right_matches(
 
 
 def by_metres(truth: Truth) -> TypeGuard[tuple[npt.ArrayLike, npt.ArrayLike]]:
-    """Whether the truth is a pair of positions; a tuple of two numbers is the places of two
-    queries.
-    """
+    """Whether the truth is a pair of positions; two numbers are the places of two queries."""
     return isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
 
 
@@ -59,9 +55,7 @@ def _by_place(place: Places, places: int, truth: Places, tolerance: int) -> tupl
 
 
 def _by_cell(place: Places, cells: npt.NDArray[Any], tolerance: int) -> tuple[Flags, Flags]:
-    """A matrix of 1 (the same place), 0 (not) and -1 (ignored): right within the tolerance of a
-    1.
-    """
+    """Cells of 1 (the same place), 0 (not) and -1 (ignored): right near a 1."""
     cells = cells.astype(np.int64)
     if cells.size and not np.isin(cells, (-1, 0, 1)).all():
         row, query = np.argwhere(~np.isin(cells, (-1, 0, 1)))[0]

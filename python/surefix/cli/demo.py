@@ -1,6 +1,4 @@
-"""``surefix demo``: a generated route in two conditions, mapped, localized live, and shown in a
-report.
-"""
+"""``surefix demo``: a generated route, mapped, localized live, and shown in a report."""
 
 import sys
 import time

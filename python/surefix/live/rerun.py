@@ -248,9 +248,7 @@ class RerunView(Closing):
             self.recording.log("route/here", self._points(at, HERE, 8.0 if fix.trusted else 4.0))
 
     def _points(self, at: NDArray[np.float64], colour: str, size: float) -> Any:
-        """Positions as points: from the first place's, and with two coordinates, the second
-        upwards.
-        """
+        """Positions as points from the first place's; of two coordinates, the second upwards."""
         drawn = (at - self.origin).astype(np.float32)
         kind = self.rr.Points3D
         if drawn.shape[1] == 2:

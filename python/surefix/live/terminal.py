@@ -208,9 +208,7 @@ class PacedLive:
             self.late = None
 
     def stop(self, picture: Callable[[], RenderableType] | None) -> None:
-        """Draw for the last time, and give the terminal back: the picture stays, and the cursor
-        stands below it.
-        """
+        """Draw for the last time: the picture stays, and the cursor stands below it."""
         if not self.on or not self.live.is_started:
             return
         with self.lock:

@@ -198,8 +198,6 @@ def route_strip(
 
 
 def _spans(edges: NDArray[np.float64], mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Start and length of each run of queries that are set: one piece, so that no seam looks like a
-    gap.
-    """
+    """Start and length of each run of set queries: in one piece no seam looks like a gap."""
     turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     return [(float(edges[a]), float(edges[b] - edges[a])) for a, b in turns.reshape(-1, 2)]

@@ -121,9 +121,7 @@ BESIDE, APART, TITLE, BELOW = 0.03, 0.16, 0.1, 0.15
 
 @dataclass(frozen=True)
 class Example:
-    """Some images of one query, each with its title or None for no image, and a line
-    about them all.
-    """
+    """Images of one query, each with its title, None if there is none, and a line about all."""
 
     images: Sequence[tuple[str, Image | None]]
     caption: str
@@ -173,9 +171,7 @@ def examples_height(shown: Sequence[Example], width: float, *, across: int = 2) 
 def _sizes(
     shown: Sequence[Example], across: int
 ) -> tuple[tuple[float, float, float], tuple[float, float]]:
-    """The height of an image, the width of an example and the height of a row; and the width and
-    the height of all.
-    """
+    """An image's height, an example's width, a row's height; and the width and height of all."""
     height = _proportion(image for example in shown for _, image in example.images)
     count = max((len(example.images) for example in shown), default=1)
     wide, step = count * (1 + BESIDE) - BESIDE, height + TITLE + BELOW

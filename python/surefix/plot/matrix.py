@@ -89,7 +89,7 @@ def distance_matrix(
     for layer, outcome in enumerate((held, held_right, good, bad)):
         mark, colour = MARKS[outcome], theme.colour(outcome)
         at = np.flatnonzero(masks[outcome] & inside)
-        # Hollow rings are all edge, thin crosses have none, filled marks are set off from the tones.
+        # Rings are all edge, thin crosses have none, filled marks are set off from the tones.
         paint: Any = {"color": colour}
         if mark.hollow:
             paint = {"facecolors": "none", "edgecolors": colour}

@@ -1,6 +1,4 @@
-"""The report of ``surefix demo``: a study of the sequence with and without weights, and the drive
-in pictures.
-"""
+"""The report of ``surefix demo``: a study with and without weights, and the drive in pictures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -78,9 +76,7 @@ class Demo:
 
     @property
     def trusted_point(self) -> tuple[float, float] | None:
-        """Recall and precision of accepting just the trusted fixes, as the curves count; None
-        without any.
-        """
+        """Recall and precision of the trusted fixes, as the curves count; None without any."""
         ready, trusted = self.study.run.ready, self.study.run.trusted
         accepted = int((ready & trusted).sum())
         found = int((ready & trusted & self.right).sum())

@@ -1,6 +1,4 @@
-"""One page of HTML that needs no other file, with pictures for light and for dark paper; and the
-folder that it is written to.
-"""
+"""A page of HTML that needs no other file, for light and for dark paper; and its folder."""
 
 import base64
 import errno
@@ -124,9 +122,7 @@ def photograph(image: NDArray[np.uint8], alt: str, caption: str) -> Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers with a heading for each column; the first cell of a row names it. ``name`` becomes
-    the element's id.
-    """
+    """Numbers with a heading a column; a row's first cell names it. ``name`` becomes the id."""
 
     name: str
     caption: str

@@ -13,7 +13,8 @@ Names = Sequence[str] | None
 
 METHOD_COLUMNS = (
     "method,recall_convention,auc,auc_low,auc_high,difference,difference_low,difference_high,"
-    "verdict,max_recall,recall_at_full_precision,false_positives,best_f1,best_f1_threshold,correct,judged"
+    "verdict,max_recall,recall_at_full_precision,false_positives,best_f1,best_f1_threshold,"
+    "correct,judged"
 )
 FIX_COLUMNS = "method,query,name,place,score,ready,accepted,judged,right,true_place,trusted"
 

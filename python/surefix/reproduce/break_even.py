@@ -60,9 +60,7 @@ class BreakEven:
 
 
 def crossing(rates: Floats, areas: Floats, baseline: float) -> float | None:
-    """The lowest rate at which the area falls below the baseline, on straight lines between the
-    measured ones.
-    """
+    """The lowest rate at which the area falls below the baseline, on straight lines."""
     below = np.flatnonzero(areas < baseline)
     if not len(below):
         return None

@@ -137,9 +137,7 @@ def generated_cases(settings: Settings) -> Sequence[Case]:
 
 
 def sad_distances(references: Any, queries: Any) -> Distances:
-    """The distances of SAD (64 x 32, patches of 8 x 8, u8), float32 (n, m), from images, paths or
-    traverses.
-    """
+    """The distances of SAD, float32 (n, m), from images, paths or traverses."""
     references, queries = (
         # The files of a data set's images, if it has files.
         images.paths if isinstance(images, Images) and images.paths is not None else images

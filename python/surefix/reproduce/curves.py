@@ -1,6 +1,4 @@
-"""Precision-recall curves: of the sequences, of the single frames, and against the perfect
-prediction.
-"""
+"""Precision-recall curves: sequences, single frames, and against the perfect prediction."""
 
 from collections.abc import Mapping, Sequence
 

@@ -49,9 +49,7 @@ class Found:
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
-        """The first of its traverses against each other; none if it has no choice, or not two
-        traverses.
-        """
+        """The first of its traverses against each other; none if it has no choice, or not two."""
         if self._own:
             return []
         first, *others = datasets.traverses(self.dataset, self.folder) or [""]
@@ -208,9 +206,7 @@ def _load(
     options: dict[str, str],
     ready: Mapping[Path, tuple[str, ...]],
 ) -> tuple[list[Case], list[str]]:
-    """The cases of one pair: of its images, and of the matrices in folders, each with its notes. If
-    the images fail, matrices need a truth of their own.
-    """
+    """The cases of a pair: of its images, and of matrices in folders, each with its notes."""
     cases: list[Case] = []
     problems: list[str] = []
     known: tuple[Truth, float] | None = None
@@ -257,6 +253,7 @@ def _matrix(
     similarity = word == "similarity"
     D = read_matrix(path, similarity)
     (places, queries), file = D.shape, found.folder / TRUTH
+    # Without the images, a matrix needs a truth of its own.
     if known is not None:
         truth, tolerance = known
     elif file.is_file():

@@ -21,9 +21,7 @@ class PaperRow:
     weighted: float | None
 
     def is_for(self, technique: str, *datasets: str) -> bool:
-        """Whether it is about this technique on a data set of these names, whatever the case of the
-        letters.
-        """
+        """Whether it is about this technique on one of these data sets, small or large letters."""
         named = self.dataset.casefold() in map(str.casefold, datasets)
         return named and self.technique.casefold() == technique.casefold()
 

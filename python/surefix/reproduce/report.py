@@ -55,9 +55,7 @@ def write_report(
     problems: Sequence[str] = (),
     command: str = "surefix reproduce",
 ) -> Path:
-    """Writes the page, a PNG of each picture and a CSV of each exhibit; returns the path of the
-    page.
-    """
+    """Writes the page, a PNG of each picture and a CSV of each exhibit; returns the page's path."""
 
     def tables(inside: Path) -> None:
         for exhibit in made:

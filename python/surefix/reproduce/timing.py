@@ -24,9 +24,7 @@ MOST, LEAST = 2000, 200
 
 
 def measure(places: int, pushes: int) -> tuple[Floats, Floats]:
-    """Microseconds of each push: of the prediction alone (L = 1, w = 0), and of the whole method.
-    By turns.
-    """
+    """Microseconds of each push: prediction alone (L = 1, w = 0), and the whole. By turns."""
     rng = np.random.default_rng(places)
     columns = [rng.random(places, np.float32) for _ in range(COLUMNS)]
     matchers = (

@@ -202,9 +202,7 @@ class Study:
 
     @cached_property
     def true_place(self) -> Places:
-        """A true place of each query, shape (m,): the nearest or the first of several, -1 for
-        none.
-        """
+        """A true place of each query, (m,): the nearest or first of several, -1 for none."""
         if by_metres(self.truth):
             places, queries = self._positions
             found = np.full(len(queries), -1, np.int64)
@@ -239,9 +237,7 @@ class Study:
         return [int(query) for query in wrong[order][:count]]
 
     def trusted_mistakes(self, count: int) -> list[int]:
-        """Queries whose single match is trusted and wrong, the least distances first, without
-        the matches that ``mistakes`` gives.
-        """
+        """Queries with a trusted, wrong single match, the nearest first, without ``mistakes``."""
         wrong = self.run.trusted & self.single_judged & ~self.single_right
         for query in self.mistakes(count):
             wrong[query] &= self.run.single_place[query] != self.shown.matches.place[query]
