@@ -4,7 +4,6 @@ import shlex
 import sys
 import time
 from collections.abc import Callable
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,19 +13,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
 from surefix import SurefixError, SurefixValueError
+from surefix.cli.eval import Recall
 
 if TYPE_CHECKING:
     from surefix.reproduce import Case, Settings
 
 __all__ = ["reproduce"]
-
-
-class Recall(StrEnum):
-    """The convention of recall."""
-
-    correct = "correct"
-    place_exists = "place_exists"
-    rejected = "rejected"
 
 
 def reproduce(

@@ -92,9 +92,8 @@ class Demo:
     def gap_metres(self) -> float:
         """The longest stretch between two fixes that are trusted and right, or an end."""
         positions, gap = self.revisit.positions, longest_gap(self.masks[Outcome.TRUSTED_RIGHT])
-        return float(
-            positions[min(gap.stop, len(positions) - 1)] - positions[max(gap.start - 1, 0)]
-        )
+        stop = min(gap.stop, len(positions) - 1)
+        return float(positions[stop] - positions[max(gap.start - 1, 0)])
 
 
 def write_report(
@@ -146,17 +145,11 @@ def _hero(demo: Demo) -> Sequence[Picture]:
     outcome = next(outcome for outcome in Outcome if demo.counts[outcome])
     query = spread(np.flatnonzero(demo.masks[outcome]), 1)[0]
     place = int(demo.study.run.place[query])
+    view = f"The second drive, frame {query}: the camera's view."
+    answer = f"The map, place {place}: surefix's answer. {outcome.value.capitalize()}."
     return (
-        photograph(
-            demo.revisit[query],
-            f"A street in winter, frame {query}.",
-            f"The second drive, frame {query}: the camera's view.",
-        ),
-        photograph(
-            demo.reference[place],
-            f"A street in summer, place {place}.",
-            f"The map, place {place}: surefix's answer. {outcome.value.capitalize()}.",
-        ),
+        photograph(demo.revisit[query], f"A street in winter, frame {query}.", view),
+        photograph(demo.reference[place], f"A street in summer, place {place}.", answer),
     )
 
 

@@ -129,9 +129,6 @@ class Table:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
 
-    def __post_init__(self) -> None:
-        assert all(len(row) == len(self.header) for row in self.rows), self.name
-
 
 @dataclass(frozen=True)
 class Section:

@@ -88,19 +88,11 @@ def measure(case: Case, settings: Settings) -> BreakEven:
         )
         return study.at(trusted=trusted).shown.curve.auc(UPTO)
 
-    areas = np.array(
-        [[area(rate, seed) for seed in range(settings.draws)] for rate in rates.tolist()]
-    )
-    return BreakEven(
-        case,
-        trust,
-        rates,
-        areas.mean(axis=1),
-        areas.min(axis=1),
-        areas.max(axis=1),
-        study.baseline.curve.auc(UPTO),
-        study.shown.curve.auc(UPTO),
-    )
+    seeds = range(settings.draws)
+    areas = np.array([[area(rate, seed) for seed in seeds] for rate in rates.tolist()])
+    drawn = areas.mean(axis=1), areas.min(axis=1), areas.max(axis=1)
+    both = (result.curve.auc(UPTO) for result in (study.baseline, study.shown))
+    return BreakEven(case, trust, rates, *drawn, *both)
 
 
 def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:

@@ -97,15 +97,10 @@ def _band(study: Study, weights: Floats, flags: Sequence[Flags | None], settings
 def _said(name: str, weights: Floats, areas: Floats) -> str:
     """A predictor's sweep in words."""
     start, paper = areas[0], areas[np.flatnonzero(weights == WEIGHT)[0]]
-    better, worse = areas > start, areas < start
-    if not better.any() and not worse.any():
-        effect = "no weight changes it"
-    elif not worse.any():
-        effect = "no weight costs"
-    elif not better.any():
-        effect = "no weight gains"
-    else:
-        effect = f"gains at {_spans(weights, better)}, costs at {_spans(weights, worse)}"
+    gains, costs = _spans(weights, areas > start), _spans(weights, areas < start)
+    effect = "no weight costs" if gains else "no weight gains" if costs else "no weight changes it"
+    if gains and costs:
+        effect = f"gains at {gains}, costs at {costs}"
     return f"{name} {paper:.3f} ({effect})"
 
 
