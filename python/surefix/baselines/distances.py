@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import match_distances
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 
 __all__ = [
     "Distances",
@@ -29,17 +29,13 @@ Places: TypeAlias = npt.NDArray[np.int64]
 
 
 def nearest(D: Distances) -> tuple[Places, Distances]:
-    """Each query's place of least distance and that distance; the errors are those of
-    ``surefix.match_distances``.
-    """
+    """Each query's nearest place and its distance; errors are those of ``match_distances``."""
     run = match_distances(D, sequence_length=1, weight=0.0, smoothing=1)
     return run.single_place, run.single_distance
 
 
 def nearest_elsewhere(D: Distances, place: Places, exclude: int) -> Floats:
-    """Each query's least distance, shape (m,), among the places more than ``exclude`` from
-    ``place``.
-    """
+    """Each query's least distance, (m,), among places more than ``exclude`` from ``place``."""
     elsewhere = np.array(D, np.float32)
     queries = np.arange(D.shape[1])
     for step in range(-exclude, exclude + 1):
@@ -55,9 +51,7 @@ def checked_window(exclude: int, places: int) -> int:
 
 
 def whole(name: str, value: SupportsIndex, low: int, high: int | None = None, why: str = "") -> int:
-    """A whole number from ``low`` to ``high``, if that is given; ``why`` tells the reason for
-    ``high``.
-    """
+    """A whole number from ``low`` to ``high``, if given; ``why`` is the reason for ``high``."""
     expected = f"from {low} to {high}{why}" if high is not None else f"of {low} or more"
     got: object = value
     try:
@@ -66,17 +60,15 @@ def whole(name: str, value: SupportsIndex, low: int, high: int | None = None, wh
             return got
     except TypeError:
         pass
-    raise SurefixValueError(f"option `{name}`: expected a whole number {expected}, got {got!r}")
+    raise mismatch(f"option `{name}`", f"a whole number {expected}", repr(got))
 
 
 def number(name: str, value: SupportsFloat, low: float, high: float | None = None) -> float:
     """A finite number from ``low`` to ``high``, if that is given."""
-    expected = (
-        f"a finite number of {low:g} or more"
-        if high is None
-        else f"a number from {low:g} to {high:g}"
-    )
     got = float(value) if isinstance(value, Real) else float("nan")
     if not (low <= got < float("inf")) or (high is not None and got > high):
-        raise SurefixValueError(f"option `{name}`: expected {expected}, got {value!r}")
+        expected = f"a finite number of {low:g} or more"
+        if high is not None:
+            expected = f"a number from {low:g} to {high:g}"
+        raise mismatch(f"option `{name}`", expected, repr(value))
     return got

@@ -89,9 +89,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Method:
-    """A method in one line, how to call it, and the field of the ``Context`` that it cannot do
-    without.
-    """
+    """A method in a line, how to call it, and the field of the ``Context`` that it must have."""
 
     description: str
     call: Callable[[Distances, Context], Matches]
@@ -139,6 +137,13 @@ def run_method(name: str, D: Distances, context: Context | None = None) -> Match
     context = Context() if context is None else context
     if method.needs is not None and getattr(context, method.needs) is None:
         raise SurefixError(f"method {name}: needs {NEEDS[method.needs]}")
+    # The flags of the perfect predictor, or of the supervised one, in place of the consensus.
+    if method.needs == "truth" and context.truth is not None:
+        trusted = perfect_predictor(D, context.truth, context.truth_tolerance)
+        context = replace(context, trusted=trusted)
+    elif method.needs == "calibration" and context.calibration is not None:
+        predictor = SupervisedPredictor().fit(*context.calibration, context.calibration_tolerance)
+        context = replace(context, trusted=predictor.predict(D))
     return method.call(D, context)
 
 
@@ -155,19 +160,6 @@ def _seqslam(D: Distances, c: Context) -> Matches:
     return plain_sequence(D, sequence_length=c.sequence_length, contrast=c.contrast, speeds=speeds)
 
 
-def _perfect(D: Distances, c: Context) -> Context:
-    """With the flags of the perfect predictor."""
-    assert c.truth is not None
-    return replace(c, trusted=perfect_predictor(D, c.truth, c.truth_tolerance))
-
-
-def _supervised(D: Distances, c: Context) -> Context:
-    """With the flags of the supervised predictor."""
-    assert c.calibration is not None
-    predictor = SupervisedPredictor().fit(*c.calibration, c.calibration_tolerance)
-    return replace(c, trusted=predictor.predict(D))
-
-
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
         "single": Method("single frames by their distance", lambda D, _: single_frame(D)),
@@ -181,23 +173,19 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "weighted": Method("sequences weighted by the prediction: the paper", _weighted),
         "supervised-masked": Method(
             "single frames, masked by a support vector machine that learned from another drive",
-            lambda D, c: _masked(D, _supervised(D, c)),
+            _masked,
             needs="calibration",
         ),
         "supervised-weighted": Method(
             "sequences weighted by a support vector machine that learned from another drive",
-            lambda D, c: _weighted(D, _supervised(D, c)),
+            _weighted,
             needs="calibration",
         ),
         "perfect-masked": Method(
-            "single frames, masked by the truth: the bound for a mask",
-            lambda D, c: _masked(D, _perfect(D, c)),
-            needs="truth",
+            "single frames, masked by the truth: the bound for a mask", _masked, needs="truth"
         ),
         "perfect-weighted": Method(
-            "sequences weighted by the truth: the bound for weights",
-            lambda D, c: _weighted(D, _perfect(D, c)),
-            needs="truth",
+            "sequences weighted by the truth: the bound for weights", _weighted, needs="truth"
         ),
         "ratio": Method(
             "single frames by the ratio to the best distance elsewhere",

@@ -17,7 +17,7 @@ from surefix.baselines.distances import (
     number,
 )
 from surefix.baselines.truth import Truth, right_matches
-from surefix.errors import SurefixError, SurefixValueError
+from surefix.errors import SurefixError, mismatch
 
 __all__ = ["SupervisedPredictor", "integrity_factors", "noisy_predictor", "perfect_predictor"]
 
@@ -97,16 +97,12 @@ def noisy_predictor(
     """
     flags = np.asarray(right)
     if flags.ndim != 1 or (flags.dtype != np.bool_ and flags.size):
-        raise SurefixValueError(
-            f"right: expected bool, one a query, (m,), got {flags.dtype} {flags.shape}"
-        )
-    rates = {
-        True: number("true_positive_rate", true_positive_rate, 0.0, 1.0),
-        False: number("false_positive_rate", false_positive_rate, 0.0, 1.0),
-    }
+        raise mismatch("right", "bool, one a query, (m,)", f"{flags.dtype} {flags.shape}")
+    share_right = number("true_positive_rate", true_positive_rate, 0.0, 1.0)
+    share_wrong = number("false_positive_rate", false_positive_rate, 0.0, 1.0)
     order = np.random.default_rng(seed).permutation(len(flags))
     trusted = np.zeros(len(flags), bool)
-    for kind, rate in rates.items():
+    for kind, rate in ((True, share_right), (False, share_wrong)):
         queries = order[flags[order] == kind]
         trusted[queries[: round(rate * len(queries))]] = True
     return trusted
@@ -230,13 +226,11 @@ class SupervisedPredictor:
         factors, right = self._factors_of(D)[known], right[known]
         if len(right) < SHORTEST_CALIBRATION:
             expected = f"at least {SHORTEST_CALIBRATION} queries with a known truth"
-            raise SurefixValueError(f"calibration: expected {expected}, got {len(right)}")
+            raise mismatch("calibration", expected, len(right))
         if right.all() or not right.any():
+            expected = "right and wrong single-frame matches to learn from"
             got = f"{int(right.sum())} right and {int((~right).sum())} wrong"
-            raise SurefixValueError(
-                "calibration: expected right and wrong single-frame matches to learn from, got "
-                f"{got}"
-            )
+            raise mismatch("calibration", expected, got)
         self._machine = _machine().fit(factors, right)
         self.factors, self.right = factors, right
         return self

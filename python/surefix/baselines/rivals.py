@@ -12,7 +12,7 @@ from surefix.baselines.distances import (
     number,
     whole,
 )
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.matches import Matches
 
 __all__ = ["enhance_contrast", "ratio_test", "spread"]
@@ -59,16 +59,13 @@ def enhance_contrast(D: Distances, window: int = 10) -> Distances:
     enhanced = np.empty((places, queries), np.float32)
     columns = max(1, CELLS_AT_ONCE // places)
     for first in range(0, queries, columns):
-        enhanced[:, first : first + columns] = _standardise(
-            D[:, first : first + columns], min(half, places - 1)
-        )
+        part = slice(first, first + columns)
+        enhanced[:, part] = _standardise(D[:, part], min(half, places - 1))
     return enhanced
 
 
 def _standardise(D: Distances, half: int) -> Distances:
-    """Whole columns at a time, in two passes over each neighbourhood, so that a flat one has
-    exactly no spread.
-    """
+    """Whole columns, in two passes over each neighbourhood: a flat one has exactly no spread."""
     values = D.astype(np.float64)
     places = len(values)
     each = np.arange(places)
@@ -88,10 +85,8 @@ def _standardise(D: Distances, half: int) -> Distances:
         variance[here] += (values[there] - mean[here]) ** 2
     std = np.sqrt(variance / (count - 1))
 
-    enhanced: Distances = np.divide(
-        values - mean, std, out=np.zeros_like(values), where=std > 0
-    ).astype(np.float32)
-    return enhanced
+    enhanced = np.divide(values - mean, std, out=np.zeros_like(values), where=std > 0)
+    return np.asarray(enhanced, np.float32)
 
 
 def ratio_test(D: Distances, *, exclude: int = 1) -> Matches:
@@ -133,9 +128,8 @@ def ratio_test(D: Distances, *, exclude: int = 1) -> Matches:
     below_zero = min(0.0, float(D.min(initial=0.0)))
     best = distance.astype(np.float64) - below_zero
     elsewhere = nearest_elsewhere(D, place, exclude) - below_zero
-    return Matches(
-        place=place, score=np.divide(best, elsewhere, out=np.ones_like(best), where=elsewhere > 0)
-    )
+    score = np.divide(best, elsewhere, out=np.ones_like(best), where=elsewhere > 0)
+    return Matches(place=place, score=score)
 
 
 def spread(
@@ -195,12 +189,7 @@ def spread(
     D = np.asarray(D)
     top = min(whole("top", top, 2), len(D))
     slope, reach = number("slope", slope, 0.0), number("reach", reach, 0.0)
-    where = (
-        np.arange(len(D), dtype=np.float64)[:, None]
-        if positions is None
-        else _checked(positions, len(D))
-    )
-
+    where = _checked(np.arange(len(D)) if positions is None else positions, len(D))
     variance = np.zeros(D.shape[1])
     for query in range(D.shape[1]):
         distances = D[:, query].astype(np.float64)
@@ -219,16 +208,12 @@ def _checked(positions: npt.ArrayLike, places: int) -> Floats:
     try:
         where = np.asarray(positions, np.float64)
     except (TypeError, ValueError):
-        raise SurefixValueError(
-            f"positions: expected numbers, got {type(positions).__name__}"
-        ) from None
+        raise mismatch("positions", "numbers", type(positions).__name__) from None
     if where.ndim not in (1, 2) or len(where) != places or where.size == 0:
         shapes = f"one position a place, ({places},) or ({places}, k)"
-        raise SurefixValueError(f"positions: expected {shapes}, got the shape {where.shape}")
+        raise mismatch("positions", shapes, f"the shape {where.shape}")
     where = where.reshape(places, -1)
     if not np.isfinite(where).all():
         row = int(np.argmin(np.isfinite(where).all(axis=1)))
-        raise SurefixValueError(
-            f"positions: expected finite numbers, got {where[row].tolist()} at place {row}"
-        )
+        raise mismatch("positions", "finite numbers", f"{where[row].tolist()} at place {row}")
     return where

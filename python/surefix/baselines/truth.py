@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix.baselines.distances import Flags, Places, number, whole
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 
 __all__ = ["Truth", "by_metres", "right_matches"]
 
@@ -16,71 +16,51 @@ Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.Array
 def right_matches(
     place: Places, places: int, truth: Truth, tolerance: float
 ) -> tuple[Flags, Flags]:
-    """Is each match right, (m,), and does the truth say, (m,)? If not, the match is not
-    right.
-    """
+    """Is each match right, (m,), and does the truth say, (m,)? If not, it is not right."""
     if by_metres(truth):
         return _by_position(place, places, truth, number("tolerance", tolerance, 0.0))
-    frames = (
-        whole("tolerance", tolerance, 0)
-        if not isinstance(tolerance, float)
-        else _whole_float(tolerance)
-    )
+    # A tolerance in places may come as a float, as from the command line.
+    if isinstance(tolerance, float):
+        if not tolerance.is_integer():
+            expected = "a whole number of places, 0 or more (metres only if the truth is positions)"
+            raise mismatch("option `tolerance`", expected, tolerance)
+        tolerance = int(tolerance)
+    frames, m = whole("tolerance", tolerance, 0), len(place)
     array = np.asarray(truth)
-    kinds = (
-        f"a place a query ({len(place)},), a matrix ({places}, {len(place)}) or a pair of positions"
-    )
     if array.size == 0:
         array = array.astype(np.int64)
     if array.shape == place.shape and array.dtype.kind in "iu":
         return _by_place(place, places, array.astype(np.int64), frames)
-    if array.shape == (places, len(place)) and array.dtype.kind in "biu":
+    if array.shape == (places, m) and array.dtype.kind in "biu":
         return _by_cell(place, array, frames)
-    raise SurefixValueError(f"truth: expected {kinds}, got {array.dtype} {array.shape}")
+    kinds = f"a place a query ({m},), a matrix ({places}, {m}) or a pair of positions"
+    raise mismatch("truth", kinds, f"{array.dtype} {array.shape}")
 
 
 def by_metres(truth: Truth) -> TypeGuard[tuple[npt.ArrayLike, npt.ArrayLike]]:
-    """Whether the truth is a pair of positions; a tuple of two numbers is the places of two
-    queries.
-    """
+    """Whether the truth is a pair of positions; two numbers are the places of two queries."""
     return isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
-
-
-def _whole_float(tolerance: float) -> int:
-    """A tolerance in places that came as a float, as from the command line."""
-    if not tolerance.is_integer():
-        raise SurefixValueError(
-            "option `tolerance`: expected a whole number of places, 0 or more (metres only if the "
-            "truth is "
-            f"positions), got {tolerance}"
-        )
-    return whole("tolerance", int(tolerance), 0)
 
 
 def _by_place(place: Places, places: int, truth: Places, tolerance: int) -> tuple[Flags, Flags]:
     """The true place, or -1 if there is none and every match is wrong."""
-    if (truth < -1).any():
-        query = int(np.argmax(truth < -1))
-        got = f"got {truth[query]} for query {query}"
-        raise SurefixValueError(f"truth: expected a place, or -1 for none, {got}")
-    if (truth >= places).any():
-        query = int(np.argmax(truth >= places))
-        expected = f"places from 0 to {places - 1}, or -1 for none"
-        raise SurefixValueError(f"truth: expected {expected}, got {truth[query]} for query {query}")
+    for wrong, expected in (
+        (truth < -1, "a place, or -1 for none"),
+        (truth >= places, f"places from 0 to {places - 1}, or -1 for none"),
+    ):
+        if wrong.any():
+            query = int(np.argmax(wrong))
+            raise mismatch("truth", expected, f"{truth[query]} for query {query}")
     return (truth >= 0) & (np.abs(place - truth) <= tolerance), np.ones(len(place), bool)
 
 
 def _by_cell(place: Places, cells: npt.NDArray[Any], tolerance: int) -> tuple[Flags, Flags]:
-    """A matrix of 1 (the same place), 0 (not) and -1 (ignored): right within the tolerance of a
-    1.
-    """
+    """Cells of 1 (the same place), 0 (not) and -1 (ignored): right near a 1."""
     cells = cells.astype(np.int64)
     if cells.size and not np.isin(cells, (-1, 0, 1)).all():
         row, query = np.argwhere(~np.isin(cells, (-1, 0, 1)))[0]
         cell = f"{cells[row, query]} at place {row}, query {query}"
-        raise SurefixValueError(
-            f"truth: expected cells of 1 (the same place), 0 (not) or -1 (ignored), got {cell}"
-        )
+        raise mismatch("truth", "cells of 1 (the same place), 0 (not) or -1 (ignored)", cell)
     queries = np.arange(len(place))
     right = np.zeros(len(place), bool)
     for step in range(-min(tolerance, len(cells)), min(tolerance, len(cells)) + 1):
@@ -94,11 +74,9 @@ def _by_position(
     """A pair of positions, of the places and of the queries: right within ``metres``."""
     there, here = (np.asarray(positions, np.float64) for positions in truth)
     if there.ndim != 2 or here.ndim != 2 or there.shape[1] != here.shape[1]:
-        raise SurefixValueError(
-            f"truth: expected positions (n, k) and (m, k), got {there.shape} and {here.shape}"
-        )
+        raise mismatch("truth", "positions (n, k) and (m, k)", f"{there.shape} and {here.shape}")
     if len(there) != places or len(here) != len(place):
         expected = f"{places} positions of places and {len(place)} of queries"
-        raise SurefixValueError(f"truth: expected {expected}, got {len(there)} and {len(here)}")
+        raise mismatch("truth", expected, f"{len(there)} and {len(here)}")
     apart = np.sqrt(((there[place] - here) ** 2).sum(axis=1))
     return apart <= metres, np.ones(len(place), bool)

@@ -1,6 +1,4 @@
-"""``surefix demo``: a generated route in two conditions, mapped, localized live, and shown in a
-report.
-"""
+"""``surefix demo``: a generated route, mapped, localized live, and shown in a report."""
 
 import sys
 import time
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
     from surefix.report.demo import Demo
 
 __all__ = ["demo"]
-
-TOLERANCE = 1
 
 
 def demo(
@@ -68,15 +64,23 @@ def demo(
     print(f"Mapped on a summer noon: {rows}, in {mapped - start:.1f} s")
     demo_ = _localize(known, reference, revisit, seed, sequence_length)
     localized = time.perf_counter()
-    for line in _account(demo_):
-        print(line)
+    study, trusted, right = demo_.study, demo_.study.run.trusted, demo_.right
+    median, p99 = np.quantile(demo_.latency, (0.5, 0.99)) * 1000
+    weighted, plain = (result.curve.auc(UPTO) for result in (study.shown, study.baseline))
+    print(
+        f"Localized on a winter afternoon: {len(study)} fixes, {median:.2f} ms each (median; p99 "
+        f"{p99:.2f} ms)\n"
+        f"All fixes: {int(right.sum())} of {len(study)} right\n"
+        f"Trusted fixes: {int((trusted & right).sum())} of {int(trusted.sum())} right, "
+        f"{int((trusted & ~right).sum())} wrong\n"
+        f"Area under the precision-recall curve up to recall {UPTO:g}: {weighted:.2f}, without "
+        f"weighting {plain:.2f}"
+    )
 
     options = f"--places {places} --width {width} --height {height} --seed {seed}"
     command = f"surefix demo {options} --sequence-length {sequence_length}"
-    seconds = (
-        ("mapping", mapped - start),
-        ("the second drive, drawn and localized", localized - mapped),
-    )
+    drive = "the second drive, drawn and localized", localized - mapped
+    seconds = (("mapping", mapped - start), drive)
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
         report = write_report(demo_, out, command, seconds)
     took = time.perf_counter() - begin
@@ -104,27 +108,6 @@ def _localize(
             if console.is_terminal:
                 view.update(image, fix, localizer, 1e6 * latency[query])
     # The same fixes again, to the bit, and beside them those without weighting.
-    context = Context(
-        sequence_length=sequence_length,
-        floor="running",
-        truth=revisit.truth(reference),
-        truth_tolerance=TOLERANCE,
-    )
+    truth = revisit.truth(reference)
+    context = Context(sequence_length, floor="running", truth=truth, truth_tolerance=1)
     return Demo(Study(distances, context), reference, revisit, seed, latency)
-
-
-def _account(demo: "Demo") -> list[str]:
-    """The result in plain lines."""
-    study = demo.study
-    trusted, right = study.run.trusted, demo.right
-    median, p99 = np.quantile(demo.latency, (0.5, 0.99)) * 1000
-    weighted, plain = (result.curve.auc(UPTO) for result in (study.shown, study.baseline))
-    return [
-        f"Localized on a winter afternoon: {len(study)} fixes, {median:.2f} ms each (median; p99 "
-        f"{p99:.2f} ms)",
-        f"All fixes: {int(right.sum())} of {len(study)} right",
-        f"Trusted fixes: {int((trusted & right).sum())} of {int(trusted.sum())} right, "
-        f"{int((trusted & ~right).sum())} wrong",
-        f"Area under the precision-recall curve up to recall {UPTO:g}: {weighted:.2f}, without "
-        f"weighting {plain:.2f}",
-    ]

@@ -4,7 +4,6 @@ import shlex
 import sys
 import time
 from collections.abc import Callable
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,19 +13,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
 from surefix import SurefixError, SurefixValueError
+from surefix.cli.eval import Recall
 
 if TYPE_CHECKING:
     from surefix.reproduce import Case, Settings
 
 __all__ = ["reproduce"]
-
-
-class Recall(StrEnum):
-    """The convention of recall."""
-
-    correct = "correct"
-    place_exists = "place_exists"
-    rejected = "rejected"
 
 
 def reproduce(
@@ -127,39 +119,29 @@ def _cases(
     say: Callable[..., None],
 ) -> tuple[list["Case"], list[str]]:
     """The cases, and the reasons why some data could not be used; each is printed as it comes."""
-    from surefix.reproduce import (
-        check_pairs,
-        find_datasets,
-        generated_cases,
-        load_cases,
-        matrix_case,
-    )
+    from surefix.reproduce import check_pairs, find_datasets, load_cases
+    from surefix.reproduce.case import generated_cases, matrix_case
 
-    found = [] if data is None else find_datasets(data)
+    found, problems = [], []
     if data is not None:
+        found = find_datasets(data)
         try:
             check_pairs(data, found, pairs)
         except SurefixValueError as error:
             raise typer.BadParameter(str(error)) from None
-    cases: list[Case] = [matrix_case(text, similarity=similarity) for text in matrices]
-    problems: list[str] = []
-    if data is not None:
         if not found:
             problems.append(
                 f"{data}: no data set of the paper in it, nor a folder with reference/ and query/"
             )
-        for one in found:
-            say(description=f"{one.title}: reading {one.folder}")
-            wanted = pairs.get(one.dataset, [])
-            chosen = [pair for pair in wanted if one.has(pair)]
-            # Of another folder of the same data set.
-            problems += [
-                f"--pair {one.dataset}: no {'/'.join(pair)} in {one.folder}"
-                for pair in wanted
-                if pair not in chosen
-            ]
-            if wanted and not chosen:
-                continue
+    cases: list[Case] = [matrix_case(text, similarity=similarity) for text in matrices]
+    for one in found:
+        say(description=f"{one.title}: reading {one.folder}")
+        wanted = pairs.get(one.dataset, [])
+        chosen = [pair for pair in wanted if one.has(pair)]
+        # Of another folder of the same data set.
+        missing = ["/".join(pair) for pair in wanted if pair not in chosen]
+        problems += [f"--pair {one.dataset}: no {pair} in {one.folder}" for pair in missing]
+        if chosen or not wanted:
             loaded, wrong = load_cases(one, chosen)
             cases += loaded
             problems += wrong

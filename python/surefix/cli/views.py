@@ -38,21 +38,15 @@ def open_views(
     with ExitStack() as open_:
         views: list[View] = []
         if spawn or save is not None:
-            views.append(
-                open_.enter_context(
-                    closing(RerunView(route, save, spawn=spawn, references=references))
-                )
-            )
+            rerun = RerunView(route, save, spawn=spawn, references=references)
+            views.append(open_.enter_context(closing(rerun)))
         if obstacle:
-            instead = (
-                "no terminal either, so only the fixes are written"
-                if terminal is None
-                else "on the terminal instead"
-            )
+            instead = "on the terminal instead"
+            if terminal is None:
+                instead = "no terminal either, so only the fixes are written"
             print(f"--live: {obstacle} ({instead})", file=sys.stderr)
         if terminal is not None:
-            view = TerminalView(
-                route, total=total, references=references, console=Console(file=terminal)
-            )
+            console = Console(file=terminal)
+            view = TerminalView(route, total=total, references=references, console=console)
             views.append(open_.enter_context(closing(view)))
         yield views

@@ -93,9 +93,7 @@ class Columns:
         return levels
 
     def cells(self, trusted: bool) -> NDArray[np.float32]:
-        """The middles of the matched cells that are trusted, or of the others: (n, 2), x right and
-        y down.
-        """
+        """The middles of the matched cells, trusted or other: (n, 2), x right and y down."""
         first = self.count - len(self.matched)
         cells = [
             (first + k, row) for k, (row, trust) in enumerate(self.matched) if trust == trusted

@@ -1,6 +1,7 @@
 """One picture of a drive, as large as the terminal."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,9 +90,8 @@ class HalfBlocks:
         height = min(tall, max(2, round(self.width * tall / wide) // 2 * 2))
         rows = np.arange(height) * tall // height
         columns = np.arange(self.width) * wide // self.width
-        sums = np.add.reduceat(
-            np.add.reduceat(image, rows, axis=0, dtype=np.int64), columns, axis=1
-        )
+        sums = np.add.reduceat(image, rows, axis=0, dtype=np.int64)
+        sums = np.add.reduceat(sums, columns, axis=1)
         heights, widths = np.diff(rows, append=tall), np.diff(columns, append=wide)
         self.pixels = (sums // np.outer(heights, widths)[:, :, None]).tolist()
 
@@ -110,7 +110,6 @@ class HalfBlocks:
 class Scene:
     """All that one picture shows."""
 
-    places: int
     total: int | None
     fix: Fix
     image: Image | None
@@ -126,7 +125,7 @@ def panel(scene: Scene, console: Console) -> RenderableType:
     unicode = (console.encoding or "").lower().startswith("utf")
     width = min(console.width, WIDEST)
     inside = max(1, width - 4)
-    bins = Bins(scene.places, inside, fill=True)
+    bins = Bins(len(scene.distances), inside, fill=True)
     # One line stays free for the cursor, and two are the frame's.
     room = console.height - 3
     top: list[RenderableType] = [_headline(scene, unicode)]
@@ -146,8 +145,12 @@ def panel(scene: Scene, console: Console) -> RenderableType:
         below += ["", _table(scene.rows[len(scene.rows) - shown :], width, unicode)]
         room -= 2 + shown
     colours = not console.no_color and console.color_system in ("truecolor", "256")
-    if room >= 8 and inside >= 40 and unicode and colours:
-        top += _images(scene, inside, min(room - 2, 16))
+    images = [image for image in (scene.image, scene.reference) if image is not None]
+    if room >= 8 and inside >= 40 and unicode and colours and images:
+        pair = Table.grid(padding=(0, 2, 0, 0))
+        size = (inside - 2) // 2, min(room - 2, 16)
+        pair.add_row(*(HalfBlocks(image, *size) for image in images))
+        top += ["", pair]
     body = Group(*top, *below, *(["", *summary] if room >= 1 else summary))
     of = "" if scene.total is None else f" of {scene.total}"
     title = Text(f"frame {scene.fix.frame + 1}{of}", "bold")
@@ -159,7 +162,7 @@ def _headline(scene: Scene, unicode: bool) -> Text:
     text = Text(no_wrap=True, overflow="ellipsis")
     mark, word, style = _trust(fix, unicode)
     text.append(f"{mark} place {fix.place}", f"bold {style}")
-    text.append(f" of {scene.places}", "dim")
+    text.append(f" of {len(scene.distances)}", "dim")
     text.append(f"  {word}", style)
     text.append(f"  score {fix.score:.3f}")
     if fix.sequence is None:
@@ -198,53 +201,38 @@ def _bars(distances: NDArray[np.float32], fix: Fix, bins: Bins, lines: int, unic
     if unicode:
         # The smallest still has a bar: an eighth of a line.
         eighths = 1 + np.rint(share * (8 * lines - 1)).astype(int)
-        for line in reversed(range(lines)):
-            levels = np.clip(eighths - 8 * line, 0, 8)
-            text.append("".join(BLOCKS[level] for level in levels) + "\n", "dim")
+        levels = [np.clip(eighths - 8 * line, 0, 8) for line in reversed(range(lines))]
     else:
-        levels = np.rint(share * (len(PLAIN) - 1)).astype(int)
-        text.append("".join(PLAIN[level] for level in levels) + "\n", "dim")
+        levels = [np.rint(share * (len(PLAIN) - 1)).astype(int)]
+    for line in levels:
+        text.append("".join((BLOCKS if unicode else PLAIN)[level] for level in line) + "\n", "dim")
     text.append(" " * bins.of(fix.single.place))
     text.append("▲" if unicode else "^", f"bold {MINIMUM}")
     return text
 
 
-def _images(scene: Scene, inside: int, lines: int) -> list[RenderableType]:
-    images = [image for image in (scene.image, scene.reference) if image is not None]
-    if not images:
-        return []
-    pair = Table.grid(padding=(0, 2, 0, 0))
-    pair.add_row(*(HalfBlocks(image, (inside - 2) // 2, lines) for image in images))
-    return ["", pair]
-
-
 def _table(rows: list[Row], width: int, unicode: bool) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), pad_edge=False)
     named = width >= NAMES and any(row.query != str(row.fix.frame) for row in rows)
-    table.add_column("frame", justify="right", no_wrap=True)
-    if named:
-        table.add_column("query", no_wrap=True, overflow="ellipsis", max_width=20)
-    table.add_column("place", justify="right", no_wrap=True)
-    if width >= SCORES:
-        table.add_column("score", justify="right", no_wrap=True)
-    if width >= LATENCIES:
-        table.add_column("us", justify="right", no_wrap=True)
-    table.add_column("fix", no_wrap=True)
-    if width >= ANCHORS:
-        table.add_column("anchors", justify="right", no_wrap=True)
     for row in rows:
-        fix = row.fix
+        fix, sequence = row.fix, row.fix.sequence
         mark, word, style = _trust(fix, unicode)
-        cells: list[RenderableType] = [str(fix.frame)]
-        cells += [Text(row.query)] if named else []
-        cells.append(str(fix.place))
-        cells += [f"{fix.score:.3f}"] if width >= SCORES else []
-        cells += [f"{row.latency_us:.0f}"] if width >= LATENCIES else []
-        cells.append(Text(f"{mark} {word}" if width >= SCORES else mark, style))
+        cells: dict[str, RenderableType] = {"frame": str(fix.frame)}
+        if named:
+            cells["query"] = Text(row.query)
+        cells["place"] = str(fix.place)
+        if width >= SCORES:
+            cells["score"] = f"{fix.score:.3f}"
+        if width >= LATENCIES:
+            cells["us"] = f"{row.latency_us:.0f}"
+        cells["fix"] = Text(f"{mark} {word}" if width >= SCORES else mark, style)
         if width >= ANCHORS:
-            sequence = fix.sequence
-            cells.append(str(sequence.anchors) if sequence else Text("warming up", "dim"))
-        table.add_row(*cells)
+            cells["anchors"] = str(sequence.anchors) if sequence else Text("warming up", "dim")
+        for name in cells if not table.columns else ():
+            words, most = name in ("query", "fix"), 20 if name == "query" else None
+            side: Literal["left", "right"] = "left" if words else "right"
+            table.add_column(name, justify=side, no_wrap=True, max_width=most)
+        table.add_row(*cells.values())
     return table
 
 

@@ -142,7 +142,12 @@ class RerunView(Closing):
         if not self.started:
             self._start(seen)
             self.started = True
-        self._set_time(seen, fix)
+        self.recording.set_time("frame", sequence=fix.frame)
+        if seen.time is None:
+            self.recording.disable_timeline("time")
+        else:
+            kind = "timestamp" if seen.time >= EPOCH else "duration"
+            self.recording.set_time("time", **{kind: seen.time})
         self._log_images(seen, fix)
         distances = localizer.distances
         self._log_distances(distances, fix)
@@ -173,36 +178,20 @@ class RerunView(Closing):
     def _start(self, seen: Seen) -> None:
         """Log the layout, the styles and the route, which stay for the whole drive."""
         rr, log = self.rr, self.recording.log
-        self.recording.send_blueprint(
-            layout(
-                camera=seen.image is not None,
-                references=bool(self.references),
-                dimensions=0 if self.positions is None else self.positions.shape[1],
-                matrix=self.columns.values.shape,
-            )
-        )
+        images = seen.image is not None, bool(self.references)
+        dimensions = 0 if self.positions is None else self.positions.shape[1]
+        self.recording.send_blueprint(layout(*images, dimensions, self.columns.values.shape))
         for name, colour, size in MARKS:
             style = {"markers": "circle", "marker_sizes": size}
             series = rr.SeriesPoints(colors=_rgb(colour), names=name, **style)
             log(f"place/{name}", series, static=True)
-        for entity, name, colour in (
-            ("score", "score", MINIMUM),
-            ("latency_us", "push, microseconds", PEAK),
-        ):
+        lines = ("score", "score", MINIMUM), ("latency_us", "push, microseconds", PEAK)
+        for entity, name, colour in lines:
             series = rr.SeriesLines(colors=_rgb(colour), names=name, widths=1.5)
             log(entity, series, static=True)
         if self.positions is not None:
             step = -(-len(self.positions) // self.PLACES_ON_ROUTE)
             log("route/places", self._points(self.positions[::step], FAINT, 1.5), static=True)
-
-    def _set_time(self, seen: Seen, fix: Fix) -> None:
-        self.recording.set_time("frame", sequence=fix.frame)
-        if seen.time is None:
-            self.recording.disable_timeline("time")
-        elif seen.time >= EPOCH:
-            self.recording.set_time("time", timestamp=seen.time)
-        else:
-            self.recording.set_time("time", duration=seen.time)
 
     def _log_images(self, seen: Seen, fix: Fix) -> None:
         if seen.image is not None:
@@ -217,8 +206,12 @@ class RerunView(Closing):
         picture = _pillow(image)
         # Means of whole blocks: a finer resize takes longer than the rest of a view.
         picture = picture.reduce(max(1, -(-max(picture.size) // self.WIDEST)))
-        file = _file(picture, "JPEG", quality=85)
-        return self.rr.EncodedImage(contents=file, media_type="image/jpeg")
+        return self._encoded(picture, "jpeg", quality=85)
+
+    def _encoded(self, picture: Any, kind: str, **options: int) -> Any:
+        file = io.BytesIO()
+        picture.save(file, kind, **options)
+        return self.rr.EncodedImage(contents=file.getvalue(), media_type=f"image/{kind}")
 
     def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
         """All distances as bars, those of the minimum and of the gradient peak in colours."""
@@ -229,10 +222,8 @@ class RerunView(Closing):
         log("distances/all", bars)
         # On a long route, one bar would be too thin to see.
         thick = max(wide, len(distances) / 150)
-        for name, place, colour in (
-            ("minimum", fix.single.place, MINIMUM),
-            ("gradient_peak", fix.gradient.place, PEAK),
-        ):
+        peak = "gradient_peak", fix.gradient.place, PEAK
+        for name, place, colour in (("minimum", fix.single.place, MINIMUM), peak):
             at = {"abscissa": [float(place)], "widths": [thick]}
             log(f"distances/{name}", chart(distances[[place]], color=_rgb(colour), **at))
 
@@ -241,9 +232,7 @@ class RerunView(Closing):
         self.columns.add(distances, fix)
         levels = _pillow(self.columns.levels())
         levels.putpalette(PALETTE.tobytes())
-        file = _file(levels, "PNG", compress_level=1)
-        picture = rr.EncodedImage(contents=file, media_type="image/png")
-        self.recording.log("matrix/distances", picture)
+        self.recording.log("matrix/distances", self._encoded(levels, "png", compress_level=1))
         for name, colour, size in MARKS:
             cells = self.columns.cells(name == "trusted")
             points = rr.Points2D(cells, colors=_rgb(colour), radii=rr.Radius.ui_points(size))
@@ -259,9 +248,7 @@ class RerunView(Closing):
             self.recording.log("route/here", self._points(at, HERE, 8.0 if fix.trusted else 4.0))
 
     def _points(self, at: NDArray[np.float64], colour: str, size: float) -> Any:
-        """Positions as points: from the first place's, and with two coordinates, the second
-        upwards.
-        """
+        """Positions as points from the first place's; of two coordinates, the second upwards."""
         drawn = (at - self.origin).astype(np.float32)
         kind = self.rr.Points3D
         if drawn.shape[1] == 2:
@@ -300,9 +287,3 @@ def _pillow(image: Image) -> Any:
     from PIL import Image as Pillow
 
     return Pillow.fromarray(np.ascontiguousarray(image))
-
-
-def _file(picture: Any, form: str, **options: int) -> bytes:
-    file = io.BytesIO()
-    picture.save(file, form, **options)
-    return file.getvalue()

@@ -72,12 +72,13 @@ class TerminalView(Closing):
         self.newest: tuple[Seen, Fix] | None = None
         self.distances = np.zeros(len(map), np.float32)
         self.paced = PacedLive(self.console, self.PAUSE)
-        self.paced.start()
 
     def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
         """Take one frame and its fix, and draw them if it is time to; as ``View.update``."""
         seen = Seen.of(frame, fix)
-        row = Row(seen.name, fix, self._name(fix.place), latency_us)
+        # The map's name of the place, if it says more than the number.
+        name = self.names[fix.place] if self.names else ""
+        row = Row(seen.name, fix, "" if name == str(fix.place) else name, latency_us)
         if not self.paced.on:
             self.console.print(row.line(), markup=False, highlight=False, soft_wrap=True)
             return
@@ -95,16 +96,10 @@ class TerminalView(Closing):
         """Draw for the last time, and give the terminal back. Calling it again does nothing."""
         self.paced.stop(None if self.newest is None else self._picture)
 
-    def _name(self, place: int) -> str:
-        """The map's name of a place, if it says more than the number."""
-        name = self.names[place] if self.names else ""
-        return "" if name == str(place) else name
-
     def _picture(self) -> RenderableType:
         assert self.newest is not None
         seen, fix = self.newest
         scene = Scene(
-            places=len(self.distances),
             total=self.total,
             fix=fix,
             image=seen.image,
@@ -152,8 +147,8 @@ class Totals:
 
 
 class PacedLive:
-    """A picture on a terminal, drawn between two pushes so that it does not slow the drive; if no
-    push follows, a little later.
+    """Takes a terminal for a picture, drawn between two pushes so that it does not slow the drive;
+    if no push follows, a little later.
 
     Anything that ``picture`` reads may change under ``lock`` only.
 
@@ -172,9 +167,6 @@ class PacedLive:
         self.due = 0.0
         self.lock = Lock()
         self.late: Timer | None = None
-
-    def start(self) -> None:
-        """Take the terminal."""
         if self.on:
             self.live.start()
 
@@ -216,9 +208,7 @@ class PacedLive:
             self.late = None
 
     def stop(self, picture: Callable[[], RenderableType] | None) -> None:
-        """Draw for the last time, and give the terminal back: the picture stays, and the cursor
-        stands below it.
-        """
+        """Draw for the last time: the picture stays, and the cursor stands below it."""
         if not self.on or not self.live.is_started:
             return
         with self.lock:

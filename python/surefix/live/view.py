@@ -8,7 +8,8 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from surefix import Fix, Localizer, Map, SurefixError, SurefixValueError, read_image
+from surefix import Fix, Localizer, Map, SurefixError, read_image
+from surefix.errors import mismatch
 
 __all__ = ["Closing", "Image", "Images", "References", "Seen", "View"]
 
@@ -116,14 +117,10 @@ class References:
         if not isinstance(source, str | Path):
             return
         if not self.folder.is_dir():
-            raise SurefixValueError(
-                f"references: expected the folder of the map's images, got {self.folder}"
-            )
+            raise mismatch("references", "the folder of the map's images", self.folder)
         if not self:
             first = f"its first is {self.names[0]}" if self.names else "it has no names"
-            raise SurefixValueError(
-                f"references: expected images of the map in {self.folder}, got none: {first}"
-            )
+            raise mismatch("references", f"images of the map in {self.folder}", f"none: {first}")
 
     def __bool__(self) -> bool:
         """Whether there are any, going by the first and the last place."""

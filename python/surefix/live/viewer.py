@@ -76,21 +76,16 @@ def open_viewer(recording: Any, port: int, memory: str) -> None:
         ) from None
 
 
-def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int, int]) -> Any:
+def layout(camera: bool, references: bool, dimensions: int, matrix: tuple[int, int]) -> Any:
     """The blueprint of a drive: with images of the queries and of the map's places or without, for
     positions of 2 or 3 ``dimensions``, 0 for none, and for a matrix of these rows and columns.
     """
     import rerun as rr
     import rerun.blueprint as rrb
 
-    def image(origin: str, name: str, **options: Any) -> Any:
-        return rrb.Spatial2DView(origin=origin, name=name, **options)
-
-    def series(origin: str, name: str, legend: Any) -> Any:
-        return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
-
-    images = [image("camera", "Camera")] if camera else []
-    images += [image("matched", "Matched place")] if references else []
+    images = [rrb.Spatial2DView(origin="camera", name="Camera")] if camera else []
+    if references:
+        images.append(rrb.Spatial2DView(origin="matched", name="Matched place"))
     ground = []
     if dimensions:
         # The trail stays, up to the cursor; of all else there is only the newest.
@@ -109,19 +104,22 @@ def layout(*, camera: bool, references: bool, dimensions: int, matrix: tuple[int
     )
     rows, columns = matrix
     bounds = rrb.VisualBounds2D(x_range=(0, columns), y_range=(0, rows))
-    newest = image("matrix", "Newest columns of the matrix", visual_bounds=bounds)
-    place = series("place", "Place", rrb.PlotLegend(rrb.Corner2D.LeftTop))
+    newest = rrb.Spatial2DView(
+        origin="matrix", name="Newest columns of the matrix", visual_bounds=bounds
+    )
     bare = rrb.PlotLegend(visible=False)
-    score = series("score", "Score", bare)
-    latency = series("latency_us", "Latency, microseconds", bare)
-    views = [
-        rrb.Vertical(distances, newest),
-        rrb.Vertical(*ground, place, rrb.Horizontal(score, latency)),
-    ]
-    shares = [2.0, 2.0]
-    if images:
-        views.insert(0, rrb.Vertical(*images))
-        shares.insert(0, 1.3)
+    place, score, latency = (
+        rrb.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
+        for origin, name, legend in (
+            ("place", "Place", rrb.PlotLegend(rrb.Corner2D.LeftTop)),
+            ("score", "Score", bare),
+            ("latency_us", "Latency, microseconds", bare),
+        )
+    )
+    views = [rrb.Vertical(*images)] if images else []
+    views.append(rrb.Vertical(distances, newest))
+    views.append(rrb.Vertical(*ground, place, rrb.Horizontal(score, latency)))
+    shares = [1.3, 2.0, 2.0] if images else [2.0, 2.0]
     return rrb.Blueprint(
         rrb.Horizontal(*views, column_shares=shares),
         rrb.BlueprintPanel(state="collapsed"),

@@ -10,7 +10,6 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from surefix import Trust
-from surefix.plot.outcome import Outcome
 from surefix.plot.theme import LIGHT, Theme
 
 __all__ = ["Band", "Estimate", "auc_intervals", "false_positives", "route_strip", "trust_table"]
@@ -109,15 +108,12 @@ def trust_table(ax: Axes, trust: Trust, *, theme: Theme = LIGHT) -> Axes:
     trust : Trust
         As of ``surefix.evaluate_trust``. The depth of a cell is its share.
     """
-    cells = {
-        Outcome.TRUSTED_RIGHT: (0, 0, trust.true_positives),
-        Outcome.TRUSTED_WRONG: (1, 0, trust.false_positives),
-        Outcome.UNTRUSTED_RIGHT: (0, 1, trust.false_negatives),
-        Outcome.UNTRUSTED_WRONG: (1, 1, trust.true_negatives),
-    }
-    total = max(1, sum(count for _, _, count in cells.values()))
-    for outcome, (column, row, count) in cells.items():
-        colour = theme.trusted_right if outcome.right else theme.trusted_wrong
+    t = trust
+    counts = t.true_positives, t.false_positives, t.false_negatives, t.true_negatives
+    total = max(1, sum(counts))
+    for cell, count in enumerate(counts):
+        row, column = divmod(cell, 2)
+        colour = theme.trusted_wrong if column else theme.trusted_right
         box, depth = ((column, row), 1, 1), 0.06 + 0.34 * count / total
         ax.add_patch(Rectangle(*box, facecolor=colour, alpha=depth, linewidth=0))
         ax.add_patch(Rectangle(*box, fill=False, edgecolor=theme.grid, linewidth=1.2))
@@ -177,11 +173,11 @@ def route_strip(
             (right & shown, 0.36, theme.trusted_right),
             (~right & shown, -0.36, theme.trusted_wrong),
         ):
-            spans = _spans(edges, mask)
-            ax.broken_barh(spans, (middle, height), facecolors=colour, linewidth=0)
+            bars = _spans(edges, mask), (middle, height)
+            ax.broken_barh(*bars, facecolors=colour, linewidth=0)
         ax.axhline(middle, color=theme.muted, linewidth=0.7)
-        share = f"{int((right & shown).sum())} right, {int((~right & shown).sum())} wrong"
-        text = f"{name}: {share}"
+        wrong = int((~right & shown).sum())
+        text = f"{name}: {int((right & shown).sum())} right, {wrong} wrong"
         ax.text(first, middle + 0.42, text, va="bottom", fontsize=9.5, color=theme.ink)
     bottom = -(len(bands) - 1) * PITCH - 0.5
     if gap is not None:
@@ -202,8 +198,6 @@ def route_strip(
 
 
 def _spans(edges: NDArray[np.float64], mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Start and length of each run of queries that are set: one piece, so that no seam looks like a
-    gap.
-    """
+    """Start and length of each run of set queries: in one piece no seam looks like a gap."""
     turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     return [(float(edges[a]), float(edges[b] - edges[a])) for a, b in turns.reshape(-1, 2)]

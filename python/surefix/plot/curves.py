@@ -1,6 +1,7 @@
 """Lines: precision over recall, the area over an option, the time over the size of the map."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -52,9 +53,8 @@ def precision_recall(
         "rejected": "share of correct and of rejected matches",
     }[recall]
     ax.axvspan(0, upto, color=theme.grid, alpha=0.55, linewidth=0)
-    for layer, ((name, curve), look) in enumerate(
-        zip(curves.items(), looks(theme, len(curves)), strict=True)
-    ):
+    styles = looks(theme, len(curves))
+    for layer, ((name, curve), look) in enumerate(zip(curves.items(), styles, strict=True)):
         label = f"{name}: area up to recall {upto:g} is {curve.auc(upto):.2f}"
         if curve.max_recall < upto:
             label += f", it ends at recall {curve.max_recall:.2f}"
@@ -149,17 +149,8 @@ def execution_time(
 
 def star(ax: Axes, at: tuple[float, float], colour: str, label: str, theme: Theme) -> None:
     """One point that stands out."""
-    ax.plot(
-        *at,
-        linestyle="none",
-        marker="*",
-        markersize=15,
-        color=colour,
-        markeredgecolor=theme.paper,
-        zorder=6,
-        clip_on=False,
-        label=label,
-    )
+    edge: Any = {"markeredgecolor": theme.paper, "zorder": 6, "clip_on": False}
+    ax.plot(*at, "*", markersize=15, color=colour, label=label, **edge)
 
 
 def finish(ax: Axes, **legend: float) -> Axes:
@@ -182,9 +173,8 @@ def _areas(
 
 def _lines(ax: Axes, at: npt.ArrayLike, lines: Mapping[str, Swept], theme: Theme) -> None:
     at = np.asarray(at, np.float64)
-    for layer, ((name, values), look) in enumerate(
-        zip(lines.items(), looks(theme, len(lines)), strict=True)
-    ):
+    styles = looks(theme, len(lines))
+    for layer, ((name, values), look) in enumerate(zip(lines.items(), styles, strict=True)):
         middle, low, high = values if isinstance(values, tuple) else (values, None, None)
         marks = {"marker": look.mark or "o", "markevery": None, "markersize": 4.5}
         ax.plot(at, np.asarray(middle, np.float64), label=name, **look.line(len(at), layer) | marks)

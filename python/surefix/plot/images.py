@@ -1,6 +1,6 @@
 """Camera images side by side: queries, the places they were matched to, the true places."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,8 +81,7 @@ def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme 
 
     A column without pairs says so. One unit of the axis is the width of a picture.
     """
-    sizes = [pair.query.shape[:2] for column in columns for pair in column.pairs]
-    height = sizes[0][0] / sizes[0][1] if sizes else 0.5
+    height = _proportion(pair.query for column in columns for pair in column.pairs)
     step = _step(height)
     for c, column in enumerate(columns):
         left, colour = c * (1 + ACROSS), theme.colour(column.outcome)
@@ -122,9 +121,7 @@ BESIDE, APART, TITLE, BELOW = 0.03, 0.16, 0.1, 0.15
 
 @dataclass(frozen=True)
 class Example:
-    """Some images of one query, each with its title or None for no image, and a line
-    about them all.
-    """
+    """Images of one query, each with its title, None if there is none, and a line about all."""
 
     images: Sequence[tuple[str, Image | None]]
     caption: str
@@ -144,9 +141,7 @@ def examples(ax: Axes, shown: Sequence[Example], *, across: int = 2, theme: Them
     across : int
         Examples in a row of the figure.
     """
-    count = _images(shown)
-    height, wide = _height(shown), _wide(count)
-    step = height + TITLE + BELOW
+    (height, wide, step), (width, tall) = _sizes(shown, across)
     for index, example in enumerate(shown):
         row, column = divmod(index, across)
         left, top = column * (wide + APART), -row * step - TITLE
@@ -164,25 +159,27 @@ def examples(ax: Axes, shown: Sequence[Example], *, across: int = 2, theme: Them
             x, y = at + (1 - w) / 2, top - (height + h) / 2
             photo(ax, image, (x, x + w, y, y + h))
         ax.text(left, top - height - 0.02, example.caption, fontsize=8, va="top", color=theme.muted)
-    rows = max(1, -(-len(shown) // across))
-    return _bare(ax, (-0.01, across * (wide + APART) - APART + 0.01), (-rows * step, 0.01))
+    return _bare(ax, (-0.01, width - 0.01), (0.01 - tall, 0.01))
 
 
 def examples_height(shown: Sequence[Example], width: float, *, across: int = 2) -> float:
     """The height of ``examples`` at a width."""
-    unit = width / (across * (_wide(_images(shown)) + APART) - APART + 0.02)
-    return unit * (max(1, -(-len(shown) // across)) * (_height(shown) + TITLE + BELOW) + 0.01)
+    _, (wide, tall) = _sizes(shown, across)
+    return width / wide * tall
 
 
-def _images(shown: Sequence[Example]) -> int:
-    return max((len(example.images) for example in shown), default=1)
+def _sizes(
+    shown: Sequence[Example], across: int
+) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    """An image's height, an example's width, a row's height; and the width and height of all."""
+    height = _proportion(image for example in shown for _, image in example.images)
+    count = max((len(example.images) for example in shown), default=1)
+    wide, step = count * (1 + BESIDE) - BESIDE, height + TITLE + BELOW
+    rows = max(1, -(-len(shown) // across))
+    return (height, wide, step), (across * (wide + APART) - APART + 0.02, rows * step + 0.01)
 
 
-def _wide(count: int) -> float:
-    return count * (1 + BESIDE) - BESIDE
-
-
-def _height(shown: Sequence[Example]) -> float:
+def _proportion(images: Iterable[Image | None]) -> float:
     """The height of the first image that there is, in widths."""
-    images = [image for example in shown for _, image in example.images if image is not None]
-    return float(images[0].shape[0] / images[0].shape[1]) if images else 0.5
+    sizes = (image.shape for image in images if image is not None)
+    return next((height / width for height, width, *_ in sizes), 0.5)

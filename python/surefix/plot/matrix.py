@@ -83,17 +83,18 @@ def distance_matrix(
     inside = seen & (shown >= first_query) & (shown < first_query + query_count)
     inside &= (place >= first_place) & (place < first_place + place_count)
     # The rare and the trusted on top.
-    order = (
-        Outcome.UNTRUSTED_WRONG,
-        Outcome.UNTRUSTED_RIGHT,
-        Outcome.TRUSTED_RIGHT,
-        Outcome.TRUSTED_WRONG,
-    )
+    good, bad, held_right, held = Outcome
     masks = outcomes(right, trusted)
     growth = np.clip(220 / max(query_count, place_count), 0.6, 5.0) if close else 1.0
-    for layer, outcome in enumerate(order):
+    for layer, outcome in enumerate((held, held_right, good, bad)):
         mark, colour = MARKS[outcome], theme.colour(outcome)
         at = np.flatnonzero(masks[outcome] & inside)
+        # Rings are all edge, thin crosses have none, filled marks are set off from the tones.
+        paint: Any = {"color": colour}
+        if mark.hollow:
+            paint = {"facecolors": "none", "edgecolors": colour}
+        elif mark.shape != "x":
+            paint["edgecolors"] = theme.paper
         ax.scatter(
             at,
             place[at],
@@ -102,7 +103,7 @@ def distance_matrix(
             zorder=3 + layer,
             clip_on=False,
             linewidths=mark.width * np.sqrt(growth),
-            **_paint(outcome, colour, theme),
+            **paint,
         )
     if close:
         if truth is not None:
@@ -117,15 +118,16 @@ def distance_matrix(
     if outline is not None:
         (x, width), (y, height) = outline
         corner = x - cell, y - cell
-        style: Any = {"edgecolor": theme.ink, "linewidth": 1.1}
-        ax.add_patch(Rectangle(corner, width, height, fill=False, zorder=10, **style))
+        style: Any = {"edgecolor": theme.ink, "linewidth": 1.1, "zorder": 10}
+        ax.add_patch(Rectangle(corner, width, height, fill=False, **style))
     ax.set_xlim(first_query - cell, first_query + query_count - cell)
     ax.set_ylim(first_place - cell, first_place + place_count - cell)
     ax.set_xlabel("query (frame of the second drive)")
     ax.set_ylabel("place (frame of the map)")
     if not close:
-        counts = {outcome: int((masks[outcome] & seen).sum()) for outcome in Outcome}
-        entries = [_legend_entry(outcome, count, theme) for outcome, count in counts.items()]
+        entries = [
+            _entry(outcome, int((masks[outcome] & seen).sum()), theme) for outcome in Outcome
+        ]
         spacing: Any = {"ncols": 2, "handletextpad": 0.4, "columnspacing": 1.6}
         ax.legend(handles=entries, loc="lower center", bbox_to_anchor=(0.5, 1.0), **spacing)
     return ax
@@ -162,20 +164,10 @@ def busiest_window(
     return window
 
 
-def _paint(outcome: Outcome, colour: str, theme: Theme) -> dict[str, Any]:
-    """Hollow rings are all edge, thin crosses have none, filled marks are set off from the tones by
-    it.
-    """
-    mark = MARKS[outcome]
-    if mark.hollow:
-        return {"facecolors": "none", "edgecolors": colour}
-    if mark.shape == "x":
-        return {"color": colour}
-    return {"color": colour, "edgecolors": theme.paper}
-
-
-def _legend_entry(outcome: Outcome, count: int, theme: Theme) -> Line2D:
+def _entry(outcome: Outcome, count: int, theme: Theme) -> Line2D:
+    """Of the legend."""
     mark, colour = MARKS[outcome], theme.colour(outcome)
+    edge, width = (theme.paper, 0.6) if mark.shape == "X" else (colour, 1.2)
     return Line2D(
         [],
         [],
@@ -183,7 +175,7 @@ def _legend_entry(outcome: Outcome, count: int, theme: Theme) -> Line2D:
         marker=mark.shape,
         markersize=8 if outcome is Outcome.TRUSTED_WRONG else 6,
         markerfacecolor="none" if mark.hollow else colour,
-        markeredgecolor=theme.paper if mark.shape == "X" else colour,
-        markeredgewidth=0.6 if mark.shape == "X" else 1.2,
+        markeredgecolor=edge,
+        markeredgewidth=width,
         label=f"{outcome.value} ({count})",
     )

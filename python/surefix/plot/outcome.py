@@ -1,12 +1,11 @@
 """The outcome of a fix: right or wrong, trusted or not."""
 
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Gap", "Outcome", "is_right", "longest_gap", "outcomes"]
+__all__ = ["Outcome", "is_right", "longest_gap", "outcomes"]
 
 
 class Outcome(Enum):
@@ -27,12 +26,12 @@ class Outcome(Enum):
     @property
     def right(self) -> bool:
         """Whether the place was the true one."""
-        return self in (Outcome.TRUSTED_RIGHT, Outcome.UNTRUSTED_RIGHT)
+        return self.name.endswith("_RIGHT")
 
     @property
     def trusted(self) -> bool:
         """Whether the match was trusted."""
-        return self in (Outcome.TRUSTED_RIGHT, Outcome.TRUSTED_WRONG)
+        return self.name.startswith("TRUSTED")
 
 
 def is_right(
@@ -52,23 +51,9 @@ def outcomes(
     return {outcome: (right == outcome.right) & (trusted == outcome.trusted) for outcome in Outcome}
 
 
-@dataclass(frozen=True)
-class Gap:
-    """A stretch of queries: from ``start`` up to, not including, ``stop``."""
-
-    start: int
-    stop: int
-
-    def __len__(self) -> int:
-        return self.stop - self.start
-
-
-def longest_gap(fixed: NDArray[np.bool_]) -> Gap:
-    """The longest stretch of queries of which none is ``fixed``; the first, if two are as
-    long.
-    """
+def longest_gap(fixed: NDArray[np.bool_]) -> range:
+    """The longest stretch of queries of which none is ``fixed``; the first, if two are as long."""
     edges = np.flatnonzero(np.concatenate(([True], fixed, [True])))
     starts, lengths = edges[:-1], np.diff(edges) - 1
     longest = int(np.argmax(lengths))
-    start = int(starts[longest])
-    return Gap(start, start + int(lengths[longest]))
+    return range(int(starts[longest]), int(starts[longest] + lengths[longest]))

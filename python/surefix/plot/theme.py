@@ -64,12 +64,7 @@ class Theme:
 
     def colour(self, outcome: Outcome) -> str:
         """The colour of an outcome."""
-        return {
-            Outcome.TRUSTED_RIGHT: self.trusted_right,
-            Outcome.TRUSTED_WRONG: self.trusted_wrong,
-            Outcome.UNTRUSTED_RIGHT: self.untrusted_right,
-            Outcome.UNTRUSTED_WRONG: self.untrusted_wrong,
-        }[outcome]
+        return str(getattr(self, outcome.name.lower()))
 
     @property
     def distance_map(self) -> LinearSegmentedColormap:
@@ -79,14 +74,12 @@ class Theme:
     @property
     def settings(self) -> Any:
         """What matplotlib has to be told, for ``matplotlib.rc_context``."""
+        paper = ("figure.facecolor", "savefig.facecolor", "axes.facecolor")
         text = ("text.color", "axes.labelcolor", "axes.titlecolor")
         return {
-            "figure.facecolor": self.paper,
-            "savefig.facecolor": self.paper,
-            "axes.facecolor": self.paper,
-            "axes.edgecolor": self.muted,
-            "xtick.color": self.muted,
-            "ytick.color": self.muted,
+            **dict.fromkeys(paper, self.paper),
+            **dict.fromkeys(text, self.ink),
+            **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), self.muted),
             "grid.color": self.grid,
             "legend.frameon": False,
             "axes.spines.top": False,
@@ -95,7 +88,6 @@ class Theme:
             "axes.titlesize": 10.5,
             "axes.titleweight": "bold",
             "axes.titlelocation": "left",
-            **dict.fromkeys(text, self.ink),
         }
 
 

@@ -2,6 +2,3 @@
 
 # First, as it says which extra to install if matplotlib is missing.
 import surefix.plot  # noqa: F401
-from surefix.report.page import Picture, Section, Table, Tile, drawn, page
-
-__all__ = ["Picture", "Section", "Table", "Tile", "drawn", "page"]

@@ -1,6 +1,4 @@
-"""The report of ``surefix demo``: a study of the sequence with and without weights, and the drive
-in pictures.
-"""
+"""The report of ``surefix demo``: a study with and without weights, and the drive in pictures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +14,7 @@ from surefix.machine import machine
 from surefix.plot.images import Column, Pair, montage, montage_height, spread
 from surefix.plot.outcome import Outcome, longest_gap, outcomes
 from surefix.report import figures, sections
-from surefix.report.page import Picture, Section, Tile, drawn, page, photograph, write
+from surefix.report.page import Picture, Section, Tile, drawn, photograph, write
 from surefix.report.tables import write_csv
 from surefix.simulate import Traverse
 from surefix.study import UPTO, Study
@@ -78,9 +76,7 @@ class Demo:
 
     @property
     def trusted_point(self) -> tuple[float, float] | None:
-        """Recall and precision of accepting just the trusted fixes, as the curves count; None
-        without any.
-        """
+        """Recall and precision of the trusted fixes, as the curves count; None without any."""
         ready, trusted = self.study.run.ready, self.study.run.trusted
         accepted = int((ready & trusted).sum())
         found = int((ready & trusted & self.right).sum())
@@ -96,9 +92,8 @@ class Demo:
     def gap_metres(self) -> float:
         """The longest stretch between two fixes that are trusted and right, or an end."""
         positions, gap = self.revisit.positions, longest_gap(self.masks[Outcome.TRUSTED_RIGHT])
-        return float(
-            positions[min(gap.stop, len(positions) - 1)] - positions[max(gap.start - 1, 0)]
-        )
+        stop = min(gap.stop, len(positions) - 1)
+        return float(positions[stop] - positions[max(gap.start - 1, 0)])
 
 
 def write_report(
@@ -115,34 +110,24 @@ def write_report(
     seconds : sequence of (name, float)
         The parts of the demo, and the time that each took.
     """
-    study, run = demo.study, demo.study.run
-    full = "" if run.ready.all() else " of full windows"
-    curves = figures.curves(study, demo.trusted_point, f"the trusted fixes{full} alone")
-    trusted = "weighted, trusted fixes only", demo.right, run.trusted
-    pictures = {
-        "distance_matrix.png": figures.matrix(study, LABEL, every=True),
-        "close_up.png": figures.close_up(study, LABEL, every=True),
-        "route.png": figures.strip(study, demo.revisit.positions, trusted),
-        "precision_recall.png": curves[0],
-        "montage.png": _pairs(demo),
-    }
-    text = page(
+    kilometres = float(demo.reference.positions[-1]) / 1000
+    lead = (
+        f"A camera drove {kilometres:.1f} km on a summer noon, and surefix made a map of it: "
+        f"{len(demo.study.distances)} places, in order. Then it drove there again on a winter "
+        "afternoon, among other cars, not quite in its old lane. Frame by frame, surefix said "
+        "where it was, and which of these answers to trust. Nothing was trained, and the truth "
+        "was not used.",
+        "Both drives are generated, so the truth is known, and every answer can be checked.",
+    )
+    return write(
+        folder,
         "Where am I on this route, and may I trust that answer?",
-        _lead(demo),
+        lead,
         _hero(demo),
         _tiles(demo),
-        (
-            _matrix(demo, pictures["distance_matrix.png"], pictures["close_up.png"]),
-            _route(demo, pictures["route.png"]),
-            _curves(demo, pictures["precision_recall.png"]),
-            sections.methods(study),
-            sections.words(study),
-            _see(demo, pictures["montage.png"]),
-            _meaning(demo),
-            _made(demo, command, seconds),
-        ),
+        [*_sections(demo), _made(demo, command, seconds)],
+        lambda inside: _write_tables(demo, inside),
     )
-    return write(folder, text, pictures, lambda inside: _write_tables(demo, inside))
 
 
 def _write_tables(demo: Demo, folder: Path) -> None:
@@ -153,107 +138,111 @@ def _write_tables(demo: Demo, folder: Path) -> None:
     np.save(folder / "distances.npy", study.distances)
     places = zip(study.true_place, demo.revisit.positions, strict=True)
     rows = ((frame, place, f"{at:.3f}") for frame, (place, at) in enumerate(places))
-    write_csv(folder / "truth.csv", ("frame", "place", "position"), rows)
-
-
-def _lead(demo: Demo) -> Sequence[str]:
-    kilometres = float(demo.reference.positions[-1]) / 1000
-    return (
-        f"A camera drove {kilometres:.1f} km on a summer noon, and surefix made a map of it: "
-        f"{len(demo.study.distances)} places, in order. Then it drove there again on a winter "
-        "afternoon, among other cars, not quite in its old lane. Frame by frame, surefix said "
-        "where it was, and which of these answers to trust. Nothing was trained, and the truth "
-        "was not used.",
-        "Both drives are generated, so the truth is known, and every answer can be checked.",
-    )
+    write_csv(folder / "truth.csv", "frame,place,position", rows)
 
 
 def _hero(demo: Demo) -> Sequence[Picture]:
     outcome = next(outcome for outcome in Outcome if demo.counts[outcome])
     query = spread(np.flatnonzero(demo.masks[outcome]), 1)[0]
     place = int(demo.study.run.place[query])
+    view = f"The second drive, frame {query}: the camera's view."
+    answer = f"The map, place {place}: surefix's answer. {outcome.value.capitalize()}."
     return (
-        photograph(
-            demo.revisit[query],
-            f"A street in winter, frame {query}.",
-            f"The second drive, frame {query}: the camera's view.",
-        ),
-        photograph(
-            demo.reference[place],
-            f"A street in summer, place {place}.",
-            f"The map, place {place}: surefix's answer. {outcome.value.capitalize()}.",
-        ),
+        photograph(demo.revisit[query], f"A street in winter, frame {query}.", view),
+        photograph(demo.reference[place], f"A street in summer, place {place}.", answer),
     )
 
 
 def _tiles(demo: Demo) -> Sequence[Tile]:
-    m, right = len(demo.study), int(demo.right.sum())
-    good, bad = demo.counts[Outcome.TRUSTED_RIGHT], demo.counts[Outcome.TRUSTED_WRONG]
-    trusted = good + bad
+    m, bad = len(demo.study), demo.counts[Outcome.TRUSTED_WRONG]
+    good = demo.counts[Outcome.TRUSTED_RIGHT]
     median, p99 = np.quantile(demo.latency, (0.5, 0.99)) * 1000
+    within = f"99 of 100 within {p99:.2f} ms"
     weighted, plain = (result.area[0] for result in (demo.study.shown, demo.study.baseline))
+    area, unweighted = (
+        f"area under the curve up to recall {UPTO:g}",
+        f"unweighted sequence: {plain:.2f}",
+    )
     off = demo.metres_off[demo.masks[Outcome.TRUSTED_WRONG]]
     how_far = "on this drive"
     if len(off):
-        how_far = (
-            f"{off.min():.0f} to {off.max():.0f} m off" if len(off) > 1 else f"{off[0]:.0f} m off"
-        )
+        to = f" to {off.max():.0f}" if len(off) > 1 else ""
+        how_far = f"{off.min():.0f}{to} m off"
     return (
-        Tile(
-            "trusted-right",
-            sections.share(good, trusted),
-            "of the trusted fixes are right",
-            f"{good} of {trusted}",
-        ),
-        Tile("right", sections.share(right, m), "of all fixes are right", f"{right} of {m}"),
-        Tile(
-            "trusted",
-            sections.share(trusted, m),
-            "of the frames got a trusted fix",
-            f"{trusted} of {m}",
-        ),
+        sections.share("trusted-right", good, good + bad, "of the trusted fixes are right"),
+        sections.share("right", int(demo.right.sum()), m, "of all fixes are right"),
+        sections.share("trusted", good + bad, m, "of the frames got a trusted fix"),
         Tile("trusted-wrong", str(bad), "trusted, and wrong all the same", how_far),
-        Tile(
-            "area",
-            f"{weighted:.2f}",
-            f"area under the curve up to recall {UPTO:g}",
-            f"unweighted sequence: {plain:.2f}",
-        ),
-        Tile("latency", f"{median:.2f} ms", "for a fix, median", f"99 of 100 within {p99:.2f} ms"),
+        Tile("area", f"{weighted:.2f}", area, unweighted),
+        Tile("latency", f"{median:.2f} ms", "for a fix, median", within),
     )
 
 
-def _matrix(demo: Demo, whole: Picture, close: Picture) -> Section:
-    single = int(demo.study.single_right.sum())
-    return sections.matrix(
-        demo.study,
-        whole,
-        close,
+def _sections(demo: Demo) -> Sequence[Section]:
+    """The page from the matrix on, in its order."""
+    study, run, m = demo.study, demo.study.run, len(demo.study)
+    _, bad, held_right, held = demo.counts.values()
+    trusted, single_right = int(run.trusted.sum()), int(study.single_right.sum())
+    matrix = sections.matrix(
+        study,
+        figures.matrix(study, every=True, label=LABEL),
         "The true path runs from corner to corner; season, dusk and traffic have all but wiped it "
-        f"out, and many other places look just as near. By the nearest place alone, {single} of "
-        f"{len(demo.study)} frames {are(single)} right.",
+        "out, and many other places look just as near. By the nearest place alone, "
+        f"{single_right} of {m} frames {are(single_right)} right.",
     )
-
-
-def _route(demo: Demo, strip: Picture) -> Section:
-    bad, held = demo.counts[Outcome.TRUSTED_WRONG], demo.counts[Outcome.UNTRUSTED_WRONG]
-    right = demo.counts[Outcome.UNTRUSTED_RIGHT]
-    return Section(
+    strip = figures.strip(
+        study, demo.revisit.positions, ("weighted, trusted fixes only", demo.right, run.trusted)
+    )
+    route = Section(
         "Along the route",
         (
             "A robot that acts on every fix is sent to a wrong place "
-            f"{counted(bad + held, 'time')} "
-            f"in {len(demo.study)}. One that acts on the trusted fixes only, "
-            f"{counted(bad, 'time')}. The price: {counted(right, 'right fix', 'right fixes')} "
-            f"{are(right)} held back together with the {counted(held, 'wrong one')}, and the "
+            f"{counted(bad + held, 'time')} in {m}. One that acts on the trusted fixes only, "
+            f"{counted(bad, 'time')}. The price: {counted(held_right, 'right fix', 'right fixes')} "
+            f"{are(held_right)} held back together with the {counted(held, 'wrong one')}, and the "
             "longest stretch without a fix that is both trusted and right is "
             f"{demo.gap_metres:.0f} m. Odometry has to bridge it.",
         ),
-        (strip,),
+        {"route.png": strip},
     )
+    see = Section(
+        "See for yourself",
+        (
+            "Above, the camera's view; below, the place it was matched to. The pairs are not "
+            "chosen for their looks: of each kind, they are spread evenly over the drive.",
+            f"Trusted and wrong is the column to worry about: {bad} of {m} fixes. "
+            f"Untrusted and wrong is what trust is for: {held} that it held back.",
+        ),
+        {"montage.png": _montage(demo)},
+    )
+    single = int((run.trusted & study.single_right).sum())
+    differ = int((run.trusted & (run.place != run.single_place)).sum())
+    meaning = Section(
+        "What trusted means, and what it does not",
+        (
+            "surefix asks the same distances two questions. Which place is nearest? And at which "
+            "place does the distance dip most sharply below its neighbours on the route, over the "
+            "last three frames together? If the two answers agree, to within one place, the match "
+            "is trusted. Looking near is easy for a place like any other; a sharp dip that travels "
+            "along with the camera is not.",
+            f"It is no probability and no promise: {bad} of the "
+            f"{counted(trusted, 'trusted fix', 'trusted fixes')} of this drive {are(bad)} wrong. "
+            f"Nor does untrusted mean wrong: {held_right} of the "
+            f"{counted(m - trusted, 'untrusted one')} {are(held_right)} right. If two "
+            "stretches of road truly look the same, both questions are fooled together. And it "
+            "needs a map in the order of the route.",
+            f"The trust flag is about a frame's own match, which is right in {single} of the "
+            f"{counted(trusted, 'trusted case')}. The fix is the place of the sequence, and in "
+            f"{differ} of them that is another place.",
+            "This is a drawn world, in conditions set so that plain image matching fares about as "
+            "it does on real roads. It shows what the method does; how well it does it, only your "
+            "own route can tell.",
+        ),
+    )
+    return matrix, route, _curves(demo), *sections.methods(study), see, meaning
 
 
-def _curves(demo: Demo, picture: Picture) -> Section:
+def _curves(demo: Demo) -> Section:
     weighted, plain = demo.study.shown.curve, demo.study.baseline.curve
     false = [
         counted(count, "wrong match", "wrong matches") if count else "no wrong matches"
@@ -267,18 +256,19 @@ def _curves(demo: Demo, picture: Picture) -> Section:
         f"unweighted one {false[1]}. With no wrong match at all, the one gets to recall "
         f"{flawless[0]:.3f}, the other to {flawless[1]:.3f}."
     ]
-    early = ~demo.study.run.ready
+    early, star = ~demo.study.run.ready, "the trusted fixes alone"
     if early.any():
+        star = "the trusted fixes of full windows alone"
         trusted = early & demo.study.run.trusted
         more.append(
             f"Curves and star leave out {counted(int(early.sum()), 'fix', 'fixes')} at the start, "
             f"whose window is not full yet: {int(trusted.sum())} trusted, "
             f"{int((trusted & ~demo.right).sum())} trusted and wrong."
         )
-    return sections.curves(demo.study, [picture], *more)
+    return sections.curves(demo.study, figures.curves(demo.study, demo.trusted_point, star), *more)
 
 
-def _pairs(demo: Demo) -> Picture:
+def _montage(demo: Demo) -> Picture:
     """Queries and the places they were matched to, by outcome."""
     place = demo.study.run.place
 
@@ -287,67 +277,20 @@ def _pairs(demo: Demo) -> Picture:
         return Pair(demo.revisit[query], demo.reference[int(place[query])], caption)
 
     columns = [
-        Column(
-            outcome,
-            demo.counts[outcome],
-            [pair(query) for query in spread(np.flatnonzero(demo.masks[outcome]), PAIRS)],
-        )
-        for outcome in Outcome
+        Column(outcome, demo.counts[outcome], list(map(pair, spread(np.flatnonzero(mask), PAIRS))))
+        for outcome, mask in demo.masks.items()
     ]
     rows = max(len(column.pairs) for column in columns)
     height, width = demo.revisit[0].shape[:2]
     tall = montage_height((width, height), 10.8, columns=len(columns), rows=rows)
     return drawn(
-        lambda ax, theme: montage(ax, columns, rows=rows, theme=theme),
         (11, tall + 0.2),
         "Pairs of images, a column for each outcome: the query above, the place it was matched to "
         "below.",
+        montage,
+        columns,
+        rows=rows,
         textured=True,
-    )
-
-
-def _see(demo: Demo, picture: Picture) -> Section:
-    bad, held = demo.counts[Outcome.TRUSTED_WRONG], demo.counts[Outcome.UNTRUSTED_WRONG]
-    return Section(
-        "See for yourself",
-        (
-            "Above, the camera's view; below, the place it was matched to. The pairs are not "
-            "chosen for their looks: of each kind, they are spread evenly over the drive.",
-            f"Trusted and wrong is the column to worry about: {bad} of {len(demo.study)} fixes. "
-            f"Untrusted and wrong is what trust is for: {held} that it held back.",
-        ),
-        (picture,),
-    )
-
-
-def _meaning(demo: Demo) -> Section:
-    """The meaning of trust, and its limits."""
-    run, single_right = demo.study.run, demo.study.single_right
-    bad, held_right = demo.counts[Outcome.TRUSTED_WRONG], demo.counts[Outcome.UNTRUSTED_RIGHT]
-    trusted = int(run.trusted.sum())
-    single = int((run.trusted & single_right).sum())
-    differ = int((run.trusted & (run.place != run.single_place)).sum())
-    return Section(
-        "What trusted means, and what it does not",
-        (
-            "surefix asks the same distances two questions. Which place is nearest? And at which "
-            "place does the distance dip most sharply below its neighbours on the route, over the "
-            "last three frames together? If the two answers agree, to within one place, the match "
-            "is trusted. Looking near is easy for a place like any other; a sharp dip that travels "
-            "along with the camera is not.",
-            f"It is no probability and no promise: {bad} of the "
-            f"{counted(trusted, 'trusted fix', 'trusted fixes')} of this drive {are(bad)} wrong. "
-            f"Nor does untrusted mean wrong: {held_right} of the "
-            f"{counted(len(run) - trusted, 'untrusted one')} {are(held_right)} right. If two "
-            "stretches of road truly look the same, both questions are fooled together. And it "
-            "needs a map in the order of the route.",
-            f"The trust flag is about a frame's own match, which is right in {single} of the "
-            f"{counted(trusted, 'trusted case')}. The fix is the place of the sequence, and in "
-            f"{differ} of them that is another place.",
-            "This is a drawn world, in conditions set so that plain image matching fares about as "
-            "it does on real roads. It shows what the method does; how well it does it, only your "
-            "own route can tell.",
-        ),
     )
 
 

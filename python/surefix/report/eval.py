@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix._words import counted
+from surefix.baselines import METHODS
 from surefix.report import figures, sections
 from surefix.report.figures import Images
-from surefix.report.page import Picture, page, write
+from surefix.report.page import write
 from surefix.report.tables import write_tables
 from surefix.study import Study
 
@@ -31,8 +32,7 @@ FILES = {
     "fixes.csv": "a line for each query of each method",
 }
 
-# Not every report has these.
-MISTAKES = ("mistakes.png", "trusted_mistakes.png")
+# Not every report has these, nor the mistakes.
 MORE = re.compile(r"precision_recall_\d+\.png")
 
 
@@ -61,69 +61,45 @@ def write_report(
     along : array of float64, shape (m,), optional
         The way along the drive at which each query was taken, in metres, ascending.
     """
-    curves = figures.curves(study)
-    drawn: dict[str, Picture | None] = {
-        "precision_recall.png": curves[0],
-        **{f"precision_recall_{k}.png": picture for k, picture in enumerate(curves[1:], start=2)},
-        "auc.png": figures.intervals(study),
-        "false_positives.png": figures.false(study),
-        "trust.png": figures.trust(study),
-        "distance_matrix.png": figures.matrix(study),
-        "close_up.png": figures.close_up(study),
-        "route.png": figures.strip(study, along),
-        "mistakes.png": figures.mistakes(study, queries, references),
-        "trusted_mistakes.png": figures.trusted_mistakes(study, queries, references),
-    }
-    made = {name: picture for name, picture in drawn.items() if picture is not None}
-    wrong = [made[name] for name in MISTAKES if name in made]
-    extra = {
-        name: "mistakes, as images side by side" if name in MISTAKES else "more of the curves"
-        for name in made
-        if name not in FILES
-    }
-    c = study.context
+    curves, c = figures.curves(study), study.context
+    mistakes = figures.mistakes(study, queries, references)
+    extra = {name: "more of the curves" for name in curves if name not in FILES}
+    extra |= dict.fromkeys(mistakes, "mistakes, as images side by side")
     n, m = study.distances.shape
-    text = page(
+    made = sections.made(
+        ("Distances", f"{counted(n, 'place')} by {counted(m, 'query', 'queries')}, float32"),
+        ("Sequences", f"length {c.sequence_length}, weight {c.weight:g}, floor {c.floor}"),
+        (
+            "Trusted means",
+            f"within {c.tolerance} of each other, gradients of {c.smoothing} queries summed "
+            f"({c.gradient})",
+        ),
+        (
+            "Intervals",
+            f"95 %, {study.samples} samples of blocks as long as the root of the number of "
+            "queries, seed 0",
+        ),
+        *((name, METHODS[name].description) for name in study.names),
+        *(FILES | extra).items(),
+        command=command,
+    )
+    # Left beside the new files, those of an earlier report would look new.
+    old = filter(MORE.fullmatch, (path.name for path in folder.glob("*")))
+    return write(
+        folder,
         "How well does it know where it is?",
         sections.lead(study),
         (),
         sections.tiles(study),
         (
-            sections.methods(study, made["auc.png"], made["false_positives.png"]),
-            sections.words(study),
+            *sections.methods(study, figures.numbers(study)),
             sections.curves(study, curves),
-            sections.trust(study, made["trust.png"]),
-            sections.matrix(study, made["distance_matrix.png"], made["close_up.png"]),
-            sections.route(study, made["route.png"]),
-            sections.mistakes(study, wrong, query_names, place_names),
-            sections.made(
-                (
-                    "Distances",
-                    f"{counted(n, 'place')} by {counted(m, 'query', 'queries')}, float32",
-                ),
-                ("Sequences", f"length {c.sequence_length}, weight {c.weight:g}, floor {c.floor}"),
-                (
-                    "Trusted means",
-                    f"within {c.tolerance} of each other, gradients of {c.smoothing} queries "
-                    f"summed ({c.gradient})",
-                ),
-                (
-                    "Intervals",
-                    f"95 %, {study.samples} samples of blocks as long as the root of the number "
-                    "of queries, seed 0",
-                ),
-                *((result.name, result.description) for result in study.results),
-                *(FILES | extra).items(),
-                command=command,
-            ),
+            sections.trust(study),
+            sections.matrix(study, figures.matrix(study)),
+            sections.route(study, figures.strip(study, along)),
+            sections.mistakes(study, mistakes, query_names, place_names),
+            made,
         ),
+        lambda inside: write_tables(study, inside, query_names),
+        {*FILES, "mistakes.png", "trusted_mistakes.png", *old},
     )
-    return write(
-        folder, text, made, lambda inside: write_tables(study, inside, query_names), _old(folder)
-    )
-
-
-def _old(folder: Path) -> set[str]:
-    """The names of an earlier report's files: left beside the new ones, they would look new."""
-    more = {path.name for path in folder.glob("precision_recall_*.png")}
-    return {*FILES, *MISTAKES, *filter(MORE.fullmatch, more)}

@@ -1,6 +1,4 @@
-"""One page of HTML that needs no other file, with pictures for light and for dark paper; and the
-folder that it is written to.
-"""
+"""A page of HTML that needs no other file, for light and for dark paper; and its folder."""
 
 import base64
 import errno
@@ -8,15 +6,15 @@ import io
 import os
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 # Pillow comes with matplotlib.
@@ -89,27 +87,27 @@ class Picture:
 
 
 def drawn(
-    draw: Callable[[Axes, Theme], object],
     size: tuple[float, float],
     alt: str,
+    draw: Callable[..., object],
+    *data: Any,
     caption: str = "",
-    *,
     textured: bool = False,
     small: bool = False,
+    **options: Any,
 ) -> Picture:
-    """A figure of ``surefix.plot`` as a picture; one of more than 8 inches is wide.
+    """``draw(ax, *data, theme=theme, **options)`` as a picture; one of more than 8 inches is wide.
 
     A ``small`` one has few colours, and a third of the bytes.
     """
 
     def paint(theme: Theme) -> bytes:
-        picture = png(draw, size, theme)
+        picture = png(lambda ax, theme: draw(ax, *data, theme=theme, **options), size, theme)
         if not small:
             return picture
         file = io.BytesIO()
         image = Image.open(io.BytesIO(picture)).convert("RGB")
-        image = image.quantize(128, dither=Image.Dither.NONE)
-        image.save(file, "PNG", optimize=True)
+        image.quantize(128, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
         return file.getvalue()
 
     return Picture(paint, alt, caption, wide=size[0] > 8, textured=textured)
@@ -124,29 +122,24 @@ def photograph(image: NDArray[np.uint8], alt: str, caption: str) -> Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers with a heading for each column; the first cell of a row names it. ``name`` becomes
-    the element's id.
-    """
+    """Numbers with a heading a column; a row's first cell names it. ``name`` becomes the id."""
 
     name: str
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
 
-    def __post_init__(self) -> None:
-        assert all(len(row) == len(self.header) for row in self.rows), self.name
-
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, some paragraphs, pictures below them, side by side if there is room, and
-    tables.
+    """A heading, some paragraphs, pictures below them, side by side if there is room, and tables.
+    The pictures go by the names of their files.
     """
 
     title: str
     paragraphs: Sequence[str]
-    pictures: Sequence[Picture] = ()
-    rows: Sequence[tuple[str, str]] = ()
+    pictures: Mapping[str, Picture] = field(default_factory=dict)
+    facts: Sequence[tuple[str, str]] = ()
     tables: Sequence[Table] = ()
     points: Sequence[str] = ()
 
@@ -197,15 +190,17 @@ def _tile(tile: Tile) -> str:
 
 def _section(section: Section) -> str:
     paragraphs = "\n".join(f"<p>{escape(text)}</p>" for text in section.paragraphs)
-    pictures = _pictures(section.pictures, "pictures") if section.pictures else ""
+    pictures = _pictures(section.pictures.values(), "pictures") if section.pictures else ""
     points = "".join(f"<li>{escape(text)}</li>\n" for text in section.points)
     points = f"<ul>\n{points}</ul>\n" if points else ""
-    tables = "".join(map(_numbers, section.tables)) + _table(section.rows)
+    tables = "".join(map(_table, section.tables))
+    if section.facts:
+        tables += f"<table>\n{_body(section.facts)}</table>\n"
     title = escape(section.title)
     return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{points}{pictures}{tables}</section>\n"
 
 
-def _pictures(pictures: Sequence[Picture], kind: str) -> str:
+def _pictures(pictures: Iterable[Picture], kind: str) -> str:
     return f'<div class="{kind}">\n{"".join(map(_picture, pictures))}</div>\n'
 
 
@@ -224,26 +219,23 @@ def _picture(picture: Picture) -> str:
     )
 
 
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    return f"<table>\n<tbody>\n{_rows(rows)}</tbody>\n</table>\n" if rows else ""
-
-
-def _rows(rows: Sequence[Sequence[str]]) -> str:
+def _body(rows: Sequence[Sequence[str]]) -> str:
     """The rows of a table; the first cell names its row."""
     cells = (
         f'<th scope="row">{escape(name)}</th>'
         + "".join(f"<td>{escape(cell)}</td>" for cell in others)
         for name, *others in rows
     )
-    return "".join(f"<tr>{row}</tr>\n" for row in cells)
+    lines = "".join(f"<tr>{row}</tr>\n" for row in cells)
+    return f"<tbody>\n{lines}</tbody>\n"
 
 
-def _numbers(table: Table) -> str:
+def _table(table: Table) -> str:
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
     return (
         f'<div class="numbers"><table id="{escape(table.name)}">\n'
         f"<caption>{escape(table.caption)}</caption>\n"
-        f"<thead>\n<tr>{header}</tr>\n</thead>\n<tbody>\n{_rows(table.rows)}</tbody>\n</table></div>\n"
+        f"<thead>\n<tr>{header}</tr>\n</thead>\n{_body(table.rows)}</table></div>\n"
     )
 
 
@@ -258,8 +250,11 @@ def _embedded(image: bytes, textured: bool) -> str:
 
 def write(
     folder: Path,
-    text: str,
-    pictures: Mapping[str, Picture],
+    title: str,
+    lead: Sequence[str],
+    hero: Sequence[Picture],
+    tiles: Sequence[Tile],
+    sections: Sequence[Section],
     tables: Callable[[Path], object],
     old: Iterable[str] = (),
 ) -> Path:
@@ -272,9 +267,8 @@ def write(
     Parameters
     ----------
     folder : Path
-    text : str
-        As of ``page``.
-    pictures : mapping of a file's name to a ``Picture``
+    title, lead, hero, tiles, sections
+        As for ``page``.
     tables : function of a folder
         Writes the other files into it.
     old : iterable of str
@@ -285,12 +279,14 @@ def write(
     SurefixFileError
         If a file cannot be written.
     """
+    text = page(title, lead, hero, tiles, sections)
     try:
         inside = Path(mkdtemp(prefix=".surefix-", dir=folder))
         try:
             tables(inside)
-            for name, picture in pictures.items():
-                (inside / name).write_bytes(picture.light)
+            for section in sections:
+                for name, picture in section.pictures.items():
+                    (inside / name).write_bytes(picture.light)
             (inside / PAGE).write_text(text, encoding="utf-8")
             _move(inside, folder, old)
         finally:

@@ -1,6 +1,6 @@
 """The sections of a study's page: plain words about each part, with its numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -8,24 +8,11 @@ from surefix import __version__
 from surefix._words import counted
 from surefix.baselines.distances import Places
 from surefix.plot.outcome import longest_gap
-from surefix.report import tables
-from surefix.report.figures import MISTAKES
+from surefix.report import figures, tables
 from surefix.report.page import Picture, Section, Tile
 from surefix.study import KS, UPTO, Study, verdict
 
-__all__ = [
-    "curves",
-    "lead",
-    "made",
-    "matrix",
-    "methods",
-    "mistakes",
-    "route",
-    "share",
-    "tiles",
-    "trust",
-    "words",
-]
+__all__ = ["curves", "lead", "made", "matrix", "methods", "mistakes", "route", "share", "tiles"]
 
 RECALLS = {
     "correct": "accepted correct matches over all correct matches of the same method, the paper's "
@@ -61,46 +48,26 @@ def tiles(study: Study) -> Sequence[Tile]:
     total = trusted + t.false_negatives + t.true_negatives
     first = f"{study.recalls_at[0]:.3f}" if len(study.recalls_at) else "none"
     rest = zip(KS[1:], study.recalls_at[1:], strict=False)
+    others = ", ".join(f"R@{k} {value:.3f}" for k, value in rest)
+    at, interval = f"recall {UPTO:g}", f"95 %: {low:.3f} to {high:.3f}"
+    apart = f"95 %: {below:+.3f} to {above:+.3f}: {shown.outcome}"
+    against = f"against the plain sequence's {plain.area[0]:.3f}"
+    nearest = "of the queries with a true place have it nearest (R@1)"
     return (
-        Tile(
-            "area",
-            f"{area:.3f}",
-            f"area to recall {UPTO:g}, {shown.name}",
-            f"95 %: {low:.3f} to {high:.3f}",
+        Tile("area", f"{area:.3f}", f"area to {at}, {shown.name}", interval),
+        Tile("difference", f"{difference:+.3f}", against, apart),
+        Tile("false", false, f"false positives at {at}", f"plain sequence: {plain_false}"),
+        share(
+            "trusted-right", t.true_positives, trusted, "of the trusted single matches are right"
         ),
-        Tile(
-            "difference",
-            f"{difference:+.3f}",
-            f"against the plain sequence's {plain.area[0]:.3f}",
-            f"95 %: {below:+.3f} to {above:+.3f}: {shown.outcome}",
-        ),
-        Tile(
-            "false", false, f"false positives at recall {UPTO:g}", f"plain sequence: {plain_false}"
-        ),
-        Tile(
-            "trusted-right",
-            share(t.true_positives, trusted),
-            "of the trusted single matches are right",
-            f"{t.true_positives} of {trusted}",
-        ),
-        Tile(
-            "trusted",
-            share(trusted, total),
-            "of the single matches are trusted",
-            f"{trusted} of {total}",
-        ),
-        Tile(
-            "recall-at-1",
-            first,
-            "of the queries with a true place have it nearest (R@1)",
-            ", ".join(f"R@{k} {value:.3f}" for k, value in rest),
-        ),
+        share("trusted", trusted, total, "of the single matches are trusted"),
+        Tile("recall-at-1", first, nearest, others),
     )
 
 
-def methods(study: Study, *pictures: Picture) -> Section:
-    """The table of all methods."""
-    return Section(
+def methods(study: Study, pictures: Mapping[str, Picture] | None = None) -> Sequence[Section]:
+    """The table of all methods, and a sentence or two for each."""
+    table = Section(
         "Every method",
         (
             "The area is that under the precision-recall curve up to recall 0.2, divided by 0.2. "
@@ -108,21 +75,14 @@ def methods(study: Study, *pictures: Picture) -> Section:
             "consecutive queries, as neighbours are not independent. If the interval of a "
             "difference holds 0, the two are level: the drive does not tell which is better.",
         ),
-        pictures,
+        pictures or {},
         tables=(tables.methods(study),),
     )
+    words = ("Which methods win, which lose and which are level on this drive.",)
+    return table, Section("In words", words, points=[verdict(each) for each in study.results])
 
 
-def words(study: Study) -> Section:
-    """A sentence or two for each method."""
-    return Section(
-        "In words",
-        ("Which methods win, which lose and which are level on this drive.",),
-        points=[verdict(result) for result in study.results],
-    )
-
-
-def curves(study: Study, pictures: Sequence[Picture], *more: str) -> Section:
+def curves(study: Study, pictures: Mapping[str, Picture], *more: str) -> Section:
     """The precision-recall curves."""
     return Section(
         "Precision and recall",
@@ -137,7 +97,7 @@ def curves(study: Study, pictures: Sequence[Picture], *more: str) -> Section:
     )
 
 
-def trust(study: Study, picture: Picture) -> Section:
+def trust(study: Study) -> Section:
     """The trust flag."""
     t = study.trust
     wrong = t.false_positives + t.true_negatives
@@ -150,11 +110,11 @@ def trust(study: Study, picture: Picture) -> Section:
             f"It lets pass {t.true_positives} of the {t.true_positives + t.false_negatives} right "
             f"matches, and {passed}.",
         ),
-        (picture,),
+        {"trust.png": figures.trust(study)},
     )
 
 
-def matrix(study: Study, whole: Picture, close: Picture, *more: str) -> Section:
+def matrix(study: Study, pictures: Mapping[str, Picture], *more: str) -> Section:
     """The distance matrix."""
     return Section(
         "The distances, and the answers",
@@ -164,7 +124,7 @@ def matrix(study: Study, whole: Picture, close: Picture, *more: str) -> Section:
             "is wrong; bold is trusted, thin is not.",
             *more,
         ),
-        (whole, close),
+        pictures,
     )
 
 
@@ -192,14 +152,14 @@ def route(study: Study, strip: Picture) -> Section:
         paragraphs.append(
             f"Queries that {shown.name} repairs: {repaired}. Queries that it spoils: {spoiled}."
         )
-    return Section("Where along the route it fails", paragraphs, (strip,))
+    return Section("Where along the route it fails", paragraphs, {"route.png": strip})
 
 
 def mistakes(
-    study: Study, pictures: Sequence[Picture], names: tables.Names, places: tables.Names
+    study: Study, pictures: Mapping[str, Picture], names: tables.Names, places: tables.Names
 ) -> Section:
     """The worst mistakes."""
-    found = tables.worst(study, names, places, MISTAKES)
+    found = tables.worst(study, names, places, figures.MISTAKES)
     says = [
         f"Wrong, with the best scores of all: {study.shown.name} would accept them first. Then the "
         "single matches that the consensus trusts though they are wrong."
@@ -217,14 +177,14 @@ def mistakes(
 def made(*rows: tuple[str, str], command: str) -> Section:
     """The command, and anything else that it takes to do it again."""
     first = "Made with", f"surefix {__version__}: {command}"
-    return Section(
-        "How this was made", ("So that it can be checked, and done again.",), (), (first, *rows)
-    )
+    words = ("So that it can be checked, and done again.",)
+    return Section("How this was made", words, facts=(first, *rows))
 
 
-def share(part: int, whole: int) -> str:
+def share(name: str, part: int, whole: int, label: str) -> Tile:
     """A part in per cent."""
-    return f"{100 * part / whole:.1f} %" if whole else "none"
+    value = f"{100 * part / whole:.1f} %" if whole else "none"
+    return Tile(name, value, label, f"{part} of {whole}")
 
 
 def _stretches(queries: Places, most: int = 12) -> str:

@@ -11,78 +11,44 @@ __all__ = ["Names", "count", "methods", "worst", "write_csv", "write_tables"]
 
 Names = Sequence[str] | None
 
-METHOD_COLUMNS = [
-    "method",
-    "recall_convention",
-    "auc",
-    "auc_low",
-    "auc_high",
-    "difference",
-    "difference_low",
-    "difference_high",
-    "verdict",
-    "max_recall",
-    "recall_at_full_precision",
-    "false_positives",
-    "best_f1",
-    "best_f1_threshold",
-    "correct",
-    "judged",
-]
-CURVE_COLUMNS = ["method", "threshold", "recall", "precision", "false_positives"]
-FIX_COLUMNS = [
-    "method",
-    "query",
-    "name",
-    "place",
-    "score",
-    "ready",
-    "accepted",
-    "judged",
-    "right",
-    "true_place",
-    "trusted",
-]
-PERCENT = f"{100 * UPTO:g} %"
+METHOD_COLUMNS = (
+    "method,recall_convention,auc,auc_low,auc_high,difference,difference_low,difference_high,"
+    "verdict,max_recall,recall_at_full_precision,false_positives,best_f1,best_f1_threshold,"
+    "correct,judged"
+)
+FIX_COLUMNS = "method,query,name,place,score,ready,accepted,judged,right,true_place,trusted"
 
 
 def methods(study: Study) -> Table:
     """Every method, none left out."""
+    percent = f"{100 * UPTO:g} %"
     header = (
-        "method",
-        f"AUC to {PERCENT} recall (95 % interval)",
-        "difference to the plain sequence (95 % interval)",
-        "verdict",
-        "largest recall",
-        "recall at 100 % precision",
-        f"false positives at {PERCENT} recall",
-        "best F1",
+        "method", f"AUC to {percent} recall (95 % interval)",
+        "difference to the plain sequence (95 % interval)", "verdict", "largest recall",
+        "recall at 100 % precision", f"false positives at {percent} recall", "best F1",
         "matches right",
-    )
+    )  # fmt: skip
+    # Not broken into two lines.
+    interval = "({:.3f}\u00a0to\u00a0{:.3f})"
+    signed = "({:+.3f}\u00a0to\u00a0{:+.3f})"
+    rows = []
+    for result in study.results:
+        (area, *ends), (difference, *apart) = result.area, result.difference
+        curve, plain = result.curve, result is study.baseline
+        row = (
+            result.name,
+            f"{area:.3f} {interval.format(*ends)}",
+            "-" if plain else f"{difference:+.3f} {signed.format(*apart)}",
+            "the baseline" if plain else result.outcome,
+            f"{curve.max_recall:.3f}",
+            f"{curve.recall_at_precision(1.0):.3f}",
+            count(curve.false_positives_at(UPTO)),
+            f"{curve.best_f1:.3f}",
+            f"{curve.correct} of {curve.judged}",
+        )
+        rows.append(row)
     caption = f'Recall is "{study.recall}". The plain sequence is the method "{BASELINE}".'
-    return Table("methods", caption, header, [_row(result) for result in study.results])
-
-
-def _row(result: Result) -> Sequence[str]:
-    area, low, high = result.area
-    difference, below, above = result.difference
-    curve, plain = result.curve, result is result.study.baseline
-    return (
-        result.name,
-        f"{area:.3f} {_span(f'{low:.3f}', f'{high:.3f}')}",
-        "-" if plain else f"{difference:+.3f} {_span(f'{below:+.3f}', f'{above:+.3f}')}",
-        "the baseline" if plain else result.outcome,
-        f"{curve.max_recall:.3f}",
-        f"{curve.recall_at_precision(1.0):.3f}",
-        count(curve.false_positives_at(UPTO)),
-        f"{curve.best_f1:.3f}",
-        f"{curve.correct} of {curve.judged}",
-    )
-
-
-def _span(low: str, high: str) -> str:
-    """An interval that is not broken into two lines."""
-    return f"({low}\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}{high})"
+    return Table("methods", caption, header, rows)
 
 
 def count(false: int | None) -> str:
@@ -94,7 +60,8 @@ def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Tabl
     """The mistakes with the best scores, and the trusted ones."""
     shown, run = study.shown, study.run
     header = ("query", "matched to place", "true place", "off by", "score", "trusted")
-    kinds = (
+    found = []
+    for name, caption, queries, place, score in (
         (
             "mistakes",
             f"Wrong matches of {shown.name}, the best scores first.",
@@ -110,30 +77,21 @@ def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Tabl
             run.single_place,
             run.single_distance,
         ),
-    )
-    found = []
-    for name, caption, queries, place, score in kinds:
+    ):
         rows = [
-            _mistake(study, names, places, query, int(place[query]), float(score[query]))
+            (
+                _named(query, names),
+                _named(int(place[query]), places),
+                "none" if study.true_place[query] < 0 else _named(study.true_place[query], places),
+                study.off(query, int(place[query])).removesuffix(" off"),
+                f"{score[query]:.4g}",
+                "yes" if run.trusted[query] else "no",
+            )
             for query in queries
         ]
         if rows:
             found.append(Table(name, caption, header, rows))
     return found
-
-
-def _mistake(
-    study: Study, names: Names, places: Names, query: int, place: int, score: float
-) -> Sequence[str]:
-    true = int(study.true_place[query])
-    return (
-        _named(query, names),
-        _named(place, places),
-        "none" if true < 0 else _named(true, places),
-        study.off(query, place).removesuffix(" off"),
-        f"{score:.4g}",
-        "yes" if study.run.trusted[query] else "no",
-    )
 
 
 def _named(index: int, names: Names) -> str:
@@ -154,19 +112,13 @@ def write_tables(study: Study, folder: Path, names: Names) -> None:
         "trust_recall": t.recall,
         "share_trusted": t.share_trusted,
     }
-    write_csv(folder / "drive.csv", ("quantity", "value"), quantities.items())
-    points = (
-        (result.name, *point)
-        for result in study.results
-        for point in zip(
-            result.curve.thresholds,
-            result.curve.recall,
-            result.curve.precision,
-            result.curve.false_positives,
-            strict=True,
-        )
-    )
-    write_csv(folder / "curves.csv", CURVE_COLUMNS, points)
+    write_csv(folder / "drive.csv", "quantity,value", quantities.items())
+    points: list[Sequence[object]] = []
+    for result in study.results:
+        c = result.curve
+        columns = c.thresholds, c.recall, c.precision, c.false_positives
+        points += [(result.name, *point) for point in zip(*columns, strict=True)]
+    write_csv(folder / "curves.csv", "method,threshold,recall,precision,false_positives", points)
     fixes = (fix for result in study.results for fix in _fixes(result, names))
     write_csv(folder / "fixes.csv", FIX_COLUMNS, fixes)
 
@@ -192,30 +144,16 @@ def _numbers(result: Result) -> Sequence[object]:
 
 def _fixes(result: Result, names: Names) -> Iterable[Sequence[object]]:
     matches, study = result.matches, result.study
+    flags = matches.ready, result.accepted, result.judged, result.right, study.run.trusted
     for query in range(len(study)):
-        yield (
-            result.name,
-            query,
-            None if names is None else names[query],
-            matches.place[query],
-            matches.score[query],
-            *(
-                _flag(flags[query])
-                for flags in (matches.ready, result.accepted, result.judged, result.right)
-                if flags is not None
-            ),
-            study.true_place[query],
-            _flag(study.run.trusted[query]),
-        )
+        *four, trusted = ("true" if flag is not None and flag[query] else "false" for flag in flags)
+        name = None if names is None else names[query]
+        found = query, name, matches.place[query], matches.score[query]
+        yield result.name, *found, *four, study.true_place[query], trusted
 
 
-def _flag(value: object) -> str:
-    return "true" if value else "false"
-
-
-def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """A table as CSV; numbers keep all their digits, and None is an empty cell."""
+def write_csv(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:
+    """A table as CSV below its first line; numbers keep all their digits, None is an empty cell."""
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+        file.write(f"{header}\n")
+        csv.writer(file, lineterminator="\n").writerows(rows)

@@ -7,18 +7,13 @@ Sequential Visual Place Recognition*, ICRA 2023 (arXiv 2307.01464). A module for
 
 # First, as it says which extra to install if matplotlib or Pillow is missing.
 from surefix import plot as _plot  # noqa: F401
-from surefix.reproduce.case import Case, Settings
-from surefix.reproduce.exhibit import Exhibit
-from surefix.reproduce.found import Found, check_pairs, find_datasets, load_cases, read_pairs
-from surefix.reproduce.paper import PaperRow, read_paper
+from surefix.reproduce.case import Case, Settings, generated_cases, matrix_case
+from surefix.reproduce.found import check_pairs, find_datasets, load_cases, read_pairs
+from surefix.reproduce.paper import read_paper
 from surefix.reproduce.report import exhibits, write_report
-from surefix.reproduce.sources import generated_cases, matrix_case
 
 __all__ = [
     "Case",
-    "Exhibit",
-    "Found",
-    "PaperRow",
     "Settings",
     "check_pairs",
     "exhibits",

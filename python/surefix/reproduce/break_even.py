@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,9 +11,9 @@ from surefix.baselines import noisy_predictor
 from surefix.baselines.distances import Floats
 from surefix.plot.curves import finish, star
 from surefix.plot.theme import Theme
-from surefix.report.page import Table, drawn
+from surefix.report.page import Picture, Table
 from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
-from surefix.reproduce.exhibit import Cell, Exhibit, a_case, shown
+from surefix.reproduce.exhibit import Cell, Exhibit, pictured, shown
 from surefix.study import UPTO
 
 __all__ = ["BreakEven", "break_even", "crossing", "measure"]
@@ -61,9 +60,7 @@ class BreakEven:
 
 
 def crossing(rates: Floats, areas: Floats, baseline: float) -> float | None:
-    """The lowest rate at which the area falls below the baseline, on straight lines between the
-    measured ones.
-    """
+    """The lowest rate at which the area falls below the baseline, on straight lines."""
     below = np.flatnonzero(areas < baseline)
     if not len(below):
         return None
@@ -91,95 +88,63 @@ def measure(case: Case, settings: Settings) -> BreakEven:
         )
         return study.at(trusted=trusted).shown.curve.auc(UPTO)
 
-    areas = np.array(
-        [[area(rate, seed) for seed in range(settings.draws)] for rate in rates.tolist()]
-    )
-    return BreakEven(
-        case,
-        trust,
-        rates,
-        areas.mean(axis=1),
-        areas.min(axis=1),
-        areas.max(axis=1),
-        study.baseline.curve.auc(UPTO),
-        study.shown.curve.auc(UPTO),
-    )
+    seeds = range(settings.draws)
+    areas = np.array([[area(rate, seed) for seed in seeds] for rate in rates.tolist()])
+    drawn = areas.mean(axis=1), areas.min(axis=1), areas.max(axis=1)
+    both = (result.curve.auc(UPTO) for result in (study.baseline, study.shown))
+    return BreakEven(case, trust, rates, *drawn, *both)
 
 
 def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """The break-even of each case."""
     measured = [measure(case, settings) for case in cases]
     rows: list[Sequence[Cell]] = []
-    pictures = {}
+    lines: list[Sequence[str]] = []
+    pictures: dict[str, Picture] = {}
     for one in measured:
-        names, recall = (one.case.dataset, one.case.technique), one.trust.recall
+        names, trust = (one.case.dataset, one.case.technique), one.trust
+        recall, fpr = trust.recall, trust.false_positive_rate
+        consensus, baseline = one.consensus, one.baseline
         columns = (one.rates, one.areas, one.lowest, one.highest)
         points = zip(*(column.tolist() for column in columns), strict=True)
         rows += [(*names, "drawn", recall, *point) for point in points]
-        fpr, consensus, baseline = one.trust.false_positive_rate, one.consensus, one.baseline
         rows.append((*names, "consensus", recall, fpr, consensus, consensus, consensus))
         rows.append((*names, "unweighted", None, None, baseline, baseline, baseline))
         rows.append((*names, "break-even", recall, one.rate, baseline, None, None))
-        even = "none" if one.rate is None else f"{one.rate:.3f}"
-        pictures[one.case] = drawn(
-            partial(_draw, one),
-            (6.4, 4.9),
-            f"Area by false positive rate for {one.case.name}: from {one.areas[0]:.2f} at 0 to "
-            f"{one.areas[-1]:.2f} at 1; unweighted {baseline:.2f}; break-even {even}.",
-            one.case.name,
-            small=True,
+        even, precision = (
+            "none" if number is None else shown(number) for number in (one.rate, one.precision)
         )
+        trusted = shown(recall), shown(fpr), even, shown(trust.precision), precision
+        lines.append((*names, *trusted, shown(baseline), shown(consensus)))
+        alt = (
+            f"Area by false positive rate for {one.case.name}: from {one.areas[0]:.2f} at 0 to "
+            f"{one.areas[-1]:.2f} at 1; unweighted {baseline:.2f}; break-even {even}."
+        )
+        pictures |= pictured("break_even", one.case, alt, _draw, one)
+    header = (
+        "data set", "technique", "trusted, of the right", "trusted, of the wrong", "break-even",
+        "right, of the trusted", "at break-even", "unweighted", "consensus",
+    )  # fmt: skip
+    caption = "The consensus's rates, and the break-even's; areas on the right"
     return Exhibit(
-        "break_even",
         "How good must a predictor be? The break-even",
         (
             f"Weight {WEIGHT:g}, L = {LENGTH}. Predictors are drawn that trust as large a share of "
             "the right matches as the consensus does, and a growing share of the wrong ones, "
             f"{settings.draws} draws each. The break-even is the rate at which the line falls "
-            "below "
-            "the unweighted sequence: trust wrong matches more often than that, and weighting "
-            "costs. It moves with the data, so a rate that is fine on one route is not on another.",
+            "below the unweighted sequence: trust wrong matches more often than that, and "
+            "weighting costs. It moves with the data, so a rate that is fine on one route is not "
+            "on another.",
             "The consensus is the mark. It need not lie on the line: it errs at places that look "
             "alike, and a drawn predictor errs anywhere.",
         ),
-        [
-            "dataset",
-            "technique",
-            "what",
-            "true_positive_rate",
-            "false_positive_rate",
-            "auc",
-            "lowest",
-            "highest",
-        ],
-        rows,
-        a_case("break_even", pictures),
-        (_table(measured),),
-        [_said(one) for one in measured],
+        pictures,
+        tables=(Table("break-even", caption, header, lines),),
+        points=[_said(one) for one in measured],
+        name="break_even",
+        header="dataset,technique,what,true_positive_rate,false_positive_rate,auc,lowest,highest",
+        rows=rows,
     )
-
-
-def _table(measured: Sequence[BreakEven]) -> Table:
-    header = (
-        "data set", "technique", "trusted, of the right", "trusted, of the wrong", "break-even",
-        "right, of the trusted", "at break-even", "unweighted", "consensus",
-    )  # fmt: skip
-    lines = [
-        (
-            one.case.dataset,
-            one.case.technique,
-            shown(one.trust.recall),
-            shown(one.trust.false_positive_rate),
-            "none" if one.rate is None else shown(one.rate),
-            shown(one.trust.precision),
-            "none" if one.precision is None else shown(one.precision),
-            shown(one.baseline),
-            shown(one.consensus),
-        )
-        for one in measured
-    ]
-    caption = "The consensus's rates, and the break-even's; areas on the right"
-    return Table("break-even", caption, header, lines)
 
 
 def _said(one: BreakEven) -> str:
@@ -201,7 +166,7 @@ def _said(one: BreakEven) -> str:
     )
 
 
-def _draw(one: BreakEven, ax: Axes, theme: Theme) -> Axes:
+def _draw(ax: Axes, one: BreakEven, *, theme: Theme) -> Axes:
     colour = theme.trusted_right
     ax.fill_between(one.rates, one.lowest, one.highest, color=colour, alpha=0.13, linewidth=0)
     ax.plot(

@@ -1,8 +1,8 @@
-"""Precision-recall curves: of the sequences, of the single frames, and against the perfect
-prediction.
-"""
+"""Precision-recall curves: sequences, single frames, and against the perfect prediction."""
 
 from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from surefix import plot
 from surefix._core import Evaluation, evaluate
@@ -12,11 +12,12 @@ from surefix.baselines import (
     maximum_gradient,
     single_frame,
 )
+from surefix.baselines.truth import Truth, by_metres
 from surefix.errors import SurefixError
 from surefix.matches import Matches
-from surefix.report.page import Picture, drawn
-from surefix.reproduce.case import Case, Settings, sliced
-from surefix.reproduce.exhibit import Cell, Exhibit, a_case
+from surefix.report.page import Picture
+from surefix.reproduce.case import Case, Settings
+from surefix.reproduce.exhibit import Cell, Exhibit, pictured
 from surefix.study import UPTO
 
 __all__ = ["perfect_prediction", "sequences", "single_frames"]
@@ -108,9 +109,16 @@ def perfect_prediction(cases: Sequence[Case], settings: Settings) -> Exhibit:
     )
 
 
+def _sliced(truth: Truth, queries: slice) -> Truth:
+    """The truth of some of the queries."""
+    if by_metres(truth):
+        return truth[0], np.asarray(truth[1])[queries]
+    return np.asarray(truth)[..., queries]
+
+
 def _supervised(case: Case, begin: int) -> Matches:
     predictor = SupervisedPredictor()
-    predictor.fit(case.D[:, :begin], sliced(case.truth, slice(0, begin)), case.tolerance)
+    predictor.fit(case.D[:, :begin], _sliced(case.truth, slice(0, begin)), case.tolerance)
     return masked_single_frame(case.D, trusted=predictor.predict(case.D))
 
 
@@ -122,7 +130,7 @@ def _evaluate_from(case: Case, begin: int, matches: Matches, settings: Settings)
         None if matches.ready is None else matches.ready[begin:],
         None if matches.accepted is None else matches.accepted[begin:],
     )
-    truth = sliced(case.truth, slice(begin, None))
+    truth = _sliced(case.truth, slice(begin, None))
     return evaluate(part, truth, case.tolerance, settings.recall)
 
 
@@ -146,29 +154,16 @@ def _exhibit(
     points: Sequence[str],
 ) -> Exhibit:
     rows: list[Sequence[Cell]] = []
+    pictures: dict[str, Picture] = {}
     for case, named in curves.items():
         for method, curve in named.items():
             columns = (curve.recall, curve.precision, curve.thresholds, curve.false_positives)
             numbers = zip(*(column.tolist() for column in columns), strict=True)
             rows += [(case.dataset, case.technique, method, *point) for point in numbers]
-    return Exhibit(
-        name,
-        title,
-        paragraphs,
-        ["dataset", "technique", "curve", "recall", "precision", "threshold", "false_positives"],
-        rows,
-        a_case(name, {case: _picture(case, named, settings) for case, named in curves.items()}),
-        points=points,
-    )
-
-
-def _picture(case: Case, curves: Curves, settings: Settings) -> Picture:
-    return drawn(
-        lambda ax, theme: plot.precision_recall(
-            ax, curves, upto=UPTO, recall=settings.recall, theme=theme
-        ),
-        (6.4, 4.9),
-        f"Precision-recall curves of {case.name}. Area up to recall {UPTO:g}: {_ranked(curves)}.",
-        case.name,
-        small=True,
-    )
+        alt = (
+            f"Precision-recall curves of {case.name}. Area up to recall {UPTO:g}: {_ranked(named)}."
+        )
+        options = {"upto": UPTO, "recall": settings.recall}
+        pictures |= pictured(name, case, alt, plot.precision_recall, named, **options)
+    header = "dataset,technique,curve,recall,precision,threshold,false_positives"
+    return Exhibit(title, paragraphs, pictures, points=points, name=name, header=header, rows=rows)

@@ -1,72 +1,42 @@
 """An exhibit, a table or figure of the paper: rows for a CSV file, pictures, sentences."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from surefix.report.page import Picture, Section, Table
+from surefix.report.page import Picture, Section, drawn
 from surefix.reproduce.case import Case
 
-__all__ = ["Cell", "Exhibit", "a_case", "in_parts", "listed", "shown", "stem"]
+__all__ = ["Cell", "Exhibit", "listed", "pictured", "shown", "stem"]
 
 Cell = str | int | float | None
 
-# More rows in one picture cannot be read.
-ROWS_A_PICTURE = 8
 
-
-@dataclass(frozen=True)
-class Exhibit:
-    """One table or figure of the paper, made again.
+@dataclass(frozen=True, kw_only=True)
+class Exhibit(Section):
+    """One table or figure of the paper, made again; its points are a sentence a case.
 
     Attributes
     ----------
     name : str
         The stem of its CSV file.
-    title : str
-    paragraphs : sequence of str
-        Its meaning, with its numbers.
     header, rows
-        The whole CSV file: an empty cell is None.
-    pictures : mapping of a file's stem to a ``Picture``
-    tables : sequence of ``Table``
-        The numbers on the page.
-    points : sequence of str
-        A sentence a case.
+        The whole CSV file, its first line and its cells: an empty one is None.
     """
 
     name: str
-    title: str
-    paragraphs: Sequence[str]
-    header: Sequence[str]
+    header: str
     rows: Sequence[Sequence[Cell]]
-    pictures: Mapping[str, Picture] = field(default_factory=dict)
-    tables: Sequence[Table] = ()
-    points: Sequence[str] = ()
-
-    @property
-    def section(self) -> Section:
-        """On the page."""
-        pictures = tuple(self.pictures.values())
-        return Section(
-            self.title, self.paragraphs, pictures, tables=self.tables, points=self.points
-        )
 
 
-def a_case(name: str, pictures: Mapping[Case, Picture]) -> dict[str, Picture]:
-    """A picture for each case, by the stems of their files."""
-    return {stem(name, case.dataset, case.technique): picture for case, picture in pictures.items()}
-
-
-def in_parts(
-    name: str, cases: Sequence[Case], picture: Callable[[Sequence[Case]], Picture]
+def pictured(
+    name: str, case: Case, alt: str, draw: Any, *data: Any, **options: Any
 ) -> dict[str, Picture]:
-    """A picture for every eight cases, by the stems of their files."""
-    starts = range(0, len(cases), ROWS_A_PICTURE)
-    return {
-        f"{name}_{number}" if number > 1 else name: picture(cases[start:][:ROWS_A_PICTURE])
-        for number, start in enumerate(starts, 1)
-    }
+    """A picture of one case, as by ``drawn``, by the name of its file."""
+    file = f"{stem(name, case.dataset, case.technique)}.png"
+    picture = drawn((6.4, 4.9), alt, draw, *data, caption=case.name, small=True, **options)
+    return {file: picture}
 
 
 def shown(value: float | None, digits: int = 3) -> str:

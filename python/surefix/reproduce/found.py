@@ -8,10 +8,9 @@ import numpy as np
 
 from surefix import datasets
 from surefix.baselines.truth import Truth
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
-from surefix.reproduce.case import Case
+from surefix.errors import SurefixError, SurefixFileError, mismatch, refusal
+from surefix.reproduce.case import IDENTITY, SAD, Case, kind, sad_distances
 from surefix.reproduce.exhibit import stem
-from surefix.reproduce.sources import IDENTITY, SAD, kind, sad_distances
 from surefix.tables.matrices import read_matrix
 from surefix.tables.truth import read_truth
 
@@ -50,9 +49,7 @@ class Found:
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
-        """The first of its traverses against each other; none if it has no choice, or not two
-        traverses.
-        """
+        """The first of its traverses against each other; none if it has no choice, or not two."""
         if self._own:
             return []
         first, *others = datasets.traverses(self.dataset, self.folder) or [""]
@@ -92,13 +89,9 @@ def read_pairs(texts: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
         dataset = name.strip().lower().replace("-", "_")
         reference, _, query = pair.partition("/")
         if not reference or not query or "/" in query or reference == query:
-            raise SurefixValueError(
-                f"--pair: expected DATASET=REFERENCE/QUERY, two traverses, got {text!r}"
-            )
+            raise mismatch("--pair", "DATASET=REFERENCE/QUERY, two traverses", repr(text))
         if dataset not in known:
-            raise SurefixValueError(
-                f"--pair: expected one of {', '.join(known)} before the =, got {name!r}"
-            )
+            raise mismatch("--pair", f"one of {', '.join(known)} before the =", repr(name))
         if (reference, query) not in chosen.setdefault(dataset, []):
             chosen[dataset].append((reference, query))
     return chosen
@@ -120,20 +113,17 @@ def check_pairs(
         if not places:
             known = [found.dataset for found in there if found.dataset in datasets.DATASETS]
             listed = ", ".join(dict.fromkeys(known)) or "none"
-            raise SurefixValueError(
-                f"--pair: expected a data set that is there ({listed} in {folder}), got {dataset}"
-            )
+            expected = f"a data set that is there ({listed} in {folder})"
+            raise mismatch("--pair", expected, dataset)
         for pair in pairs:
             if not any(found.has(pair) for found in places):
-                named = {
-                    found.folder: ", ".join(datasets.traverses(dataset, found.folder)) or "none"
+                listed = "; ".join(
+                    f"{', '.join(datasets.traverses(dataset, found.folder)) or 'none'} in "
+                    f"{found.folder}"
                     for found in places
-                }
-                listed = "; ".join(f"{names} in {place}" for place, names in named.items())
-                raise SurefixValueError(
-                    f"--pair {dataset}: expected traverses that are there ({listed}), got "
-                    f"{'/'.join(pair)}"
                 )
+                expected = f"traverses that are there ({listed})"
+                raise mismatch(f"--pair {dataset}", expected, "/".join(pair))
 
 
 def find_datasets(folder: Path) -> list[Found]:
@@ -152,21 +142,10 @@ def find_datasets(folder: Path) -> list[Found]:
         # A data set found at the top is not found once more in its own parts; matrices have none.
         if top is not None and top.dataset != MATRICES:
             return [top]
-        candidates = [
-            *([top] if top else []),
-            *(found for place in below if (found := _looks_like(place)) is not None),
-        ]
+        candidates = [found for place in (folder, *below) if (found := _looks_like(place))]
     except OSError as error:
-        raise SurefixFileError(
-            f"{error.filename}: cannot list the folder: {error.strerror}"
-        ) from None
-    return _told_apart(candidates)
-
-
-def _told_apart(candidates: Sequence[Found]) -> list[Found]:
-    """With a title of its own for each, from its folder's name, and a number if that is not
-    enough.
-    """
+        raise refusal(error.filename, "cannot list the folder", error) from None
+    # A title of its own for each, from its folder's name, and a number if that is not enough.
     titles = [stem(found.title) for found in candidates]
     told: list[Found] = []
     for found, title in zip(candidates, titles, strict=True):
@@ -227,9 +206,7 @@ def _load(
     options: dict[str, str],
     ready: Mapping[Path, tuple[str, ...]],
 ) -> tuple[list[Case], list[str]]:
-    """The cases of one pair: of its images, and of the matrices in folders, each with its notes.
-    If the images fail, matrices need a truth of their own.
-    """
+    """The cases of a pair: of its images, and of matrices in folders, each with its notes."""
     cases: list[Case] = []
     problems: list[str] = []
     known: tuple[Truth, float] | None = None
@@ -242,8 +219,7 @@ def _load(
             truth, tolerance = known = _truth(pair)
             D = sad_distances(pair.references, pair.queries)
             source, notes = f"images in {found.folder}", tuple(pair.notes)
-            case = Case(names[0], SAD, D, truth, tolerance, source, notes, aliases=names[1:])
-            cases.append(case)
+            cases.append(Case(names[0], SAD, D, truth, tolerance, source, notes, names[1:]))
         except SurefixError as error:
             problems.append(str(error))
     for folder, notes in ready.items():
@@ -273,41 +249,30 @@ def _matrix(
     if stem(technique) in taken:
         technique = path.stem
     if stem(technique) in taken:
-        raise SurefixValueError(
-            f"{path}: expected names that differ in letters or digits, got another such"
-        )
+        raise mismatch(path, "names that differ in letters or digits", "another such")
     similarity = word == "similarity"
     D = read_matrix(path, similarity)
-    if known is None:
-        beside, assumed = _truth_beside(found, path, *D.shape)
-        known, notes = (beside, 1), notes + assumed
-    truth, tolerance = known
-    source = f"ready {kind(similarity)}, {path}"
-    return Case(names[0], technique, D, truth, tolerance, source, notes, aliases=names[1:])
-
-
-def _truth_beside(
-    found: Found, path: Path, places: int, queries: int
-) -> tuple[Truth, tuple[str, ...]]:
-    """The truth of a matrix without images: of ``ground_truth.csv``, or the identity if it is
-    square.
-    """
-    file = found.folder / TRUTH
-    if file.is_file():
-        return read_truth(file, places, queries), ()
-    if found.dataset not in BY_POSITION and places == queries:
-        return np.arange(queries, dtype=np.int64), (IDENTITY,)
-    why = f"{places} places and {queries} queries cannot be paired one to one"
-    if found.dataset in BY_POSITION:
+    (places, queries), file = D.shape, found.folder / TRUTH
+    # Without the images, a matrix needs a truth of its own.
+    if known is not None:
+        truth, tolerance = known
+    elif file.is_file():
+        truth, tolerance = read_truth(file, places, queries), 1
+    elif found.dataset in BY_POSITION:
         why = "without the images' positions there is no truth"
-    raise SurefixFileError(f"{path}: expected {file}, as {why}")
+        raise SurefixFileError(f"{path}: expected {file}, as {why}")
+    elif places != queries:
+        why = f"{places} places and {queries} queries cannot be paired one to one"
+        raise SurefixFileError(f"{path}: expected {file}, as {why}")
+    else:
+        truth, tolerance, notes = np.arange(queries, dtype=np.int64), 1, (*notes, IDENTITY)
+    source = f"ready {kind(similarity)}, {path}"
+    return Case(names[0], technique, D, truth, tolerance, source, notes, names[1:])
 
 
 def _truth(pair: datasets.Pair) -> tuple[Truth, float]:
     if pair.truth is not None and not (pair.truth >= 0).any():
-        raise SurefixValueError(
-            f"{pair.name}: expected a query with a true place, got {len(pair.truth)} without"
-        )
+        raise mismatch(pair.name, "a query with a true place", f"{len(pair.truth)} without")
     if pair.reference_positions is not None and pair.query_positions is not None:
         return (pair.reference_positions, pair.query_positions), METRES
     if pair.truth is None:

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from surefix import __version__
-from surefix.errors import SurefixValueError
+from surefix.errors import mismatch
 from surefix.machine import machine
 from surefix.report import sections
-from surefix.report.page import Section, Tile, page, write
+from surefix.report.page import Section, Tile, write
 from surefix.report.tables import write_csv
 from surefix.reproduce.break_even import break_even
 from surefix.reproduce.case import Case, Settings
@@ -33,17 +33,15 @@ def exhibits(
     SurefixError
         If two cases have one name, or a case does not do.
     """
-    _check_distinct(cases)
+    # Files are named after cases, so each needs a name of its own.
+    names = [stem(case.dataset, case.technique) for case in cases]
+    for case, name in zip(cases, names, strict=True):
+        if names.count(name) > 1:
+            raise mismatch("cases", "names that differ in letters or digits", f"{case.name} twice")
     yield table_1(cases, paper, settings)
-    for make in (
-        sequences,
-        single_frames,
-        perfect_prediction,
-        weight_sweep,
-        break_even,
-        ablation,
-        false_positives,
-    ):
+    for curves in (sequences, single_frames, perfect_prediction):
+        yield curves(cases, settings)
+    for make in (weight_sweep, break_even, ablation, false_positives):
         yield make(cases, settings)
     yield execution_time(machine(), settings)
 
@@ -57,39 +55,21 @@ def write_report(
     problems: Sequence[str] = (),
     command: str = "surefix reproduce",
 ) -> Path:
-    """Writes the page, a PNG of each picture and a CSV of each exhibit; returns the path of the
-    page.
-    """
+    """Writes the page, a PNG of each picture and a CSV of each exhibit; returns the page's path."""
 
     def tables(inside: Path) -> None:
         for exhibit in made:
             write_csv(inside / f"{exhibit.name}.csv", exhibit.header, exhibit.rows)
 
-    text = page(
+    return write(
+        folder,
         "The paper, made again",
         _lead(cases, settings, problems),
         (),
         _tiles(made[0], len(cases)),
-        [
-            *(exhibit.section for exhibit in made),
-            _data(cases, settings, problems),
-            _made(settings, command),
-        ],
+        [*made, _data(cases, settings, problems), _made(settings, command)],
+        tables,
     )
-    pictures = {
-        f"{name}.png": picture for exhibit in made for name, picture in exhibit.pictures.items()
-    }
-    return write(folder, text, pictures, tables)
-
-
-def _check_distinct(cases: Sequence[Case]) -> None:
-    """Files are named after cases, so each needs a name of its own."""
-    names = [stem(case.dataset, case.technique) for case in cases]
-    for case, name in zip(cases, names, strict=True):
-        if names.count(name) > 1:
-            raise SurefixValueError(
-                f"cases: expected names that differ in letters or digits, got {case.name} twice"
-            )
 
 
 def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) -> Sequence[str]:
@@ -97,10 +77,8 @@ def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
     if len(drawn) == len(cases):
         data = (
             "None of the paper's data was given, so all of this is on a generated route: a drawn "
-            "world, not a real "
-            "one. It shows what the method does and that it works; its numbers are not the "
-            "paper's, and no real "
-            "route's. Give the data sets with --data."
+            "world, not a real one. It shows what the method does and that it works; its numbers "
+            "are not the paper's, and no real route's. Give the data sets with --data."
         )
     elif drawn:
         count = f"{len(drawn)} of the {len(cases)}"
@@ -109,10 +87,8 @@ def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
         data = f"On {len(cases)} cases of recorded data, none of it generated."
     lead = [
         "Carson, Ford and Milford, \u201cUnsupervised Quality Prediction for Improved Single-Frame "
-        "and Weighted "
-        "Sequential Visual Place Recognition\u201d, ICRA 2023 (arXiv 2307.01464): its table and "
-        "its figures, computed "
-        "anew by surefix, on the data that is here.",
+        "and Weighted Sequential Visual Place Recognition\u201d, ICRA 2023 (arXiv 2307.01464): its "
+        "table and its figures, computed anew by surefix, on the data that is here.",
         data,
     ]
     if problems:
@@ -128,7 +104,7 @@ def _lead(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
 
 
 def _tiles(first: Exhibit, cases: int) -> Sequence[Tile]:
-    column = list(first.header).index("verdict")
+    column = first.header.split(",").index("verdict")
     verdicts = [row[column] for row in first.rows]
     return tuple(
         Tile(verdict, str(verdicts.count(verdict)), label, f"of {cases} rows of Table I")
@@ -150,7 +126,7 @@ def _data(cases: Sequence[Case], settings: Settings, problems: Sequence[str]) ->
         rows.append((case.name, ". ".join(part.rstrip(".") for part in parts) + "."))
     missing = [f"Not used: {problem}" for problem in problems]
     return Section(
-        "The data", ("All data that was found, used or not.",), rows=rows, points=missing
+        "The data", ("All data that was found, used or not.",), facts=rows, points=missing
     )
 
 
@@ -179,5 +155,5 @@ def _made(settings: Settings, command: str) -> Section:
     return Section(
         "How this was made",
         ("Beside this page: a PNG of each picture, a CSV of each section.",),
-        rows=rows,
+        facts=rows,
     )

@@ -1,17 +1,15 @@
 """The area over one option: the weight from 0 to 1, and the length of the sequence from 2 to 9."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from surefix import plot
 from surefix.baselines import noisy_predictor
 from surefix.baselines.distances import Flags, Floats
-from surefix.report.page import Picture, Table, drawn
+from surefix.report.page import Picture, Table
 from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
-from surefix.reproduce.exhibit import Cell, Exhibit, a_case, listed, shown
+from surefix.reproduce.exhibit import Cell, Exhibit, listed, pictured, shown
 from surefix.study import UPTO, Study
 
 __all__ = ["ablation", "weight_sweep"]
@@ -30,7 +28,8 @@ def weight_sweep(cases: Sequence[Case], settings: Settings) -> Exhibit:
     # With the paper's own weight among them.
     weights = np.union1d(np.linspace(0, 1, 5 if settings.quick else 21), [WEIGHT])
     rows: list[Sequence[Cell]] = []
-    pictures, points = {}, []
+    pictures: dict[str, Picture] = {}
+    points = []
     for case in cases:
         bands = _bands(case.study(settings), weights, settings)
         for name, band in bands.items():
@@ -39,20 +38,16 @@ def weight_sweep(cases: Sequence[Case], settings: Settings) -> Exhibit:
         ends = ", ".join(
             f"{name} {area[0]:.2f} to {area[-1]:.2f}" for name, (area, *_) in bands.items()
         )
-        pictures[case] = drawn(
-            partial(_weights, weights, bands),
-            (6.4, 4.9),
+        alt = (
             f"Area up to recall {UPTO:g} by weight, for {case.name}; from weight 0 to weight 1: "
-            f"{ends}.",
-            case.name,
-            small=True,
+            f"{ends}."
         )
+        pictures |= pictured("weight_sweep", case, alt, plot.weight_sweep, weights, bands)
         said = "; ".join(_said(name, weights, band[0]) for name, band in bands.items())
         points.append(
             f"{case.name}: {bands['perfect'][0][0]:.3f} unweighted. At weight {WEIGHT:g}: {said}."
         )
     return Exhibit(
-        "weight_sweep",
         "How far to draw trusted matches: the weight from 0 to 1",
         (
             f"Sequences of L = {LENGTH}, the area up to recall {UPTO:g} at each weight; 0 is the "
@@ -64,15 +59,12 @@ def weight_sweep(cases: Sequence[Case], settings: Settings) -> Exhibit:
             "overlap may still differ for sure: Table I has the interval of the difference.",
             "Break-even is the weight at which a line crosses the height that it has at weight 0.",
         ),
-        ["dataset", "technique", "predictor", "weight", "auc", "low", "high"],
-        rows,
-        a_case("weight_sweep", pictures),
+        pictures,
         points=points,
+        name="weight_sweep",
+        header="dataset,technique,predictor,weight,auc,low,high",
+        rows=rows,
     )
-
-
-def _weights(weights: Floats, bands: Mapping[str, Band], ax: Axes, theme: plot.Theme) -> None:
-    plot.weight_sweep(ax, weights, bands, theme=theme)
 
 
 def _bands(study: Study, weights: Floats, settings: Settings) -> Mapping[str, Band]:
@@ -105,15 +97,10 @@ def _band(study: Study, weights: Floats, flags: Sequence[Flags | None], settings
 def _said(name: str, weights: Floats, areas: Floats) -> str:
     """A predictor's sweep in words."""
     start, paper = areas[0], areas[np.flatnonzero(weights == WEIGHT)[0]]
-    better, worse = areas > start, areas < start
-    if not better.any() and not worse.any():
-        effect = "no weight changes it"
-    elif not worse.any():
-        effect = "no weight costs"
-    elif not better.any():
-        effect = "no weight gains"
-    else:
-        effect = f"gains at {_spans(weights, better)}, costs at {_spans(weights, worse)}"
+    gains, costs = _spans(weights, areas > start), _spans(weights, areas < start)
+    effect = "no weight costs" if gains else "no weight gains" if costs else "no weight changes it"
+    if gains and costs:
+        effect = f"gains at {gains}, costs at {costs}"
     return f"{name} {paper:.3f} ({effect})"
 
 
@@ -132,7 +119,8 @@ def _rates(rates: tuple[float, float]) -> str:
 def ablation(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """Every length of every case."""
     rows: list[Sequence[Cell]] = []
-    lines, pictures, losses = [], {}, []
+    pictures: dict[str, Picture] = {}
+    lines, losses = [], []
     for case in cases:
         areas: dict[str, list[float]] = {"weighted": [], "unweighted": []}
         for length in LENGTHS:
@@ -148,12 +136,14 @@ def ablation(cases: Sequence[Case], settings: Settings) -> Exhibit:
                 change = f"{before:.3f} to {after:.3f}, interval {low:+.3f} to {high:+.3f}"
                 losses.append(f"{case.name}, L = {length} ({change})")
         lines += [(case.name, name, *map(shown, values)) for name, values in areas.items()]
-        pictures[case] = _lengths(case, areas)
+        text = "; ".join(f"{name} {', '.join(map(shown, each))}" for name, each in areas.items())
+        span = f"L from {LENGTHS[0]} to {LENGTHS[-1]}"
+        alt = f"Area by sequence length for {case.name}, {span}: {text}."
+        pictures |= pictured("ablation", case, alt, plot.ablation, LENGTHS, areas)
     total = len(cases) * len(LENGTHS)
     header = ("case", "sequence", *(f"L = {k}" for k in LENGTHS))
     said = f"In {len(losses)} of the {total} cases and lengths the weighted area is the smaller"
     return Exhibit(
-        "ablation",
         "The length of the sequence",
         (
             f"The area up to recall {UPTO:g} for L from {LENGTHS[0]} to {LENGTHS[-1]} queries, "
@@ -161,19 +151,9 @@ def ablation(cases: Sequence[Case], settings: Settings) -> Exhibit:
             "first answer, and asks more of a robot to move as the first drive did.",
             f"{said}{': ' + listed(losses) if losses else ''}.",
         ),
-        ["dataset", "technique", "length", "unweighted", "weighted", "difference", "low", "high"],
-        rows,
-        a_case("ablation", pictures),
-        (Table("ablation", f"Area up to recall {UPTO:g}", header, lines),),
-    )
-
-
-def _lengths(case: Case, areas: Mapping[str, list[float]]) -> Picture:
-    text = "; ".join(f"{name} {', '.join(map(shown, values))}" for name, values in areas.items())
-    return drawn(
-        lambda ax, theme: plot.ablation(ax, LENGTHS, areas, upto=UPTO, theme=theme),
-        (6.4, 4.9),
-        f"Area by sequence length for {case.name}, L from {LENGTHS[0]} to {LENGTHS[-1]}: {text}.",
-        case.name,
-        small=True,
+        pictures,
+        tables=(Table("ablation", f"Area up to recall {UPTO:g}", header, lines),),
+        name="ablation",
+        header="dataset,technique,length,unweighted,weighted,difference,low,high",
+        rows=rows,
     )

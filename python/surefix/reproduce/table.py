@@ -1,43 +1,21 @@
-"""Table I: the area up to 20 % recall, baseline and weighted, with the interval of the difference;
-and the false positives behind it.
-"""
+"""Table I: the areas up to 20 % recall and their difference; the false positives behind it."""
 
 from collections.abc import Callable, Sequence
 from textwrap import fill
-from typing import TypeVar
+from typing import Any
 
 from surefix import plot
 from surefix.report.page import Picture, Table, drawn
 from surefix.report.tables import count
 from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
-from surefix.reproduce.exhibit import Cell, Exhibit, in_parts, listed, shown
+from surefix.reproduce.exhibit import Cell, Exhibit, listed, shown
 from surefix.reproduce.paper import PaperRow
 from surefix.study import UPTO, Result
 
 __all__ = ["false_positives", "table_1"]
 
-T = TypeVar("T")
-
 # Letters in a line of a label: a longer one leaves the picture no room.
 LABEL = 48
-HEADER = [
-    "dataset",
-    "technique",
-    "places",
-    "queries",
-    "correct_unweighted",
-    "correct_weighted",
-    "baseline",
-    "weighted",
-    "difference",
-    "low",
-    "high",
-    "reached_recall_baseline",
-    "reached_recall_weighted",
-    "verdict",
-    "paper_baseline",
-    "paper_weighted",
-]
 
 
 def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: Settings) -> Exhibit:
@@ -51,40 +29,16 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
             None,
         )
         seen.append(own)
-        plain, weighted = case.study(settings).results
+        both = case.study(settings).results
+        names, weighted = (case.dataset, case.technique), both[1]
+        curves, areas = [result.curve for result in both], [result.area[0] for result in both]
+        correct, reached = [c.correct for c in curves], [c.max_recall for c in curves]
+        numbers = *case.D.shape, *correct, *areas, *weighted.difference, *reached
+        theirs = (None, None) if own is None else (own.baseline, own.weighted)
+        rows.append((*names, *numbers, weighted.outcome, *theirs))
         difference, low, high = weighted.difference
-        rows.append(
-            (
-                case.dataset,
-                case.technique,
-                *case.D.shape,
-                plain.curve.correct,
-                weighted.curve.correct,
-                plain.area[0],
-                weighted.area[0],
-                difference,
-                low,
-                high,
-                plain.curve.max_recall,
-                weighted.curve.max_recall,
-                weighted.outcome,
-                None if own is None else own.baseline,
-                None if own is None else own.weighted,
-            )
-        )
-        lines.append(
-            (
-                case.dataset,
-                case.technique,
-                str(case.D.shape[1]),
-                shown(plain.area[0]),
-                shown(weighted.area[0]),
-                f"{difference:+.3f}",
-                f"{low:+.3f}\u00a0to\u00a0{high:+.3f}",
-                weighted.outcome,
-                _pair(own),
-            )
-        )
+        apart = f"{difference:+.3f}", f"{low:+.3f}\u00a0to\u00a0{high:+.3f}", weighted.outcome
+        lines.append((*names, str(case.D.shape[1]), *map(shown, areas), *apart, _pair(own)))
     absent = [own for own in paper or () if own not in seen]
     for own in absent:
         names = own.dataset, own.technique
@@ -95,16 +49,54 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
         "weighting", "paper: baseline, weighted",
     )  # fmt: skip
     caption = f"Area up to recall {UPTO:g}, L = {LENGTH}, w = {WEIGHT:g}"
-    return Exhibit(
+    pictures = _pictures(
         "table_1",
+        cases,
+        settings,
+        plot.auc_intervals,
+        lambda result: result.area,
+        lambda part: (
+            f"Areas with their intervals: {'; '.join(_said(case, settings) for case in part)}."
+        ),
+        "Each area with its own interval. Whether two of a pair differ is told by the interval of "
+        "their difference.",
+    )
+    return Exhibit(
         "Table I: the area up to 20 % recall",
         _paragraphs(cases, paper, absent, settings),
-        HEADER,
-        rows,
-        in_parts("table_1", cases, lambda part: _areas(part, settings)),
-        (Table("table-1", caption, header, lines),),
-        _points(cases, settings),
+        pictures,
+        tables=(Table("table-1", caption, header, lines),),
+        points=_points(cases, settings),
+        name="table_1",
+        header="dataset,technique,places,queries,correct_unweighted,correct_weighted,baseline,"
+        "weighted,difference,low,high,reached_recall_baseline,reached_recall_weighted,verdict,"
+        "paper_baseline,paper_weighted",
+        rows=rows,
     )
+
+
+def _pictures(
+    name: str,
+    cases: Sequence[Case],
+    settings: Settings,
+    draw: Any,
+    of: Callable[[Result], Any],
+    alt: Callable[[Sequence[Case]], str],
+    caption: str = "",
+) -> dict[str, Picture]:
+    """A number of each result, eight cases in a picture: more rows cannot be read."""
+    pictures = {}
+    for start in range(0, len(cases), 8):
+        part = cases[start : start + 8]
+        values = {
+            fill(f"{case.name}: {which}", LABEL): of(result)
+            for case in part
+            for which, result in _named(case, settings).items()
+        }
+        size, number = (8.6, 1.0 + 0.36 * len(values)), f"_{start // 8 + 1}" if start else ""
+        picture = drawn(size, alt(part), draw, values, caption=caption, small=True)
+        pictures[f"{name}{number}.png"] = picture
+    return pictures
 
 
 def _pair(own: PaperRow | None) -> str:
@@ -162,8 +154,8 @@ def _points(cases: Sequence[Case], settings: Settings) -> Sequence[str]:
     short = [
         f"{case.name} ({name}, ends at recall {curve.max_recall:.3f})"
         for case in cases
-        for name, curve in _named(case, settings, lambda result: result.curve).items()
-        if curve.max_recall < UPTO
+        for name, result in _named(case, settings).items()
+        if (curve := result.curve).max_recall < UPTO
     ]
     if short:
         points.append(
@@ -172,9 +164,8 @@ def _points(cases: Sequence[Case], settings: Settings) -> Sequence[str]:
     return points
 
 
-def _named(case: Case, settings: Settings, of: Callable[[Result], T]) -> dict[str, T]:
-    plain, weighted = case.study(settings).results
-    return {"unweighted": of(plain), "weighted": of(weighted)}
+def _named(case: Case, settings: Settings) -> dict[str, Result]:
+    return dict(zip(("unweighted", "weighted"), case.study(settings).results, strict=True))
 
 
 def _said(case: Case, settings: Settings) -> str:
@@ -183,22 +174,6 @@ def _said(case: Case, settings: Settings) -> str:
     return (
         f"{case.name}, {plain.area[0]:.3f} to {weighted.area[0]:.3f} ({difference:+.3f}, interval "
         f"{low:+.3f} to {high:+.3f})"
-    )
-
-
-def _areas(cases: Sequence[Case], settings: Settings) -> Picture:
-    estimates = {
-        fill(f"{case.name}: {name}", LABEL): area
-        for case in cases
-        for name, area in _named(case, settings, lambda result: result.area).items()
-    }
-    return drawn(
-        lambda ax, theme: plot.auc_intervals(ax, estimates, upto=UPTO, theme=theme),
-        (8.6, 1.0 + 0.36 * len(estimates)),
-        f"Areas with their intervals: {'; '.join(_said(case, settings) for case in cases)}.",
-        "Each area with its own interval. Whether two of a pair differ is told by the interval of "
-        "their difference.",
-        small=True,
     )
 
 
@@ -217,8 +192,19 @@ def false_positives(cases: Sequence[Case], settings: Settings) -> Exhibit:
         rows.append((case.dataset, case.technique, before, after, *correct))
         points.append(f"{case.name}: {count(before)} unweighted, {count(after)} weighted.")
     rest = len(cases) - fewer - more - same
+
+    def alt(part: Sequence[Case]) -> str:
+        text = ", ".join(
+            f"{case.name}: {name} {count(result.curve.false_positives_at(UPTO))}"
+            for case in part
+            for name, result in _named(case, settings).items()
+        )
+        return f"Wrong matches accepted by recall {UPTO:g}: {text}."
+
+    def false(result: Result) -> int | None:
+        return result.curve.false_positives_at(UPTO)
+
     return Exhibit(
-        "false_positives",
         "False positives at 20 % recall",
         (
             f"The wrong matches that are accepted by the time that recall {UPTO:g} is reached "
@@ -226,33 +212,9 @@ def false_positives(cases: Sequence[Case], settings: Settings) -> Exhibit:
             f"in {fewer}, more in {more} and leaves their number in {same} of {len(cases)} rows; "
             f"in {rest} a curve ends before that recall.",
         ),
-        [
-            "dataset",
-            "technique",
-            "unweighted",
-            "weighted",
-            "correct_unweighted",
-            "correct_weighted",
-        ],
-        rows,
-        in_parts("false_positives", cases, lambda part: _bars(part, settings)),
+        _pictures("false_positives", cases, settings, plot.false_positives, false, alt),
         points=points,
-    )
-
-
-def _bars(cases: Sequence[Case], settings: Settings) -> Picture:
-    bars = {
-        f"{case.name}: {name}": false
-        for case in cases
-        for name, false in _named(
-            case, settings, lambda result: result.curve.false_positives_at(UPTO)
-        ).items()
-    }
-    lines = {fill(name, LABEL): false for name, false in bars.items()}
-    text = ", ".join(f"{name} {count(false)}" for name, false in bars.items())
-    return drawn(
-        lambda ax, theme: plot.false_positives(ax, lines, recall=UPTO, theme=theme),
-        (8.6, 1.0 + 0.36 * len(bars)),
-        f"Wrong matches accepted by recall {UPTO:g}: {text}.",
-        small=True,
+        name="false_positives",
+        header="dataset,technique,unweighted,weighted,correct_unweighted,correct_weighted",
+        rows=rows,
     )

@@ -24,9 +24,7 @@ MOST, LEAST = 2000, 200
 
 
 def measure(places: int, pushes: int) -> tuple[Floats, Floats]:
-    """Microseconds of each push: of the prediction alone (L = 1, w = 0), and of the whole method.
-    By turns.
-    """
+    """Microseconds of each push: prediction alone (L = 1, w = 0), and the whole. By turns."""
     rng = np.random.default_rng(places)
     columns = [rng.random(places, np.float32) for _ in range(COLUMNS)]
     matchers = (
@@ -67,14 +65,14 @@ def execution_time(machine: str, settings: Settings) -> Exhibit:
         rows.append(
             (places, pushes, *medians, medians[1] - medians[0], *means, means[1] - means[0])
         )
-    picture = drawn(
-        lambda ax, theme: _draw(ax, rows, theme),
-        (6.4, 4.9),
-        f"Time by number of places. {_said(rows)}",
-        small=True,
-    )
+    said = _said(rows)
+    alt = f"Time by number of places. {said}"
+    header = (
+        "places", "mean: prediction", "mean: weighted sequence", "mean: whole",
+        "median: prediction", "median: weighted sequence", "median: whole",
+    )  # fmt: skip
+    lines = [(f"{int(row[0]):,}", *(shown(row[k], 2) for k in (5, 7, 6, 2, 4, 3))) for row in rows]
     return Exhibit(
-        "execution_time",
         "Execution time",
         (
             "The time of Matcher.push from Python, the distances being there already: getting "
@@ -86,21 +84,14 @@ def execution_time(machine: str, settings: Settings) -> Exhibit:
             f"gradient and the consensus. Whole: L = {LENGTH} and w = {WEIGHT:g}. Weighted "
             "sequence: the difference of the two; if that is lost in the noise, or in the cost of "
             "a call from Python, it has no point in the picture.",
-            _said(rows),
+            said,
         ),
-        [
-            "places",
-            "pushes",
-            "prediction_median_us",
-            "whole_median_us",
-            "sequence_us",
-            "prediction_mean_us",
-            "whole_mean_us",
-            "sequence_mean_us",
-        ],
-        rows,
-        {"execution_time": picture},
-        (_table(rows),),
+        {"execution_time.png": drawn((6.4, 4.9), alt, _draw, rows, small=True)},
+        tables=(Table("execution-time", "Microseconds for a push", header, lines),),
+        name="execution_time",
+        header="places,pushes,prediction_median_us,whole_median_us,sequence_us,prediction_mean_us,"
+        "whole_mean_us,sequence_mean_us",
+        rows=rows,
     )
 
 
@@ -114,16 +105,7 @@ def _said(rows: Sequence[Sequence[float]]) -> str:
     )
 
 
-def _table(rows: Sequence[Sequence[float]]) -> Table:
-    header = (
-        "places", "mean: prediction", "mean: weighted sequence", "mean: whole",
-        "median: prediction", "median: weighted sequence", "median: whole",
-    )  # fmt: skip
-    lines = [(f"{int(row[0]):,}", *(shown(row[k], 2) for k in (5, 7, 6, 2, 4, 3))) for row in rows]
-    return Table("execution-time", "Microseconds for a push", header, lines)
-
-
-def _draw(ax: Axes, rows: Sequence[Sequence[float]], theme: Theme) -> Axes:
+def _draw(ax: Axes, rows: Sequence[Sequence[float]], *, theme: Theme) -> Axes:
     table = np.array(rows)
     sequence = np.where(table[:, 4] > 0, table[:, 4], np.nan)
     times = {

@@ -16,7 +16,7 @@ from surefix._core import (
     match_distances,
     recall_at,
 )
-from surefix.baselines import METHODS, Context, run_method
+from surefix.baselines import Context, run_method
 from surefix.baselines.distances import Distances, Flags, Floats, Places
 from surefix.baselines.truth import Truth, by_metres, right_matches
 from surefix.matches import Matches
@@ -52,8 +52,7 @@ class Result:
     @cached_property
     def area(self) -> Estimate:
         """The area under the curve up to recall 0.2."""
-        interval = self.curve.auc_interval(UPTO, samples=self.study.samples)
-        return self.curve.auc(UPTO), *interval
+        return self.curve.auc(UPTO), *self.curve.auc_interval(UPTO, samples=self.study.samples)
 
     @cached_property
     def difference(self) -> Estimate:
@@ -84,11 +83,6 @@ class Result:
         """Which matches the method does not refuse at any score."""
         assert self.matches.accepted is not None
         return self.matches.accepted
-
-    @property
-    def description(self) -> str:
-        """The method in a few words."""
-        return METHODS[self.name].description
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,23 +202,19 @@ class Study:
 
     @cached_property
     def true_place(self) -> Places:
-        """A true place of each query, shape (m,): the nearest or the first of several, -1 for
-        none.
-        """
+        """A true place of each query, (m,): the nearest or first of several, -1 for none."""
         if by_metres(self.truth):
             places, queries = self._positions
             found = np.full(len(queries), -1, np.int64)
             for query, here in enumerate(queries):
                 apart = np.sqrt(((places - here) ** 2).sum(axis=1))
-                nearest = int(np.argmin(apart))
-                if apart[nearest] <= self.tolerance:
-                    found[query] = nearest
+                if apart.min() <= self.tolerance:
+                    found[query] = np.argmin(apart)
             return found
         truth = np.asarray(self.truth)
-        if truth.ndim == 1:
-            return truth.astype(np.int64)
-        one = truth == 1
-        return np.where(one.any(axis=0), np.argmax(one, axis=0), -1).astype(np.int64)
+        if truth.ndim == 2:
+            truth = np.where((truth == 1).any(axis=0), np.argmax(truth == 1, axis=0), -1)
+        return truth.astype(np.int64)
 
     def off(self, query: int, place: int) -> str:
         """The distance of a match from the truth, in words."""
@@ -247,9 +237,7 @@ class Study:
         return [int(query) for query in wrong[order][:count]]
 
     def trusted_mistakes(self, count: int) -> list[int]:
-        """Queries whose single match is trusted and wrong, the least distances first, without
-        the matches that ``mistakes`` gives.
-        """
+        """Queries with a trusted, wrong single match, the nearest first, without ``mistakes``."""
         wrong = self.run.trusted & self.single_judged & ~self.single_right
         for query in self.mistakes(count):
             wrong[query] &= self.run.single_place[query] != self.shown.matches.place[query]

@@ -63,25 +63,18 @@ def _otherwise(result: Result) -> str:
             f"Its curve ends at recall {curve.max_recall:.3f}: the recalls beyond count as 0 in "
             "its area."
         )
-    worse: list[str] = []
-    better: list[str] = []
+    found: dict[str, list[str]] = {"worse": [], "better": []}
+    flawless, plain_flawless = (each.recall_at_precision(1.0) for each in (curve, plain))
     for name, own, other in (
-        (
-            "recall at 100 % precision",
-            curve.recall_at_precision(1.0),
-            plain.recall_at_precision(1.0),
-        ),
+        ("recall at 100 % precision", flawless, plain_flawless),
         ("the area of the whole curve", curve.auc(1.0), plain.auc(1.0)),
         ("the largest recall", curve.max_recall, plain.max_recall),
     ):
         if round(own - other, 3):
-            (better if own > other else worse).append(f"{name} ({own:.3f} against {other:.3f})")
+            word = "better" if own > other else "worse"
+            found[word].append(f"{name} ({own:.3f} against {other:.3f})")
     return " ".join(
-        f"It is {word} in {_and(items)}."
-        for word, items in (("worse", worse), ("better", better))
+        f"It is {word} in {' and '.join(filter(None, (', '.join(items[:-1]), items[-1])))}."
+        for word, items in found.items()
         if items
     )
-
-
-def _and(items: list[str]) -> str:
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"

@@ -22,12 +22,14 @@ def read_text(path: Path, what: str = "the table") -> str:
         raise mismatch(path, "a text file in UTF-8", error.reason) from None
 
 
-def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
+def rows(
+    path: Path, delimiter: str | None, what: str = "the table"
+) -> Iterator[tuple[int, list[str]]]:
     """The number of each line, from 1, and its cells, without empty lines and ``#`` comments.
 
     A ``delimiter`` of None is any white space.
     """
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
+    for number, line in enumerate(read_text(path, what).splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         try:

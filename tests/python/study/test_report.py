@@ -127,7 +127,7 @@ def test_what_a_page_is_given_is_text_and_never_markup() -> None:
         [evil],
         [picture],
         [Tile(evil, evil, evil, evil)],
-        [Section(evil, [evil], (), [(evil, evil)])],
+        [Section(evil, [evil], {}, [(evil, evil)])],
     )
     reader = read(text)
     assert "script" not in reader.tags
