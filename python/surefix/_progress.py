@@ -3,8 +3,6 @@
 import sys
 from collections.abc import Callable
 
-__all__ = ["terminal_bar"]
-
 
 def terminal_bar(label: str) -> Callable[[int, int], None] | None:
     """A callback ``(done, total)`` that draws a bar on stderr; None where stderr is no terminal."""

@@ -1,7 +1,5 @@
 """Errors. Each message says where, what was expected, and what came."""
 
-__all__ = ["SurefixError", "SurefixFileError", "SurefixValueError", "mismatch", "refusal"]
-
 
 class SurefixError(Exception):
     """Every error of surefix. A call that raises one has left its object as it was."""

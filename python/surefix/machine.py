@@ -4,8 +4,6 @@ import os
 import platform
 from pathlib import Path
 
-__all__ = ["machine"]
-
 
 def machine() -> str:
     """The processor, its cores, the system and the Python, in a few words."""

@@ -8,8 +8,6 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch
 
-__all__ = ["Matches"]
-
 
 @dataclass(frozen=True, eq=False)
 class Matches:

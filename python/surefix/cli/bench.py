@@ -20,8 +20,6 @@ from surefix import Localizer, Map, Matcher, Sad
 from surefix._core import instruction_set
 from surefix.machine import machine
 
-__all__ = ["bench", "memory_speed"]
-
 QUANTILES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
 # By default, the pushes of about 5 seconds, within these limits.
 SECONDS, FEWEST, MOST = 5.0, 200, 100_000

@@ -24,7 +24,7 @@ from surefix import (
     match_distances,
 )
 from surefix._progress import terminal_bar
-from surefix._words import counted
+from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
 from surefix.cli.flags import with_options
@@ -54,8 +54,6 @@ from surefix.tables.truth import read_truth
 
 if TYPE_CHECKING:
     from surefix.study import Result, Study
-
-__all__ = ["eval_"]
 
 Image: TypeAlias = npt.NDArray[np.uint8]
 Pictures: TypeAlias = Sequence[Image] | Mapping[int, Image]
@@ -269,7 +267,7 @@ def eval_(
         D = _distances(place_map, frames, count, network, cache)
     elif not similarity:
         _warn_of_similarities(D, context)
-    size = f"{counted(places, 'place')} x {counted(count, 'query', 'queries')}"
+    size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Comparing the methods") as status:
@@ -308,7 +306,7 @@ def eval_(
         raise refusal(out, "cannot write the report", error) from None
     seconds = time.perf_counter() - begin
     print(
-        f"Made {report}: {counted(len(comparison.results), 'method')} compared, "
+        f"Made {report}: {plural(len(comparison.results), 'method')} compared, "
         f"with pictures and tables beside it, in {seconds:.1f} s"
     )
 

@@ -10,10 +10,8 @@ from typing import Any, TextIO
 import numpy as np
 
 from surefix import Fix
-from surefix._words import counted
+from surefix._words import plural
 from surefix.frames import Frame
-
-__all__ = ["Row", "Summary", "csv_writer", "json_writer", "row_of"]
 
 Row = dict[str, Any]
 
@@ -92,11 +90,11 @@ class Summary:
             none, stopped = "there was no query that could be used", "it stopped before the first"
             return f"0 fixes: {none if self.ended else stopped}"
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
-        missing = f"{counted(self.dropped, 'frame')} dropped, " if self.dropped else ""
-        missing += f"{counted(self.gaps, 'gap')}, " if self.gaps else ""
+        missing = f"{plural(self.dropped, 'frame')} dropped, " if self.dropped else ""
+        missing += f"{plural(self.gaps, 'gap')}, " if self.gaps else ""
         where = "" if out is None else f", in {out}"
         return (
-            f"{counted(count, 'fix', 'fixes')}, {self.trusted} trusted "
+            f"{plural(count, 'fix', 'fixes')}, {self.trusted} trusted "
             f"({self.trusted / count:.0%}), {missing}latency p50 {p50:.0f} us, p99 {p99:.0f} us, "
             f"p99.9 {p999:.0f} us{where}"
         )

@@ -9,8 +9,6 @@ import typer
 
 from surefix.options import OPTIONS, Option
 
-__all__ = ["with_options"]
-
 Command = Callable[..., None]
 
 

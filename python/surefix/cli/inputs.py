@@ -13,24 +13,6 @@ from surefix.frames.opening import is_recording
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.vectors import ENDINGS
 
-__all__ = [
-    "Cache",
-    "Every",
-    "Metres",
-    "Model",
-    "Odometry",
-    "Stride",
-    "Topic",
-    "check_not_read",
-    "check_sampling",
-    "network_of",
-    "no_model",
-    "open_frames",
-    "open_network",
-    "refuse",
-    "steps_of",
-]
-
 Topic = Annotated[
     str | None, typer.Option(help="A bag: the topic of the images, if there are several.")
 ]

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
-from surefix._words import counted
+from surefix._words import plural
 from surefix.cli.inputs import (
     Cache,
     Every,
@@ -33,8 +33,6 @@ from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
 from surefix.frames import ImageFrames
 from surefix.tables.positions import read_metres
-
-__all__ = ["append", "build", "info"]
 
 
 class Metric(StrEnum):
@@ -235,7 +233,7 @@ def append(
         Map.append(file, frames.source, positions=where)
     seconds = time.perf_counter() - start
     print(
-        f"Added {counted(len(frames), 'place')} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
+        f"Added {plural(len(frames), 'place')} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
     )
 
 
@@ -299,4 +297,4 @@ def _look(file: Path) -> Map:
 def _size_of(file: Path) -> str:
     route = _look(file)
     size = f"{file.stat().st_size / 1e6:.1f} MB"
-    return f"{counted(len(route), 'place')} x {route.dim} {route.dtype}, {size}"
+    return f"{plural(len(route), 'place')} x {route.dim} {route.dtype}, {size}"

@@ -18,8 +18,6 @@ from surefix.cli.views import open_views
 from surefix.frames import Frame, Frames
 from surefix.live import View
 
-__all__ = ["localize", "run"]
-
 # The headings in the help, of the options about frames and about seeing them.
 F = "Frames"
 S = "Seeing it"

@@ -10,8 +10,6 @@ from surefix.tables.metres import pair_by_position
 from surefix.tables.positions import on_one_plane, read_positions
 from surefix.tables.truth import read_truth
 
-__all__ = ["FOLDERS", "both", "folders"]
-
 FOLDERS = Origin("Two folders", "your own images", "yours", signs=("reference",))
 
 

@@ -21,8 +21,6 @@ from surefix.errors import mismatch
 from surefix.frames.images import ImageFiles
 from surefix.tables.rows import ascending, decimal, read_text, rows, whole
 
-__all__ = ["FOUR_SEASONS", "OFFICE_LOOP", "four_seasons", "recordings"]
-
 FOLDERS = "recording_*"
 # From the local plane (east, north, up) to the Earth-centred frame.
 EARTH = "transform_e_gpsw"

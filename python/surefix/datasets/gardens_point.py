@@ -7,8 +7,6 @@ from surefix.datasets.pair import Origin, Pair, check_same_names, identity
 from surefix.errors import mismatch
 from surefix.frames.images import Images, open_images
 
-__all__ = ["GARDENS_POINT", "gardens_point", "walks"]
-
 TRAVERSES = ("day_left", "day_right", "night_right")
 GARDENS_POINT = Origin(
     "Gardens Point Walking",

@@ -8,8 +8,6 @@ from surefix.datasets.pair import Origin, Pair, check_same_names, identity
 from surefix.errors import mismatch
 from surefix.frames.images import Images, open_images
 
-__all__ = ["NORDLAND", "nordland", "seasons"]
-
 SEASONS = ("summer", "winter", "fall", "spring")
 NORDLAND = Origin(
     "Nordland, partitioned",

@@ -10,8 +10,6 @@ import numpy.typing as npt
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.images import Images
 
-__all__ = ["Origin", "Pair", "check_same_names", "identity"]
-
 
 @dataclass(frozen=True)
 class Origin:

@@ -21,8 +21,6 @@ from surefix.frames.bayer import Pattern
 from surefix.frames.images import BayerFiles
 from surefix.tables.rows import ascending, decimal, header_and_rows, rows, whole
 
-__all__ = ["ROBOTCAR", "drives", "robotcar"]
-
 FOLDERS = "20??-??-??-??-??-??*"
 ROBOTCAR = Origin(
     "Oxford RobotCar",

@@ -13,16 +13,6 @@ from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.images import Images
 from surefix.tables.metres import interpolate, pair_by_position, subsample
 
-__all__ = [
-    "Placed",
-    "Placing",
-    "Track",
-    "choose_traverses",
-    "named_folders",
-    "pair_of",
-    "place_images",
-]
-
 
 @dataclass(frozen=True)
 class Placing:

@@ -18,8 +18,6 @@ import numpy.typing as npt
 from surefix.descriptors.descriptor import same_vectors
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 
-__all__ = ["Cache"]
-
 # In the header of the file, so that no other database is taken for a cache.
 APPLICATION = 0x53464458
 # In seconds: the wait for another process to end its batch.

@@ -9,17 +9,6 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch
 
-__all__ = [
-    "Descriptor",
-    "checked_batch",
-    "checked_image",
-    "checked_rows",
-    "in_batches",
-    "recipe_of",
-    "require_descriptor",
-    "same_vectors",
-]
-
 Image = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.float32]
 

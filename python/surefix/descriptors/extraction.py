@@ -30,8 +30,6 @@ from surefix.frames.images import frames_of
 if TYPE_CHECKING:
     from surefix._core import Traverse
 
-__all__ = ["Progress", "described", "extract"]
-
 BATCH = 8
 # Bytes that tell one image from another: 2^-64 is the chance that two agree by accident.
 DIGEST = 8

@@ -13,8 +13,6 @@ from surefix.errors import SurefixError, mismatch
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["HUB_MODELS", "HubModel", "from_hub"]
-
 
 @dataclass(frozen=True)
 class HubModel:

@@ -17,8 +17,6 @@ from surefix.frames.frame import Frames
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
 from surefix.frames.sampling import EveryMetres
 
-__all__ = ["append_images", "map_of_images", "sad_map"]
-
 # Images are described in parallel, this many at a time; no more are held.
 AT_ONCE = 128
 Positions = npt.NDArray[np.float64] | None

@@ -9,8 +9,6 @@ import numpy.typing as npt
 from surefix._extra import require
 from surefix.errors import SurefixValueError, mismatch
 
-__all__ = ["IMAGENET_MEAN", "IMAGENET_STD", "NetworkInput"]
-
 # Of RGB / 255 over ImageNet, which nearly all backbones are trained on.
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)

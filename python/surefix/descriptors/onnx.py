@@ -14,8 +14,6 @@ from surefix.descriptors.descriptor import checked_batch, checked_rows, in_batch
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixValueError, mismatch, refusal
 
-__all__ = ["Onnx"]
-
 NUMBERS: dict[str, type[np.floating[Any]]] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,

@@ -16,8 +16,6 @@ from surefix.descriptors.reranked import reranked_distances
 from surefix.errors import SurefixValueError, mismatch, refusal
 from surefix.tables.npy import read_npy
 
-__all__ = ["PatchNetVlad"]
-
 Rows = npt.NDArray[np.float32]
 
 

@@ -11,8 +11,6 @@ import numpy.typing as npt
 from surefix.errors import mismatch
 from surefix.tables.rows import read_text
 
-__all__ = ["read_pairs", "reranked_distances"]
-
 # The least spread as a share of the scores' size, for float32 to tell the places apart.
 SMALLEST_SPREAD = 1e-3
 

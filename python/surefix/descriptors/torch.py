@@ -16,8 +16,6 @@ from surefix.errors import SurefixError, SurefixValueError, mismatch
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["Torch"]
-
 
 class Torch:
     """A network in PyTorch as a descriptor: RGB images in; its output, flattened, is the vector.

@@ -12,8 +12,6 @@ from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mi
 from surefix.frames.frame import Frames, Shot
 from surefix.frames.ros_image import IMAGE, image_of
 
-__all__ = ["BAG_ENDINGS", "BagFrames", "is_bag", "messages", "open_bag", "stamp_of"]
-
 BAG_ENDINGS = frozenset({".bag", ".db3", ".mcap"})
 
 

@@ -10,8 +10,6 @@ from surefix._extra import require
 from surefix.errors import SurefixFileError
 from surefix.frames.frame import Frames, Shot
 
-__all__ = ["CameraFrames", "is_camera"]
-
 SCHEMES = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://")
 
 

@@ -16,8 +16,6 @@ from surefix._core import find_images, read_image
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.frame import Frames, Shot
 
-__all__ = ["FollowFrames"]
-
 # In the error of find_images for a folder or a pattern that is right and matches nothing.
 NONE_YET = "found none"
 

@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Frame", "Frames", "Shot", "shots_of"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:

@@ -18,16 +18,6 @@ from surefix.frames.frame import Frames, Shot
 from surefix.tables.npy import read_npy
 from surefix.tables.vectors import ENDINGS, load
 
-__all__ = [
-    "BayerFiles",
-    "ImageArray",
-    "ImageFiles",
-    "ImageFrames",
-    "Images",
-    "frames_of",
-    "open_images",
-]
-
 UInt8 = npt.NDArray[np.uint8]
 Place = str | os.PathLike[str]
 

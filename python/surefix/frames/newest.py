@@ -12,8 +12,6 @@ from surefix.errors import mismatch
 from surefix.frames.frame import Frame, Frames, Shot, shots_of
 from surefix.frames.sampling import Derived
 
-__all__ = ["KeepNewest"]
-
 
 class KeepNewest(Derived):
     """The frames of a source, read in a thread of its own; a slow reader gets the newest.

@@ -12,8 +12,6 @@ from surefix.frames.bag import messages, open_bag
 from surefix.tables.metres import local_metres
 from surefix.tables.rows import columns
 
-__all__ = ["Odometry"]
-
 Float64 = npt.NDArray[np.float64]
 
 COLUMNS = "time in seconds, and x,y[,z] or distance in metres"

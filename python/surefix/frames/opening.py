@@ -16,8 +16,6 @@ from surefix.frames.sampling import Every, EveryMetres, Gaps, Stride, check_stri
 from surefix.frames.video import VIDEO_ENDINGS, VideoFrames, is_video
 from surefix.tables.vectors import ENDINGS
 
-__all__ = ["is_recording", "open"]
-
 Place = str | PathLike[str]
 
 

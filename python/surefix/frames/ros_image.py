@@ -9,8 +9,6 @@ from surefix._core import decode_image
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
 
-__all__ = ["IMAGE", "image_of"]
-
 UInt8 = npt.NDArray[np.uint8]
 
 IMAGE = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")

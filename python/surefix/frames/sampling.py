@@ -11,8 +11,6 @@ from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot, shots_of
 from surefix.frames.odometry import Float64, Odometry
 
-__all__ = ["Derived", "Every", "EveryMetres", "Gaps", "Selection", "Stride", "check_stride"]
-
 
 class Derived(Frames):
     """Frames made of others."""

@@ -14,8 +14,6 @@ from surefix._extra import require
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.frame import Frames, Shot
 
-__all__ = ["VIDEO_ENDINGS", "VideoFrames", "is_video"]
-
 # A video is known by its name; VideoFrames itself takes any file.
 VIDEO_ENDINGS = frozenset(
     [

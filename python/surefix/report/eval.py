@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from surefix._words import counted
+from surefix._words import plural
 from surefix.report import figures, sections
 from surefix.report.figures import Images
 from surefix.report.page import Picture, page, write
@@ -99,7 +99,7 @@ def write_report(
             sections.made(
                 (
                     "Distances",
-                    f"{counted(n, 'place')} by {counted(m, 'query', 'queries')}, float32",
+                    f"{plural(n, 'place')} by {plural(m, 'query', 'queries')}, float32",
                 ),
                 ("Sequences", f"length {c.sequence_length}, weight {c.weight:g}, floor {c.floor}"),
                 (

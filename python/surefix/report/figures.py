@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from surefix import Evaluation
-from surefix._words import counted
+from surefix._words import plural
 from surefix.plot.bars import Band, auc_intervals, false_positives, route_strip, trust_table
 from surefix.plot.curves import precision_recall
 from surefix.plot.images import Example, Image, examples, examples_height
@@ -114,7 +114,7 @@ def matrix(study: Study, label: str = "distance", every: bool = False) -> Pictur
     return drawn(
         lambda ax, theme: _matrix(ax, study, label, every, theme, close=False),
         SQUARE,
-        f"Distance matrix of {counted(n, 'place')} by {counted(m, 'query', 'queries')}, with the "
+        f"Distance matrix of {plural(n, 'place')} by {plural(m, 'query', 'queries')}, with the "
         f"match of each by {study.shown.name}.",
         "The stronger the tone, the more alike. The frame marks the close-up.",
         textured=True,
@@ -128,7 +128,7 @@ def close_up(study: Study, label: str = "distance", every: bool = False) -> Pict
         lambda ax, theme: _matrix(ax, study, label, every, theme, close=True),
         SQUARE,
         f"Close-up of the matrix, from query {query} and place {place} on: "
-        f"{counted(width, 'query', 'queries')}, {counted(height, 'place')}.",
+        f"{plural(width, 'query', 'queries')}, {plural(height, 'place')}.",
         "The close-up. The line is the true path; matches that fall outside the frame are not "
         "seen here.",
     )

@@ -8,8 +8,6 @@ import numpy.typing as npt
 from surefix.errors import mismatch
 from surefix.tables.npy import read_npy
 
-__all__ = ["read_matrix"]
-
 
 def read_matrix(path: str | Path, similarity: bool = False) -> npt.NDArray[np.float32]:
     """The distances in a ``.npy``, a row a place and a column a query.

@@ -5,8 +5,6 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch
 
-__all__ = ["centre", "interpolate", "local_metres", "pair_by_position", "subsample"]
-
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 

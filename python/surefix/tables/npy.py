@@ -8,8 +8,6 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch, refusal
 
-__all__ = ["read_npy"]
-
 
 def read_npy(path: str | Path, what: str, *, mapped: bool = False) -> npt.NDArray[Any]:
     """The array; ``what`` names it in an error: "the truth". ``mapped``: memory-mapped."""

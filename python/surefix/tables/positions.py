@@ -12,8 +12,6 @@ from surefix.tables.metres import centre, local_metres
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import columns, rows
 
-__all__ = ["Positions", "on_one_plane", "read_metres", "read_positions"]
-
 DEGREES = (("latitude", "longitude"), ("lat", "lon"))
 METRES = (("x", "y", "z"), ("x", "y"), ("easting", "northing"), ("east", "north"))
 COLUMNS = "x,y[,z] or easting,northing in metres, or latitude,longitude (or lat,lon) in degrees"

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch, refusal
 
-__all__ = ["ascending", "columns", "decimal", "header_and_rows", "read_text", "rows", "whole"]
-
 
 def read_text(path: Path, what: str = "the table") -> str:
     """A text file in UTF-8; ``what`` names it in an error."""

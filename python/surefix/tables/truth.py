@@ -10,8 +10,6 @@ from surefix.errors import SurefixValueError, mismatch
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import rows
 
-__all__ = ["read_truth"]
-
 COLUMNS = ["query", "reference"]
 
 

@@ -15,8 +15,6 @@ from surefix._extra import require
 from surefix.errors import SurefixError, SurefixValueError, mismatch, refusal
 from surefix.tables.npy import read_npy
 
-__all__ = ["ENDINGS", "load", "metric_of"]
-
 Rows = npt.NDArray[Any]
 NUMBERS = ("float32", "float16", "int8", "uint8")
 # The number of names that an error lists.
