@@ -18,6 +18,7 @@ from rich.console import Console
 
 from surefix import Localizer, Map, Matcher, Sad
 from surefix._core import instruction_set
+from surefix.cli.flags import documented
 from surefix.machine import machine
 
 QUANTILES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
@@ -38,30 +39,30 @@ class Numbers(StrEnum):
     f32 = "f32"
 
 
+@documented
 def bench(
-    map_file: Annotated[
-        Path | None,
-        typer.Argument(metavar="MAP", help="A map file; a random map without it."),
-    ] = None,
-    places: Annotated[
-        int, typer.Option("--places", "-n", min=2, help="Places on the random map.")
-    ] = 1800,
-    dim: Annotated[int, typer.Option(min=1, help="Numbers of each of its rows.")] = 2048,
-    dtype: Annotated[Numbers, typer.Option(help="Their type.")] = Numbers.u8,
-    sequence_length: Annotated[
-        int, typer.Option("--sequence-length", "-L", min=1, help="Queries a sequence.")
-    ] = 2,
-    threads: Annotated[
-        int | None, typer.Option(min=1, help="Threads of the scan; by default chosen by size.")
-    ] = None,
-    pushes: Annotated[
-        int | None, typer.Option(min=1, help="Pushes to time; by default those of 5 seconds.")
-    ] = None,
-    image: Annotated[
-        bool, typer.Option("--image", help="Push 640 x 480 RGB images; the map is one of SAD.")
-    ] = False,
+    map_file: Annotated[Path | None, typer.Argument(metavar="MAP")] = None,
+    places: Annotated[int, typer.Option("--places", "-n", min=2)] = 1800,
+    dim: Annotated[int, typer.Option(min=1)] = 2048,
+    dtype: Numbers = Numbers.u8,
+    sequence_length: Annotated[int, typer.Option("--sequence-length", "-L", min=1)] = 2,
+    threads: Annotated[int | None, typer.Option(min=1)] = None,
+    pushes: Annotated[int | None, typer.Option(min=1)] = None,
+    image: bool = False,
 ) -> None:
-    """Measure how fast a push and the scan are on this machine."""
+    """Measure how fast a push and the scan are on this machine.
+
+    Parameters
+    ----------
+    map_file: A map file; a random map without it.
+    places: Places on the random map.
+    dim: Numbers of each of its rows.
+    dtype: Their type.
+    sequence_length: Queries a sequence.
+    threads: Threads of the scan; by default chosen by size.
+    pushes: Pushes to time; by default those of 5 seconds.
+    image: Push 640 x 480 RGB images; the map is one of SAD.
+    """
     rng = np.random.default_rng(1)
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Preparing the map"):
         known = Map.open(map_file) if map_file else _random_map(rng, places, dim, dtype, image)

@@ -27,7 +27,7 @@ from surefix._progress import terminal_bar
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
-from surefix.cli.flags import with_options
+from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import (
     Cache,
     Every,
@@ -76,50 +76,17 @@ def _methods(names: list[str] | None) -> list[str]:
     return list(names or DEFAULT_METHODS)
 
 
+@documented
 @with_options(floor="global", names={"tolerance": "agreement"})
 def eval_(
-    route: Annotated[
-        str,
-        typer.Argument(
-            help="The map, from `surefix map build`; or a .npy of distances, (places, queries)."
-        ),
-    ],
-    queries: Annotated[
-        str | None,
-        typer.Argument(
-            help="A folder of images, a pattern, a .npy of images, a video or a bag; or ready "
-            "descriptors, as for `surefix map build`. With a .npy of distances: the images of its "
-            "queries, if any, for the pictures."
-        ),
-    ] = None,
+    route: str,
+    queries: Annotated[str | None, typer.Argument()] = None,
     model: Model = None,
     cache: Cache = None,
-    truth: Annotated[
-        str | None,
-        typer.Option(
-            help='"identity" (query i is place i); a .npy of places (m,), -1 for none, or of a '
-            "matrix (n, m); or a .csv with the columns query,reference, a row a query."
-        ),
-    ] = None,
-    positions: Annotated[
-        Path | None,
-        typer.Option(
-            help="In place of --truth: metres of each place, .npy or .csv; or a .csv with the "
-            "header latitude,longitude. The map's by default."
-        ),
-    ] = None,
-    query_positions: Annotated[
-        Path | None,
-        typer.Option(help="In place of --truth: those of each query, as for --positions."),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            help="The greatest distance from the truth of a right match: in places, 1 by default; "
-            "with positions in metres.",
-        ),
-    ] = None,
+    truth: str | None = None,
+    positions: Path | None = None,
+    query_positions: Path | None = None,
+    tolerance: Annotated[float | None, typer.Option(min=0)] = None,
     method: Annotated[
         list[str] | None,
         typer.Option(
@@ -127,41 +94,15 @@ def eval_(
             f"By default {', '.join(DEFAULT_METHODS)}."
         ),
     ] = None,
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", "-o", help="The folder to write; an earlier report in it is replaced."
-        ),
-    ] = Path("report"),
-    recall: Annotated[
-        Recall, typer.Option(help="The queries that recall is a share of.")
-    ] = Recall.correct,
-    similarity: Annotated[
-        bool,
-        typer.Option(
-            "--similarity", help="The .npy holds similarities s: the distances are 1 - s."
-        ),
-    ] = False,
-    references: Annotated[
-        str | None,
-        typer.Option(
-            help="The images of the places, a folder, a pattern or a .npy, for the pictures."
-        ),
-    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o")] = Path("report"),
+    recall: Recall = Recall.correct,
+    similarity: bool = False,
+    references: str | None = None,
     *,
     options: dict[str, Any],
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            help="Another drive's .npy of distances, for the supervised methods to learn from."
-        ),
-    ] = None,
-    calibration_truth: Annotated[
-        str | None, typer.Option(help="That drive's truth, as for --truth, in places.")
-    ] = None,
-    calibration_tolerance: Annotated[
-        int, typer.Option(min=0, help="As --tolerance, for that truth, in places.")
-    ] = 1,
+    calibration: Path | None = None,
+    calibration_truth: str | None = None,
+    calibration_tolerance: Annotated[int, typer.Option(min=0)] = 1,
     topic: Topic = None,
     stride: Stride = 1,
     every: Every = None,
@@ -170,6 +111,27 @@ def eval_(
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
     report.
+
+    Parameters
+    ----------
+    route: The map, from `surefix map build`; or a .npy of distances, (places, queries).
+    queries: A folder of images, a pattern, a .npy of images, a video or a bag; or ready
+        descriptors, as for `surefix map build`. With a .npy of distances: the images of its
+        queries, if any, for the pictures.
+    truth: "identity" (query i is place i); a .npy of places (m,), -1 for none, or of a matrix (n,
+        m); or a .csv with the columns query,reference, a row a query.
+    positions: In place of --truth: metres of each place, .npy or .csv; or a .csv with the header
+        latitude,longitude. The map's by default.
+    query_positions: In place of --truth: those of each query, as for --positions.
+    tolerance: The greatest distance from the truth of a right match: in places, 1 by default; with
+        positions in metres.
+    out: The folder to write; an earlier report in it is replaced.
+    recall: The queries that recall is a share of.
+    similarity: The .npy holds similarities s: the distances are 1 - s.
+    references: The images of the places, a folder, a pattern or a .npy, for the pictures.
+    calibration: Another drive's .npy of distances, for the supervised methods to learn from.
+    calibration_truth: That drive's truth, as for --truth, in places.
+    calibration_tolerance: As --tolerance, for that truth, in places.
     """
     begin = time.perf_counter()
     methods = _methods(method)

@@ -1,15 +1,46 @@
-"""Flags of the command line for the method's options, made from the table of them."""
+"""Flags of the command line: their help from the docstring, the method's from the table of options."""
 
 import inspect
+import re
 from collections.abc import Callable
 from functools import wraps
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
 from surefix.options import OPTIONS, Option
 
 Command = Callable[..., None]
+
+
+def documented(command: Command) -> Command:
+    """Gives a command's parameters their help: ``name: help`` in its docstring, after the summary.
+
+    A bool is a flag without an opposite; a text beside a type is the heading that it stands under.
+    """
+    summary, _, rest = inspect.cleandoc(command.__doc__ or "").partition(
+        "\n\nParameters\n----------\n"
+    )
+    entries = (entry.partition(": ") for entry in re.split(r"\n(?=\w+: )", rest))
+    helps = {name: " ".join(text.split()) for name, _, text in entries}
+    parameters: list[inspect.Parameter] = []
+    signature = inspect.signature(command, eval_str=True)
+    for parameter in signature.parameters.values():
+        if parameter.name in helps:
+            kind, info = parameter.annotation, None
+            if get_origin(kind) is Annotated:
+                kind, info = get_args(kind)
+            if parameter.default is parameter.empty:
+                info = typer.Argument()
+            elif info is None or isinstance(info, str):
+                names = [f"--{parameter.name}"] if kind is bool else []
+                info = typer.Option(*names, rich_help_panel=info)
+            info.help = helps[parameter.name]
+            parameter = parameter.replace(annotation=Annotated[kind, info])
+        parameters.append(parameter)
+    command.__doc__ = summary
+    command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return command
 
 
 def with_options(

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from surefix import Map, Sad, SurefixFileError, SurefixValueError
 from surefix._words import plural
+from surefix.cli.flags import documented
 from surefix.cli.inputs import (
     Cache,
     Every,
@@ -74,67 +75,23 @@ def _check_sad(references: str, metric: Metric | None, post: str | None) -> None
     refuse(post is not None, f"--post: {wanted}: {references}")
 
 
+@documented
 def build(
-    references: Annotated[
-        str,
-        typer.Argument(
-            help='A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a '
-            "bag; or ready descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index."
-        ),
-    ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path(
-        "route.safetensors"
-    ),
-    size: Annotated[
-        str | None,
-        typer.Option(
-            help="The small image, WIDTHxHEIGHT in pixels. SAD: 64x32 by default; --model: the "
-            "network's own size."
-        ),
-    ] = None,
-    patch: Annotated[int, typer.Option(min=1, help="SAD: the side of a patch, in pixels.")] = 8,
-    dtype: Annotated[Dtype, typer.Option(help="SAD: how descriptors are kept.")] = Dtype.u8,
-    metric: Annotated[
-        Metric | None,
-        typer.Option(
-            help="Ready descriptors and --model: the metric; by default a faiss index's own, "
-            "else cosine.",
-            show_default=False,
-        ),
-    ] = None,
-    key: Annotated[
-        str | None,
-        typer.Option(help="Ready descriptors: which array of the file, if it has several."),
-    ] = None,
-    model: Annotated[
-        Path | None, typer.Option(help="An ONNX file: describe the images by this network.")
-    ] = None,
-    output: Annotated[
-        str | None, typer.Option(help="--model: which of its outputs, if it has several.")
-    ] = None,
-    mean: Annotated[
-        str | None,
-        typer.Option(
-            help='--model: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet\'s by default.'
-        ),
-    ] = None,
-    std: Annotated[
-        str | None, typer.Option(help="--model: as --mean, the standard deviation.")
-    ] = None,
-    batch: Annotated[int, typer.Option(min=1, help="--model: images at a time.")] = 8,
-    post: Annotated[
-        str | None,
-        typer.Option(
-            help="Ready descriptors and --model: steps for them, and for queries later, with "
-            "commas: standardize, or standardize:running by the queries so far, pca:N, projection:N, "
-            "normalize."
-        ),
-    ] = None,
+    references: str,
+    out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.safetensors"),
+    size: str | None = None,
+    patch: Annotated[int, typer.Option(min=1)] = 8,
+    dtype: Dtype = Dtype.u8,
+    metric: Annotated[Metric | None, typer.Option(show_default=False)] = None,
+    key: str | None = None,
+    model: Path | None = None,
+    output: str | None = None,
+    mean: str | None = None,
+    std: str | None = None,
+    batch: Annotated[int, typer.Option(min=1)] = 8,
+    post: str | None = None,
     cache: Cache = None,
-    positions: Annotated[
-        Path | None,
-        typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres."),
-    ] = None,
+    positions: Path | None = None,
     topic: Topic = None,
     stride: Stride = 1,
     every: Every = None,
@@ -143,6 +100,26 @@ def build(
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready
     descriptors.
+
+    Parameters
+    ----------
+    references: A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a bag;
+        or ready descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index.
+    out: The map to write.
+    size: The small image, WIDTHxHEIGHT in pixels. SAD: 64x32 by default; --model: the network's own
+        size.
+    patch: SAD: the side of a patch, in pixels.
+    dtype: SAD: how descriptors are kept.
+    metric: Ready descriptors and --model: the metric; by default a faiss index's own, else cosine.
+    key: Ready descriptors: which array of the file, if it has several.
+    model: An ONNX file: describe the images by this network.
+    output: --model: which of its outputs, if it has several.
+    mean: --model: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet's by default.
+    std: --model: as --mean, the standard deviation.
+    batch: --model: images at a time.
+    post: Ready descriptors and --model: steps for them, and for queries later, with commas:
+        standardize, or standardize:running by the queries so far, pca:N, projection:N, normalize.
+    positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.
     """
     start = time.perf_counter()
     if not out.absolute().parent.is_dir():
@@ -187,18 +164,11 @@ def build(
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
 
 
+@documented
 def append(
-    file: Annotated[Path, typer.Argument(help="The map that becomes longer.")],
-    references: Annotated[
-        str,
-        typer.Argument(
-            help='The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.'
-        ),
-    ],
-    positions: Annotated[
-        Path | None,
-        typer.Option(help="A .npy or .csv of each new place's position, if the map has positions."),
-    ] = None,
+    file: Path,
+    references: str,
+    positions: Path | None = None,
     model: Model = None,
     cache: Cache = None,
 ) -> None:
@@ -207,6 +177,12 @@ def append(
 
     The map's rows are copied, never read into memory, and the old map stays until the new one is
     whole.
+
+    Parameters
+    ----------
+    file: The map that becomes longer.
+    references: The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.
+    positions: A .npy or .csv of each new place's position, if the map has positions.
     """
     start = time.perf_counter()
     old = _look(file)
@@ -237,13 +213,18 @@ def append(
     )
 
 
+@documented
 def info(
-    file: Annotated[Path, typer.Argument(help="The map to look at.")],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object instead of a table.")
-    ] = False,
+    file: Path,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
-    """Say what a map holds."""
+    """Say what a map holds.
+
+    Parameters
+    ----------
+    file: The map to look at.
+    as_json: One JSON object instead of a table.
+    """
     route = _look(file)
     names, where = route.names, route.positions
     facts = {

@@ -12,7 +12,7 @@ import typer
 
 from surefix import Localizer, Map, SurefixFileError, SurefixValueError, frames
 from surefix.cli.fixes import Row, Summary, csv_writer, json_writer, row_of
-from surefix.cli.flags import with_options
+from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import check_not_read, network_of, refuse
 from surefix.cli.views import open_views
 from surefix.frames import Frame, Frames
@@ -36,108 +36,55 @@ class Screen(StrEnum):
     i8 = "i8"
 
 
+@documented
 @with_options()
 def run(
-    route: Annotated[Path, typer.Argument(help="The map, from `surefix map build`.")],
-    queries: Annotated[
-        str,
-        typer.Argument(
-            help="A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's "
-            "number or URL, or a .npy of images or of descriptors."
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Write the fixes to this file.")
-    ] = None,
-    form: Annotated[
-        Format | None,
-        typer.Option(
-            "--format", help="A line a fix, as CSV or JSON; by the file's ending, else CSV."
-        ),
-    ] = None,
+    route: Path,
+    queries: str,
+    out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
+    form: Annotated[Format | None, typer.Option("--format")] = None,
     *,
     options: dict[str, Any],
-    screen: Annotated[
-        Screen | None,
-        typer.Option(
-            help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same "
-            "answers."
-        ),
-    ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(
-            help="A map of `surefix map build --model`: the ONNX file, to describe the images."
-        ),
-    ] = None,
-    follow: Annotated[
-        bool,
-        typer.Option(
-            "--follow", help="A folder: go on with what comes, until Ctrl-C.", rich_help_panel=F
-        ),
-    ] = False,
-    idle: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            help="With --follow: end when none has come for this many seconds.",
-            rich_help_panel=F,
-        ),
-    ] = None,
-    topic: Annotated[
-        str | None,
-        typer.Option(
-            help="A bag: the topic of the images, if there are several.", rich_help_panel=F
-        ),
-    ] = None,
-    stride: Annotated[
-        int, typer.Option(min=1, help="Take every n-th frame.", rich_help_panel=F)
-    ] = 1,
-    every: Annotated[
-        float | None, typer.Option(help="Take a frame every this many seconds.", rich_help_panel=F)
-    ] = None,
-    metres: Annotated[
-        float | None,
-        typer.Option(help="Take a frame every this many metres, by --odometry.", rich_help_panel=F),
-    ] = None,
-    odometry: Annotated[
-        str | None,
-        typer.Option(
-            help="A .csv with the columns time and x,y[,z] or distance, or a topic of the bag: "
-            "Odometry, PoseStamped, PoseWithCovarianceStamped or NavSatFix.",
-            rich_help_panel=F,
-        ),
-    ] = None,
-    gap: Annotated[
-        float | None,
-        typer.Option(
-            help="Treat frames more than this many seconds apart as a break.",
-            rich_help_panel=F,
-        ),
-    ] = None,
-    newest: Annotated[
-        bool | None,
-        typer.Option(
-            help="If matching is slow, drop frames and take the newest; the default of a camera.",
-            rich_help_panel=F,
-        ),
-    ] = None,
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live", help="Open rerun's viewer; without rerun, the terminal's.", rich_help_panel=S
-        ),
-    ] = False,
-    save: Annotated[
-        Path | None,
-        typer.Option(help="Write a recording, to be opened by rerun FILE.rrd.", rich_help_panel=S),
-    ] = None,
-    references: Annotated[
-        Path | None,
-        typer.Option(help="The map's images, to be shown beside the queries.", rich_help_panel=S),
-    ] = None,
+    screen: Screen | None = None,
+    model: Path | None = None,
+    follow: Annotated[bool, F] = False,
+    idle: Annotated[float | None, typer.Option(min=0, rich_help_panel=F)] = None,
+    topic: Annotated[str | None, F] = None,
+    stride: Annotated[int, typer.Option(min=1, rich_help_panel=F)] = 1,
+    every: Annotated[float | None, F] = None,
+    metres: Annotated[float | None, F] = None,
+    odometry: Annotated[str | None, F] = None,
+    gap: Annotated[float | None, F] = None,
+    newest: Annotated[bool | None, F] = None,
+    live: Annotated[bool, S] = False,
+    save: Annotated[Path | None, S] = None,
+    references: Annotated[Path | None, S] = None,
 ) -> None:
-    """Localize along a route: a fix for each query, as it comes."""
+    """Localize along a route: a fix for each query, as it comes.
+
+    Parameters
+    ----------
+    route: The map, from `surefix map build`.
+    queries: A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's number or
+        URL, or a .npy of images or of descriptors.
+    out: Write the fixes to this file.
+    form: A line a fix, as CSV or JSON; by the file's ending, else CSV.
+    screen: Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers.
+    model: A map of `surefix map build --model`: the ONNX file, to describe the images.
+    follow: A folder: go on with what comes, until Ctrl-C.
+    idle: With --follow: end when none has come for this many seconds.
+    topic: A bag: the topic of the images, if there are several.
+    stride: Take every n-th frame.
+    every: Take a frame every this many seconds.
+    metres: Take a frame every this many metres, by --odometry.
+    odometry: A .csv with the columns time and x,y[,z] or distance, or a topic of the bag: Odometry,
+        PoseStamped, PoseWithCovarianceStamped or NavSatFix.
+    gap: Treat frames more than this many seconds apart as a break.
+    newest: If matching is slow, drop frames and take the newest; the default of a camera.
+    live: Open rerun's viewer; without rerun, the terminal's.
+    save: Write a recording, to be opened by rerun FILE.rrd.
+    references: The map's images, to be shown beside the queries.
+    """
     places = Map.open(route)
     for option, value in (("--every", every), ("--metres", metres), ("--gap", gap)):
         refuse(
