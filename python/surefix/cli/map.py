@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from surefix import Map, Sad, SurefixFileError, SurefixValueError
+from surefix import Map, Sad, SurefixValueError
 from surefix._words import plural
 from surefix.cli.flags import documented
 from surefix.cli.inputs import (
@@ -32,6 +32,7 @@ from surefix.cli.inputs import (
 )
 from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
+from surefix.errors import check_folder
 from surefix.frames import ImageFrames
 from surefix.tables.positions import read_metres
 
@@ -68,10 +69,8 @@ def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
 def _check_sad(references: str, metric: Metric | None, post: str | None) -> None:
     """Refuses options that SAD does not have."""
     wanted = "expected ready descriptors or --model, got images for SAD"
-    refuse(
-        metric not in (None, Metric.manhattan),
-        f"--metric: {wanted}, which is manhattan: {references}",
-    )
+    other = metric not in (None, Metric.manhattan)
+    refuse(other, f"--metric: {wanted}, which is manhattan: {references}")
     refuse(post is not None, f"--post: {wanted}: {references}")
 
 
@@ -122,25 +121,18 @@ def build(
     positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.
     """
     start = time.perf_counter()
-    if not out.absolute().parent.is_dir():
-        raise SurefixFileError(
-            f"{out}: cannot write the map: there is no folder {out.absolute().parent}"
-        )
+    check_folder(out, "cannot write the map")
     where = None if positions is None else read_metres(positions)
     steps = None if post is None else steps_of(post)
     network = None
     if model is not None:
-        refuse(
-            (patch, dtype) != (8, Dtype.u8),
-            "--patch, --dtype: expected images for SAD, got --model",
-        )
-        network = open_network(
-            model, output, None if size is None else _size(size), mean, std, batch
-        )
-    refuse(
-        model is None and (output, mean, std, batch, cache) != (None, None, None, 8, None),
-        "--output, --mean, --std, --batch, --cache: expected --model too, got none",
-    )
+        of_sad = (patch, dtype) != (8, Dtype.u8)
+        refuse(of_sad, "--patch, --dtype: expected images for SAD, got --model")
+        sides = None if size is None else _size(size)
+        network = open_network(model, output, sides, mean, std, batch)
+    elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
+        options = "--output, --mean, --std, --batch, --cache"
+        raise typer.BadParameter(f"{options}: expected --model too, got none")
     frames = open_frames(
         references, key, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
     )
@@ -207,10 +199,8 @@ def append(
         Map.append(file, frames.source, network, positions=where, cache=cache)
     else:
         Map.append(file, frames.source, positions=where)
-    seconds = time.perf_counter() - start
-    print(
-        f"Added {plural(len(frames), 'place')} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
-    )
+    added, seconds = plural(len(frames), "place"), time.perf_counter() - start
+    print(f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s")
 
 
 @documented

@@ -3,7 +3,7 @@
 import hashlib
 import os
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from itertools import chain, islice
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from surefix._progress import terminal_bar
+from surefix._progress import Bar, Progress, terminal_bar
 from surefix.descriptors.cache import ANEW, Cache
 from surefix.descriptors.descriptor import (
     Descriptor,
@@ -23,7 +23,7 @@ from surefix.descriptors.descriptor import (
     checked_rows,
     require_descriptor,
 )
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mismatch, refusal
+from surefix.errors import SurefixValueError, check_folder, mismatch, refusal
 from surefix.frames.frame import Frames, Shot, shots_of
 from surefix.frames.images import frames_of
 
@@ -34,8 +34,9 @@ BATCH = 8
 # Bytes that tell one image from another: 2^-64 is the chance that two agree by accident.
 DIGEST = 8
 THREADS = min(4, os.cpu_count() or 1)
-Progress = Callable[[int, int], bool | None]
 Rows = npt.NDArray[np.float32]
+# The names, digests and vectors of a batch.
+Part = tuple[list[str], list[bytes], Rows]
 
 
 def extract(
@@ -108,17 +109,15 @@ def described(
     """As ``extract``; and the shots that were described, each without its image."""
     descriptor = require_descriptor(descriptor)
     size = checked_batch(batch if batch is not None else getattr(descriptor, "batch", BATCH))
-    bar = _Bar(terminal_bar("Describing") if progress is None else progress or None, frames)
+    report = terminal_bar("Describing") if progress is None else progress or None
+    bar = Bar(report, frames.count, frames.estimate)
     seen: list[Shot] = []
     with closing(_shots(frames, seen)) as shots:
         if cache is None:
             batches = _batches(shots, size, digests=False)
             return _collect(_vectors(batches, descriptor), frames.count, bar), seen
-        path = Path(os.fspath(cache))
-        if not path.absolute().parent.is_dir():
-            raise SurefixFileError(
-                f"{path}: cannot write the cache: there is no folder {path.absolute().parent}"
-            )
+        path = Path(cache)
+        check_folder(path, "cannot write the cache")
         with closing(Cache(path, descriptor.name, descriptor.recipe)) as kept:
             if frames.count is not None and kept.rows > frames.count:
                 raise _too_long(path, frames.count, kept.rows)
@@ -129,7 +128,7 @@ def described(
                 raise _too_long(path, kept.checked, known)
             bar.show(kept.rows)
             for part in _vectors(_batches(shots, size, digests=True), descriptor):
-                kept.append(part.names, part.digests, part.rows)
+                kept.append(*part)
                 bar.show(kept.rows)
             if kept.rows == 0:
                 raise mismatch("images", "at least one", "none")
@@ -141,12 +140,6 @@ class _Loaded(NamedTuple):
     name: str
     image: npt.NDArray[np.uint8]
     digest: bytes
-
-
-class _Part(NamedTuple):
-    names: list[str]
-    digests: list[bytes]
-    rows: Rows
 
 
 def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
@@ -207,7 +200,7 @@ def _too_long(path: Path, images: int, rows: int) -> SurefixValueError:
     return mismatch(path, f"the cache of these {images} images", f"one of {rows}; {ANEW}")
 
 
-def _vectors(batches: Iterator[list[_Loaded]], descriptor: Descriptor) -> Iterator[_Part]:
+def _vectors(batches: Iterator[list[_Loaded]], descriptor: Descriptor) -> Iterator[Part]:
     for batch in batches:
         names = [loaded.name for loaded in batch]
         digests = [loaded.digest for loaded in batch]
@@ -215,27 +208,25 @@ def _vectors(batches: Iterator[list[_Loaded]], descriptor: Descriptor) -> Iterat
             vectors = descriptor.describe([loaded.image for loaded in batch])
         except SurefixValueError as error:
             raise SurefixValueError(f"images {names[0]} to {names[-1]}: {error}") from None
-        rows = checked_rows(
-            vectors, len(batch), descriptor.name, [f"image {name}" for name in names]
-        )
+        of = [f"image {name}" for name in names]
+        rows = checked_rows(vectors, len(batch), descriptor.name, of)
         # The next batch is not read before this one is gone.
         del batch
-        yield _Part(names, digests, rows)
+        yield names, digests, rows
 
 
-def _collect(parts: Iterator[_Part], count: int | None, bar: "_Bar") -> Rows:
+def _collect(parts: Iterator[Part], count: int | None, bar: Bar) -> Rows:
     first = next(parts, None)
     if first is None:
         raise mismatch("images", "at least one", "none")
-    dim = first.rows.shape[1]
+    dim = first[2].shape[1]
     # If their number is unknown, it doubles when it is full.
-    rows = np.empty((count or 2 * len(first.names), dim), np.float32)
+    rows = np.empty((count or 2 * len(first[2]), dim), np.float32)
     done = 0
     for names, _, vectors in chain([first], parts):
         if vectors.shape[1] != dim:
-            raise mismatch(
-                f"image {names[0]}", f"a vector of {dim} numbers as before", vectors.shape[1]
-            )
+            expected = f"a vector of {dim} numbers as before"
+            raise mismatch(f"image {names[0]}", expected, vectors.shape[1])
         if done + len(names) > len(rows):
             rows = np.concatenate([rows, np.empty((max(len(rows), len(names)), dim), np.float32)])
         rows[done : done + len(names)] = vectors
@@ -243,18 +234,3 @@ def _collect(parts: Iterator[_Part], count: int | None, bar: "_Bar") -> Rows:
         bar.show(done)
     bar.end(done)
     return rows[:done]
-
-
-class _Bar:
-    def __init__(self, report: Progress | None, frames: Frames) -> None:
-        self.report, self.total, self.estimate = report, frames.count, frames.estimate or 0
-
-    def show(self, done: int) -> None:
-        total = max(self.estimate, done + 1) if self.total is None else self.total
-        if self.report is not None and self.report(done, total) is False:
-            raise SurefixError(f"stopped after {done} of {total}")
-
-    def end(self, done: int) -> None:
-        """The last call, if the total was unknown."""
-        if self.report is not None and self.total is None:
-            self.report(done, done)

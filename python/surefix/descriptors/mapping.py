@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Map, Sad
-from surefix._progress import terminal_bar
+from surefix._progress import Bar, Progress, terminal_bar
 from surefix.descriptors.descriptor import recipe_of, same_vectors
-from surefix.descriptors.extraction import Progress, described
+from surefix.descriptors.extraction import described
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frames
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
@@ -83,9 +83,10 @@ def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
     """A map of frames by SAD. Its positions are those given; else those of the odometry, if it is
     in a plane or in space and chose the frames.
     """
-    bar = terminal_bar("Describing")
+    report = terminal_bar("Describing")
     if isinstance(frames, ImageFrames):
-        return Map.from_images(frames.source, sad, positions=positions, progress=bar)
+        return Map.from_images(frames.source, sad, positions=positions, progress=report)
+    bar = Bar(report, None, frames.estimate)
     route: Map | None = None
     count = 0
     with closing(frames.frames()) as source:
@@ -100,10 +101,8 @@ def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
             made = Map.from_images(images, sad, positions=where, progress=False)
             route = made if route is None else route.extended(made)
             count += len(part)
-            if bar is not None:
-                bar(count, max(frames.estimate or 0, count + 1))
-    if bar is not None:
-        bar(count, count)
+            bar.show(count)
+    bar.end(count)
     if route is None:
         raise mismatch(frames.files[0], "frames", "none")
     if positions is not None and len(positions) != count:
