@@ -304,9 +304,7 @@ def _names(frames: Frames) -> list[str]:
 
 
 def _pictures(frames: Frames, wanted: Collection[int]) -> Pictures | None:
-    """The images of these frames at least; None if there are none. A recording is read once more,
-    up to the last of them.
-    """
+    """The images of these frames at least; a recording is read again, up to the last of them."""
     if isinstance(frames, ImageFrames):
         return None if frames.ready is not None else frames.images
     with closing(frames.shots()) as shots:

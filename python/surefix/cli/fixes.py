@@ -17,9 +17,7 @@ Row = dict[str, Any]
 
 
 def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed: bool) -> Row:
-    """The columns of a fix; None for an empty one. ``latency`` is in microseconds. ``timed``: the
-    frames have times, or may be dropped.
-    """
+    """The columns of a fix, None for an empty one; times and drops too if ``timed``."""
     sequence = fix.sequence
     row = {
         "frame": fix.frame,
@@ -35,6 +33,7 @@ def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed
         "single_distance": fix.single.distance,
         "gradient_place": fix.gradient.place,
         "gradient_value": fix.gradient.value,
+        # In microseconds.
         "latency_us": round(latency, 1),
     }
     if timed:

@@ -46,10 +46,9 @@ def documented(command: Command) -> Command:
 def with_options(
     floor: str = "running", names: dict[str, str] | None = None
 ) -> Callable[[Command], Command]:
-    """Gives a command a flag for each option, in place of its parameter ``options``.
+    """Gives a command a flag for each option; its parameter ``options`` gets those that are given.
 
-    That is a dict of the options that are given. ``floor`` is the default of that option in the
-    help, and ``names`` are other names for flags.
+    ``floor`` is the default of that option in the help, and ``names`` are other names for flags.
     """
 
     def decorate(command: Command) -> Command:
@@ -99,13 +98,7 @@ def _parameter(option: Option, name: str, default: Any) -> inspect.Parameter:
 
 
 def _value(option: Option, given: Any) -> Any:
-    """The flag's value, of the option's type.
-
-    Raises
-    ------
-    typer.BadParameter
-        If it is of another type.
-    """
+    """The flag's value, of the option's type."""
     flag = f"--{option.name}"
     if option.type is list:
         try:

@@ -146,11 +146,7 @@ def localize(
     summary: Summary,
     views: Sequence[View] = (),
 ) -> None:
-    """Push each frame, write and count each fix, and show it in the views.
-
-    The error for a frame that the localizer refuses names it, and both sizes if images change size
-    there.
-    """
+    """Push each frame, write and count each fix, and show it in the views."""
     names = localizer.map.names
     before: tuple[int, ...] | None = None
     with closing(source.frames()) as queries:

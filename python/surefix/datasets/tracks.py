@@ -63,8 +63,7 @@ def place_images(
 ) -> Placed:
     """Gives each image the position of its time, and keeps one every ``spacing`` metres.
 
-    An image that is listed but not on the disk, or whose time is outside the track or in a gap of
-    it longer than ``longest_gap``, is left out and counted in the notes, or it is an error.
+    An image without a file or a position is left out and counted in the notes, or an error.
     """
     try:
         present = {
@@ -130,9 +129,7 @@ def named_folders(root: Path, pattern: str) -> list[str]:
 def choose_traverses(
     origin: Origin, root: Path, pattern: str, what: str, reference: str | None, query: str | None
 ) -> tuple[Path, Path]:
-    """The folders of two traverses: as named; or the only two that exist, the older as the
-    reference.
-    """
+    """The folders of two traverses: as named, or the only two that exist, the older first."""
     origin.folder(root, f"with a folder for each {what}")
     if reference is None or query is None:
         found = named_folders(root, pattern)

@@ -26,14 +26,7 @@ ANEW = "name another file, or delete this one to begin anew"
 
 
 class Cache:
-    """The vectors of one descriptor for images in order.
-
-    Parameters
-    ----------
-    path : path
-    name, recipe
-        Of the descriptor; a file made by another is refused.
-    """
+    """The vectors of one descriptor for images in order; a file made by another is refused."""
 
     def __init__(self, path: Path, name: str, recipe: Mapping[str, object]) -> None:
         self.path = path

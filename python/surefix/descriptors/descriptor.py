@@ -65,9 +65,7 @@ def require_descriptor(thing: object) -> Descriptor:
 
 
 def in_batches(images: Any, size: int, run: Callable[[list[Image], int], Rows]) -> Rows:
-    """Describes one image, an array of images, or a sequence of them, ``size`` at a time. ``run``
-    takes images and the index of the first.
-    """
+    """Describes an image or several, ``size`` at a time: ``run(images, index of the first)``."""
     alone = isinstance(images, np.ndarray) and (
         images.ndim == 2 or (images.ndim == 3 and images.shape[2] == 3)
     )
@@ -96,10 +94,7 @@ def checked_image(image: Any, what: str) -> Image:
 
 
 def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | None = None) -> Rows:
-    """The output for some images, if it is a finite vector an image.
-
-    In errors, ``what`` names the network, and ``names`` are those of the images.
-    """
+    """The output of the network ``what`` for some images, if it is a finite vector an image."""
     try:
         array = np.asarray(vectors)
         rows = np.ascontiguousarray(array, dtype=np.float32)

@@ -153,9 +153,8 @@ def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
 def _batches(
     shots: Iterator[Shot], size: int, *, digests: bool
 ) -> Generator[list[_Loaded], None, None]:
-    """Loaded images, ``size`` at a time; threads read the next batch while one is used.
-
-    No more than two batches are held, if the user of a batch lets it go before asking for the next.
+    """Loaded images, ``size`` at a time; threads read the next batch while one is used: two are
+    held.
     """
     waiting: deque[Future[_Loaded]] = deque()
     with ThreadPoolExecutor(THREADS, thread_name_prefix="surefix-read") as pool:

@@ -31,9 +31,7 @@ def map_of_images(
     cache: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Map:
-    """The images described and post-processed. The map keeps their names, if they are frames or can
-    be counted, and the descriptor's recipe; and the odometry's positions, if there are no others.
-    """
+    """The map of images, described by a network. Names are kept if they are frames or counted."""
     frames = frames_of(images)
     _check_positions(frames, positions)
     rows, shots = described(frames, descriptor, cache=cache, progress=progress)
@@ -55,10 +53,7 @@ def append_images(
     cache: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """The map in the file made longer by images, described and post-processed as its own were.
-
-    If the map has names, the images get theirs; those that are only numbers count on.
-    """
+    """The map in the file made longer by images, described and post-processed as its own were."""
     old = Map.open(path, mmap=True)
     frames = frames_of(images)
     # Before anything is described.
@@ -67,6 +62,7 @@ def append_images(
     rows, shots = described(frames, descriptor, cache=cache, progress=progress)
     names = None
     if old.names is not None:
+        # Those that are only numbers count on.
         names = [
             str(len(old) + index) if shot.name == str(index) else shot.name
             for index, shot in enumerate(shots)
@@ -80,9 +76,7 @@ def append_images(
 
 
 def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
-    """A map of frames by SAD. Its positions are those given; else those of the odometry, if it is
-    in a plane or in space and chose the frames.
-    """
+    """A map of frames by SAD, with the positions given, else those of the odometry."""
     report = terminal_bar("Describing")
     if isinstance(frames, ImageFrames):
         return Map.from_images(frames.source, sad, positions=positions, progress=report)

@@ -29,18 +29,7 @@ class Positions:
 def read_positions(path: Path, names: Sequence[str] | None = None) -> Positions:
     """A ``.npy`` or ``.csv`` of 2 or 3 metres a frame; or a ``.csv`` whose header says more.
 
-    Parameters
-    ----------
-    path : Path
-    names : sequence of str, optional
-        Of the frames: then a row for each is expected. A column ``name`` gives them, in any order.
-
-    Raises
-    ------
-    SurefixFileError
-        If the file cannot be read.
-    SurefixValueError
-        If it holds anything else, or degrees without a header that says so.
+    With the frames' ``names``, each must have a row; a column ``name`` gives them, in any order.
     """
     if path.suffix != ".npy" and _has_header(path):
         read = _by_header(path, names)
@@ -68,17 +57,13 @@ def on_one_plane(
     """Both in metres; degrees become metres about the mean of the references."""
     if references.degrees != queries.degrees:
         given, other = (references, queries) if references.degrees else (queries, references)
-        raise mismatch(
-            other.source, f"latitude,longitude as in {given.source}", "metres: they share no plane"
-        )
+        expected = f"latitude,longitude as in {given.source}"
+        raise mismatch(other.source, expected, "metres: they share no plane")
     if not references.degrees:
         return references.values, queries.values
-    origin = centre(references.values[:, 0], references.values[:, 1])
-    there, here = (
-        local_metres(values[:, 0], values[:, 1], origin)
-        for values in (references.values, queries.values)
-    )
-    return there, here
+    there, here = references.values.T, queries.values.T
+    origin = centre(*there)
+    return local_metres(there[0], there[1], origin), local_metres(here[0], here[1], origin)
 
 
 def _bare(path: Path) -> npt.NDArray[np.float64]:
@@ -93,15 +78,12 @@ def _bare(path: Path) -> npt.NDArray[np.float64]:
     except OSError as error:
         raise refusal(path, "cannot read the positions", error) from None
     except ValueError as error:
-        raise SurefixValueError(
-            f"{path}: expected a row of 2 or 3 numbers a place ({error})"
-        ) from None
+        expected = "expected a row of 2 or 3 numbers a place"
+        raise SurefixValueError(f"{path}: {expected} ({error})") from None
     if _look_like_degrees(values):
-        raise SurefixValueError(
-            f"{path}: expected metres, got numbers that look like latitude and longitude, such as "
-            f"{values[0].tolist()}; give a .csv with the header latitude,longitude, or metres "
-            "(header x,y)"
-        )
+        got = f"numbers that look like latitude and longitude, such as {values[0].tolist()}"
+        advice = "give a .csv with the header latitude,longitude, or metres (header x,y)"
+        raise mismatch(path, "metres", f"{got}; {advice}")
     return values
 
 
@@ -134,10 +116,8 @@ def _by_header(path: Path, names: Sequence[str] | None) -> Positions:
                 raise mismatch(f"{path}, row {numbers[index]}", "each image once", f"{name} twice")
         lacking = [name for name in names if name not in row_of]
         if lacking:
-            raise SurefixValueError(
-                f"{path}: expected a position for each of the {len(names)} images, "
-                f"got none for {len(lacking)}, such as {lacking[0]}"
-            )
+            got = f"none for {len(lacking)}, such as {lacking[0]}"
+            raise mismatch(path, f"a position for each of the {len(names)} images", got)
         values = values[[row_of[name] for name in names]]
     return Positions(str(path), values, degrees)
 

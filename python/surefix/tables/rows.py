@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError, mismatch, refusal
+from surefix.errors import mismatch, refusal
 
 
 def read_text(path: Path, what: str = "the table") -> str:
@@ -21,9 +21,8 @@ def read_text(path: Path, what: str = "the table") -> str:
 
 
 def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
-    """The number of each line, from 1, and its cells, without empty lines and ``#`` comments.
-
-    A ``delimiter`` of None is any white space.
+    """The number of each line, from 1, and its cells, without empty lines and ``#`` comments; a
+    ``delimiter`` of None is any white space.
     """
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
@@ -52,10 +51,8 @@ def header_and_rows(path: Path, expected: str) -> tuple[list[str], list[tuple[in
 def columns(
     path: Path, choices: Sequence[Sequence[str]], expected: str
 ) -> tuple[Sequence[str], npt.NDArray[np.float64], list[int], Callable[[str], list[str] | None]]:
-    """The first of some choices of columns that a CSV has, other columns left aside.
-
-    Returns the names of the columns, their numbers, shape (rows, columns), the number of each row
-    in the file, and a function that gives the cells of any column, None if there is none.
+    """The first of some choices of columns that a CSV has: their names, their values, (rows,
+    columns), the number of each row in the file, and a function that gives any column's cells.
     """
     header, numbered = header_and_rows(path, expected)
     names = next((names for names in choices if set(names) <= set(header)), None)
@@ -103,7 +100,6 @@ def ascending(stamps: Sequence[int], numbers: Sequence[int], path: Path) -> npt.
     if len(wrong):
         at = int(wrong[0]) + 1
         problem = "twice" if array[at] == array[at - 1] else f"after {array[at - 1]}"
-        raise SurefixValueError(
-            f"{path}, row {numbers[at]}: expected ascending timestamps, got {array[at]} {problem}"
-        )
+        got = f"{array[at]} {problem}"
+        raise mismatch(f"{path}, row {numbers[at]}", "ascending timestamps", got)
     return array
