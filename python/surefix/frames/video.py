@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.errors import SurefixFileError, SurefixValueError, mismatch
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch, refusal
 from surefix.frames.frame import Frames, Shot
 
 # A video is known by its name; VideoFrames itself takes any file.
@@ -91,9 +91,8 @@ class VideoFrames(Frames):
                     try:
                         frame = next(frames, None)
                     except (self._av.FFmpegError, EOFError) as error:
-                        raise self._damaged(
-                            index, getattr(error, "strerror", None) or str(error)
-                        ) from None
+                        reason = getattr(error, "strerror", None) or str(error)
+                        raise self._damaged(index, reason) from None
                     if frame is None:
                         break
                     if frame.is_corrupt:
@@ -111,9 +110,7 @@ class VideoFrames(Frames):
             container = self._av.open(self.path)
         except OSError as error:
             if isinstance(error, (FileNotFoundError, PermissionError)):
-                raise SurefixFileError(
-                    f"{self.path}: cannot read the video: {error.strerror}"
-                ) from None
+                raise refusal(self.path, "cannot read the video", error) from None
             raise self._no_video(str(error.strerror or error)) from None
         except (self._av.FFmpegError, ValueError) as error:
             raise self._no_video(getattr(error, "strerror", None) or str(error)) from None
@@ -128,9 +125,8 @@ class VideoFrames(Frames):
         track = container.streams.video[0]
         period = 1 / float(track.average_rate) if track.average_rate else 0.1
         if expected is not None and end < expected - max(1.5 * period, 0.1):
-            raise self._damaged(
-                count, f"the file ends at {end:.2f} s of {expected:.2f} s; it was cut short"
-            )
+            cut = f"the file ends at {end:.2f} s of {expected:.2f} s; it was cut short"
+            raise self._damaged(count, cut)
         if count == 0:
             raise self._damaged(0, "the file ends before the first frame")
 
@@ -155,11 +151,8 @@ def _end(container: Any) -> float | None:
     track = container.streams.video[0]
     if container.format.name == "avi":
         # Its duration is made up from the size of the file; the number of frames is right.
-        return (
-            float(track.frames / track.average_rate)
-            if track.frames and track.average_rate
-            else None
-        )
+        known = track.frames and track.average_rate
+        return float(track.frames / track.average_rate) if known else None
     if container.format.name == "asf":
         return None  # Each track has the duration of the longest.
     if track.duration is not None:
