@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError, mismatch
+from surefix.errors import mismatch
 
 Image = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.float32]
@@ -57,10 +57,8 @@ def require_descriptor(thing: object) -> Descriptor:
     """``thing``, if it is a descriptor; the error names the missing members."""
     lacking = [member for member in ("name", "recipe", "describe") if not hasattr(thing, member)]
     if lacking or not isinstance(thing, Descriptor):
-        raise SurefixValueError(
-            "descriptor: expected an object with name, recipe and describe(images), "
-            f"got {type(thing).__name__} without {' and '.join(lacking)}"
-        )
+        got = f"{type(thing).__name__} without {' and '.join(lacking)}"
+        raise mismatch("descriptor", "an object with name, recipe and describe(images)", got)
     return thing
 
 
@@ -71,7 +69,7 @@ def in_batches(images: Any, size: int, run: Callable[[list[Image], int], Rows]) 
     )
     several = [images] if alone else list(images)
     if not several:
-        raise SurefixValueError("images: expected at least one, got none")
+        raise mismatch("images", "at least one", "none")
     checked = [checked_image(image, f"image {i} of the call") for i, image in enumerate(several)]
     parts = [run(checked[start : start + size], start) for start in range(0, len(checked), size)]
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
@@ -93,22 +91,26 @@ def checked_image(image: Any, what: str) -> Image:
     return array
 
 
+def check_one_each(shape: tuple[int, ...], images: int, what: str) -> None:
+    """Refuses the shape of an output that is not a vector an image."""
+    if len(shape) < 2 or shape[0] != images:
+        expected = f"a vector an image, ({images}, ...) for {images} images"
+        raise mismatch(what, expected, f"the shape {shape}")
+
+
 def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | None = None) -> Rows:
     """The output of the network ``what`` for some images, if it is a finite vector an image."""
     try:
         array = np.asarray(vectors)
         rows = np.ascontiguousarray(array, dtype=np.float32)
     except (TypeError, ValueError):
-        raise SurefixValueError(
-            f"{what}: expected numbers of the shape ({images}, dim), got {type(vectors).__name__}"
-        ) from None
+        expected = f"numbers of the shape ({images}, dim)"
+        raise mismatch(what, expected, type(vectors).__name__) from None
     if array.dtype.kind not in "fiu":
         raise mismatch(what, "numbers", array.dtype)
     if rows.ndim != 2 or rows.shape[0] != images or rows.shape[1] == 0:
-        raise SurefixValueError(
-            f"{what}: expected a vector an image, ({images}, dim) for {images} images, "
-            f"got the shape {array.shape}"
-        )
+        expected = f"a vector an image, ({images}, dim) for {images} images"
+        raise mismatch(what, expected, f"the shape {array.shape}")
     # A finite sum has finite terms only. An infinite one may still be of large finite terms.
     with np.errstate(over="ignore", invalid="ignore"):
         suspicious = ~np.isfinite(rows.sum(axis=1))
@@ -116,10 +118,9 @@ def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | No
         wrong = np.flatnonzero(~np.isfinite(rows[index]))
         if len(wrong):
             name = f"image {index} of the call" if names is None else names[index]
-            raise SurefixValueError(
-                f"{what}: expected finite numbers, got {rows[index][wrong[0]]} for {name}, at "
-                f"index {wrong[0]} of the vector; {len(wrong)} of {rows.shape[1]} are not finite"
-            )
+            got = f"{rows[index][wrong[0]]} for {name}, at index {wrong[0]} of the vector"
+            count = f"{len(wrong)} of {rows.shape[1]} are not finite"
+            raise mismatch(what, "finite numbers", f"{got}; {count}")
     return rows
 
 

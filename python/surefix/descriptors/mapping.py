@@ -123,9 +123,8 @@ def _not_each(frames: Frames, positions: int, got: int) -> SurefixValueError:
 
 def _check_own(route: Map, descriptor: Any) -> None:
     if route.descriptor is not None:
-        raise SurefixValueError(
-            f"descriptor: expected {route.descriptor!r}, as the map's own, got {descriptor.name!r}"
-        )
+        expected = f"{route.descriptor!r}, as the map's own"
+        raise mismatch("descriptor", expected, repr(descriptor.name))
     recipe = recipe_of(descriptor)
     if route.recipe is not None and not same_vectors(route.recipe, recipe):
         raise mismatch("descriptor", f"the map's own, by the recipe {route.recipe}", recipe)
