@@ -14,6 +14,7 @@ from surefix._words import plural
 from surefix.frames import Frame
 
 Row = dict[str, Any]
+Writer = Callable[[Row], None]
 
 
 def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed: bool) -> Row:
@@ -41,7 +42,7 @@ def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed
     return row
 
 
-def csv_writer(file: TextIO) -> Callable[[Row], None]:
+def csv_writer(file: TextIO) -> Writer:
     """Writes a line of names, then a line a fix, with booleans in lower case."""
     writer: csv.DictWriter[str] | None = None
 
@@ -56,7 +57,7 @@ def csv_writer(file: TextIO) -> Callable[[Row], None]:
     return write
 
 
-def json_writer(file: TextIO) -> Callable[[Row], None]:
+def json_writer(file: TextIO) -> Writer:
     """Writes a JSON object a line."""
 
     def write(row: Row) -> None:

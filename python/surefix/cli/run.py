@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from enum import StrEnum
 from pathlib import Path
@@ -10,11 +10,12 @@ from typing import Annotated, Any, TextIO
 
 import typer
 
-from surefix import Localizer, Map, SurefixFileError, SurefixValueError, frames
-from surefix.cli.fixes import Row, Summary, csv_writer, json_writer, row_of
+from surefix import Localizer, Map, SurefixValueError, frames
+from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import check_not_read, network_of, refuse
 from surefix.cli.views import open_views
+from surefix.errors import refusal
 from surefix.frames import Frame, Frames
 from surefix.live import View
 
@@ -87,10 +88,8 @@ def run(
     """
     places = Map.open(route)
     for option, value in (("--every", every), ("--metres", metres), ("--gap", gap)):
-        refuse(
-            value is not None and not value > 0,
-            f"{option}: expected a number above 0, got {value}",
-        )
+        low = value is not None and not value > 0
+        refuse(low, f"{option}: expected a number above 0, got {value}")
     refuse(metres is not None and odometry is None, "--metres: expected --odometry too")
     refuse(odometry is not None and metres is None, "--odometry: expected --metres too")
     source = frames.open(
@@ -107,18 +106,16 @@ def run(
     )
     network = None if model is None else network_of(places, route, model)
     try:
-        localizer = Localizer(
-            places.with_screen("i8") if screen else places,
-            descriptor=network,
-            **options,
-        )
+        scanned = places.with_screen("i8") if screen else places
+        localizer = Localizer(scanned, descriptor=network, **options)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     read = [route, *map(Path, source.files)]
     if out is not None:
         check_not_read(out, read)
+        read.append(out)
     if save is not None:
-        _check_save(save, [*([] if out is None else [out]), *read])
+        _check_save(save, read)
     summary = Summary()
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
@@ -126,15 +123,14 @@ def run(
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(_create(out))
         try:
-            localize(localizer, source, _writer(file, _format(form, out)), summary, views)
+            localize(localizer, source, _writer(file, form, out), summary, views)
             summary.ended = True
         except KeyboardInterrupt:
             # This is the way to end live frames.
             if not source.live:
                 raise
         finally:
-            # After an unreadable frame, the fixes before it are kept and counted, on a free
-            # terminal.
+            # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
             print(summary.text(out), file=sys.stderr)
 
@@ -142,7 +138,7 @@ def run(
 def localize(
     localizer: Localizer,
     source: Frames,
-    write: Callable[[Row], None] | None,
+    write: Writer | None,
     summary: Summary,
     views: Sequence[View] = (),
 ) -> None:
@@ -172,7 +168,7 @@ def localize(
 def _at(
     frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError
 ) -> SurefixValueError:
-    """The error with its frame, and with a change of size before it, if there was one."""
+    """The error with its frame, and the change of size before it, if there was one."""
     shape = frame.image.shape
     sizes = ""
     if before is not None and shape != before:
@@ -184,29 +180,21 @@ def _at(
 def _check_save(save: Path, others: list[Path]) -> None:
     refuse(save.suffix != ".rrd", f"--save: expected a name that ends in .rrd, got {save}")
     there = [file for file in others if save.exists() and file.exists()]
-    refuse(
-        save in others or any(save.samefile(file) for file in there),
-        f"--save: {save} is read or written here for something else; name another file",
-    )
+    used = save in others or any(save.samefile(file) for file in there)
+    refuse(used, f"--save: {save} is read or written here for something else; name another file")
 
 
 def _create(out: Path) -> TextIO:
     try:
         return out.open("w", encoding="utf-8", newline="")
     except OSError as error:
-        raise SurefixFileError(f"{out}: cannot write the fixes: {error.strerror}") from None
+        raise refusal(out, "cannot write the fixes", error) from None
 
 
-def _format(form: Format | None, out: Path | None) -> Format:
-    if form is not None:
-        return form
-    as_json = out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
-    return Format.json if as_json else Format.csv
-
-
-def _writer(file: TextIO | None, form: Format) -> Callable[[Row], None] | None:
+def _writer(file: TextIO | None, form: Format | None, out: Path | None) -> Writer | None:
     """None if the fixes would run over the view on the terminal."""
-    writer = csv_writer if form is Format.csv else json_writer
+    by_name = out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
+    writer = json_writer if form is Format.json or (form is None and by_name) else csv_writer
     if file is not None:
         return writer(file)
     return None if sys.stdout.isatty() else writer(sys.stdout)

@@ -10,18 +10,14 @@
 when it is used.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from surefix.descriptors.descriptor import Descriptor
-    from surefix.descriptors.extraction import extract
-    from surefix.descriptors.hub import HUB_MODELS, from_hub
-    from surefix.descriptors.onnx import Onnx
-    from surefix.descriptors.patch_netvlad import PatchNetVlad
-    from surefix.descriptors.reranked import read_pairs, reranked_distances
-    from surefix.descriptors.torch import Torch
-    from surefix.tables.vectors import load, metric_of
+from surefix.descriptors.descriptor import Descriptor
+from surefix.descriptors.extraction import extract
+from surefix.descriptors.hub import HUB_MODELS, from_hub
+from surefix.descriptors.onnx import Onnx
+from surefix.descriptors.patch_netvlad import PatchNetVlad
+from surefix.descriptors.reranked import read_pairs, reranked_distances
+from surefix.descriptors.torch import Torch
+from surefix.tables.vectors import load, metric_of
 
 __all__ = [
     "HUB_MODELS",
@@ -36,29 +32,3 @@ __all__ = [
     "read_pairs",
     "reranked_distances",
 ]
-
-_MODULES = {
-    "HUB_MODELS": "surefix.descriptors.hub",
-    "Descriptor": "surefix.descriptors.descriptor",
-    "Onnx": "surefix.descriptors.onnx",
-    "PatchNetVlad": "surefix.descriptors.patch_netvlad",
-    "Torch": "surefix.descriptors.torch",
-    "extract": "surefix.descriptors.extraction",
-    "from_hub": "surefix.descriptors.hub",
-    "load": "surefix.tables.vectors",
-    "metric_of": "surefix.tables.vectors",
-    "read_pairs": "surefix.descriptors.reranked",
-    "reranked_distances": "surefix.descriptors.reranked",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found: object = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = found
-    return found
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
