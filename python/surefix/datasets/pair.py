@@ -131,10 +131,9 @@ def same_places(name: str, origin: Origin, references: Images, queries: Images) 
 def identity(name: str, references: Images, queries: Images) -> npt.NDArray[np.int64]:
     """The truth if query ``i`` shows the place of reference ``i``; both must have one length."""
     if len(references) != len(queries):
-        raise SurefixValueError(
-            f"{name}: query i shows the place of reference i, so expected one query a reference, "
-            f"got {len(queries)} queries and {len(references)} references"
-        )
+        where = f"{name}: query i shows the place of reference i, so"
+        got = f"{len(queries)} queries and {len(references)} references"
+        raise SurefixValueError(f"{where} expected one query a reference, got {got}")
     return np.arange(len(queries), dtype=np.int64)
 
 
@@ -143,8 +142,6 @@ def check_same_names(name: str, references: Images, queries: Images) -> None:
     has, wanted = set(queries.names), set(references.names)
     for traverse, lacking in (("query", wanted - has), ("reference", has - wanted)):
         if lacking:
-            raise SurefixValueError(
-                f"{name}: expected the same image names in both traverses, got {len(references)} "
-                f"references and {len(queries)} queries; the {traverse} traverse lacks "
-                f"{len(lacking)}, such as {min(lacking)}"
-            )
+            got = f"{len(references)} references and {len(queries)} queries"
+            wrong = f"the {traverse} traverse lacks {len(lacking)}, such as {min(lacking)}"
+            raise mismatch(name, "the same image names in both traverses", f"{got}; {wrong}")
