@@ -24,7 +24,7 @@ from surefix.descriptors.descriptor import (
     require_descriptor,
 )
 from surefix.errors import SurefixValueError, check_folder, mismatch, refusal
-from surefix.frames.frame import Frames, Shot, shots_of
+from surefix.frames.frame import Frames, IteratedFrames, Shot
 from surefix.frames.images import frames_of
 
 if TYPE_CHECKING:
@@ -144,7 +144,8 @@ class _Loaded(NamedTuple):
 
 def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
     """The shots, also noted in ``seen``. If they cannot be read later, they are decoded here."""
-    with closing(shots_of(frames if frames.parallel else frames.frames())) as shots:
+    source = frames if frames.parallel else IteratedFrames(frames)
+    with closing(source.shots()) as shots:
         for shot in shots:
             seen.append(Shot(shot.time, shot.name, lambda: np.empty(0)))
             yield shot

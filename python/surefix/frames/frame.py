@@ -1,7 +1,7 @@
 """Images in order: ``Frames``, each decoded when it is wanted."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -148,11 +148,21 @@ class Frames(ABC):
         return self.estimate or 0
 
 
-def shots_of(source: Iterable[Frame]) -> Generator[Shot, None, None]:
-    """The shots of ``Frames``, or of any iterable of frames."""
-    if isinstance(source, Frames):
-        yield from source.shots()
-        return
-    for frame in source:
-        image = partial(getattr, frame, "image")
-        yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap)
+class IteratedFrames(Frames):
+    """The frames of any iterable of them."""
+
+    timed = True
+
+    def __init__(self, source: Iterable[Frame]) -> None:
+        self.source = source
+
+    @property
+    def count(self) -> int | None:
+        """The number of frames, if the iterable has it."""
+        return len(self.source) if isinstance(self.source, Sized) else None
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """Each frame, which is decoded already."""
+        for frame in self.source:
+            image = partial(getattr, frame, "image")
+            yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap)
