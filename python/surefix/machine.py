@@ -11,12 +11,11 @@ def machine() -> str:
 
 
 def _processor() -> str:
-    """The processor's name, where the system tells it."""
+    """The processor's name, if the system tells it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return next(
-        filter(None, [*names, platform.processor(), platform.machine()]), "an unnamed processor"
-    )
+    names += [platform.processor(), platform.machine(), "an unnamed processor"]
+    return next(filter(None, names))

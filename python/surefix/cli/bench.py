@@ -1,6 +1,4 @@
-"""``surefix bench``: how fast a push is on this machine, and how near the scan is to the memory's
-speed.
-"""
+"""``surefix bench``: how fast a push and the scan are on this machine."""
 
 import sys
 import time
@@ -68,7 +66,8 @@ def bench(
         known = Map.open(map_file) if map_file else _random_map(rng, places, dim, dtype, image)
         places = len(known)
         columns = list(rng.random((QUERIES, places), np.float32))
-        frames = _images(rng, 480, 640) if image else _queries(rng, known)
+        pixels = (QUERIES, 480, 640, 3)
+        frames = list(rng.integers(0, 256, pixels, np.uint8)) if image else _queries(rng, known)
         localizer = Localizer(known, threads=threads, sequence_length=sequence_length)
         matcher = Matcher(places, sequence_length=sequence_length)
     size = known.descriptors.nbytes
@@ -86,10 +85,8 @@ def bench(
             # One thread's scan: the whole column of distances, without a screen.
             scan = float(np.median(timed(known.distances, _queries(rng, known), pushes, 1)))
             speed = memory_speed(size)
-            print(
-                f"scan on one thread  {size / scan:>9.1f} GB/s ({_duration(scan)}); "
-                f"the memory gives {speed / 1e9:.1f} GB/s"
-            )
+            took = f"{size / scan:>9.1f} GB/s ({_duration(scan)})"
+            print(f"scan on one thread  {took}; the memory gives {speed / 1e9:.1f} GB/s")
 
 
 def timed(
@@ -123,18 +120,11 @@ def memory_speed(size: int, threads: int = 1, seconds: float = 0.3) -> float:
         begin = time.perf_counter()
         while best == float("inf") or time.perf_counter() - begin < seconds:
             # The faster of the two depends on the processor.
-            for read in (np.max, _square):
+            for read in (np.max, lambda part: np.dot(part, part)):
                 start = time.perf_counter()
-                if threads == 1:
-                    read(floats)
-                else:
-                    list(pool.map(read, parts))
+                list(pool.map(read, parts) if threads > 1 else [read(floats)])
                 best = min(best, time.perf_counter() - start)
     return floats.nbytes / best
-
-
-def _square(part: Any) -> object:
-    return np.dot(part, part)
 
 
 def _random_map(
@@ -155,10 +145,6 @@ def _queries(rng: np.random.Generator, known: Map) -> list[Any]:
     rows = known.descriptors[(np.arange(QUERIES) + len(known) // 2) % len(known)]
     noise = _random(rng, rows.shape, rows.dtype)
     return list(np.where(rng.random(rows.shape) < 0.3, noise, rows))
-
-
-def _images(rng: np.random.Generator, height: int, width: int) -> list[Any]:
-    return list(rng.integers(0, 256, (QUERIES, height, width, 3), np.uint8))
 
 
 def _random(rng: np.random.Generator, shape: tuple[int, ...], dtype: Any) -> Any:

@@ -10,14 +10,18 @@
 when it is used.
 """
 
-from surefix.descriptors.descriptor import Descriptor
-from surefix.descriptors.extraction import extract
-from surefix.descriptors.hub import HUB_MODELS, from_hub
-from surefix.descriptors.onnx import Onnx
-from surefix.descriptors.patch_netvlad import PatchNetVlad
-from surefix.descriptors.reranked import read_pairs, reranked_distances
-from surefix.descriptors.torch import Torch
-from surefix.tables.vectors import load, metric_of
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from surefix.descriptors.descriptor import Descriptor
+    from surefix.descriptors.extraction import extract
+    from surefix.descriptors.hub import HUB_MODELS, from_hub
+    from surefix.descriptors.onnx import Onnx
+    from surefix.descriptors.patch_netvlad import PatchNetVlad
+    from surefix.descriptors.reranked import read_pairs, reranked_distances
+    from surefix.descriptors.torch import Torch
+    from surefix.tables.vectors import load, metric_of
 
 __all__ = [
     "HUB_MODELS",
@@ -32,3 +36,25 @@ __all__ = [
     "read_pairs",
     "reranked_distances",
 ]
+
+_MODULES = {
+    "surefix.descriptors.descriptor": ("Descriptor",),
+    "surefix.descriptors.extraction": ("extract",),
+    "surefix.descriptors.hub": ("HUB_MODELS", "from_hub"),
+    "surefix.descriptors.onnx": ("Onnx",),
+    "surefix.descriptors.patch_netvlad": ("PatchNetVlad",),
+    "surefix.descriptors.reranked": ("read_pairs", "reranked_distances"),
+    "surefix.descriptors.torch": ("Torch",),
+    "surefix.tables.vectors": ("load", "metric_of"),
+}
+
+
+def __getattr__(name: str) -> object:
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(module), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -83,8 +83,8 @@ HUB_MODELS: Mapping[str, HubModel] = MappingProxyType(
         ),
     }
 )
-# Their entry point takes the device: moving them later makes another model.
-_TOLD_DEVICE = ("anyloc",)
+# Its entry point takes the device: moving it later makes another model.
+_TOLD_DEVICE = "anyloc"
 
 
 def from_hub(
@@ -134,17 +134,14 @@ def from_hub(
         raise mismatch("name", f"one of {', '.join(HUB_MODELS)}", repr(name))
     library = require("torch", f"the model {name}", "PyTorch", "torch")
     given = {**model.options, **options}
-    if name in _TOLD_DEVICE and device is not None:
-        given["device"] = str(device)
+    if name == _TOLD_DEVICE and device is not None:
+        given["device"], device = str(device), None
     try:
-        module = library.hub.load(
-            model.repository, model.entry, trust_repo=True, verbose=False, **given
-        )
+        source, quiet = (model.repository, model.entry), {"trust_repo": True, "verbose": False}
+        module = library.hub.load(*source, **quiet, **given)
     except Exception as error:
         # That code may raise any error; without a network, it is one of four kinds.
         raise SurefixError(_refusal(name, model, given, error, library.hub.get_dir())) from error
-    if name in _TOLD_DEVICE:
-        device = None
     return Torch(
         module,
         device=device,
