@@ -176,8 +176,7 @@ def append(
     references: The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.
     positions: A .npy or .csv of each new place's position, if the map has positions.
     """
-    start = time.perf_counter()
-    old = _look(file)
+    start, old = time.perf_counter(), _look(file)
     frames = ImageFrames(references)
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
@@ -191,9 +190,8 @@ def append(
     if model is None and frames.ready is None and old.recipe is not None:
         raise no_model(old.recipe["name"], file)
     if frames.ready is not None:
-        more = Map.from_descriptors(
-            frames.ready, old.metric, where, post=old.post, recipe=old.recipe
-        )
+        rows, post, recipe = frames.ready, old.post, old.recipe
+        more = Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe)
         Map.append(file, more)
     elif network is not None:
         Map.append(file, frames.source, network, positions=where, cache=cache)
@@ -204,10 +202,7 @@ def append(
 
 
 @documented
-def info(
-    file: Path,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
-) -> None:
+def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
     """Say what a map holds.
 
     Parameters
@@ -234,6 +229,7 @@ def info(
     if as_json:
         print(json.dumps(facts))
         return
+    coordinates = "none" if where is None else f"{where.shape[1]} coordinates a place, in metres"
     table = Table(show_header=False, box=None)
     for name, value in facts.items():
         shown = {
@@ -241,9 +237,7 @@ def info(
             "descriptor": _descriptor_of(route),
             "post": repr(route.post),
             "names": f"{names[0]} to {names[-1]}" if names else "none",
-            "positions": "none"
-            if where is None
-            else f"{where.shape[1]} coordinates a place, in metres",
+            "positions": coordinates,
         }.get(name, str(value))
         # The descriptor's name stands for the recipe; --json has all of it.
         if name in ("recipe", "input_dim") or (name == "post" and route.post is None):
