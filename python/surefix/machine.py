@@ -7,7 +7,8 @@ from pathlib import Path
 
 def machine() -> str:
     """The processor, its cores, the system and the Python, in a few words."""
-    return f"{_processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
+    system = f"{platform.system()}, Python {platform.python_version()}"
+    return f"{_processor()}, {os.cpu_count()} cores, {system}"
 
 
 def _processor() -> str:

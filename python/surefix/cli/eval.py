@@ -6,7 +6,6 @@ import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
-from enum import StrEnum
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
@@ -42,6 +41,7 @@ from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
+from surefix.study.study import Recall
 from surefix.tables.matrices import read_matrix
 from surefix.tables.positions import Positions, on_one_plane, read_positions
 from surefix.tables.truth import read_truth
@@ -54,14 +54,6 @@ Float64: TypeAlias = npt.NDArray[np.float64]
 Pictures: TypeAlias = Sequence[Image] | Mapping[int, Image]
 
 DEFAULT_METHODS = ("sequence", "weighted", "single", "masked")
-
-
-class Recall(StrEnum):
-    """The queries that recall is a share of."""
-
-    correct = "correct"
-    place_exists = "place_exists"
-    rejected = "rejected"
 
 
 @documented
@@ -83,7 +75,7 @@ def eval_(
         ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("report"),
-    recall: Recall = Recall.correct,
+    recall: Recall = "correct",
     similarity: bool = False,
     references: str | None = None,
     *,
@@ -229,7 +221,7 @@ def eval_(
         def say(result: "Result") -> None:
             status.update(f"{doing}: {result.name} done")
 
-        study = compare(D, methods, context, recall.value, say)
+        study = compare(D, methods, context, recall, say)
     for result in study.results:
         area, low, high = result.area
         right = f"{result.curve.correct} of {result.curve.judged} right"

@@ -1,4 +1,4 @@
-"""Flags of the command line: their help from the docstring, the method's from the table of options."""
+"""Flags of the command line: help from docstrings, and the method's options from their table."""
 
 import inspect
 import re

@@ -2,9 +2,8 @@
 
 import json
 import time
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -36,20 +35,9 @@ from surefix.errors import check_folder
 from surefix.frames import ImageFrames
 from surefix.tables.positions import read_metres
 
-
-class Metric(StrEnum):
-    """How descriptors are compared."""
-
-    cosine = "cosine"
-    euclidean = "euclidean"
-    manhattan = "manhattan"
-
-
-class Dtype(StrEnum):
-    """How SAD descriptors are kept."""
-
-    u8 = "u8"
-    f32 = "f32"
+Metric = Literal["cosine", "euclidean", "manhattan"]
+# How SAD descriptors are kept.
+Dtype = Literal["u8", "f32"]
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -61,7 +49,7 @@ def _size(text: str) -> tuple[int, int]:
 
 def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
     try:
-        return Sad(_size(size or "64x32"), patch, dtype.value)
+        return Sad(_size(size or "64x32"), patch, dtype)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
 
@@ -69,7 +57,7 @@ def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
 def _check_sad(references: str, metric: Metric | None, post: str | None) -> None:
     """Refuses options that SAD does not have."""
     wanted = "expected ready descriptors or --model, got images for SAD"
-    other = metric not in (None, Metric.manhattan)
+    other = metric not in (None, "manhattan")
     refuse(other, f"--metric: {wanted}, which is manhattan: {references}")
     refuse(post is not None, f"--post: {wanted}: {references}")
 
@@ -80,7 +68,7 @@ def build(
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.safetensors"),
     size: str | None = None,
     patch: Annotated[int, typer.Option(min=1)] = 8,
-    dtype: Dtype = Dtype.u8,
+    dtype: Dtype = "u8",
     metric: Annotated[Metric | None, typer.Option(show_default=False)] = None,
     key: str | None = None,
     model: Path | None = None,
@@ -126,7 +114,7 @@ def build(
     steps = None if post is None else steps_of(post)
     network = None
     if model is not None:
-        of_sad = (patch, dtype) != (8, Dtype.u8)
+        of_sad = (patch, dtype) != (8, "u8")
         refuse(of_sad, "--patch, --dtype: expected images for SAD, got --model")
         sides = None if size is None else _size(size)
         network = open_network(model, output, sides, mean, std, batch)
@@ -140,12 +128,11 @@ def build(
     if frames.ready is not None:
         got = f"expected images, got the ready descriptors {references}"
         refuse(network is not None, f"--model: {got}")
-        refuse((size, patch, dtype) != (None, 8, Dtype.u8), f"--size, --patch, --dtype: {got}")
-        by = metric.value if metric else metric_of(references) or "cosine"
+        refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
+        by = metric or metric_of(references) or "cosine"
         Map.from_descriptors(frames.ready, by, positions=where, post=steps).save(out)
     elif network is not None:
-        by = metric.value if metric else "cosine"
-        map_of_images(frames, network, by, where, steps, cache).save(out)
+        map_of_images(frames, network, metric or "cosine", where, steps, cache).save(out)
     else:
         _check_sad(references, metric, post)
         sad = _sad(size, patch, dtype)

@@ -4,9 +4,8 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any, Literal, TextIO
 
 import typer
 
@@ -24,17 +23,7 @@ F = "Frames"
 S = "Seeing it"
 
 
-class Format(StrEnum):
-    """How fixes are written."""
-
-    csv = "csv"
-    json = "json"
-
-
-class Screen(StrEnum):
-    """The numbers of a screen."""
-
-    i8 = "i8"
+Format = Literal["csv", "json"]
 
 
 @documented
@@ -46,7 +35,7 @@ def run(
     form: Annotated[Format | None, typer.Option("--format")] = None,
     *,
     options: dict[str, Any],
-    screen: Screen | None = None,
+    screen: Literal["i8"] | None = None,
     model: Path | None = None,
     follow: Annotated[bool, F] = False,
     idle: Annotated[float | None, typer.Option(min=0, rich_help_panel=F)] = None,
@@ -106,7 +95,7 @@ def run(
     )
     network = None if model is None else network_of(places, route, model)
     try:
-        scanned = places.with_screen("i8") if screen else places
+        scanned = places.with_screen(screen) if screen else places
         localizer = Localizer(scanned, descriptor=network, **options)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
@@ -194,7 +183,7 @@ def _create(out: Path) -> TextIO:
 def _writer(file: TextIO | None, form: Format | None, out: Path | None) -> Writer | None:
     """None if the fixes would run over the view on the terminal."""
     by_name = out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
-    writer = json_writer if form is Format.json or (form is None and by_name) else csv_writer
+    writer = json_writer if form == "json" or (form is None and by_name) else csv_writer
     if file is not None:
         return writer(file)
     return None if sys.stdout.isatty() else writer(sys.stdout)

@@ -105,7 +105,7 @@ class Placing:
 
 
 def read_stamps(listing: Path, header: str, what: str, columns: int | None = None) -> Int64:
-    """The ascending times in the first column of a listing; ``columns``: the number it must have."""
+    """The ascending times in the first column of a listing, of some number of ``columns``."""
     stamps, numbers = [], []
     for row, cells in rows(listing, None):
         if columns is not None and len(cells) != columns:

@@ -17,9 +17,7 @@ SMALLEST_SPREAD = 1e-3
 
 
 def reranked_distances(
-    global_distances: npt.ArrayLike,
-    candidates: npt.ArrayLike,
-    scores: npt.ArrayLike | None = None,
+    global_distances: npt.ArrayLike, candidates: npt.ArrayLike, scores: npt.ArrayLike | None = None
 ) -> npt.NDArray[np.float32]:
     """The distance of every place, if a second, slower method gave scores to a few candidates only.
 

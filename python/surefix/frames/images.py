@@ -165,7 +165,8 @@ class ImageFrames(Frames):
             return
         if key is not None:
             raise mismatch("key", "a file of descriptors", place)
-        self.images = ImageFiles(place if name is None else find_images(name))  # type: ignore[arg-type]
+        files = place if name is None else find_images(name)
+        self.images = ImageFiles(files)  # type: ignore[arg-type]
         self._files = self.images.paths or []
 
     @property

@@ -17,12 +17,7 @@ Float64 = npt.NDArray[np.float64]
 COLUMNS = "time in seconds, and x,y[,z] or distance in metres"
 CHOICES = (("time", "x", "y", "z"), ("time", "x", "y"), ("time", "distance"))
 POSE, NAV_SAT_FIX = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/NavSatFix"
-TOPICS = (
-    "nav_msgs/msg/Odometry",
-    POSE,
-    "geometry_msgs/msg/PoseWithCovarianceStamped",
-    NAV_SAT_FIX,
-)
+TOPICS = ("nav_msgs/msg/Odometry", POSE, "geometry_msgs/msg/PoseWithCovarianceStamped", NAV_SAT_FIX)
 
 
 class Odometry:
