@@ -1,4 +1,4 @@
-"""What a report was made on: timings mean nothing without it."""
+"""The machine that a report was made on: timings mean nothing without it."""
 
 import os
 import platform

@@ -48,17 +48,9 @@ class BagFrames(Frames):
             topics = {name: (info.msgtype, info.msgcount) for name, info in bag.topics.items()}
         self.topic = _chosen(self.path, topics, topic)
         self._count = int(topics[self.topic][1])
-
-    @property
-    def count(self) -> int:
-        """The number of images on the topic."""
-        return self._count
-
-    @property
-    def files(self) -> list[str]:
-        """The bag; or the files in a ROS 2 bag's folder."""
         folder = Path(self.path)
-        return [str(path) for path in folder.iterdir()] if folder.is_dir() else [self.path]
+        inside = [str(path) for path in folder.iterdir()] if folder.is_dir() else []
+        self._files = inside or [self.path]
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each image, by its number from 0 on the topic."""

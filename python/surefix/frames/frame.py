@@ -1,7 +1,7 @@
 """Images in order: ``Frames``, each decoded when it is wanted."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Iterator, Sized
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Sized
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -96,6 +96,9 @@ class Frames(ABC):
     timed: bool = False
     live: bool = False
     parallel: bool = False
+    _count: int | None = None
+    _estimate: int | None = None
+    _files: Sequence[str] = ()
 
     @abstractmethod
     def shots(self) -> Generator[Shot, None, None]:
@@ -104,12 +107,7 @@ class Frames(ABC):
     @property
     def count(self) -> int | None:
         """The number of frames; None if it is not known."""
-        return None
-
-    @property
-    def estimate(self) -> int | None:
-        """About how many frames there are, for a progress bar; None if unknown."""
-        return self.count
+        return self._count
 
     @property
     def ready(self) -> npt.NDArray[Any] | None:
@@ -117,9 +115,14 @@ class Frames(ABC):
         return None
 
     @property
+    def estimate(self) -> int | None:
+        """About how many frames there are, for a progress bar; None if unknown."""
+        return self._estimate if self.count is None else self.count
+
+    @property
     def files(self) -> list[str]:
-        """The files that are read, if they are known."""
-        return []
+        """The files that are read, if they are known, in their order."""
+        return list(self._files)
 
     def close(self) -> None:  # noqa: B027 (most do not wait)
         """Ends an iteration that waits for frames, from any thread."""
@@ -155,11 +158,7 @@ class IteratedFrames(Frames):
 
     def __init__(self, source: Iterable[Frame]) -> None:
         self.source = source
-
-    @property
-    def count(self) -> int | None:
-        """The number of frames, if the iterable has it."""
-        return len(self.source) if isinstance(self.source, Sized) else None
+        self._count = len(source) if isinstance(source, Sized) else None
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each frame, which is decoded already."""

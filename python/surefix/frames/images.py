@@ -162,12 +162,13 @@ class ImageFrames(Frames):
         if name is not None and Path(name).suffix.lower() in ENDINGS:
             self._array, self._files = _load_array(name, key), [name]
             self.images: Images = ImageArray(self._array)
-            return
-        if key is not None:
+        elif key is not None:
             raise mismatch("key", "a file of descriptors", place)
-        files = place if name is None else find_images(name)
-        self.images = ImageFiles(files)  # type: ignore[arg-type]
-        self._files = self.images.paths or []
+        else:
+            files = place if name is None else find_images(name)
+            self.images = ImageFiles(files)  # type: ignore[arg-type]
+            self._files = self.images.paths or []
+        self._count = len(self.images)
 
     @property
     def ready(self) -> npt.NDArray[Any] | None:
@@ -177,17 +178,7 @@ class ImageFrames(Frames):
     @property
     def source(self) -> list[str] | npt.NDArray[Any]:
         """As ``Map.from_images`` takes them, to be read in parallel: the files, or the array."""
-        return self._files if self._array is None else self._array
-
-    @property
-    def count(self) -> int:
-        """The number of images or rows."""
-        return len(self.images)
-
-    @property
-    def files(self) -> list[str]:
-        """The images, in their order; or the file of the array."""
-        return list(self._files)
+        return self.files if self._array is None else self._array
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each image, by its file's name or its number."""
@@ -200,19 +191,16 @@ class _GivenFrames(Frames):
     parallel = True
 
     def __init__(self, images: Any) -> None:
-        self._images, self._counted = images, _is_counted(images)
-
-    @property
-    def count(self) -> int | None:
-        return len(self._images) if self._counted else None
+        self._images = images
+        self._count = len(images) if _is_counted(images) else None
 
     def shots(self) -> Generator[Shot, None, None]:
         # The classes of surefix may be read by several threads; others are read here, in order.
         if isinstance(self._images, (Images, Traverse, np.ndarray)):
             yield from _shots_of_images(self._images)
             return
-        counted = (self._images[i] for i in range(self.count or 0))
-        for index, thing in enumerate(counted if self._counted else self._images):
+        counted = (self._images[i] for i in range(self._count or 0))
+        for index, thing in enumerate(self._images if self._count is None else counted):
             if isinstance(thing, (str, os.PathLike)):
                 path = os.fspath(thing)
                 yield Shot(None, Path(path).name, partial(read_image, path), path=path)

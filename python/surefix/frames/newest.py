@@ -57,14 +57,11 @@ class KeepNewest(Derived):
             raise mismatch("size", "1 or more", size)
         super().__init__(source)
         self.size, self._given = size, source
+        # Dropped frames included.
+        self._estimate = self.source.estimate
         self.live, self.parallel = True, False
         self.dropped = 0
         self._running: list[_Queue] = []
-
-    @property
-    def estimate(self) -> int | None:
-        """That of the source, dropped frames included."""
-        return self.source.estimate
 
     def close(self) -> None:
         """Ends the running iterations and their threads."""

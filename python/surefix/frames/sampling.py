@@ -72,19 +72,10 @@ class Stride(Selection):
     def __init__(self, source: Iterable[Frame], stride: int) -> None:
         super().__init__(source)
         self.stride = check_stride(stride)
-
-    @property
-    def count(self) -> int | None:
-        """The number of frames left, if it is known."""
-        return self._left(self.source.count)
-
-    @property
-    def estimate(self) -> int | None:
-        """About how many are left."""
-        return self._left(self.source.estimate)
-
-    def _left(self, count: int | None) -> int | None:
-        return None if count is None else math.ceil(count / self.stride)
+        self._count, self._estimate = (
+            None if known is None else math.ceil(known / self.stride)
+            for known in (self.source.count, self.source.estimate)
+        )
 
     def chooser(self) -> Callable[[Shot], bool]:
         """Counts the shots."""
@@ -236,16 +227,7 @@ class Gaps(Derived):
     def __init__(self, source: Iterable[Frame], seconds: float) -> None:
         super().__init__(source)
         self.seconds = _above_0("gap", "seconds", seconds)
-
-    @property
-    def count(self) -> int | None:
-        """That of the source."""
-        return self.source.count
-
-    @property
-    def estimate(self) -> int | None:
-        """That of the source."""
-        return self.source.estimate
+        self._count, self._estimate = self.source.count, self.source.estimate
 
     def shots(self) -> Generator[Shot, None, None]:
         """All, marked."""

@@ -62,22 +62,13 @@ class VideoFrames(Frames):
 
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path = fspath(path)
+        self._files = [self.path]
         self._av = require("av", "a video", "PyAV", "surefix[video]")
         with self._open() as container:
-            self._frames = int(container.streams.video[0].frames)
+            self._estimate = int(container.streams.video[0].frames) or None
             ends, rate = _end(container), container.streams.video[0].average_rate
-        if not self._frames and ends is not None and rate:
-            self._frames = round(ends * float(rate))
-
-    @property
-    def estimate(self) -> int | None:
-        """As the file says."""
-        return self._frames or None
-
-    @property
-    def files(self) -> list[str]:
-        """The video file."""
-        return [self.path]
+        if not self._estimate and ends is not None and rate:
+            self._estimate = round(ends * float(rate)) or None
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each frame, by its number from 0."""
