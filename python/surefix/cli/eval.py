@@ -20,21 +20,9 @@ from surefix._progress import Bar, terminal_bar
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
+from surefix.cli import inputs
 from surefix.cli.flags import documented, with_options
-from surefix.cli.inputs import (
-    Cache,
-    Every,
-    Metres,
-    Model,
-    Odometry,
-    Stride,
-    Topic,
-    check_sampling,
-    network_of,
-    no_model,
-    open_frames,
-    refuse,
-)
+from surefix.cli.inputs import refuse
 from surefix.descriptors import Onnx, extract
 from surefix.descriptors.mapping import sad_map
 from surefix.errors import mismatch, refusal
@@ -61,8 +49,8 @@ DEFAULT_METHODS = ("sequence", "weighted", "single", "masked")
 def eval_(
     route: str,
     queries: Annotated[str | None, typer.Argument()] = None,
-    model: Model = None,
-    cache: Cache = None,
+    model: inputs.Model = None,
+    cache: inputs.Cache = None,
     truth: str | None = None,
     positions: Path | None = None,
     query_positions: Path | None = None,
@@ -83,11 +71,11 @@ def eval_(
     calibration: Path | None = None,
     calibration_truth: str | None = None,
     calibration_tolerance: Annotated[int, typer.Option(min=0)] = 1,
-    topic: Topic = None,
-    stride: Stride = 1,
-    every: Every = None,
-    metres: Metres = None,
-    odometry: Odometry = None,
+    topic: inputs.Topic = None,
+    stride: inputs.Stride = 1,
+    every: inputs.Every = None,
+    metres: inputs.Metres = None,
+    odometry: inputs.Odometry = None,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
     report.
@@ -126,7 +114,7 @@ def eval_(
     refuse(similarity and not is_matrix and not taught, expected)
     refuse(cache is not None and model is None, "--cache: expected --model too, got none")
     if queries is None:
-        check_sampling("none", **sampling)
+        inputs.check_sampling("none", **sampling)
         refuse(not is_matrix, "QUERIES: expected the drive's images or descriptors, got none")
     both = truth is not None and (by_position or positions is not None)
     refuse(both, "--truth: expected it or positions, got both")
@@ -157,8 +145,8 @@ def eval_(
         D = read_matrix(route, similarity)
     else:
         place_map = _open_map(route)
-        network = None if model is None else network_of(place_map, route, model)
-    frames = None if queries is None else open_frames(queries, **sampling)
+        network = None if model is None else inputs.network_of(place_map, route, model)
+    frames = None if queries is None else inputs.open_frames(queries, **sampling)
     names = [] if frames is None else _names(frames)
     if D is not None:
         places, count = D.shape
@@ -271,7 +259,7 @@ def _check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None
     elif network is None and place_map.descriptor is None:
         name = None if place_map.recipe is None else str(place_map.recipe.get("name"))
         if name is not None and name.startswith("onnx:"):
-            raise no_model(name, route)
+            raise inputs.no_model(name, route)
         holds = f"is by {name!r}, which is no ONNX file"
         raise SurefixValueError(
             "QUERIES: expected descriptors, a .npy (m, dim), as this map "

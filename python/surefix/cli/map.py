@@ -12,23 +12,9 @@ from rich.text import Text
 
 from surefix import Map, Sad, SurefixValueError
 from surefix._words import plural
+from surefix.cli import inputs
 from surefix.cli.flags import documented
-from surefix.cli.inputs import (
-    Cache,
-    Every,
-    Metres,
-    Model,
-    Odometry,
-    Stride,
-    Topic,
-    check_not_read,
-    network_of,
-    no_model,
-    open_frames,
-    open_network,
-    refuse,
-    steps_of,
-)
+from surefix.cli.inputs import refuse
 from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
 from surefix.errors import check_folder
@@ -77,13 +63,13 @@ def build(
     std: str | None = None,
     batch: Annotated[int, typer.Option(min=1)] = 8,
     post: str | None = None,
-    cache: Cache = None,
+    cache: inputs.Cache = None,
     positions: Path | None = None,
-    topic: Topic = None,
-    stride: Stride = 1,
-    every: Every = None,
-    metres: Metres = None,
-    odometry: Odometry = None,
+    topic: inputs.Topic = None,
+    stride: inputs.Stride = 1,
+    every: inputs.Every = None,
+    metres: inputs.Metres = None,
+    odometry: inputs.Odometry = None,
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready
     descriptors.
@@ -111,20 +97,20 @@ def build(
     start = time.perf_counter()
     check_folder(out, "cannot write the map")
     where = None if positions is None else read_metres(positions)
-    steps = None if post is None else steps_of(post)
+    steps = None if post is None else inputs.steps_of(post)
     network = None
     if model is not None:
         of_sad = (patch, dtype) != (8, "u8")
         refuse(of_sad, "--patch, --dtype: expected images for SAD, got --model")
         sides = None if size is None else _size(size)
-        network = open_network(model, output, sides, mean, std, batch)
+        network = inputs.open_network(model, output, sides, mean, std, batch)
     elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
         options = "--output, --mean, --std, --batch, --cache"
         raise typer.BadParameter(f"{options}: expected --model too, got none")
-    frames = open_frames(
+    frames = inputs.open_frames(
         references, key, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
     )
-    check_not_read(out, [*frames.files, model, cache])
+    inputs.check_not_read(out, [*frames.files, model, cache])
     if frames.ready is not None:
         got = f"expected images, got the ready descriptors {references}"
         refuse(network is not None, f"--model: {got}")
@@ -148,8 +134,8 @@ def append(
     file: Path,
     references: str,
     positions: Path | None = None,
-    model: Model = None,
-    cache: Cache = None,
+    model: inputs.Model = None,
+    cache: inputs.Cache = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.
@@ -170,12 +156,12 @@ def append(
     where = None if positions is None else read_metres(positions)
     network = None
     if model is not None:
-        network = network_of(old, file, model)
+        network = inputs.network_of(old, file, model)
         got = f"expected images, got the ready descriptors {references}"
         refuse(frames.ready is not None, f"--model: {got}")
     refuse(cache is not None and model is None, "--cache: expected --model too, got none")
     if model is None and frames.ready is None and old.recipe is not None:
-        raise no_model(old.recipe["name"], file)
+        raise inputs.no_model(old.recipe["name"], file)
     if frames.ready is not None:
         rows, post, recipe = frames.ready, old.post, old.recipe
         more = Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe)

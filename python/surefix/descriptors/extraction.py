@@ -9,7 +9,7 @@ from contextlib import closing
 from itertools import chain, islice
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,8 @@ BATCH = 8
 DIGEST = 8
 THREADS = min(4, os.cpu_count() or 1)
 Rows = npt.NDArray[np.float32]
+# The name, digest and pixels of an image.
+Loaded = tuple[str, bytes, npt.NDArray[np.uint8]]
 # The names, digests and vectors of a batch.
 Part = tuple[list[str], list[bytes], Rows]
 
@@ -136,12 +138,6 @@ def described(
             return kept.result(), seen
 
 
-class _Loaded(NamedTuple):
-    name: str
-    image: npt.NDArray[np.uint8]
-    digest: bytes
-
-
 def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
     """The shots, also noted in ``seen``. If they cannot be read later, they are decoded here."""
     source = frames if frames.parallel else IteratedFrames(frames)
@@ -153,11 +149,11 @@ def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
 
 def _batches(
     shots: Iterator[Shot], size: int, *, digests: bool
-) -> Generator[list[_Loaded], None, None]:
+) -> Generator[list[Loaded], None, None]:
     """Loaded images, ``size`` at a time; threads read the next batch while one is used: two are
     held.
     """
-    waiting: deque[Future[_Loaded]] = deque()
+    waiting: deque[Future[Loaded]] = deque()
     with ThreadPoolExecutor(THREADS, thread_name_prefix="surefix-read") as pool:
         try:
             while True:
@@ -173,9 +169,9 @@ def _batches(
                 future.cancel()
 
 
-def _load(shot: Shot, digests: bool) -> _Loaded:
+def _load(shot: Shot, digests: bool) -> Loaded:
     image = checked_image(shot.read(), f"image {shot.name}")
-    return _Loaded(shot.name, image, _digest(shot, image) if digests else b"")
+    return shot.name, _digest(shot, image) if digests else b"", image
 
 
 def _digest(shot: Shot, image: npt.NDArray[np.uint8] | None) -> bytes:
@@ -200,12 +196,11 @@ def _too_long(path: Path, images: int, rows: int) -> SurefixValueError:
     return mismatch(path, f"the cache of these {images} images", f"one of {rows}; {ANEW}")
 
 
-def _vectors(batches: Iterator[list[_Loaded]], descriptor: Descriptor) -> Iterator[Part]:
+def _vectors(batches: Iterator[list[Loaded]], descriptor: Descriptor) -> Iterator[Part]:
     for batch in batches:
-        names = [loaded.name for loaded in batch]
-        digests = [loaded.digest for loaded in batch]
+        names, digests = [name for name, _, _ in batch], [digest for _, digest, _ in batch]
         try:
-            vectors = descriptor.describe([loaded.image for loaded in batch])
+            vectors = descriptor.describe([image for _, _, image in batch])
         except SurefixValueError as error:
             raise SurefixValueError(f"images {names[0]} to {names[-1]}: {error}") from None
         of = [f"image {name}" for name in names]
