@@ -261,9 +261,9 @@ def _check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None
         if name is not None and name.startswith("onnx:"):
             raise inputs.no_model(name, route)
         holds = f"is by {name!r}, which is no ONNX file"
+        why = f"as this map {'holds ready descriptors' if name is None else holds}"
         raise SurefixValueError(
-            "QUERIES: expected descriptors, a .npy (m, dim), as this map "
-            f"{'holds ready descriptors' if name is None else holds}; got images"
+            f"QUERIES: expected descriptors, a .npy (m, dim), {why}; got images"
         )
 
 
@@ -360,10 +360,9 @@ def _check_positions(option: str, array: Float64, count: int) -> None:
 def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
     """Says so if the places of greatest distance are the right ones."""
     assert context.truth is not None
-    near, far = (
-        int(right_matches(best(D, axis=0), len(D), context.truth, context.truth_tolerance)[0].sum())
-        for best in (np.argmin, np.argmax)
-    )
+    truth = len(D), context.truth, context.truth_tolerance
+    extremes = np.argmin(D, axis=0), np.argmax(D, axis=0)
+    near, far = (int(right_matches(places, *truth)[0].sum()) for places in extremes)
     if far > 2 * near and far >= near + 5:
         print(
             f"Warning: of the places at the greatest distance {far} are right, of the nearest "

@@ -18,9 +18,8 @@ def documented(command: Command) -> Command:
 
     A bool is a flag without an opposite; a text beside a type is the heading that it stands under.
     """
-    summary, _, rest = inspect.cleandoc(command.__doc__ or "").partition(
-        "\n\nParameters\n----------\n"
-    )
+    text = inspect.cleandoc(command.__doc__ or "")
+    summary, _, rest = text.partition("\n\nParameters\n----------\n")
     entries = (entry.partition(": ") for entry in re.split(r"\n(?=\w+: )", rest))
     helps = {name: " ".join(text.split()) for name, _, text in entries}
     parameters: list[inspect.Parameter] = []
@@ -57,9 +56,7 @@ def with_options(
         @wraps(command)
         def with_flags(**given: Any) -> None:
             values = ((option, given.pop(flags[option.name])) for option in OPTIONS)
-            options = {
-                option.name: _value(option, value) for option, value in values if value is not None
-            }
+            options = {o.name: _value(o, value) for o, value in values if value is not None}
             command(**given, options=options)
 
         parameters: list[inspect.Parameter] = []
@@ -88,13 +85,9 @@ def _parameter(option: Option, name: str, default: Any) -> inspect.Parameter:
         kind = str
     names = [f"--{name.replace('_', '-')}", *([f"-{option.short}"] if option.short else [])]
     help_ = option.help if option.type is str else f"{option.help[:-1]}: {option.range}."
-    help_ = f"{help_[:-1]}; {default} by default."
-    return inspect.Parameter(
-        name,
-        inspect.Parameter.KEYWORD_ONLY,
-        default=None,
-        annotation=Annotated[kind | None, typer.Option(*names, help=help_)],
-    )
+    flag = typer.Option(*names, help=f"{help_[:-1]}; {default} by default.")
+    only, annotation = inspect.Parameter.KEYWORD_ONLY, Annotated[kind | None, flag]
+    return inspect.Parameter(name, only, default=None, annotation=annotation)
 
 
 def _value(option: Option, given: Any) -> Any:
@@ -104,9 +97,8 @@ def _value(option: Option, given: Any) -> Any:
         try:
             return [float(each) for each in given.split(",")]
         except ValueError:
-            raise typer.BadParameter(
-                f"{flag}: expected numbers with commas, such as 0.9,1,1.1, got {given!r}"
-            ) from None
+            expected = "numbers with commas, such as 0.9,1,1.1"
+            raise typer.BadParameter(f"{flag}: expected {expected}, got {given!r}") from None
     if option.type is float and option.choices and given not in option.choices:
         try:
             return float(given)

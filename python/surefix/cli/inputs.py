@@ -123,10 +123,7 @@ def steps_of(text: str) -> list[Step]:
         "standardize:running": Standardize("running"),
         "normalize": Normalize(),
     }
-    reductions: dict[str, type[Pca | RandomProjection]] = {
-        "pca": Pca,
-        "projection": RandomProjection,
-    }
+    reductions: dict[str, Any] = {"pca": Pca, "projection": RandomProjection}
     steps: list[Step] = []
     for part in text.split(","):
         step = part.strip().removesuffix(":")

@@ -72,9 +72,8 @@ def folders(
     if reference_positions is not None and query_positions is not None:
         first = origin.file(base / reference_positions, "the positions of the references")
         second = origin.file(base / query_positions, "the positions of the queries")
-        there, here = on_one_plane(
-            read_positions(first, mapped.names), read_positions(second, driven.names)
-        )
+        of_map, of_drive = read_positions(first, mapped.names), read_positions(second, driven.names)
+        there, here = on_one_plane(of_map, of_drive)
         known = pair_by_position(there, here, tolerance)
     if truth == "identity":
         known = identity(name, mapped, driven)

@@ -105,9 +105,8 @@ def robotcar(
     if None not in zones and zones[0] != zones[1]:
         file = tracks[1][0].path
         raise mismatch(file, f"the UTM zone of the reference, {zones[0]}", zones[1])
-    both = [
-        _drive(folder, camera, track) for folder, (track, _) in zip(folders, tracks, strict=True)
-    ]
+    pairs = zip(folders, tracks, strict=True)
+    both = [_drive(folder, camera, track) for folder, (track, _) in pairs]
     title = f"RobotCar {folders[0].name} / {folders[1].name}"
     images = partial(BayerFiles, pattern=CAMERAS[camera])
     return placing.pair(title, both, images, tolerance)

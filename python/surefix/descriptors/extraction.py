@@ -140,7 +140,7 @@ def described(
 
 def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
     """The shots, also noted in ``seen``. If they cannot be read later, they are decoded here."""
-    source = frames if frames.parallel else IteratedFrames(frames)
+    source = frames if frames.parallel else IteratedFrames(frames.frames())
     with closing(source.shots()) as shots:
         for shot in shots:
             seen.append(Shot(shot.time, shot.name, lambda: np.empty(0)))

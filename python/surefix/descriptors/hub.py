@@ -142,6 +142,8 @@ def from_hub(
     except Exception as error:
         # That code may raise any error; without a network, it is one of four kinds.
         raise SurefixError(_refusal(name, model, given, error, library.hub.get_dir())) from error
+    kinds = (bool, int, float, str)
+    plain = {key: value if isinstance(value, kinds) else str(value) for key, value in given.items()}
     return Torch(
         module,
         device=device,
@@ -153,7 +155,7 @@ def from_hub(
         mean=model.mean,
         std=model.std,
         resample=model.resample,
-        recipe={"repository": model.repository, "entry": model.entry, "options": _plain(given)},
+        recipe={"repository": model.repository, "entry": model.entry, "options": plain},
     )
 
 
@@ -168,10 +170,3 @@ def _refusal(
         f"{reason}. Without a network, run torch.hub.load({model.repository!r}, {model.entry!r}"
         f"{arguments}) on a machine that has one, and copy its torch.hub.get_dir() to {folder}"
     )
-
-
-def _plain(options: Mapping[str, object]) -> dict[str, object]:
-    return {
-        key: value if isinstance(value, (bool, int, float, str)) else str(value)
-        for key, value in options.items()
-    }

@@ -40,9 +40,7 @@ def map_of_images(
     named = frames.count is not None or isinstance(images, Frames)
     names = [shot.name for shot in shots] if named else None
     recipe = recipe_of(descriptor)
-    return Map.from_descriptors(
-        rows, metric, positions=positions, names=names, post=post, recipe=recipe
-    )
+    return Map.from_descriptors(rows, metric, positions, names, post=post, recipe=recipe)
 
 
 def append_images(
@@ -63,14 +61,10 @@ def append_images(
     names = None
     if old.names is not None:
         # Those that are only numbers count on.
-        names = [
-            str(len(old) + index) if shot.name == str(index) else shot.name
-            for index, shot in enumerate(shots)
-        ]
+        known = enumerate(shot.name for shot in shots)
+        names = [str(len(old) + i) if name == str(i) else name for i, name in known]
     recipe = old.recipe or recipe_of(descriptor)
-    more = Map.from_descriptors(
-        rows, old.metric, positions=positions, names=names, post=old.post, recipe=recipe
-    )
+    more = Map.from_descriptors(rows, old.metric, positions, names, post=old.post, recipe=recipe)
     del old
     Map.append(path, more)
 

@@ -14,10 +14,7 @@ from surefix.descriptors.descriptor import check_one_each, checked_batch, checke
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixValueError, mismatch, refusal
 
-NUMBERS: dict[str, type[np.floating[Any]]] = {
-    "tensor(float)": np.float32,
-    "tensor(float16)": np.float16,
-}
+NUMBERS: dict[str, Any] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 # Calls a service in the cloud: never wanted here.
 REMOTE = "AzureExecutionProvider"
 
@@ -174,9 +171,8 @@ class Onnx:
         if len(shape) != 4 or (isinstance(shape[1], int) and shape[1] != 3):
             expected = "an input of RGB images, (n, 3, H, W)"
             raise mismatch(self.path, expected, f"{node.name} {_shape(node)}")
-        count, height, width = (
-            side if isinstance(side, int) and side > 0 else None for side in (shape[0], *shape[2:])
-        )
+        sides = (side if isinstance(side, int) and side > 0 else None for side in shape)
+        count, _, height, width = sides
         if (height is None) != (width is None):
             raise mismatch(self.path, "both sides of the input free or fixed", _shape(node))
         return count, None if height is None or width is None else (width, height)
@@ -187,9 +183,8 @@ class Onnx:
         if output is None and len(nodes) == 1:
             return str(nodes[0].name)
         if output is None:
-            raise SurefixValueError(
-                f"{self.path}: expected output=NAME, as the model has several: {listed}"
-            )
+            several = f"expected output=NAME, as the model has several: {listed}"
+            raise SurefixValueError(f"{self.path}: {several}")
         if output not in [node.name for node in nodes]:
             raise mismatch(self.path, f"one of the outputs {listed}", repr(output))
         return output

@@ -85,9 +85,8 @@ class Torch:
         if not isinstance(module, library.nn.Module):
             raise mismatch("module", "a torch.nn.Module", type(module).__name__)
         if transform is not None and (size is not None or not callable(transform)):
-            raise SurefixValueError(
-                "transform: expected something to call with an image, and then no size"
-            )
+            expected = "expected something to call with an image, and then no size"
+            raise SurefixValueError(f"transform: {expected}")
         self.module, self.transform, self.autocast = module, transform, autocast
         self.batch = checked_batch(batch)
         self.name = name or f"torch:{type(module).__name__}"

@@ -15,27 +15,10 @@ from surefix.errors import SurefixFileError, SurefixValueError, mismatch, refusa
 from surefix.frames.frame import Frames, Shot
 
 # A video is known by its name; VideoFrames itself takes any file.
-VIDEO_ENDINGS = frozenset(
-    [
-        ".3gp",
-        ".asf",
-        ".avi",
-        ".flv",
-        ".m2ts",
-        ".m4v",
-        ".mjpeg",
-        ".mkv",
-        ".mov",
-        ".mp4",
-        ".mpeg",
-        ".mpg",
-        ".mts",
-        ".ogv",
-        ".ts",
-        ".webm",
-        ".wmv",
-    ]
-)
+VIDEO_ENDINGS = frozenset((
+    ".3gp", ".asf", ".avi", ".flv", ".m2ts", ".m4v", ".mjpeg", ".mkv", ".mov", ".mp4", ".mpeg",
+    ".mpg", ".mts", ".ogv", ".ts", ".webm", ".wmv",
+))  # fmt: skip
 
 
 class VideoFrames(Frames):
@@ -130,11 +113,8 @@ class VideoFrames(Frames):
 
 def is_video(place: Path) -> bool:
     """Whether this is a video by its name, and not a folder or a pattern."""
-    return (
-        place.suffix.lower() in VIDEO_ENDINGS
-        and not place.is_dir()
-        and not any(mark in str(place) for mark in "*?[")
-    )
+    pattern = any(mark in str(place) for mark in "*?[")
+    return place.suffix.lower() in VIDEO_ENDINGS and not place.is_dir() and not pattern
 
 
 def _end(container: Any) -> float | None:

@@ -28,9 +28,7 @@ def rows(path: Path, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         try:
-            cells = (
-                line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
-            )
+            cells = next(csv.reader([line], delimiter=delimiter)) if delimiter else line.split()
         except csv.Error as error:
             raise mismatch(f"{path}, row {number}", "values with commas between", error) from None
         yield number, [cell.strip() for cell in cells]
