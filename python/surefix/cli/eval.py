@@ -179,18 +179,10 @@ def eval_(
         context = replace(context, positions=where)
     if calibration is not None and calibration_truth is not None:
         learned = read_matrix(calibration, similarity)
-        known = read_truth(calibration_truth, *learned.shape)
-        context = replace(context, calibration=(learned, known))
+        lesson = read_truth(calibration_truth, *learned.shape)
+        context = replace(context, calibration=(learned, lesson))
     pictures = None if references is None else _reference_images(references, places)
-    try:
-        # The matcher's own checks, before the slow part.
-        match_distances(np.zeros((places, 1), np.float32), **options)
-    except SurefixValueError as error:
-        raise typer.BadParameter(str(error)) from None
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise refusal(out, "cannot make the output folder", error) from None
+    _check_before(places, options, out)
 
     # Compare the methods.
     start = time.perf_counter()
@@ -203,21 +195,13 @@ def eval_(
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
-    doing = "Comparing the methods"
-    with console.status(doing) as status:
+    with console.status("Comparing the methods") as status:
 
         def say(result: "Result") -> None:
-            status.update(f"{doing}: {result.name} done")
+            status.update(f"Comparing the methods: {result.name} done")
 
         study = compare(D, methods, context, recall, say)
-    for result in study.results:
-        area, low, high = result.area
-        right = f"{result.curve.correct} of {result.curve.judged} right"
-        areas = f"{area:.3f} ({low:.3f} to {high:.3f})"
-        print(f"{result.name}: area up to recall 0.2 is {areas}, {right}")
-    true, false = study.trust.true_positives, study.trust.false_positives
-    print(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
-    _warn_of_none_judged(study)
+    _print_results(study)
 
     # Draw the report.
     place_names = None if place_map is None else place_map.names
@@ -249,6 +233,18 @@ def _open_map(route: str) -> Map:
         got = f"a folder; make a map of it: surefix map build {route}"
         raise mismatch(route, "a map or a matrix", got)
     return Map.open(route)
+
+
+def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
+    """The matcher's own checks, and the output folder, before the slow part."""
+    try:
+        match_distances(np.zeros((places, 1), np.float32), **options)
+    except SurefixValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refusal(out, "cannot make the output folder", error) from None
 
 
 def _check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None) -> None:
@@ -371,8 +367,15 @@ def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
         )
 
 
-def _warn_of_none_judged(study: "Study") -> None:
-    """Says so if no query of a method could be judged by the truth."""
+def _print_results(study: "Study") -> None:
+    """A line a method, and a warning if no query of some could be judged by the truth."""
+    for result in study.results:
+        area, low, high = result.area
+        right = f"{result.curve.correct} of {result.curve.judged} right"
+        areas = f"{area:.3f} ({low:.3f} to {high:.3f})"
+        print(f"{result.name}: area up to recall 0.2 is {areas}, {right}")
+    true, false = study.trust.true_positives, study.trust.false_positives
+    print(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
     names = [result.name for result in study.results if not result.judged.any()]
     if not names:
         return
