@@ -25,7 +25,7 @@ def folders(
     source: str = FOLDERS.source,
     licence: str = FOLDERS.licence,
 ) -> Pair:
-    """Two folders of images, or two ``.npy`` of images, and what is known of their places.
+    """Two folders of images, or two ``.npy`` of images, with a truth or positions if known.
 
     Names are relative to ``root``; absolute paths are taken as they are.
 

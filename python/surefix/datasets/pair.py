@@ -1,4 +1,4 @@
-"""Two traverses of one route with a truth, and where a data set comes from."""
+"""Two traverses of one route with a truth, and the origin of a data set."""
 
 from dataclasses import dataclass
 from os import PathLike

@@ -105,7 +105,7 @@ class PatchNetVlad:
     def columns(
         self, features: str | PathLike[str], queries: Sequence[str | PathLike[str]]
     ) -> Iterator[npt.NDArray[np.float32]]:
-        """For each query, the distances of all places, (n,): what ``Matcher.push`` takes.
+        """For each query, the distances of all places, (n,), as ``Matcher.push`` takes them.
 
         Raises
         ------

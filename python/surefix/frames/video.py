@@ -38,7 +38,7 @@ class VideoFrames(Frames):
     SurefixValueError
         If it is no video. While it is read: if it is damaged, or ends before it should. The error
         names the frame, and those before it have been given. (An MPEG transport stream does not say
-        where it should end.)
+        its end.)
     """
 
     timed = True
