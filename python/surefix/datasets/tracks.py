@@ -15,6 +15,8 @@ from surefix.tables.metres import interpolate, pair_by_position, subsample
 from surefix.tables.rows import ascending, rows, whole
 
 Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+ImagesOf = Callable[[list[Path]], Images]
 
 
 class Track(NamedTuple):
@@ -22,13 +24,11 @@ class Track(NamedTuple):
 
     path: Path
     stamps: Int64
-    positions: npt.NDArray[np.float64]
+    positions: Float64
 
 
 class Drive(NamedTuple):
-    """The images of a folder, named by their ascending ``stamps``; the file that lists them; and
-    the track.
-    """
+    """The images of a folder, named by their ascending ``stamps``, their listing and the track."""
 
     folder: Path
     stamps: Int64
@@ -57,20 +57,14 @@ class Placing:
         if self.spacing is not None and not (np.isfinite(self.spacing) and self.spacing > 0):
             raise mismatch("spacing", "metres, more than 0, or None for every image", self.spacing)
 
-    def pair(
-        self,
-        name: str,
-        drives: Sequence[Drive],
-        images: Callable[[list[Path]], Images],
-        tolerance: float,
-    ) -> Pair:
+    def pair(self, name: str, drives: Sequence[Drive], images: ImagesOf, tolerance: float) -> Pair:
         """Two drives paired by position: the truth is the nearest reference within a tolerance."""
         (files, there, notes), (driven, here, more) = (self._placed(drive) for drive in drives)
         truth = pair_by_position(there, here, tolerance)
         origin = self.origin.source, self.origin.licence
         return Pair(name, images(files), images(driven), truth, there, here, *origin, notes + more)
 
-    def _placed(self, drive: Drive) -> tuple[list[Path], npt.NDArray[np.float64], tuple[str, ...]]:
+    def _placed(self, drive: Drive) -> tuple[list[Path], Float64, tuple[str, ...]]:
         """The files that are kept, the position of each, and notes on those left out."""
         folder, stamps, listed_in, track = drive
         files = [folder / f"{stamp}.png" for stamp in stamps]

@@ -150,9 +150,7 @@ def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
 def _batches(
     shots: Iterator[Shot], size: int, *, digests: bool
 ) -> Generator[list[Loaded], None, None]:
-    """Loaded images, ``size`` at a time; threads read the next batch while one is used: two are
-    held.
-    """
+    """Loaded images, ``size`` at a time; threads read the next batch while one is used."""
     waiting: deque[Future[Loaded]] = deque()
     with ThreadPoolExecutor(THREADS, thread_name_prefix="surefix-read") as pool:
         try:

@@ -12,6 +12,7 @@ from surefix.tables.metres import centre, local_metres
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import columns, rows
 
+Float64 = npt.NDArray[np.float64]
 DEGREES = (("latitude", "longitude"), ("lat", "lon"))
 METRES = (("x", "y", "z"), ("x", "y"), ("easting", "northing"), ("east", "north"))
 COLUMNS = "x,y[,z] or easting,northing in metres, or latitude,longitude (or lat,lon) in degrees"
@@ -22,7 +23,7 @@ class Positions:
     """A row a frame: metres, or latitude and longitude."""
 
     source: str
-    values: npt.NDArray[np.float64]
+    values: Float64
     degrees: bool = False
 
 
@@ -40,20 +41,17 @@ def read_positions(path: Path, names: Sequence[str] | None = None) -> Positions:
     return read
 
 
-def read_metres(path: Path) -> npt.NDArray[np.float64]:
+def read_metres(path: Path) -> Float64:
     """As ``read_positions``, for a map: it holds metres."""
     read = read_positions(path)
     if read.degrees:
-        raise SurefixValueError(
-            f"{path}: expected metres, as a map holds no degrees, got latitude and longitude; "
-            "surefix.datasets.local_metres makes metres of them, with one origin for all drives"
-        )
+        advice = "makes metres of them, with one origin for all drives"
+        got = f"latitude and longitude; surefix.datasets.local_metres {advice}"
+        raise mismatch(path, "metres, as a map holds no degrees", got)
     return read.values
 
 
-def on_one_plane(
-    references: Positions, queries: Positions
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def on_one_plane(references: Positions, queries: Positions) -> tuple[Float64, Float64]:
     """Both in metres; degrees become metres about the mean of the references."""
     if references.degrees != queries.degrees:
         given, other = (references, queries) if references.degrees else (queries, references)
@@ -66,7 +64,7 @@ def on_one_plane(
     return local_metres(there[0], there[1], origin), local_metres(here[0], here[1], origin)
 
 
-def _bare(path: Path) -> npt.NDArray[np.float64]:
+def _bare(path: Path) -> Float64:
     """Numbers without a header."""
     try:
         if path.suffix == ".npy":
@@ -122,7 +120,7 @@ def _by_header(path: Path, names: Sequence[str] | None) -> Positions:
     return Positions(str(path), values, degrees)
 
 
-def _look_like_degrees(values: npt.NDArray[np.float64]) -> bool:
+def _look_like_degrees(values: Float64) -> bool:
     """Whether all places lie within a metre, no further from 0 than degrees: no drive does."""
     if values.ndim != 2 or values.shape[1] not in (2, 3) or len(values) < 2:
         return False
