@@ -24,6 +24,7 @@ S = "Seeing it"
 
 
 Format = Literal["csv", "json"]
+Size = tuple[int, ...]
 
 
 @documented
@@ -133,7 +134,7 @@ def localize(
 ) -> None:
     """Push each frame, write and count each fix, and show it in the views."""
     names = localizer.map.names
-    before: tuple[int, ...] | None = None
+    before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:
             if frame.breaks:
@@ -154,9 +155,7 @@ def localize(
                 view.update(frame, fix, localizer, latency)
 
 
-def _at(
-    frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError
-) -> SurefixValueError:
+def _at(frame: Frame, before: Size | None, error: SurefixValueError) -> SurefixValueError:
     """The error with its frame, and the change of size before it, if there was one."""
     shape = frame.image.shape
     sizes = ""

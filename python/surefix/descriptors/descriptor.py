@@ -64,9 +64,7 @@ def require_descriptor(thing: object) -> Descriptor:
 
 def in_batches(images: Any, size: int, run: Callable[[list[Image], int], Rows]) -> Rows:
     """Describes an image or several, ``size`` at a time: ``run(images, index of the first)``."""
-    alone = isinstance(images, np.ndarray) and (
-        images.ndim == 2 or (images.ndim == 3 and images.shape[2] == 3)
-    )
+    alone = isinstance(images, np.ndarray) and _has_image_shape(images)
     several = [images] if alone else list(images)
     if not several:
         raise mismatch("images", "at least one", "none")
@@ -82,11 +80,14 @@ def checked_batch(batch: object) -> int:
     return batch
 
 
+def _has_image_shape(array: npt.NDArray[Any]) -> bool:
+    return array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
+
+
 def checked_image(image: Any, what: str) -> Image:
     """The image as an array, if it is uint8 (H, W) or (H, W, 3) and has pixels."""
     array = np.asarray(image)
-    shape_fits = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
-    if array.dtype != np.uint8 or not shape_fits or 0 in array.shape:
+    if array.dtype != np.uint8 or not _has_image_shape(array) or 0 in array.shape:
         raise mismatch(what, "uint8 (H, W) or (H, W, 3)", f"{array.dtype} {array.shape}")
     return array
 

@@ -82,11 +82,9 @@ class VideoFrames(Frames):
             raise SurefixFileError(f"{self.path}: cannot read the video: there is no such file")
         try:
             container = self._av.open(self.path)
-        except OSError as error:
-            if isinstance(error, (FileNotFoundError, PermissionError)):
-                raise refusal(self.path, "cannot read the video", error) from None
-            raise self._no_video(str(error.strerror or error)) from None
-        except (self._av.FFmpegError, ValueError) as error:
+        except (FileNotFoundError, PermissionError) as error:
+            raise refusal(self.path, "cannot read the video", error) from None
+        except (OSError, self._av.FFmpegError, ValueError) as error:
             raise self._no_video(getattr(error, "strerror", None) or str(error)) from None
         if not container.streams.video:
             container.close()
