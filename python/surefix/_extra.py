@@ -5,8 +5,6 @@ from typing import Any
 
 from surefix.errors import SurefixError
 
-__all__ = ["require"]
-
 
 def require(module: str, what: str, package: str, install: str) -> Any:
     """Imports an optional package. If that fails, a SurefixError says in a line how to install it;

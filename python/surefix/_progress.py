@@ -3,29 +3,21 @@
 import sys
 from collections.abc import Callable
 
-__all__ = ["terminal_bar"]
+from surefix.errors import SurefixError
+
+Progress = Callable[[int, int], bool | None]
 
 
 def terminal_bar(label: str) -> Callable[[int, int], None] | None:
-    """A callback ``(done, total)`` that draws a bar on stderr; None where stderr is no terminal."""
+    """A callback ``(done, total)`` that draws a bar on stderr; None if stderr is no terminal."""
     if sys.stderr is None or not sys.stderr.isatty():
         return None
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    progress = Progress(*columns, console=Console(stderr=True), transient=True)
+    columns = ("{task.description}", rich.BarColumn(), rich.MofNCompleteColumn())
+    console = Console(stderr=True)
+    progress = rich.Progress(*columns, rich.TimeRemainingColumn(), console=console, transient=True)
     task = progress.add_task(label)
 
     def report(done: int, total: int) -> None:
@@ -36,3 +28,20 @@ def terminal_bar(label: str) -> Callable[[int, int], None] | None:
             progress.stop()
 
     return report
+
+
+class Bar:
+    """Reports by a callback, if there is one; a total that is unknown is one more than is done."""
+
+    def __init__(self, report: Progress | None, total: int | None, estimate: int | None) -> None:
+        self.report, self.total, self.estimate = report, total, estimate or 0
+
+    def show(self, done: int) -> None:
+        total = max(self.estimate, done + 1) if self.total is None else self.total
+        if self.report is not None and self.report(done, total) is False:
+            raise SurefixError(f"stopped after {done} of {total}")
+
+    def end(self, done: int) -> None:
+        """The last call, if the total was unknown."""
+        if self.report is not None and self.total is None:
+            self.report(done, done)

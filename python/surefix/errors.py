@@ -1,6 +1,6 @@
 """Errors. Each message says where, what was expected, and what came."""
 
-__all__ = ["SurefixError", "SurefixFileError", "SurefixValueError", "mismatch", "refusal"]
+from pathlib import Path
 
 
 class SurefixError(Exception):
@@ -18,6 +18,13 @@ class SurefixFileError(SurefixError, OSError):
 def mismatch(where: object, expected: object, got: object) -> SurefixValueError:
     """The error of a value: where, what was expected, and what came."""
     return SurefixValueError(f"{where}: expected {expected}, got {got}")
+
+
+def check_folder(file: Path, problem: str) -> None:
+    """Refuses a file to write if its folder does not exist."""
+    folder = file.absolute().parent
+    if not folder.is_dir():
+        raise SurefixFileError(f"{file}: {problem}: there is no folder {folder}")
 
 
 def refusal(where: object, problem: str, error: OSError) -> SurefixFileError:

@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError, mismatch
-
-__all__ = ["Matches"]
+from surefix.errors import mismatch
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +46,8 @@ class Matches:
             raise mismatch("place", "whole numbers, one a query", f"{place.dtype} {place.shape}")
         if score.dtype.kind not in "fiu":
             raise mismatch("score", "numbers, one a query", score.dtype)
-        fields: dict[str, Any] = {
-            "place": place.astype(np.int64),
-            "score": score.astype(np.float32),
-        }
+        fields: dict[str, Any]
+        fields = {"place": place.astype(np.int64), "score": score.astype(np.float32)}
         for name in ("ready", "accepted"):
             flags = getattr(self, name)
             fields[name] = np.ones(len(place), bool) if flags is None else np.asarray(flags)
@@ -59,8 +55,8 @@ class Matches:
                 raise mismatch(name, "bool, one a query", fields[name].dtype)
         for name, array in fields.items():
             if array.shape != place.shape:
-                expected = f"expected one number a query, {place.shape}"
-                raise SurefixValueError(f"{name}: {expected}, got the shape {array.shape}")
+                expected = f"one number a query, {place.shape}"
+                raise mismatch(name, expected, f"the shape {array.shape}")
             object.__setattr__(self, name, array)
 
     def __len__(self) -> int:

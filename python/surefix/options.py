@@ -8,8 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal, SupportsFloat, SupportsIndex, TypeAlias, TypedDict
 
-__all__ = ["OPTIONS", "Floor", "Gradient", "Option", "Options"]
-
 Gradient: TypeAlias = Literal["halved", "unhalved"]
 Floor: TypeAlias = Literal["running", "global"] | SupportsFloat
 

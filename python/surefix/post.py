@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Post, Running, fit_post
-from surefix.errors import SurefixValueError, mismatch
+from surefix.errors import mismatch
 
 __all__ = [
     "Normalize",
@@ -136,9 +136,8 @@ def as_json(steps: Any) -> str:
         for name, value in asdict(step).items():
             expected, fits = _EXPECTED[name]
             if not fits(value):
-                raise SurefixValueError(
-                    f"post: {type(step).__name__}: expected {name} to be {expected}, got {value!r}"
-                )
+                where = f"post: {type(step).__name__}"
+                raise mismatch(where, f"{name} to be {expected}", repr(value))
     # NumPy's numbers as Python's.
     return json.dumps([_plain(step) for step in listed], default=lambda number: number.item())
 
@@ -150,11 +149,9 @@ def _plain(step: Step) -> dict[str, Any]:
 
 
 def _is_whole(value: object) -> bool:
-    return (
-        isinstance(value, (int, np.integer))
-        and not isinstance(value, bool)
-        and 0 <= int(value) < 2**63
-    )
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        return False
+    return 0 <= int(value) < 2**63
 
 
 # The values of each field of a step.

@@ -7,6 +7,7 @@ use proptest::sample::select;
 
 use super::{Column, Exact, Fix, Matcher};
 use crate::config::{Config, Floor, Gradient};
+use crate::random::SplitMix64;
 
 /// All distances, and where the newest query's are; and how many were asked for.
 struct Known<'a> {
@@ -24,27 +25,18 @@ impl Exact for Known<'_> {
     }
 }
 
-struct Dice(u64);
+/// Drives and bounds by chance.
+struct Drive(SplitMix64);
 
-impl Dice {
-    fn below(&mut self, end: u64) -> u64 {
-        self.0 =
-            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % end
-    }
-
-    fn share(&mut self) -> f32 {
-        self.below(1 << 24) as f32 / (1 << 24) as f32
-    }
-
+impl Drive {
     /// A drive along the route, from `start`, whose distances dip where it is, by more or less; or
     /// whole numbers, which tie.
     fn column(&mut self, places: usize, at: usize, ties: bool) -> Vec<f32> {
         let mut column: Vec<f32> = (0..places)
-            .map(|_| if ties { self.below(4) as f32 } else { 0.5 + 0.5 * self.share() })
+            .map(|_| if ties { self.0.below(4) as f32 } else { 0.5 + 0.5 * self.0.share() })
             .collect();
-        if !ties && self.below(5) > 0 {
-            column[at % places] -= 0.7 * self.share();
+        if !ties && self.0.below(5) > 0 {
+            column[at % places] -= 0.7 * self.0.share();
         }
         column
     }
@@ -52,10 +44,10 @@ impl Dice {
     /// Bounds as wide as `width` on either side; some are the distances themselves, some lie on one
     /// side only.
     fn bounds(&mut self, column: &[f32], width: f32) -> (Vec<f32>, Vec<f32>) {
-        let mut side = |x: f32, sign: f32| match self.below(8) {
+        let mut side = |x: f32, sign: f32| match self.0.below(8) {
             0 => x,
             1 => x + sign * 1e-7,
-            _ => x + sign * width * self.share(),
+            _ => x + sign * width * self.0.share(),
         };
         let low = column.iter().map(|&x| side(x, -1.0)).collect();
         (low, column.iter().map(|&x| side(x, 1.0)).collect())
@@ -101,21 +93,21 @@ proptest! {
         (places, config) in (2..90_usize).prop_flat_map(|places| (Just(places), config(places))),
         width in select(vec![0.0, 1e-6, 0.01, 0.1, 0.5, 3.0]), ties: bool, restored: bool, seed: u64,
     ) {
-        let mut dice = Dice(seed);
-        let start = dice.below(places as u64) as usize;
+        let mut drive = Drive(SplitMix64(seed));
+        let start = drive.0.below(places);
         let columns: Vec<Vec<f32>> =
-            (0..2 * config.sequence_length + 12).map(|j| dice.column(places, start + j, ties)).collect();
+            (0..2 * config.sequence_length + 12).map(|j| drive.column(places, start + j, ties)).collect();
         let mut plain = Matcher::new(places, config.clone()).unwrap();
         let mut told = bounded(plain.clone());
         for (newest, column) in columns.iter().enumerate() {
-            let external = [None, None, None, Some(true), Some(false)][dice.below(5) as usize];
+            let external = [None, None, None, Some(true), Some(false)][drive.0.below(5)];
             let exact = Column { lower: column, upper: None };
             let expected = plain.push_column(exact, external, &mut ()).unwrap();
             let mut known = Known { columns: &columns, newest, asked: 0 };
-            let got = if dice.below(6) == 0 {
+            let got = if drive.0.below(6) == 0 {
                 told.push_column(exact, external, &mut known)
             } else {
-                let (low, high) = dice.bounds(column, width);
+                let (low, high) = drive.bounds(column, width);
                 let bounds = Column { lower: &low, upper: Some(&high) };
                 told.push_column(bounds, external, &mut known)
             }.unwrap();
@@ -128,11 +120,11 @@ proptest! {
                 prop_assert_eq!(&own, &other);
                 told = bounded(Matcher::restore(&own, None).unwrap());
             }
-            if dice.below(10 + 2 * config.sequence_length as u64) == 0 {
+            if drive.0.below(10 + 2 * config.sequence_length) == 0 {
                 plain.gap();
                 told.gap();
                 prop_assert!(told.window().newest(&mut known).is_none());
-            } else if dice.below(20) == 0 {
+            } else if drive.0.below(20) == 0 {
                 let newest = told.window().newest(&mut known).unwrap();
                 prop_assert_eq!(newest, column.as_slice());
             }
@@ -144,10 +136,10 @@ proptest! {
 #[test]
 fn few_places_are_looked_at_where_few_are_in_doubt() {
     const PLACES: usize = 1000;
-    let mut dice = Dice(1);
+    let mut drive = Drive(SplitMix64(1));
     let columns: Vec<Vec<f32>> = (0..40)
         .map(|j| {
-            let mut column: Vec<f32> = (0..PLACES).map(|_| 0.5 + 0.5 * dice.share()).collect();
+            let mut column: Vec<f32> = (0..PLACES).map(|_| 0.5 + 0.5 * drive.0.share()).collect();
             column[200 + j] = 0.1;
             column
         })
@@ -155,7 +147,7 @@ fn few_places_are_looked_at_where_few_are_in_doubt() {
     let config = Config { sequence_length: 3, ..Config::default() };
     let mut told = bounded(Matcher::new(PLACES, config).unwrap());
     for (newest, column) in columns.iter().enumerate() {
-        let (low, high) = dice.bounds(column, 0.02);
+        let (low, high) = drive.bounds(column, 0.02);
         let mut known = Known { columns: &columns, newest, asked: 0 };
         let bounds = Column { lower: &low, upper: Some(&high) };
         let fix = told.push_column(bounds, None, &mut known).unwrap();

@@ -8,28 +8,24 @@ use crate::distance::Metric;
 use crate::dtype::Dtype;
 use crate::map::Map;
 use crate::numbers::View;
+use crate::random::SplitMix64;
 use crate::simd::Isa;
 
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 =
-            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        self.0 >> 20
-    }
-
-    /// From -1 to 1, with a few that stick out.
-    fn number(&mut self) -> f32 {
-        let number = self.next() as f32 / (1_u64 << 43) as f32 - 1.0;
-        if self.next().is_multiple_of(50) { 20.0 * number } else { number }
-    }
+/// From -1 to 1, with a few far outside.
+fn any(random: &mut SplitMix64) -> f32 {
+    let number = 2.0 * random.share() - 1.0;
+    if random.below(50) == 0 { 20.0 * number } else { number }
 }
 
 /// Numbers of many sizes, by a power of ten for the whole, for a dimension and for a row.
-fn number(dice: &mut Dice, (whole, spread, offset): (i32, i32, f32), row: usize, at: usize) -> f32 {
+fn number(
+    random: &mut SplitMix64,
+    (whole, spread, offset): (i32, i32, f32),
+    row: usize,
+    at: usize,
+) -> f32 {
     let power = whole + (row as i32 % 3) * spread - (at as i32 % 4) * spread;
-    (offset + dice.number()) * 10_f32.powi(power)
+    (offset + any(random)) * 10_f32.powi(power)
 }
 
 proptest! {
@@ -42,8 +38,8 @@ proptest! {
         shape in (prop_oneof![3 => Just(0), 1 => -40..36_i32], 0..6_i32, select(vec![0.0, 1.0, 300.0])),
         near in select(vec![1.0, 1e-3, 1e-6, 0.0]), isa: prop::sample::Index, seed: u64,
     ) {
-        let mut dice = Dice(seed);
-        let rows: Vec<f32> = (0..places * dim).map(|i| number(&mut dice, shape, i / dim, i % dim)).collect();
+        let mut random = SplitMix64(seed);
+        let rows: Vec<f32> = (0..places * dim).map(|i| number(&mut random, shape, i / dim, i % dim)).collect();
         let Ok(map) = Map::from_descriptors(rows.clone(), dim, metric) else { return Ok(()) };
         let isa = *isa.get(&Isa::available().collect::<Vec<_>>());
         let map = map.with_isa(isa).unwrap().with_screen(Dtype::I8).unwrap();
@@ -51,7 +47,7 @@ proptest! {
         for query in 0..4 {
             // A row, a vector near it, or any vector.
             let query: Vec<f32> = (0..dim)
-                .map(|at| (1.0 - near) * rows[query % places * dim + at] + near * number(&mut dice, shape, query, at))
+                .map(|at| (1.0 - near) * rows[query % places * dim + at] + near * number(&mut random, shape, query, at))
                 .collect();
             let Ok(query) = map.query(View::F32(&query)) else { continue };
             let mut encoded = EncodedQuery::new(dim);
@@ -75,9 +71,7 @@ proptest! {
 #[test]
 fn the_bounds_are_close() {
     const DIM: usize = 1000;
-    let mut dice = Dice(1);
-    let rows: Vec<f32> =
-        (0..100 * DIM).map(|_| dice.next() as f32 / (1_u64 << 43) as f32 - 1.0).collect();
+    let rows = SplitMix64(1).signed(100 * DIM);
     for metric in [Metric::Euclidean, Metric::Cosine] {
         let map = Map::from_descriptors(rows.clone(), DIM, metric)
             .unwrap()

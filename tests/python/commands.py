@@ -1,4 +1,4 @@
-"""The command line for tests: in this process, or in one of its own where a process is tested."""
+"""The command line for tests: in this process, or in one of its own if a process is tested."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def surefix_process(
 def checked(
     done: subprocess.CompletedProcess[str], code: int | None
 ) -> subprocess.CompletedProcess[str]:
-    """What every command must keep to: its exit code, no traceback, no control codes in a pipe."""
+    """Checks each command's exit code, and for tracebacks and control codes in a pipe."""
     if code is not None:
         assert done.returncode == code, (done.stdout, done.stderr)
     assert "Traceback" not in done.stderr, done.stderr

@@ -1,4 +1,4 @@
-"""Pages whose pictures are not what is tested."""
+"""Pages for tests that are not about their pictures."""
 
 import io
 

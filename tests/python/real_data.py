@@ -1,4 +1,4 @@
-"""Where the real traverses are, if they are on this machine: they are not ours to publish."""
+"""The folder of the real traverses, if this machine has them: they are not ours to publish."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 
 def folder() -> Path:
-    """`SUREFIX_DATA`, or the first `shared/data` above this file; where neither is, a skip."""
+    """`SUREFIX_DATA`, or the first `shared/data` above this file; a skip if there is neither."""
     named = os.environ.get("SUREFIX_DATA")
     if named is not None:
         if not Path(named).is_dir():

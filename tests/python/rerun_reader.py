@@ -12,7 +12,7 @@ from PIL import Image
 
 
 class Recording:
-    """What was logged, by entity and frame."""
+    """The logged values, by entity and frame."""
 
     def __init__(self, path: Path) -> None:
         from rerun.chunk import RrdReader
@@ -42,7 +42,7 @@ class Recording:
         return {frame: value for frame, (value,) in self.column(entity, "Scalars:scalars").items()}
 
     def bars(self, entity: str, frame: int, component: str = "values") -> NDArray[np.float64]:
-        """The heights of a bar chart, or where the bars stand."""
+        """The heights of a bar chart, or the positions of its bars."""
         (tensor,) = self.logged[entity][frame][f"BarChart:{component}"]
         return np.array(tensor["buffer"])
 
@@ -52,5 +52,5 @@ class Recording:
         return Image.open(io.BytesIO(bytes(blob)))
 
     def points(self, entity: str, frame: int, kind: str = "Points2D") -> NDArray[np.float32]:
-        """Where points are."""
+        """The positions of points."""
         return np.array(self.logged[entity][frame][f"{kind}:positions"], np.float32)

@@ -1,4 +1,4 @@
-"""Small networks as ONNX files, and what they compute, in NumPy."""
+"""Small networks as ONNX files, and the same computations in NumPy."""
 
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 RNG = np.random.default_rng(11)
-# A convolution of stride 2, and what it makes of each channel on average: enough to notice any swap
-# of axes.
+# A convolution of stride 2, and the mean of each of its channels: enough to notice any swap of axes.
 KERNEL = RNG.standard_normal((5, 3, 3, 3)).astype(np.float32)
 BIAS = RNG.standard_normal(5).astype(np.float32)
 
@@ -65,7 +64,7 @@ def normalized(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
 
 
 def feature_map(planes: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """What ``map`` is for one input (3, H, W)."""
+    """The output ``map`` for one input (3, H, W)."""
     padded = np.pad(planes, ((0, 0), (1, 1), (1, 1)))
     windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(1, 2))[:, ::2, ::2]
     return np.maximum(

@@ -11,6 +11,7 @@ from surefix import SurefixError, __version__
 from surefix.cli.bench import bench
 from surefix.cli.demo import demo
 from surefix.cli.eval import eval_
+from surefix.cli.flags import documented
 from surefix.cli.map import append, build, info
 from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
@@ -62,15 +63,16 @@ def _version(wanted: bool) -> None:
 
 
 @app.callback()
+@documented
 def _root(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", callback=_version, is_eager=True, help="Show the version and exit."
-        ),
-    ] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
 ) -> None:
-    """Where am I on this route, and may I trust that answer?"""
+    """Where am I on this route, and may I trust that answer?
+
+    Parameters
+    ----------
+    version: Show the version and exit.
+    """
 
 
 def main() -> None:
@@ -89,8 +91,7 @@ def main() -> None:
         print(f"surefix: {error}", file=sys.stderr)
         sys.exit(1)
     except OSError as error:
-        # The reader, such as `head`, has seen enough; any other refusal, such as a full disk, is
-        # said.
+        # A reader such as `head` has seen enough; any other refusal, such as a full disk, is said.
         if not isinstance(error, BrokenPipeError):
             print(f"surefix: cannot write: {error.strerror or error}", file=sys.stderr)
         # Python would complain once more when it flushes at exit.
@@ -99,9 +100,7 @@ def main() -> None:
 
 
 def _prepare_streams() -> None:
-    """A closed stream swallows what is written to it; a name that the stream's encoding lacks is
-    escaped.
-    """
+    """A closed stream swallows all writes; a name that the stream's encoding lacks is escaped."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:

@@ -1,15 +1,12 @@
-"""``surefix bench``: how fast a push is on this machine, and how near the scan is to the memory's
-speed.
-"""
+"""``surefix bench``: how fast a push and the scan are on this machine."""
 
 import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from enum import StrEnum
 from itertools import cycle, islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +15,8 @@ from rich.console import Console
 
 from surefix import Localizer, Map, Matcher, Sad
 from surefix._core import instruction_set
+from surefix.cli.flags import documented
 from surefix.machine import machine
-
-__all__ = ["bench", "memory_speed"]
 
 QUANTILES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
 # By default, the pushes of about 5 seconds, within these limits.
@@ -31,45 +27,40 @@ QUERIES = 32
 LARGEST = 1 << 30
 
 
-class Numbers(StrEnum):
-    """The types of a map's rows."""
-
-    u8 = "u8"
-    i8 = "i8"
-    f16 = "f16"
-    f32 = "f32"
+Numbers = Literal["u8", "i8", "f16", "f32"]
 
 
+@documented
 def bench(
-    map_file: Annotated[
-        Path | None,
-        typer.Argument(metavar="MAP", help="A map file; a random map without it."),
-    ] = None,
-    places: Annotated[
-        int, typer.Option("--places", "-n", min=2, help="Places on the random map.")
-    ] = 1800,
-    dim: Annotated[int, typer.Option(min=1, help="Numbers of each of its rows.")] = 2048,
-    dtype: Annotated[Numbers, typer.Option(help="Their type.")] = Numbers.u8,
-    sequence_length: Annotated[
-        int, typer.Option("--sequence-length", "-L", min=1, help="Queries a sequence.")
-    ] = 2,
-    threads: Annotated[
-        int | None, typer.Option(min=1, help="Threads of the scan; by default chosen by size.")
-    ] = None,
-    pushes: Annotated[
-        int | None, typer.Option(min=1, help="Pushes to time; by default those of 5 seconds.")
-    ] = None,
-    image: Annotated[
-        bool, typer.Option("--image", help="Push 640 x 480 RGB images; the map is one of SAD.")
-    ] = False,
+    map_file: Annotated[Path | None, typer.Argument(metavar="MAP")] = None,
+    places: Annotated[int, typer.Option("--places", "-n", min=2)] = 1800,
+    dim: Annotated[int, typer.Option(min=1)] = 2048,
+    dtype: Numbers = "u8",
+    sequence_length: Annotated[int, typer.Option("--sequence-length", "-L", min=1)] = 2,
+    threads: Annotated[int | None, typer.Option(min=1)] = None,
+    pushes: Annotated[int | None, typer.Option(min=1)] = None,
+    image: bool = False,
 ) -> None:
-    """Measure how fast a push and the scan are on this machine."""
+    """Measure how fast a push and the scan are on this machine.
+
+    Parameters
+    ----------
+    map_file: A map file; a random map without it.
+    places: Places on the random map.
+    dim: Numbers of each of its rows.
+    dtype: Their type.
+    sequence_length: Queries a sequence.
+    threads: Threads of the scan; by default chosen by size.
+    pushes: Pushes to time; by default those of 5 seconds.
+    image: Push 640 x 480 RGB images; the map is one of SAD.
+    """
     rng = np.random.default_rng(1)
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Preparing the map"):
         known = Map.open(map_file) if map_file else _random_map(rng, places, dim, dtype, image)
         places = len(known)
         columns = list(rng.random((QUERIES, places), np.float32))
-        frames = _images(rng, 480, 640) if image else _queries(rng, known)
+        pixels = (QUERIES, 480, 640, 3)
+        frames = list(rng.integers(0, 256, pixels, np.uint8)) if image else _queries(rng, known)
         localizer = Localizer(known, threads=threads, sequence_length=sequence_length)
         matcher = Matcher(places, sequence_length=sequence_length)
     size = known.descriptors.nbytes
@@ -87,10 +78,8 @@ def bench(
             # One thread's scan: the whole column of distances, without a screen.
             scan = float(np.median(timed(known.distances, _queries(rng, known), pushes, 1)))
             speed = memory_speed(size)
-            print(
-                f"scan on one thread  {size / scan:>9.1f} GB/s ({_duration(scan)}); "
-                f"the memory gives {speed / 1e9:.1f} GB/s"
-            )
+            took = f"{size / scan:>9.1f} GB/s ({_duration(scan)})"
+            print(f"scan on one thread  {took}; the memory gives {speed / 1e9:.1f} GB/s")
 
 
 def timed(
@@ -124,18 +113,11 @@ def memory_speed(size: int, threads: int = 1, seconds: float = 0.3) -> float:
         begin = time.perf_counter()
         while best == float("inf") or time.perf_counter() - begin < seconds:
             # The faster of the two depends on the processor.
-            for read in (np.max, _square):
+            for read in (np.max, lambda part: np.dot(part, part)):
                 start = time.perf_counter()
-                if threads == 1:
-                    read(floats)
-                else:
-                    list(pool.map(read, parts))
+                list(pool.map(read, parts) if threads > 1 else [read(floats)])
                 best = min(best, time.perf_counter() - start)
     return floats.nbytes / best
-
-
-def _square(part: Any) -> object:
-    return np.dot(part, part)
 
 
 def _random_map(
@@ -144,8 +126,8 @@ def _random_map(
     if image:
         small = rng.integers(0, 256, (places, 32, 64), np.uint8)
         return Map.from_images(small, Sad(), progress=False)
-    metric = "manhattan" if dtype == Numbers.u8 else "euclidean"
-    rows = _random(rng, (places, dim), np.dtype(dtype.value[0] + str(int(dtype.value[1:]) // 8)))
+    metric = "manhattan" if dtype == "u8" else "euclidean"
+    rows = _random(rng, (places, dim), np.dtype(dtype[0] + str(int(dtype[1:]) // 8)))
     return Map.from_descriptors(rows, metric=metric)
 
 
@@ -156,10 +138,6 @@ def _queries(rng: np.random.Generator, known: Map) -> list[Any]:
     rows = known.descriptors[(np.arange(QUERIES) + len(known) // 2) % len(known)]
     noise = _random(rng, rows.shape, rows.dtype)
     return list(np.where(rng.random(rows.shape) < 0.3, noise, rows))
-
-
-def _images(rng: np.random.Generator, height: int, width: int) -> list[Any]:
-    return list(rng.integers(0, 256, (QUERIES, height, width, 3), np.uint8))
 
 
 def _random(rng: np.random.Generator, shape: tuple[int, ...], dtype: Any) -> Any:

@@ -6,7 +6,6 @@ import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
-from enum import StrEnum
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
@@ -16,38 +15,21 @@ import numpy.typing as npt
 import typer
 from rich.console import Console
 
-from surefix import (
-    Localizer,
-    Map,
-    SurefixError,
-    SurefixValueError,
-    match_distances,
-)
-from surefix._progress import terminal_bar
-from surefix._words import counted
+from surefix import Localizer, Map, SurefixError, SurefixValueError, match_distances
+from surefix._progress import Bar, terminal_bar
+from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
-from surefix.cli.flags import with_options
-from surefix.cli.inputs import (
-    Cache,
-    Every,
-    Metres,
-    Model,
-    Odometry,
-    Stride,
-    Topic,
-    check_sampling,
-    network_of,
-    no_model,
-    open_frames,
-    refuse,
-)
+from surefix.cli import inputs
+from surefix.cli.flags import documented, with_options
+from surefix.cli.inputs import refuse
 from surefix.descriptors import Onnx, extract
 from surefix.descriptors.mapping import sad_map
 from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
+from surefix.study.study import Recall
 from surefix.tables.matrices import read_matrix
 from surefix.tables.positions import Positions, on_one_plane, read_positions
 from surefix.tables.truth import read_truth
@@ -55,73 +37,24 @@ from surefix.tables.truth import read_truth
 if TYPE_CHECKING:
     from surefix.study import Result, Study
 
-__all__ = ["eval_"]
-
 Image: TypeAlias = npt.NDArray[np.uint8]
+Float64: TypeAlias = npt.NDArray[np.float64]
 Pictures: TypeAlias = Sequence[Image] | Mapping[int, Image]
 
 DEFAULT_METHODS = ("sequence", "weighted", "single", "masked")
 
 
-class Recall(StrEnum):
-    """The queries that recall is a share of."""
-
-    correct = "correct"
-    place_exists = "place_exists"
-    rejected = "rejected"
-
-
-def _methods(names: list[str] | None) -> list[str]:
-    for name in names or ():
-        expected = f"one of {', '.join(METHODS)}"
-        refuse(name not in METHODS, f"--method: expected {expected}, got {name!r}")
-    return list(names or DEFAULT_METHODS)
-
-
+@documented
 @with_options(floor="global", names={"tolerance": "agreement"})
 def eval_(
-    route: Annotated[
-        str,
-        typer.Argument(
-            help="The map, from `surefix map build`; or a .npy of distances, (places, queries)."
-        ),
-    ],
-    queries: Annotated[
-        str | None,
-        typer.Argument(
-            help="A folder of images, a pattern, a .npy of images, a video or a bag; or ready "
-            "descriptors, as for `surefix map build`. With a .npy of distances: the images of its "
-            "queries, if any, for the pictures."
-        ),
-    ] = None,
-    model: Model = None,
-    cache: Cache = None,
-    truth: Annotated[
-        str | None,
-        typer.Option(
-            help='"identity" (query i is place i); a .npy of places (m,), -1 for none, or of a '
-            "matrix (n, m); or a .csv with the columns query,reference, a row a query."
-        ),
-    ] = None,
-    positions: Annotated[
-        Path | None,
-        typer.Option(
-            help="In place of --truth: metres of each place, .npy or .csv; or a .csv with the "
-            "header latitude,longitude. The map's by default."
-        ),
-    ] = None,
-    query_positions: Annotated[
-        Path | None,
-        typer.Option(help="In place of --truth: those of each query, as for --positions."),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            help="The greatest distance from the truth of a right match: in places, 1 by default; "
-            "with positions in metres.",
-        ),
-    ] = None,
+    route: str,
+    queries: Annotated[str | None, typer.Argument()] = None,
+    model: inputs.Model = None,
+    cache: inputs.Cache = None,
+    truth: str | None = None,
+    positions: Path | None = None,
+    query_positions: Path | None = None,
+    tolerance: Annotated[float | None, typer.Option(min=0)] = None,
     method: Annotated[
         list[str] | None,
         typer.Option(
@@ -129,87 +62,73 @@ def eval_(
             f"By default {', '.join(DEFAULT_METHODS)}."
         ),
     ] = None,
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", "-o", help="The folder to write; an earlier report in it is replaced."
-        ),
-    ] = Path("report"),
-    recall: Annotated[
-        Recall, typer.Option(help="The queries that recall is a share of.")
-    ] = Recall.correct,
-    similarity: Annotated[
-        bool,
-        typer.Option(
-            "--similarity", help="The .npy holds similarities s: the distances are 1 - s."
-        ),
-    ] = False,
-    references: Annotated[
-        str | None,
-        typer.Option(
-            help="The images of the places, a folder, a pattern or a .npy, for the pictures."
-        ),
-    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o")] = Path("report"),
+    recall: Recall = "correct",
+    similarity: bool = False,
+    references: str | None = None,
     *,
     options: dict[str, Any],
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            help="Another drive's .npy of distances, for the supervised methods to learn from."
-        ),
-    ] = None,
-    calibration_truth: Annotated[
-        str | None, typer.Option(help="That drive's truth, as for --truth, in places.")
-    ] = None,
-    calibration_tolerance: Annotated[
-        int, typer.Option(min=0, help="As --tolerance, for that truth, in places.")
-    ] = 1,
-    topic: Topic = None,
-    stride: Stride = 1,
-    every: Every = None,
-    metres: Metres = None,
-    odometry: Odometry = None,
+    calibration: Path | None = None,
+    calibration_truth: str | None = None,
+    calibration_tolerance: Annotated[int, typer.Option(min=0)] = 1,
+    topic: inputs.Topic = None,
+    stride: inputs.Stride = 1,
+    every: inputs.Every = None,
+    metres: inputs.Metres = None,
+    odometry: inputs.Odometry = None,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
     report.
+
+    Parameters
+    ----------
+    route: The map, from `surefix map build`; or a .npy of distances, (places, queries).
+    queries: A folder of images, a pattern, a .npy of images, a video or a bag; or ready
+        descriptors, as for `surefix map build`. With a .npy of distances: the images of its
+        queries, if any, for the pictures.
+    truth: "identity" (query i is place i); a .npy of places (m,), -1 for none, or of a matrix (n,
+        m); or a .csv with the columns query,reference, a row a query.
+    positions: In place of --truth: metres of each place, .npy or .csv; or a .csv with the header
+        latitude,longitude. The map's by default.
+    query_positions: In place of --truth: those of each query, as for --positions.
+    tolerance: The greatest distance from the truth of a right match: in places, 1 by default; with
+        positions in metres.
+    out: The folder to write; an earlier report in it is replaced.
+    recall: The queries that recall is a share of.
+    similarity: The .npy holds similarities s: the distances are 1 - s.
+    references: The images of the places, a folder, a pattern or a .npy, for the pictures.
+    calibration: Another drive's .npy of distances, for the supervised methods to learn from.
+    calibration_truth: That drive's truth, as for --truth, in places.
+    calibration_tolerance: As --tolerance, for that truth, in places.
     """
     begin = time.perf_counter()
-    methods = _methods(method)
-    context = Context(calibration_tolerance=calibration_tolerance, **options)
-    is_matrix, calibrated = Path(route).suffix == ".npy", calibration is not None
-    refuse(
-        similarity and not is_matrix and not calibrated,
-        "--similarity: expected a .npy of similarities to read, got a map, which has none",
-    )
-    refuse(cache is not None and model is None, "--cache: expected --model too, got none")
+    is_matrix, by_position = Path(route).suffix == ".npy", query_positions is not None
+    methods, taught = method or DEFAULT_METHODS, calibration is not None
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
-    if queries is None:
-        check_sampling("none", **sampling)
-        refuse(not is_matrix, "QUERIES: expected the drive's images or descriptors, got none")
-    by_position = positions is not None or query_positions is not None
-    refuse(truth is not None and by_position, "--truth: expected it or positions, got both")
-    refuse(
-        truth is None and query_positions is None,
-        "--truth: expected it, or --query-positions; got neither",
-    )
-    refuse(
-        query_positions is not None and tolerance is None,
-        "--tolerance: expected how many metres from the truth are right, got none",
-    )
-    refuse(
-        truth is not None and tolerance is not None and not tolerance.is_integer(),
-        f"--tolerance: expected a whole number of places, got {tolerance}",
-    )
-    refuse(
-        calibrated != (calibration_truth is not None),
-        "--calibration: expected it and --calibration-truth, or neither",
-    )
     for name in methods:
-        refuse(
-            METHODS[name].needs == "calibration" and not calibrated,
-            f"--method {name}: expected --calibration and --calibration-truth to learn from",
-        )
+        expected = f"--method: expected one of {', '.join(METHODS)}, got {name!r}"
+        refuse(name not in METHODS, expected)
+    context = Context(calibration_tolerance=calibration_tolerance, **options)
+    expected = "--similarity: expected a .npy of similarities to read, got a map, which has none"
+    refuse(similarity and not is_matrix and not taught, expected)
+    refuse(cache is not None and model is None, "--cache: expected --model too, got none")
+    if queries is None:
+        inputs.check_sampling("none", **sampling)
+        refuse(not is_matrix, "QUERIES: expected the drive's images or descriptors, got none")
+    both = truth is not None and (by_position or positions is not None)
+    refuse(both, "--truth: expected it or positions, got both")
+    neither = truth is None and not by_position
+    refuse(neither, "--truth: expected it, or --query-positions; got neither")
+    expected = "--tolerance: expected how many metres from the truth are right, got none"
+    refuse(by_position and tolerance is None, expected)
+    part = truth is not None and tolerance is not None and not tolerance.is_integer()
+    refuse(part, f"--tolerance: expected a whole number of places, got {tolerance}")
+    expected = "--calibration: expected it and --calibration-truth, or neither"
+    refuse(taught != (calibration_truth is not None), expected)
+    for name in methods:
+        expected = "expected --calibration and --calibration-truth to learn from"
+        refuse(METHODS[name].needs == "calibration" and not taught, f"--method {name}: {expected}")
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
         from surefix.report.eval import write_report
@@ -217,51 +136,55 @@ def eval_(
         from surefix.study import compare
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
+
+    # Open the map or the distances, and the queries.
     D, place_map, network = None, None, None
     if is_matrix:
-        expected = "--model: expected a map made with one"
-        refuse(model is not None, f"{expected}, got the distances {route}")
+        expected = f"--model: expected a map made with one, got the distances {route}"
+        refuse(model is not None, expected)
         D = read_matrix(route, similarity)
     else:
         place_map = _open_map(route)
-        network = None if model is None else network_of(place_map, route, model)
-    frames = None if queries is None else open_frames(queries, **sampling)
-    names = None if frames is None else _names(frames)
+        network = None if model is None else inputs.network_of(place_map, route, model)
+    frames = None if queries is None else inputs.open_frames(queries, **sampling)
+    names = [] if frames is None else _names(frames)
     if D is not None:
         places, count = D.shape
         if isinstance(frames, ImageFrames):
             # Only images are of use beside distances.
             open_images(Path(str(queries)))
-        if names is not None and len(names) != count:
-            raise SurefixValueError(
-                f"{queries}: expected an image for each column of {route}, "
-                f"got {len(names)} images for {count} queries"
-            )
+        if frames is not None and len(names) != count:
+            got = f"{len(names)} images for {count} queries"
+            raise mismatch(queries, f"an image for each column of {route}", got)
     else:
         assert place_map is not None
         assert frames is not None
-        assert names is not None
         places, count = len(place_map), len(names)
-        _check_kind(place_map, route, frames, str(queries), network)
-    positions_there = None if place_map is None else place_map.positions
-    known = _truth(places, count, positions_there, truth, positions, query_positions)
-    context = replace(context, truth=known, truth_tolerance=_tolerance(tolerance, known))
-    where = known[0] if isinstance(known, tuple) else positions_there
+        _check_kind(place_map, route, frames, network)
+
+    # Read the truth.
+    where = None if place_map is None else place_map.positions
+    along = None
+    if truth is not None:
+        known: Truth = read_truth(truth, places, count)
+        tolerance = 1 if tolerance is None else int(tolerance)
+    else:
+        assert query_positions is not None
+        known = where, here = _positions(places, count, where, positions, query_positions)
+        steps = np.linalg.norm(np.diff(here, axis=0), axis=1)
+        along = np.concatenate(([0.0], np.cumsum(steps)))
+    assert tolerance is not None
+    context = replace(context, truth=known, truth_tolerance=tolerance)
     if where is not None:
         context = replace(context, positions=where)
-    if calibration is not None:
+    if calibration is not None and calibration_truth is not None:
         learned = read_matrix(calibration, similarity)
-        assert calibration_truth is not None
-        context = replace(
-            context, calibration=(learned, read_truth(calibration_truth, *learned.shape))
-        )
+        lesson = read_truth(calibration_truth, *learned.shape)
+        context = replace(context, calibration=(learned, lesson))
     pictures = None if references is None else _reference_images(references, places)
-    _check_options(places, options)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise refusal(out, "cannot make the output folder", error) from None
+    _check_before(places, options, out)
 
+    # Compare the methods.
     start = time.perf_counter()
     if D is None:
         assert place_map is not None
@@ -269,31 +192,24 @@ def eval_(
         D = _distances(place_map, frames, count, network, cache)
     elif not similarity:
         _warn_of_similarities(D, context)
-    size = f"{counted(places, 'place')} x {counted(count, 'query', 'queries')}"
+    size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Comparing the methods") as status:
-        comparison = compare(
-            D,
-            methods,
-            context,
-            recall.value,
-            lambda result: status.update(f"Comparing the methods: {result.name} done"),
-        )
-    for result in comparison.results:
-        print(_account(result))
-    print(_trust(comparison))
-    _warn_of_none_judged(comparison)
+
+        def say(result: "Result") -> None:
+            status.update(f"Comparing the methods: {result.name} done")
+
+        study = compare(D, methods, context, recall, say)
+    _print_results(study)
+
+    # Draw the report.
     place_names = None if place_map is None else place_map.names
-    along = None
-    if isinstance(known, tuple):
-        steps = np.linalg.norm(np.diff(np.asarray(known[1]), axis=0), axis=1)
-        along = np.concatenate(([0.0], np.cumsum(steps)))
     try:
         with console.status("Drawing the report"):
-            mistakes = {*comparison.mistakes(MISTAKES), *comparison.trusted_mistakes(MISTAKES)}
+            mistakes = {*study.mistakes(MISTAKES), *study.trusted_mistakes(MISTAKES)}
             report = write_report(
-                comparison,
+                study,
                 out,
                 shlex.join(["surefix", *sys.argv[1:]]),
                 queries=None if frames is None else _pictures(frames, mistakes),
@@ -306,36 +222,44 @@ def eval_(
         raise
     except OSError as error:
         raise refusal(out, "cannot write the report", error) from None
-    seconds = time.perf_counter() - begin
     print(
-        f"Made {report}: {counted(len(comparison.results), 'method')} compared, "
-        f"with pictures and tables beside it, in {seconds:.1f} s"
+        f"Made {report}: {plural(len(study.results), 'method')} compared, with pictures and tables "
+        f"beside it, in {time.perf_counter() - begin:.1f} s"
     )
 
 
 def _open_map(route: str) -> Map:
     if Path(route).is_dir():
-        raise mismatch(
-            route, "a map or a matrix", f"a folder; make a map of it: surefix map build {route}"
-        )
+        got = f"a folder; make a map of it: surefix map build {route}"
+        raise mismatch(route, "a map or a matrix", got)
     return Map.open(route)
 
 
-def _check_kind(
-    place_map: Map, route: str, frames: Frames, queries: str, network: Onnx | None
-) -> None:
+def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
+    """The matcher's own checks, and the output folder, before the slow part."""
+    try:
+        match_distances(np.zeros((places, 1), np.float32), **options)
+    except SurefixValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refusal(out, "cannot make the output folder", error) from None
+
+
+def _check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None) -> None:
     """Refuses queries that the map cannot take."""
     if frames.ready is not None:
-        got = f"got the ready descriptors {queries}"
+        got = f"got the ready descriptors {frames.files[0]}"
         refuse(network is not None, f"--model: expected images, {got}")
     elif network is None and place_map.descriptor is None:
         name = None if place_map.recipe is None else str(place_map.recipe.get("name"))
         if name is not None and name.startswith("onnx:"):
-            raise no_model(name, route)
+            raise inputs.no_model(name, route)
         holds = f"is by {name!r}, which is no ONNX file"
+        why = f"as this map {'holds ready descriptors' if name is None else holds}"
         raise SurefixValueError(
-            "QUERIES: expected descriptors, a .npy (m, dim), as this map "
-            f"{'holds ready descriptors' if name is None else holds}; got images"
+            f"QUERIES: expected descriptors, a .npy (m, dim), {why}; got images"
         )
 
 
@@ -344,23 +268,19 @@ def _names(frames: Frames) -> list[str]:
     if isinstance(frames, ImageFrames):
         return frames.images.names
     names: list[str] = []
-    bar = terminal_bar("Counting")
+    bar = Bar(terminal_bar("Counting"), None, frames.estimate)
     with closing(frames.shots()) as shots:
         for shot in shots:
             names.append(shot.name)
-            if bar is not None:
-                bar(len(names), max(frames.estimate or 0, len(names) + 1))
-    if bar is not None:
-        bar(len(names), len(names))
+            bar.show(len(names))
+    bar.end(len(names))
     if not names:
         raise mismatch(frames.files[0], "frames", "none")
     return names
 
 
 def _pictures(frames: Frames, wanted: Collection[int]) -> Pictures | None:
-    """The images of these frames at least; None if there are none. A recording is read once more,
-    up to the last of them.
-    """
+    """The images of these frames at least; a recording is read again, up to the last of them."""
     if isinstance(frames, ImageFrames):
         return None if frames.ready is not None else frames.images
     with closing(frames.shots()) as shots:
@@ -384,69 +304,48 @@ def _distances(
     post = () if place_map.post is None else place_map.post.steps
     running = any(step["step"] == "standardize_running" for step in post)
     localizer = Localizer(place_map, sequence_length=1) if running else None
-    bar = terminal_bar("Comparing")
+    bar = Bar(terminal_bar("Comparing"), count, count)
     for query, descriptor in enumerate(described):
         if localizer is None:
             D[:, query] = place_map.distances(descriptor)
         else:
             localizer.push(descriptor)
             D[:, query] = localizer.distances
-        if bar is not None:
-            bar(query + 1, count)
+        bar.show(query + 1)
     return D
 
 
 def _reference_images(place: str, places: int) -> Images:
     if is_recording(place):
-        raise SurefixValueError(
-            "--references: expected a folder of images, a pattern or a .npy, got the recording "
-            f"{place}; write its frames into a folder"
-        )
+        got = f"the recording {place}; write its frames into a folder"
+        raise mismatch("--references", "a folder of images, a pattern or a .npy", got)
     images = open_images(Path(place))
     if len(images) != places:
-        raise mismatch(
-            f"--references {place}", f"an image for each of {places} places", len(images)
-        )
+        expected = f"an image for each of {places} places"
+        raise mismatch(f"--references {place}", expected, len(images))
     return images
 
 
-def _check_options(places: int, options: dict[str, Any]) -> None:
-    """Runs the matcher's own checks before the slow part."""
-    try:
-        match_distances(np.zeros((places, 1), np.float32), **options)
-    except SurefixValueError as error:
-        raise typer.BadParameter(str(error)) from None
-
-
-def _truth(
-    places: int,
-    queries: int,
-    map_positions: npt.NDArray[np.float64] | None,
-    truth: str | None,
-    positions: Path | None,
-    query_positions: Path | None,
-) -> Truth:
-    if truth is not None:
-        return read_truth(truth, places, queries)
-    assert query_positions is not None
+def _positions(
+    places: int, queries: int, of_map: Float64 | None, positions: Path | None, driven: Path
+) -> tuple[Float64, Float64]:
+    """Those of the places and of the queries, in metres."""
     if positions is not None:
-        there = read_positions(positions)
-    elif map_positions is not None:
-        there = Positions("the map", map_positions)
+        mapped = read_positions(positions)
+    elif of_map is not None:
+        mapped = Positions("the map", of_map)
     else:
         raise typer.BadParameter("--positions: expected those of the places, as the map has none")
-    both = on_one_plane(there, read_positions(query_positions))
-    _check_positions("--positions", both[0], places)
-    _check_positions("--query-positions", both[1], queries)
-    if both[0].shape[1] != both[1].shape[1]:
-        raise SurefixValueError(
-            "--query-positions: expected the coordinates of --positions, got "
-            f"{both[0].shape[1]} of places and {both[1].shape[1]} of queries"
-        )
-    return both
+    there, here = on_one_plane(mapped, read_positions(driven))
+    _check_positions("--positions", there, places)
+    _check_positions("--query-positions", here, queries)
+    if there.shape[1] != here.shape[1]:
+        got = f"{there.shape[1]} of places and {here.shape[1]} of queries"
+        raise mismatch("--query-positions", "the coordinates of --positions", got)
+    return there, here
 
 
-def _check_positions(option: str, array: npt.NDArray[np.float64], count: int) -> None:
+def _check_positions(option: str, array: Float64, count: int) -> None:
     if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) != count:
         raise mismatch(option, f"{count} rows of 2 or 3 metres", f"the shape {array.shape}")
     if not np.isfinite(array).all():
@@ -454,34 +353,12 @@ def _check_positions(option: str, array: npt.NDArray[np.float64], count: int) ->
         raise mismatch(option, "finite metres", f"{array[row].tolist()} in row {row}")
 
 
-def _tolerance(given: float | None, truth: Truth) -> float:
-    if isinstance(truth, tuple):
-        assert given is not None
-        return given
-    return 1 if given is None else int(given)
-
-
-def _account(result: "Result") -> str:
-    area, low, high = result.area
-    right = f"{result.curve.correct} of {result.curve.judged} right"
-    return f"{result.name}: area up to recall 0.2 is {area:.3f} ({low:.3f} to {high:.3f}), {right}"
-
-
-def _trust(comparison: "Study") -> str:
-    t = comparison.trust
-    trusted = t.true_positives + t.false_positives
-    return (
-        f"Trusted single matches: {t.true_positives} of {trusted} right, {t.false_positives} wrong"
-    )
-
-
 def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
     """Says so if the places of greatest distance are the right ones."""
     assert context.truth is not None
-    near, far = (
-        int(right_matches(best(D, axis=0), len(D), context.truth, context.truth_tolerance)[0].sum())
-        for best in (np.argmin, np.argmax)
-    )
+    truth = len(D), context.truth, context.truth_tolerance
+    extremes = np.argmin(D, axis=0), np.argmax(D, axis=0)
+    near, far = (int(right_matches(places, *truth)[0].sum()) for places in extremes)
     if far > 2 * near and far >= near + 5:
         print(
             f"Warning: of the places at the greatest distance {far} are right, of the nearest "
@@ -490,12 +367,19 @@ def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
         )
 
 
-def _warn_of_none_judged(comparison: "Study") -> None:
-    """Says so if no query of a method could be judged by the truth."""
-    names = [result.name for result in comparison.results if not result.judged.any()]
+def _print_results(study: "Study") -> None:
+    """A line a method, and a warning if no query of some could be judged by the truth."""
+    for result in study.results:
+        area, low, high = result.area
+        right = f"{result.curve.correct} of {result.curve.judged} right"
+        areas = f"{area:.3f} ({low:.3f} to {high:.3f})"
+        print(f"{result.name}: area up to recall 0.2 is {areas}, {right}")
+    true, false = study.trust.true_positives, study.trust.false_positives
+    print(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
+    names = [result.name for result in study.results if not result.judged.any()]
     if not names:
         return
-    length, queries = comparison.context.sequence_length, len(comparison)
+    length, queries = study.context.sequence_length, len(study)
     if length > queries:
         why = f"a sequence takes {length} queries, and the drive has {queries}"
     else:

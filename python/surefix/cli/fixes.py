@@ -10,18 +10,15 @@ from typing import Any, TextIO
 import numpy as np
 
 from surefix import Fix
-from surefix._words import counted
+from surefix._words import plural
 from surefix.frames import Frame
 
-__all__ = ["Row", "Summary", "csv_writer", "json_writer", "row_of"]
-
 Row = dict[str, Any]
+Writer = Callable[[Row], None]
 
 
 def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed: bool) -> Row:
-    """The columns of a fix; None for an empty one. ``latency`` is in microseconds. ``timed``: the
-    frames have times, or may be dropped.
-    """
+    """The columns of a fix, None for an empty one; times and drops too if ``timed``."""
     sequence = fix.sequence
     row = {
         "frame": fix.frame,
@@ -37,6 +34,7 @@ def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed
         "single_distance": fix.single.distance,
         "gradient_place": fix.gradient.place,
         "gradient_value": fix.gradient.value,
+        # In microseconds.
         "latency_us": round(latency, 1),
     }
     if timed:
@@ -44,7 +42,7 @@ def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed
     return row
 
 
-def csv_writer(file: TextIO) -> Callable[[Row], None]:
+def csv_writer(file: TextIO) -> Writer:
     """Writes a line of names, then a line a fix, with booleans in lower case."""
     writer: csv.DictWriter[str] | None = None
 
@@ -59,7 +57,7 @@ def csv_writer(file: TextIO) -> Callable[[Row], None]:
     return write
 
 
-def json_writer(file: TextIO) -> Callable[[Row], None]:
+def json_writer(file: TextIO) -> Writer:
     """Writes a JSON object a line."""
 
     def write(row: Row) -> None:
@@ -92,11 +90,11 @@ class Summary:
             none, stopped = "there was no query that could be used", "it stopped before the first"
             return f"0 fixes: {none if self.ended else stopped}"
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
-        missing = f"{counted(self.dropped, 'frame')} dropped, " if self.dropped else ""
-        missing += f"{counted(self.gaps, 'gap')}, " if self.gaps else ""
+        missing = f"{plural(self.dropped, 'frame')} dropped, " if self.dropped else ""
+        missing += f"{plural(self.gaps, 'gap')}, " if self.gaps else ""
         where = "" if out is None else f", in {out}"
         return (
-            f"{counted(count, 'fix', 'fixes')}, {self.trusted} trusted "
+            f"{plural(count, 'fix', 'fixes')}, {self.trusted} trusted "
             f"({self.trusted / count:.0%}), {missing}latency p50 {p50:.0f} us, p99 {p99:.0f} us, "
             f"p99.9 {p999:.0f} us{where}"
         )

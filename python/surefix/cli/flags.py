@@ -1,26 +1,53 @@
-"""Flags of the command line for the method's options, made from the table of them."""
+"""Flags of the command line: help from docstrings, and the method's options from their table."""
 
 import inspect
+import re
 from collections.abc import Callable
 from functools import wraps
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
 from surefix.options import OPTIONS, Option
 
-__all__ = ["with_options"]
-
 Command = Callable[..., None]
+
+
+def documented(command: Command) -> Command:
+    """Gives a command's parameters their help: ``name: help`` in its docstring, after the summary.
+
+    A bool is a flag without an opposite; a text beside a type is the heading that it stands under.
+    """
+    text = inspect.cleandoc(command.__doc__ or "")
+    summary, _, rest = text.partition("\n\nParameters\n----------\n")
+    entries = (entry.partition(": ") for entry in re.split(r"\n(?=\w+: )", rest))
+    helps = {name: " ".join(text.split()) for name, _, text in entries}
+    parameters: list[inspect.Parameter] = []
+    signature = inspect.signature(command, eval_str=True)
+    for parameter in signature.parameters.values():
+        if parameter.name in helps:
+            kind, info = parameter.annotation, None
+            if get_origin(kind) is Annotated:
+                kind, info = get_args(kind)
+            if parameter.default is parameter.empty:
+                info = typer.Argument()
+            elif info is None or isinstance(info, str):
+                names = [f"--{parameter.name}"] if kind is bool else []
+                info = typer.Option(*names, rich_help_panel=info)
+            info.help = helps[parameter.name]
+            parameter = parameter.replace(annotation=Annotated[kind, info])
+        parameters.append(parameter)
+    command.__doc__ = summary
+    command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return command
 
 
 def with_options(
     floor: str = "running", names: dict[str, str] | None = None
 ) -> Callable[[Command], Command]:
-    """Gives a command a flag for each option, in place of its parameter ``options``.
+    """Gives a command a flag for each option; its parameter ``options`` gets those that are given.
 
-    That is a dict of the options that are given. ``floor`` is the default of that option in the
-    help, and ``names`` are other names for flags.
+    ``floor`` is the default of that option in the help, and ``names`` are other names for flags.
     """
 
     def decorate(command: Command) -> Command:
@@ -29,9 +56,7 @@ def with_options(
         @wraps(command)
         def with_flags(**given: Any) -> None:
             values = ((option, given.pop(flags[option.name])) for option in OPTIONS)
-            options = {
-                option.name: _value(option, value) for option, value in values if value is not None
-            }
+            options = {o.name: _value(o, value) for o, value in values if value is not None}
             command(**given, options=options)
 
         parameters: list[inspect.Parameter] = []
@@ -60,31 +85,20 @@ def _parameter(option: Option, name: str, default: Any) -> inspect.Parameter:
         kind = str
     names = [f"--{name.replace('_', '-')}", *([f"-{option.short}"] if option.short else [])]
     help_ = option.help if option.type is str else f"{option.help[:-1]}: {option.range}."
-    help_ = f"{help_[:-1]}; {default} by default."
-    return inspect.Parameter(
-        name,
-        inspect.Parameter.KEYWORD_ONLY,
-        default=None,
-        annotation=Annotated[kind | None, typer.Option(*names, help=help_)],
-    )
+    flag = typer.Option(*names, help=f"{help_[:-1]}; {default} by default.")
+    only, annotation = inspect.Parameter.KEYWORD_ONLY, Annotated[kind | None, flag]
+    return inspect.Parameter(name, only, default=None, annotation=annotation)
 
 
 def _value(option: Option, given: Any) -> Any:
-    """The flag's value, of the option's type.
-
-    Raises
-    ------
-    typer.BadParameter
-        If it is of another type.
-    """
+    """The flag's value, of the option's type."""
     flag = f"--{option.name}"
     if option.type is list:
         try:
             return [float(each) for each in given.split(",")]
         except ValueError:
-            raise typer.BadParameter(
-                f"{flag}: expected numbers with commas, such as 0.9,1,1.1, got {given!r}"
-            ) from None
+            expected = "numbers with commas, such as 0.9,1,1.1"
+            raise typer.BadParameter(f"{flag}: expected {expected}, got {given!r}") from None
     if option.type is float and option.choices and given not in option.choices:
         try:
             return float(given)

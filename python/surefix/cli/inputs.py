@@ -13,24 +13,6 @@ from surefix.frames.opening import is_recording
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.vectors import ENDINGS
 
-__all__ = [
-    "Cache",
-    "Every",
-    "Metres",
-    "Model",
-    "Odometry",
-    "Stride",
-    "Topic",
-    "check_not_read",
-    "check_sampling",
-    "network_of",
-    "no_model",
-    "open_frames",
-    "open_network",
-    "refuse",
-    "steps_of",
-]
-
 Topic = Annotated[
     str | None, typer.Option(help="A bag: the topic of the images, if there are several.")
 ]
@@ -82,10 +64,8 @@ def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.F
 def check_sampling(got: object, stride: int = 1, **sampling: Any) -> None:
     """Refuses sampling if there is no recording."""
     options = "--topic, --stride, --every, --metres, --odometry"
-    refuse(
-        stride != 1 or any(value is not None for value in sampling.values()),
-        f"{options}: expected a video or a bag, got {got}",
-    )
+    given = stride != 1 or any(value is not None for value in sampling.values())
+    refuse(given, f"{options}: expected a video or a bag, got {got}")
 
 
 def check_not_read(out: Path, files: Iterable[Path | str | None]) -> None:
@@ -104,15 +84,10 @@ def open_network(
     batch: int,
 ) -> Onnx:
     """The network of the options; ``mean`` and ``std`` are three numbers with commas, or "none"."""
+    means = IMAGENET_MEAN if mean is None else _three("--mean", mean)
+    spreads = IMAGENET_STD if std is None else _three("--std", std)
     try:
-        return Onnx(
-            model,
-            output,
-            size,
-            IMAGENET_MEAN if mean is None else _three("--mean", mean),
-            IMAGENET_STD if std is None else _three("--std", std),
-            batch,
-        )
+        return Onnx(model, output, size, means, spreads, batch)
     except SurefixValueError as error:
         # An output or a size that the model does not have is a mistake of the command line's.
         raise typer.BadParameter(str(error)) from None
@@ -124,50 +99,43 @@ def network_of(known: Map, route: object, model: Path) -> Onnx:
     expected = "--model: expected a map made with one"
     if recipe is None:
         raise typer.BadParameter(f"{expected}, got {route}, which names none")
-    wanted = ("output", "size", "mean", "std")
     by_onnx = str(recipe.get("name", "")).startswith("onnx:")
-    refuse(
-        not by_onnx or not all(key in recipe for key in wanted),
-        f"{expected}, got a map by {recipe.get('name')!r}",
-    )
-    size, mean, std = (None if recipe[key] is None else tuple(recipe[key]) for key in wanted[1:])
+    whole = {"output", "size", "mean", "std"} <= set(recipe)
+    refuse(not (by_onnx and whole), f"{expected}, got a map by {recipe.get('name')!r}")
+    numbers = (recipe[key] for key in ("size", "mean", "std"))
+    size, mean, std = (None if value is None else tuple(value) for value in numbers)
     network = Onnx(model, recipe["output"], size, mean, std)
-    refuse(
-        network.recipe["sha256"] != recipe.get("sha256"),
-        f"--model: expected {recipe.get('file')} as it was when the map was made, "
-        "got another model",
-    )
+    expected = f"--model: expected {recipe.get('file')} as it was when the map was made"
+    refuse(network.recipe["sha256"] != recipe.get("sha256"), f"{expected}, got another model")
     return network
 
 
 def no_model(name: str, route: object) -> typer.BadParameter:
     """The refusal of images for a network's map without the network."""
-    return typer.BadParameter(
-        f"expected --model with {name}, which {route} was made with, got none"
-    )
+    wanted = f"--model with {name}, which {route} was made with"
+    return typer.BadParameter(f"expected {wanted}, got none")
 
 
 def steps_of(text: str) -> list[Step]:
     """The steps of ``--post``: names with commas, such as ``standardize,pca:512,normalize``."""
+    plain: dict[str, Step] = {
+        "standardize": Standardize(),
+        "standardize:running": Standardize("running"),
+        "normalize": Normalize(),
+    }
+    reductions: dict[str, Any] = {"pca": Pca, "projection": RandomProjection}
     steps: list[Step] = []
     for part in text.split(","):
-        name, _, number = part.strip().partition(":")
+        step = part.strip().removesuffix(":")
+        name, _, number = step.partition(":")
         count = int(number) if number.isdecimal() else 0
-        if (name, number) == ("standardize", ""):
-            steps.append(Standardize())
-        elif (name, number) == ("standardize", "running"):
-            steps.append(Standardize("running"))
-        elif (name, number) == ("normalize", ""):
-            steps.append(Normalize())
-        elif name == "pca" and count:
-            steps.append(Pca(count))
-        elif name == "projection" and count:
-            steps.append(RandomProjection(count))
+        if step in plain:
+            steps.append(plain[step])
+        elif name in reductions and count:
+            steps.append(reductions[name](count))
         else:
-            expected = (
-                "standardize, standardize:running, pca:N, projection:N and normalize, with commas"
-            )
-            raise typer.BadParameter(f"--post: expected {expected}, got {part!r}")
+            known = "standardize, standardize:running, pca:N, projection:N and normalize"
+            raise typer.BadParameter(f"--post: expected {known}, with commas, got {part!r}")
     return steps
 
 
@@ -175,11 +143,8 @@ def _three(option: str, text: str) -> tuple[float, ...] | None:
     if text == "none":
         return None
     try:
-        values = tuple(float(value) for value in text.split(","))
+        red, green, blue = (float(value) for value in text.split(","))
     except ValueError:
-        values = ()
-    if len(values) != 3:
-        raise typer.BadParameter(
-            f'{option}: expected three numbers with commas, or "none", got {text!r}'
-        )
-    return values
+        expected = 'three numbers with commas, or "none"'
+        raise typer.BadParameter(f"{option}: expected {expected}, got {text!r}") from None
+    return red, green, blue

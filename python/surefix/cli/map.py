@@ -2,54 +2,28 @@
 
 import json
 import time
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from surefix import Map, Sad, SurefixFileError, SurefixValueError
-from surefix._words import counted
-from surefix.cli.inputs import (
-    Cache,
-    Every,
-    Metres,
-    Model,
-    Odometry,
-    Stride,
-    Topic,
-    check_not_read,
-    network_of,
-    no_model,
-    open_frames,
-    open_network,
-    refuse,
-    steps_of,
-)
+from surefix import Map, Sad, SurefixValueError
+from surefix._words import plural
+from surefix.cli import inputs
+from surefix.cli.flags import documented
+from surefix.cli.inputs import refuse
 from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
+from surefix.errors import check_folder
 from surefix.frames import ImageFrames
 from surefix.tables.positions import read_metres
 
-__all__ = ["append", "build", "info"]
-
-
-class Metric(StrEnum):
-    """How descriptors are compared."""
-
-    cosine = "cosine"
-    euclidean = "euclidean"
-    manhattan = "manhattan"
-
-
-class Dtype(StrEnum):
-    """How SAD descriptors are kept."""
-
-    u8 = "u8"
-    f32 = "f32"
+Metric = Literal["cosine", "euclidean", "manhattan"]
+# How SAD descriptors are kept.
+Dtype = Literal["u8", "f32"]
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -61,7 +35,7 @@ def _size(text: str) -> tuple[int, int]:
 
 def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
     try:
-        return Sad(_size(size or "64x32"), patch, dtype.value)
+        return Sad(_size(size or "64x32"), patch, dtype)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
 
@@ -69,116 +43,82 @@ def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
 def _check_sad(references: str, metric: Metric | None, post: str | None) -> None:
     """Refuses options that SAD does not have."""
     wanted = "expected ready descriptors or --model, got images for SAD"
-    refuse(
-        metric not in (None, Metric.manhattan),
-        f"--metric: {wanted}, which is manhattan: {references}",
-    )
+    other = metric not in (None, "manhattan")
+    refuse(other, f"--metric: {wanted}, which is manhattan: {references}")
     refuse(post is not None, f"--post: {wanted}: {references}")
 
 
+@documented
 def build(
-    references: Annotated[
-        str,
-        typer.Argument(
-            help='A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a '
-            "bag; or ready descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index."
-        ),
-    ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The map to write.")] = Path(
-        "route.safetensors"
-    ),
-    size: Annotated[
-        str | None,
-        typer.Option(
-            help="The small image, WIDTHxHEIGHT in pixels. SAD: 64x32 by default; --model: the "
-            "network's own size."
-        ),
-    ] = None,
-    patch: Annotated[int, typer.Option(min=1, help="SAD: the side of a patch, in pixels.")] = 8,
-    dtype: Annotated[Dtype, typer.Option(help="SAD: how descriptors are kept.")] = Dtype.u8,
-    metric: Annotated[
-        Metric | None,
-        typer.Option(
-            help="Ready descriptors and --model: the metric; by default a faiss index's own, "
-            "else cosine.",
-            show_default=False,
-        ),
-    ] = None,
-    key: Annotated[
-        str | None,
-        typer.Option(help="Ready descriptors: which array of the file, if it has several."),
-    ] = None,
-    model: Annotated[
-        Path | None, typer.Option(help="An ONNX file: describe the images by this network.")
-    ] = None,
-    output: Annotated[
-        str | None, typer.Option(help="--model: which of its outputs, if it has several.")
-    ] = None,
-    mean: Annotated[
-        str | None,
-        typer.Option(
-            help='--model: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet\'s by default.'
-        ),
-    ] = None,
-    std: Annotated[
-        str | None, typer.Option(help="--model: as --mean, the standard deviation.")
-    ] = None,
-    batch: Annotated[int, typer.Option(min=1, help="--model: images at a time.")] = 8,
-    post: Annotated[
-        str | None,
-        typer.Option(
-            help="Ready descriptors and --model: steps for them, and for queries later, with "
-            "commas: standardize, or standardize:running by the queries so far, pca:N, projection:N, "
-            "normalize."
-        ),
-    ] = None,
-    cache: Cache = None,
-    positions: Annotated[
-        Path | None,
-        typer.Option(help="A .npy or .csv of each place's position, (n, 2) or (n, 3) metres."),
-    ] = None,
-    topic: Topic = None,
-    stride: Stride = 1,
-    every: Every = None,
-    metres: Metres = None,
-    odometry: Odometry = None,
+    references: str,
+    out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.safetensors"),
+    size: str | None = None,
+    patch: Annotated[int, typer.Option(min=1)] = 8,
+    dtype: Dtype = "u8",
+    metric: Annotated[Metric | None, typer.Option(show_default=False)] = None,
+    key: str | None = None,
+    model: Path | None = None,
+    output: str | None = None,
+    mean: str | None = None,
+    std: str | None = None,
+    batch: Annotated[int, typer.Option(min=1)] = 8,
+    post: str | None = None,
+    cache: inputs.Cache = None,
+    positions: Path | None = None,
+    topic: inputs.Topic = None,
+    stride: inputs.Stride = 1,
+    every: inputs.Every = None,
+    metres: inputs.Metres = None,
+    odometry: inputs.Odometry = None,
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready
     descriptors.
+
+    Parameters
+    ----------
+    references: A folder of images, a pattern ("route/*.png"), a .npy of images, a video or a bag;
+        or ready descriptors: a .npy, .npz, .safetensors, .h5 or flat faiss index.
+    out: The map to write.
+    size: The small image, WIDTHxHEIGHT in pixels. SAD: 64x32 by default; --model: the network's own
+        size.
+    patch: SAD: the side of a patch, in pixels.
+    dtype: SAD: how descriptors are kept.
+    metric: Ready descriptors and --model: the metric; by default a faiss index's own, else cosine.
+    key: Ready descriptors: which array of the file, if it has several.
+    model: An ONNX file: describe the images by this network.
+    output: --model: which of its outputs, if it has several.
+    mean: --model: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet's by default.
+    std: --model: as --mean, the standard deviation.
+    batch: --model: images at a time.
+    post: Ready descriptors and --model: steps for them, and for queries later, with commas:
+        standardize, or standardize:running by the queries so far, pca:N, projection:N, normalize.
+    positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.
     """
     start = time.perf_counter()
-    if not out.absolute().parent.is_dir():
-        raise SurefixFileError(
-            f"{out}: cannot write the map: there is no folder {out.absolute().parent}"
-        )
+    check_folder(out, "cannot write the map")
     where = None if positions is None else read_metres(positions)
-    steps = None if post is None else steps_of(post)
+    steps = None if post is None else inputs.steps_of(post)
     network = None
     if model is not None:
-        refuse(
-            (patch, dtype) != (8, Dtype.u8),
-            "--patch, --dtype: expected images for SAD, got --model",
-        )
-        network = open_network(
-            model, output, None if size is None else _size(size), mean, std, batch
-        )
-    refuse(
-        model is None and (output, mean, std, batch, cache) != (None, None, None, 8, None),
-        "--output, --mean, --std, --batch, --cache: expected --model too, got none",
-    )
-    frames = open_frames(
+        of_sad = (patch, dtype) != (8, "u8")
+        refuse(of_sad, "--patch, --dtype: expected images for SAD, got --model")
+        sides = None if size is None else _size(size)
+        network = inputs.open_network(model, output, sides, mean, std, batch)
+    elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
+        options = "--output, --mean, --std, --batch, --cache"
+        raise typer.BadParameter(f"{options}: expected --model too, got none")
+    frames = inputs.open_frames(
         references, key, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
     )
-    check_not_read(out, [*frames.files, model, cache])
+    inputs.check_not_read(out, [*frames.files, model, cache])
     if frames.ready is not None:
         got = f"expected images, got the ready descriptors {references}"
         refuse(network is not None, f"--model: {got}")
-        refuse((size, patch, dtype) != (None, 8, Dtype.u8), f"--size, --patch, --dtype: {got}")
-        by = metric.value if metric else metric_of(references) or "cosine"
+        refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
+        by = metric or metric_of(references) or "cosine"
         Map.from_descriptors(frames.ready, by, positions=where, post=steps).save(out)
     elif network is not None:
-        by = metric.value if metric else "cosine"
-        map_of_images(frames, network, by, where, steps, cache).save(out)
+        map_of_images(frames, network, metric or "cosine", where, steps, cache).save(out)
     else:
         _check_sad(references, metric, post)
         sad = _sad(size, patch, dtype)
@@ -189,63 +129,60 @@ def build(
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
 
 
+@documented
 def append(
-    file: Annotated[Path, typer.Argument(help="The map that becomes longer.")],
-    references: Annotated[
-        str,
-        typer.Argument(
-            help='The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.'
-        ),
-    ],
-    positions: Annotated[
-        Path | None,
-        typer.Option(help="A .npy or .csv of each new place's position, if the map has positions."),
-    ] = None,
-    model: Model = None,
-    cache: Cache = None,
+    file: Path,
+    references: str,
+    positions: Path | None = None,
+    model: inputs.Model = None,
+    cache: inputs.Cache = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.
 
     The map's rows are copied, never read into memory, and the old map stays until the new one is
     whole.
+
+    Parameters
+    ----------
+    file: The map that becomes longer.
+    references: The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.
+    positions: A .npy or .csv of each new place's position, if the map has positions.
     """
-    start = time.perf_counter()
-    old = _look(file)
+    start, old = time.perf_counter(), _look(file)
     frames = ImageFrames(references)
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
     where = None if positions is None else read_metres(positions)
     network = None
     if model is not None:
-        network = network_of(old, file, model)
+        network = inputs.network_of(old, file, model)
         got = f"expected images, got the ready descriptors {references}"
         refuse(frames.ready is not None, f"--model: {got}")
     refuse(cache is not None and model is None, "--cache: expected --model too, got none")
     if model is None and frames.ready is None and old.recipe is not None:
-        raise no_model(old.recipe["name"], file)
+        raise inputs.no_model(old.recipe["name"], file)
     if frames.ready is not None:
-        more = Map.from_descriptors(
-            frames.ready, old.metric, where, post=old.post, recipe=old.recipe
-        )
+        rows, post, recipe = frames.ready, old.post, old.recipe
+        more = Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe)
         Map.append(file, more)
     elif network is not None:
         Map.append(file, frames.source, network, positions=where, cache=cache)
     else:
         Map.append(file, frames.source, positions=where)
-    seconds = time.perf_counter() - start
-    print(
-        f"Added {counted(len(frames), 'place')} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
-    )
+    added, seconds = plural(len(frames), "place"), time.perf_counter() - start
+    print(f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s")
 
 
-def info(
-    file: Annotated[Path, typer.Argument(help="The map to look at.")],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object instead of a table.")
-    ] = False,
-) -> None:
-    """Say what a map holds."""
+@documented
+def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
+    """Say what a map holds.
+
+    Parameters
+    ----------
+    file: The map to look at.
+    as_json: One JSON object instead of a table.
+    """
     route = _look(file)
     names, where = route.names, route.positions
     facts = {
@@ -265,6 +202,7 @@ def info(
     if as_json:
         print(json.dumps(facts))
         return
+    coordinates = "none" if where is None else f"{where.shape[1]} coordinates a place, in metres"
     table = Table(show_header=False, box=None)
     for name, value in facts.items():
         shown = {
@@ -272,9 +210,7 @@ def info(
             "descriptor": _descriptor_of(route),
             "post": repr(route.post),
             "names": f"{names[0]} to {names[-1]}" if names else "none",
-            "positions": "none"
-            if where is None
-            else f"{where.shape[1]} coordinates a place, in metres",
+            "positions": coordinates,
         }.get(name, str(value))
         # The descriptor's name stands for the recipe; --json has all of it.
         if name in ("recipe", "input_dim") or (name == "post" and route.post is None):
@@ -299,4 +235,4 @@ def _look(file: Path) -> Map:
 def _size_of(file: Path) -> str:
     route = _look(file)
     size = f"{file.stat().st_size / 1e6:.1f} MB"
-    return f"{counted(len(route), 'place')} x {route.dim} {route.dtype}, {size}"
+    return f"{plural(len(route), 'place')} x {route.dim} {route.dtype}, {size}"

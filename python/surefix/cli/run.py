@@ -2,150 +2,84 @@
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any, Literal, TextIO
 
 import typer
 
-from surefix import Localizer, Map, SurefixFileError, SurefixValueError, frames
-from surefix.cli.fixes import Row, Summary, csv_writer, json_writer, row_of
-from surefix.cli.flags import with_options
+from surefix import Localizer, Map, SurefixValueError, frames
+from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
+from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import check_not_read, network_of, refuse
 from surefix.cli.views import open_views
+from surefix.errors import refusal
 from surefix.frames import Frame, Frames
 from surefix.live import View
-
-__all__ = ["localize", "run"]
 
 # The headings in the help, of the options about frames and about seeing them.
 F = "Frames"
 S = "Seeing it"
 
 
-class Format(StrEnum):
-    """How fixes are written."""
-
-    csv = "csv"
-    json = "json"
+Format = Literal["csv", "json"]
+Size = tuple[int, ...]
 
 
-class Screen(StrEnum):
-    """The numbers of a screen."""
-
-    i8 = "i8"
-
-
+@documented
 @with_options()
 def run(
-    route: Annotated[Path, typer.Argument(help="The map, from `surefix map build`.")],
-    queries: Annotated[
-        str,
-        typer.Argument(
-            help="A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's "
-            "number or URL, or a .npy of images or of descriptors."
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Write the fixes to this file.")
-    ] = None,
-    form: Annotated[
-        Format | None,
-        typer.Option(
-            "--format", help="A line a fix, as CSV or JSON; by the file's ending, else CSV."
-        ),
-    ] = None,
+    route: Path,
+    queries: str,
+    out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
+    form: Annotated[Format | None, typer.Option("--format")] = None,
     *,
     options: dict[str, Any],
-    screen: Annotated[
-        Screen | None,
-        typer.Option(
-            help="Scan a copy of float32 descriptors in bytes: faster on a large map, the same "
-            "answers."
-        ),
-    ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(
-            help="A map of `surefix map build --model`: the ONNX file, to describe the images."
-        ),
-    ] = None,
-    follow: Annotated[
-        bool,
-        typer.Option(
-            "--follow", help="A folder: go on with what comes, until Ctrl-C.", rich_help_panel=F
-        ),
-    ] = False,
-    idle: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            help="With --follow: end when none has come for this many seconds.",
-            rich_help_panel=F,
-        ),
-    ] = None,
-    topic: Annotated[
-        str | None,
-        typer.Option(
-            help="A bag: the topic of the images, if there are several.", rich_help_panel=F
-        ),
-    ] = None,
-    stride: Annotated[
-        int, typer.Option(min=1, help="Take every n-th frame.", rich_help_panel=F)
-    ] = 1,
-    every: Annotated[
-        float | None, typer.Option(help="Take a frame every this many seconds.", rich_help_panel=F)
-    ] = None,
-    metres: Annotated[
-        float | None,
-        typer.Option(help="Take a frame every this many metres, by --odometry.", rich_help_panel=F),
-    ] = None,
-    odometry: Annotated[
-        str | None,
-        typer.Option(
-            help="A .csv with the columns time and x,y[,z] or distance, or a topic of the bag: "
-            "Odometry, PoseStamped, PoseWithCovarianceStamped or NavSatFix.",
-            rich_help_panel=F,
-        ),
-    ] = None,
-    gap: Annotated[
-        float | None,
-        typer.Option(
-            help="Treat frames more than this many seconds apart as a break.",
-            rich_help_panel=F,
-        ),
-    ] = None,
-    newest: Annotated[
-        bool | None,
-        typer.Option(
-            help="If matching is slow, drop frames and take the newest; the default of a camera.",
-            rich_help_panel=F,
-        ),
-    ] = None,
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live", help="Open rerun's viewer; without rerun, the terminal's.", rich_help_panel=S
-        ),
-    ] = False,
-    save: Annotated[
-        Path | None,
-        typer.Option(help="Write a recording, to be opened by rerun FILE.rrd.", rich_help_panel=S),
-    ] = None,
-    references: Annotated[
-        Path | None,
-        typer.Option(help="The map's images, to be shown beside the queries.", rich_help_panel=S),
-    ] = None,
+    screen: Literal["i8"] | None = None,
+    model: Path | None = None,
+    follow: Annotated[bool, F] = False,
+    idle: Annotated[float | None, typer.Option(min=0, rich_help_panel=F)] = None,
+    topic: Annotated[str | None, F] = None,
+    stride: Annotated[int, typer.Option(min=1, rich_help_panel=F)] = 1,
+    every: Annotated[float | None, F] = None,
+    metres: Annotated[float | None, F] = None,
+    odometry: Annotated[str | None, F] = None,
+    gap: Annotated[float | None, F] = None,
+    newest: Annotated[bool | None, F] = None,
+    live: Annotated[bool, S] = False,
+    save: Annotated[Path | None, S] = None,
+    references: Annotated[Path | None, S] = None,
 ) -> None:
-    """Localize along a route: a fix for each query, as it comes."""
+    """Localize along a route: a fix for each query, as it comes.
+
+    Parameters
+    ----------
+    route: The map, from `surefix map build`.
+    queries: A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's number or
+        URL, or a .npy of images or of descriptors.
+    out: Write the fixes to this file.
+    form: A line a fix, as CSV or JSON; by the file's ending, else CSV.
+    screen: Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers.
+    model: A map of `surefix map build --model`: the ONNX file, to describe the images.
+    follow: A folder: go on with what comes, until Ctrl-C.
+    idle: With --follow: end when none has come for this many seconds.
+    topic: A bag: the topic of the images, if there are several.
+    stride: Take every n-th frame.
+    every: Take a frame every this many seconds.
+    metres: Take a frame every this many metres, by --odometry.
+    odometry: A .csv with the columns time and x,y[,z] or distance, or a topic of the bag: Odometry,
+        PoseStamped, PoseWithCovarianceStamped or NavSatFix.
+    gap: Treat frames more than this many seconds apart as a break.
+    newest: If matching is slow, drop frames and take the newest; the default of a camera.
+    live: Open rerun's viewer; without rerun, the terminal's.
+    save: Write a recording, to be opened by rerun FILE.rrd.
+    references: The map's images, to be shown beside the queries.
+    """
     places = Map.open(route)
     for option, value in (("--every", every), ("--metres", metres), ("--gap", gap)):
-        refuse(
-            value is not None and not value > 0,
-            f"{option}: expected a number above 0, got {value}",
-        )
+        low = value is not None and not value > 0
+        refuse(low, f"{option}: expected a number above 0, got {value}")
     refuse(metres is not None and odometry is None, "--metres: expected --odometry too")
     refuse(odometry is not None and metres is None, "--odometry: expected --metres too")
     source = frames.open(
@@ -162,18 +96,16 @@ def run(
     )
     network = None if model is None else network_of(places, route, model)
     try:
-        localizer = Localizer(
-            places.with_screen("i8") if screen else places,
-            descriptor=network,
-            **options,
-        )
+        scanned = places.with_screen(screen) if screen else places
+        localizer = Localizer(scanned, descriptor=network, **options)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     read = [route, *map(Path, source.files)]
     if out is not None:
         check_not_read(out, read)
+        read.append(out)
     if save is not None:
-        _check_save(save, [*([] if out is None else [out]), *read])
+        _check_save(save, read)
     summary = Summary()
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
@@ -181,15 +113,14 @@ def run(
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(_create(out))
         try:
-            localize(localizer, source, _writer(file, _format(form, out)), summary, views)
+            localize(localizer, source, _writer(file, form, out), summary, views)
             summary.ended = True
         except KeyboardInterrupt:
             # This is the way to end live frames.
             if not source.live:
                 raise
         finally:
-            # After an unreadable frame, the fixes before it are kept and counted, on a free
-            # terminal.
+            # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
             print(summary.text(out), file=sys.stderr)
 
@@ -197,17 +128,13 @@ def run(
 def localize(
     localizer: Localizer,
     source: Frames,
-    write: Callable[[Row], None] | None,
+    write: Writer | None,
     summary: Summary,
     views: Sequence[View] = (),
 ) -> None:
-    """Push each frame, write and count each fix, and show it in the views.
-
-    The error for a frame that the localizer refuses names it, and both sizes if images change size
-    there.
-    """
+    """Push each frame, write and count each fix, and show it in the views."""
     names = localizer.map.names
-    before: tuple[int, ...] | None = None
+    before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:
             if frame.breaks:
@@ -228,10 +155,8 @@ def localize(
                 view.update(frame, fix, localizer, latency)
 
 
-def _at(
-    frame: Frame, before: tuple[int, ...] | None, error: SurefixValueError
-) -> SurefixValueError:
-    """The error with its frame, and with a change of size before it, if there was one."""
+def _at(frame: Frame, before: Size | None, error: SurefixValueError) -> SurefixValueError:
+    """The error with its frame, and the change of size before it, if there was one."""
     shape = frame.image.shape
     sizes = ""
     if before is not None and shape != before:
@@ -243,29 +168,21 @@ def _at(
 def _check_save(save: Path, others: list[Path]) -> None:
     refuse(save.suffix != ".rrd", f"--save: expected a name that ends in .rrd, got {save}")
     there = [file for file in others if save.exists() and file.exists()]
-    refuse(
-        save in others or any(save.samefile(file) for file in there),
-        f"--save: {save} is read or written here for something else; name another file",
-    )
+    used = save in others or any(save.samefile(file) for file in there)
+    refuse(used, f"--save: {save} is read or written here for something else; name another file")
 
 
 def _create(out: Path) -> TextIO:
     try:
         return out.open("w", encoding="utf-8", newline="")
     except OSError as error:
-        raise SurefixFileError(f"{out}: cannot write the fixes: {error.strerror}") from None
+        raise refusal(out, "cannot write the fixes", error) from None
 
 
-def _format(form: Format | None, out: Path | None) -> Format:
-    if form is not None:
-        return form
-    as_json = out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
-    return Format.json if as_json else Format.csv
-
-
-def _writer(file: TextIO | None, form: Format) -> Callable[[Row], None] | None:
+def _writer(file: TextIO | None, form: Format | None, out: Path | None) -> Writer | None:
     """None if the fixes would run over the view on the terminal."""
-    writer = csv_writer if form is Format.csv else json_writer
+    by_name = out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
+    writer = json_writer if form == "json" or (form is None and by_name) else csv_writer
     if file is not None:
         return writer(file)
     return None if sys.stdout.isatty() else writer(sys.stdout)

@@ -55,9 +55,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Dataset:
-    """A data set by name: its loader, a function that lists the traverses in a folder, and where it
-    comes from.
-    """
+    """A data set by name: its loader, a lister of a folder's traverses, and its origin."""
 
     load: Callable[..., Pair]
     traverses: Callable[[Path], list[str]]

@@ -10,8 +10,6 @@ from surefix.tables.metres import pair_by_position
 from surefix.tables.positions import on_one_plane, read_positions
 from surefix.tables.truth import read_truth
 
-__all__ = ["FOLDERS", "both", "folders"]
-
 FOLDERS = Origin("Two folders", "your own images", "yours", signs=("reference",))
 
 
@@ -27,7 +25,7 @@ def folders(
     source: str = FOLDERS.source,
     licence: str = FOLDERS.licence,
 ) -> Pair:
-    """Two folders of images, or two ``.npy`` of images, and what is known of their places.
+    """Two folders of images, or two ``.npy`` of images, with a truth or positions if known.
 
     Names are relative to ``root``; absolute paths are taken as they are.
 
@@ -74,9 +72,8 @@ def folders(
     if reference_positions is not None and query_positions is not None:
         first = origin.file(base / reference_positions, "the positions of the references")
         second = origin.file(base / query_positions, "the positions of the queries")
-        there, here = on_one_plane(
-            read_positions(first, mapped.names), read_positions(second, driven.names)
-        )
+        of_map, of_drive = read_positions(first, mapped.names), read_positions(second, driven.names)
+        there, here = on_one_plane(of_map, of_drive)
         known = pair_by_position(there, here, tolerance)
     if truth == "identity":
         known = identity(name, mapped, driven)

@@ -9,19 +9,16 @@ import numpy.typing as npt
 
 from surefix.datasets.pair import Origin, Pair
 from surefix.datasets.tracks import (
-    Placed,
+    Drive,
     Placing,
     Track,
     choose_traverses,
     named_folders,
-    pair_of,
-    place_images,
+    read_stamps,
 )
 from surefix.errors import mismatch
 from surefix.frames.images import ImageFiles
 from surefix.tables.rows import ascending, decimal, read_text, rows, whole
-
-__all__ = ["FOUR_SEASONS", "OFFICE_LOOP", "four_seasons", "recordings"]
 
 FOLDERS = "recording_*"
 # From the local plane (east, north, up) to the Earth-centred frame.
@@ -94,14 +91,12 @@ def four_seasons(
     SurefixValueError
         For a malformed row, timestamps that do not ascend, or no image with a position.
     """
-    folders = choose_traverses(FOUR_SEASONS, Path(root), FOLDERS, "recording", reference, query)
+    folders = choose_traverses(FOUR_SEASONS, Path(root), "recording", reference, query)
     plane = _transform(folders[0], EARTH)
-    placing = Placing(spacing, longest_gap, incomplete)
-    first, second = (_recording(folder, images, poses, plane, placing) for folder in folders)
+    placing = Placing(FOUR_SEASONS, 1_000_000_000, spacing, longest_gap, incomplete)
+    drives = [_drive(folder, images, poses, plane) for folder in folders]
     names = [folder.name.removeprefix("recording_") for folder in folders]
-    images_of = [ImageFiles(placed.files) for placed in (first, second)]
-    title = f"4Seasons {names[0]} / {names[1]}"
-    return pair_of(title, FOUR_SEASONS, images_of, first, second, tolerance)
+    return placing.pair(f"4Seasons {names[0]} / {names[1]}", drives, ImageFiles, tolerance)
 
 
 def recordings(root: Path) -> list[str]:
@@ -109,31 +104,11 @@ def recordings(root: Path) -> list[str]:
     return named_folders(root, FOLDERS)
 
 
-def _recording(
-    folder: Path,
-    images: str,
-    poses: str,
-    plane: npt.NDArray[np.float64],
-    placing: Placing,
-) -> Placed:
+def _drive(folder: Path, images: str, poses: str, plane: npt.NDArray[np.float64]) -> Drive:
     times = FOUR_SEASONS.file(folder / "times.txt", "the time of each image")
     camera = FOUR_SEASONS.folder(folder / images, "the images of the camera")
-    numbered = [
-        (row, whole(cells[0], times, row, "frame_id, nanoseconds"))
-        for row, cells in rows(times, None)
-    ]
-    if not numbered:
-        raise mismatch(times, "lines of frame_id timestamp exposure", "none")
-    stamps = ascending([stamp for _, stamp in numbered], [row for row, _ in numbered], times)
-    return place_images(
-        [camera / f"{stamp}.png" for stamp in stamps],
-        stamps,
-        _track(folder, poses, plane),
-        placing,
-        origin=FOUR_SEASONS,
-        listed_in=times,
-        ticks_a_second=1_000_000_000,
-    )
+    stamps = read_stamps(times, "frame_id timestamp exposure", "frame_id, nanoseconds")
+    return Drive(camera, stamps, times, _track(folder, poses, plane))
 
 
 def _track(folder: Path, poses: str, plane: npt.NDArray[np.float64]) -> Track:
@@ -144,9 +119,8 @@ def _track(folder: Path, poses: str, plane: npt.NDArray[np.float64]) -> Track:
         if len(cells) < 9:
             columns = "frame_id,t_x,t_y,t_z,q_x,q_y,q_z,w,scale"
             raise mismatch(f"{path}, row {row}", f"at least 9 values ({columns})", len(cells))
-        pose = [
-            decimal(cell, path, row, "a pose and its scale", finite=False) for cell in cells[1:9]
-        ]
+        what = "a pose and its scale"
+        pose = [decimal(cell, path, row, what, finite=False) for cell in cells[1:9]]
         stamp = whole(cells[0], path, row, "frame_id, nanoseconds")
         if np.isfinite(pose).all():  # the publisher marks a key frame without a pose by NaN
             stamps.append(stamp)

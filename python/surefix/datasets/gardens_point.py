@@ -3,11 +3,9 @@
 from os import PathLike
 from pathlib import Path
 
-from surefix.datasets.pair import Origin, Pair, check_same_names, identity
+from surefix.datasets.pair import Origin, Pair, same_places
 from surefix.errors import mismatch
 from surefix.frames.images import Images, open_images
-
-__all__ = ["GARDENS_POINT", "gardens_point", "walks"]
 
 TRAVERSES = ("day_left", "day_right", "night_right")
 GARDENS_POINT = Origin(
@@ -52,16 +50,7 @@ def gardens_point(
         if traverse not in TRAVERSES:
             raise mismatch(option, f"one of {', '.join(TRAVERSES)}", repr(traverse))
     name = f"Gardens Point {reference} / {query}"
-    references, queries = _walk(root, reference), _walk(root, query)
-    check_same_names(name, references, queries)
-    return Pair(
-        name,
-        references,
-        queries,
-        identity(name, references, queries),
-        source=GARDENS_POINT.source,
-        licence=GARDENS_POINT.licence,
-    )
+    return same_places(name, GARDENS_POINT, _walk(root, reference), _walk(root, query))
 
 
 def walks(root: Path) -> list[str]:
@@ -71,6 +60,5 @@ def walks(root: Path) -> list[str]:
 
 def _walk(root: str | PathLike[str], traverse: str) -> Images:
     GARDENS_POINT.folder(root, "with the folders day_left, day_right, night_right")
-    return open_images(
-        GARDENS_POINT.folder(Path(root) / traverse, f"the images of the walk {traverse}")
-    )
+    purpose = f"the images of the walk {traverse}"
+    return open_images(GARDENS_POINT.folder(Path(root) / traverse, purpose))

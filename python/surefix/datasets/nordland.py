@@ -4,11 +4,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
-from surefix.datasets.pair import Origin, Pair, check_same_names, identity
+from surefix.datasets.pair import Origin, Pair, same_places
 from surefix.errors import mismatch
 from surefix.frames.images import Images, open_images
-
-__all__ = ["NORDLAND", "nordland", "seasons"]
 
 SEASONS = ("summer", "winter", "fall", "spring")
 NORDLAND = Origin(
@@ -76,16 +74,7 @@ def nordland(
     folder = NORDLAND.folder(root, "with the folder test or train of the partitioned set")
     name = f"Nordland {split} {section} {reference} / {query}"
     references, queries = (_season(folder, season, split, section) for season in (reference, query))
-    if references.paths is not None and queries.paths is not None:
-        check_same_names(name, references, queries)
-    return Pair(
-        name,
-        references,
-        queries,
-        identity(name, references, queries),
-        source=NORDLAND.source,
-        licence=NORDLAND.licence,
-    )
+    return same_places(name, NORDLAND, references, queries)
 
 
 def seasons(root: Path) -> list[str]:
@@ -107,6 +96,5 @@ def _season(root: Path, season: str, split: str, section: int) -> Images:
         return open_images(arrays[0])
     within = Path(split, f"{season}_images_{split}", f"section{section}")
     found = [root / inside / within for inside in _INSIDE if (root / inside / within).is_dir()]
-    return open_images(
-        NORDLAND.folder(found[0] if found else root / within, f"the images of {season}")
-    )
+    folder = found[0] if found else root / within
+    return open_images(NORDLAND.folder(folder, f"the images of {season}"))

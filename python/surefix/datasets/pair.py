@@ -1,4 +1,4 @@
-"""Two traverses of one route with a truth, and where a data set comes from."""
+"""Two traverses of one route with a truth, and the origin of a data set."""
 
 from dataclasses import dataclass
 from os import PathLike
@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.images import Images
-
-__all__ = ["Origin", "Pair", "check_same_names", "identity"]
 
 
 @dataclass(frozen=True)
@@ -35,17 +33,15 @@ class Origin:
 
     def folder(self, path: str | PathLike[str], purpose: str) -> Path:
         """The folder; a SurefixFileError with its purpose and source if it is missing."""
-        path = Path(path)
-        if not path.is_dir():
-            raise self.missing(path, "no such folder", purpose)
-        return path
+        if not Path(path).is_dir():
+            raise self.missing(Path(path), "no such folder", purpose)
+        return Path(path)
 
     def file(self, path: str | PathLike[str], purpose: str) -> Path:
         """The file; a SurefixFileError with its purpose and source if it is missing."""
-        path = Path(path)
-        if not path.is_file():
-            raise self.missing(path, "no such file", purpose)
-        return path
+        if not Path(path).is_file():
+            raise self.missing(Path(path), "no such file", purpose)
+        return Path(path)
 
     def missing(self, path: Path, problem: str, purpose: str) -> SurefixFileError:
         """The error that names a missing file or folder."""
@@ -104,20 +100,17 @@ class Pair:
             ("query", self.query_positions, m),
         ):
             if positions is not None and positions.shape not in ((count, 2), (count, 3)):
-                raise SurefixValueError(
-                    f"{self.name}: expected {what} positions ({count}, 2) or ({count}, 3), "
-                    f"one an image, got {positions.shape}"
-                )
+                expected = f"{what} positions ({count}, 2) or ({count}, 3), one an image"
+                raise mismatch(self.name, expected, positions.shape)
         if self.truth is None:
             return
         if self.truth.shape != (m,):
             raise mismatch(self.name, f"a truth for each of the {m} queries", self.truth.shape)
         wrong = np.flatnonzero((self.truth < -1) | (self.truth >= n))
         if len(wrong):
-            raise SurefixValueError(
-                f"{self.name}: expected the index of one of the {n} references, or -1 for none, "
-                f"got {self.truth[wrong[0]]} for query {wrong[0]}"
-            )
+            expected = f"the index of one of the {n} references, or -1 for none"
+            got = f"{self.truth[wrong[0]]} for query {wrong[0]}"
+            raise mismatch(self.name, expected, got)
 
     def __repr__(self) -> str:
         known = "no truth"
@@ -127,13 +120,20 @@ class Pair:
         return f"Pair({self.name!r}: {counts}, {known})"
 
 
+def same_places(name: str, origin: Origin, references: Images, queries: Images) -> Pair:
+    """Two traverses of which query ``i`` shows the place of reference ``i``."""
+    if references.paths is not None and queries.paths is not None:
+        check_same_names(name, references, queries)
+    truth = identity(name, references, queries)
+    return Pair(name, references, queries, truth, source=origin.source, licence=origin.licence)
+
+
 def identity(name: str, references: Images, queries: Images) -> npt.NDArray[np.int64]:
     """The truth if query ``i`` shows the place of reference ``i``; both must have one length."""
     if len(references) != len(queries):
-        raise SurefixValueError(
-            f"{name}: query i shows the place of reference i, so expected one query a reference, "
-            f"got {len(queries)} queries and {len(references)} references"
-        )
+        where = f"{name}: query i shows the place of reference i, so"
+        got = f"{len(queries)} queries and {len(references)} references"
+        raise SurefixValueError(f"{where} expected one query a reference, got {got}")
     return np.arange(len(queries), dtype=np.int64)
 
 
@@ -142,8 +142,6 @@ def check_same_names(name: str, references: Images, queries: Images) -> None:
     has, wanted = set(queries.names), set(references.names)
     for traverse, lacking in (("query", wanted - has), ("reference", has - wanted)):
         if lacking:
-            raise SurefixValueError(
-                f"{name}: expected the same image names in both traverses, got {len(references)} "
-                f"references and {len(queries)} queries; the {traverse} traverse lacks "
-                f"{len(lacking)}, such as {min(lacking)}"
-            )
+            got = f"{len(references)} references and {len(queries)} queries"
+            wrong = f"the {traverse} traverse lacks {len(lacking)}, such as {min(lacking)}"
+            raise mismatch(name, "the same image names in both traverses", f"{got}; {wrong}")

@@ -1,5 +1,6 @@
 """Oxford RobotCar: one route through Oxford, driven over a hundred times in a year."""
 
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Literal
@@ -8,20 +9,17 @@ import numpy as np
 
 from surefix.datasets.pair import Origin, Pair
 from surefix.datasets.tracks import (
-    Placed,
+    Drive,
     Placing,
     Track,
     choose_traverses,
     named_folders,
-    pair_of,
-    place_images,
+    read_stamps,
 )
 from surefix.errors import mismatch
 from surefix.frames.bayer import Pattern
 from surefix.frames.images import BayerFiles
-from surefix.tables.rows import ascending, decimal, header_and_rows, rows, whole
-
-__all__ = ["ROBOTCAR", "drives", "robotcar"]
+from surefix.tables.rows import ascending, decimal, header_and_rows, whole
 
 FOLDERS = "20??-??-??-??-??-??*"
 ROBOTCAR = Origin(
@@ -100,20 +98,18 @@ def robotcar(
     """
     if camera not in CAMERAS:
         raise mismatch("camera", f"one of {', '.join(CAMERAS)}", repr(camera))
-    placing = Placing(spacing, longest_gap, incomplete)
-    folders = choose_traverses(ROBOTCAR, Path(root), FOLDERS, "traverse", reference, query)
+    placing = Placing(ROBOTCAR, 1_000_000, spacing, longest_gap, incomplete)
+    folders = choose_traverses(ROBOTCAR, Path(root), "traverse", reference, query)
     tracks = [_track(folder, _POSITION_FILES.get(positions, positions)) for folder in folders]
     zones = [zone for _, zone in tracks]
     if None not in zones and zones[0] != zones[1]:
         file = tracks[1][0].path
         raise mismatch(file, f"the UTM zone of the reference, {zones[0]}", zones[1])
-    first, second = (
-        _traverse(folder, camera, track, placing)
-        for folder, (track, _) in zip(folders, tracks, strict=True)
-    )
-    images_of = [BayerFiles(placed.files, CAMERAS[camera]) for placed in (first, second)]
+    pairs = zip(folders, tracks, strict=True)
+    both = [_drive(folder, camera, track) for folder, (track, _) in pairs]
     title = f"RobotCar {folders[0].name} / {folders[1].name}"
-    return pair_of(title, ROBOTCAR, images_of, first, second, tolerance)
+    images = partial(BayerFiles, pattern=CAMERAS[camera])
+    return placing.pair(title, both, images, tolerance)
 
 
 def drives(root: Path) -> list[str]:
@@ -121,27 +117,11 @@ def drives(root: Path) -> list[str]:
     return named_folders(root, FOLDERS)
 
 
-def _traverse(folder: Path, camera: str, track: Track, placing: Placing) -> Placed:
+def _drive(folder: Path, camera: str, track: Track) -> Drive:
     listing = ROBOTCAR.file(folder / f"{camera.split('/')[0]}.timestamps", "the time of each image")
     images = ROBOTCAR.folder(folder / camera, "the images of the camera")
-    stamps, numbers = [], []
-    for row, cells in rows(listing, None):
-        if len(cells) != 2:
-            raise mismatch(f"{listing}, row {row}", "2 values (timestamp chunk)", len(cells))
-        stamps.append(whole(cells[0], listing, row, "a timestamp in microseconds"))
-        numbers.append(row)
-    if not stamps:
-        raise mismatch(listing, "lines of timestamp chunk", "none")
-    times = ascending(stamps, numbers, listing)
-    return place_images(
-        [images / f"{stamp}.png" for stamp in times],
-        times,
-        track,
-        placing,
-        origin=ROBOTCAR,
-        listed_in=listing,
-        ticks_a_second=1_000_000,
-    )
+    times = read_stamps(listing, "timestamp chunk", "a timestamp in microseconds", columns=2)
+    return Drive(images, times, listing, track)
 
 
 def _track(folder: Path, file: str) -> tuple[Track, str | None]:
@@ -162,9 +142,5 @@ def _track(folder: Path, file: str) -> tuple[Track, str | None]:
             zones.setdefault(cells[zone], row)
     if len(zones) > 1:
         raise mismatch(f"{path}, row {max(zones.values())}", "one UTM zone", " and ".join(zones))
-    track = Track(
-        path,
-        ascending(stamps, [row for row, _ in numbered], path),
-        np.array(metres, dtype=np.float64),
-    )
-    return track, next(iter(zones), None)
+    times = ascending(stamps, [row for row, _ in numbered], path)
+    return Track(path, times, np.array(metres, dtype=np.float64)), next(iter(zones), None)

@@ -38,26 +38,22 @@ __all__ = [
 ]
 
 _MODULES = {
-    "HUB_MODELS": "surefix.descriptors.hub",
-    "Descriptor": "surefix.descriptors.descriptor",
-    "Onnx": "surefix.descriptors.onnx",
-    "PatchNetVlad": "surefix.descriptors.patch_netvlad",
-    "Torch": "surefix.descriptors.torch",
-    "extract": "surefix.descriptors.extraction",
-    "from_hub": "surefix.descriptors.hub",
-    "load": "surefix.tables.vectors",
-    "metric_of": "surefix.tables.vectors",
-    "read_pairs": "surefix.descriptors.reranked",
-    "reranked_distances": "surefix.descriptors.reranked",
+    "surefix.descriptors.descriptor": ("Descriptor",),
+    "surefix.descriptors.extraction": ("extract",),
+    "surefix.descriptors.hub": ("HUB_MODELS", "from_hub"),
+    "surefix.descriptors.onnx": ("Onnx",),
+    "surefix.descriptors.patch_netvlad": ("PatchNetVlad",),
+    "surefix.descriptors.reranked": ("read_pairs", "reranked_distances"),
+    "surefix.descriptors.torch": ("Torch",),
+    "surefix.tables.vectors": ("load", "metric_of"),
 }
 
 
 def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found: object = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = found
-    return found
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(module), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

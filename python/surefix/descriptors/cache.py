@@ -18,8 +18,6 @@ import numpy.typing as npt
 from surefix.descriptors.descriptor import same_vectors
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 
-__all__ = ["Cache"]
-
 # In the header of the file, so that no other database is taken for a cache.
 APPLICATION = 0x53464458
 # In seconds: the wait for another process to end its batch.
@@ -28,14 +26,7 @@ ANEW = "name another file, or delete this one to begin anew"
 
 
 class Cache:
-    """The vectors of one descriptor for images in order.
-
-    Parameters
-    ----------
-    path : path
-    name, recipe
-        Of the descriptor; a file made by another is refused.
-    """
+    """The vectors of one descriptor for images in order; a file made by another is refused."""
 
     def __init__(self, path: Path, name: str, recipe: Mapping[str, object]) -> None:
         self.path = path
@@ -47,9 +38,8 @@ class Cache:
         try:
             self._maker = json.dumps({"name": name, "recipe": dict(recipe)})
         except (TypeError, ValueError) as error:
-            raise SurefixValueError(
-                f"{name}: expected a recipe that JSON can hold, got one that it cannot: {error}"
-            ) from None
+            got = f"one that it cannot: {error}"
+            raise mismatch(name, "a recipe that JSON can hold", got) from None
         if path.exists():
             try:
                 self._open()
@@ -81,10 +71,9 @@ class Cache:
         if vectors.shape[1] != self.dim:
             expected = f"vectors of {self.dim} numbers as in the cache"
             raise mismatch(self.path, expected, vectors.shape[1])
+        records = enumerate(zip(names, digests, vectors, strict=True), self.rows)
         with self._access() as file:
-            for row, (name, digest, vector) in enumerate(
-                zip(names, digests, vectors, strict=True), self.rows
-            ):
+            for row, (name, digest, vector) in records:
                 body = vector.astype("<f4").tobytes()
                 record = (row, digest, body, _checksum(row, digest, body))
                 file.execute("INSERT OR IGNORE INTO vectors VALUES (?, ?, ?, ?)", record)
@@ -116,10 +105,8 @@ class Cache:
                 file.execute(f"PRAGMA application_id = {APPLICATION}")
                 file.execute("CREATE TABLE maker (maker TEXT)")
                 file.execute("INSERT INTO maker VALUES (?)", (self._maker,))
-                file.execute(
-                    "CREATE TABLE vectors (row INTEGER PRIMARY KEY, digest BLOB, vector BLOB, "
-                    "checksum INTEGER)"
-                )
+                fields = "row INTEGER PRIMARY KEY, digest BLOB, vector BLOB, checksum INTEGER"
+                file.execute(f"CREATE TABLE vectors ({fields})")
             elif application != APPLICATION:
                 raise self._no_cache("another database")
             (state,) = file.execute("PRAGMA quick_check(1)").fetchone()
@@ -130,8 +117,7 @@ class Cache:
                 if row != self.rows or checksum != _checksum(row, digest, body):
                     break
                 self.dim, self.rows = len(body) // 4, self.rows + 1
-            if file.execute("SELECT 1 FROM vectors WHERE row >= ?", (self.rows,)).fetchone():
-                file.execute("DELETE FROM vectors WHERE row >= ?", (self.rows,))
+            file.execute("DELETE FROM vectors WHERE row >= ?", (self.rows,))
 
     @contextmanager
     def _access(self) -> Iterator[sqlite3.Connection]:
@@ -148,10 +134,8 @@ class Cache:
     def _check(self, file: sqlite3.Connection, row: int, name: str, digest: bytes) -> None:
         found = file.execute("SELECT digest FROM vectors WHERE row = ?", (row,)).fetchone()
         if found != (digest,):
-            raise SurefixValueError(
-                f"{self.path}: expected the cache of these images, got one whose record {row} is "
-                f"not of {name} as it is now; {ANEW}"
-            )
+            got = f"one whose record {row} is not of {name} as it is now; {ANEW}"
+            raise mismatch(self.path, "the cache of these images", got)
 
     def _no_cache(self, got: str) -> SurefixValueError:
         return mismatch(self.path, "a cache of descriptors", f"{got}; {ANEW}")
@@ -171,9 +155,8 @@ class Cache:
             for key in differing[:1]
             if ours["name"] == theirs["name"]
         )
-        raise mismatch(
-            self.path, f"a cache of {ours['name']}", f"one of {theirs['name']}{difference}; {ANEW}"
-        )
+        got = f"one of {theirs['name']}{difference}; {ANEW}"
+        raise mismatch(self.path, f"a cache of {ours['name']}", got)
 
 
 def _checksum(row: int, digest: Any, body: Any) -> int:

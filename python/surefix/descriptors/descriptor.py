@@ -7,18 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError, mismatch
-
-__all__ = [
-    "Descriptor",
-    "checked_batch",
-    "checked_image",
-    "checked_rows",
-    "in_batches",
-    "recipe_of",
-    "require_descriptor",
-    "same_vectors",
-]
+from surefix.errors import mismatch
 
 Image = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.float32]
@@ -68,23 +57,17 @@ def require_descriptor(thing: object) -> Descriptor:
     """``thing``, if it is a descriptor; the error names the missing members."""
     lacking = [member for member in ("name", "recipe", "describe") if not hasattr(thing, member)]
     if lacking or not isinstance(thing, Descriptor):
-        raise SurefixValueError(
-            "descriptor: expected an object with name, recipe and describe(images), "
-            f"got {type(thing).__name__} without {' and '.join(lacking)}"
-        )
+        got = f"{type(thing).__name__} without {' and '.join(lacking)}"
+        raise mismatch("descriptor", "an object with name, recipe and describe(images)", got)
     return thing
 
 
 def in_batches(images: Any, size: int, run: Callable[[list[Image], int], Rows]) -> Rows:
-    """Describes one image, an array of images, or a sequence of them, ``size`` at a time. ``run``
-    takes images and the index of the first.
-    """
-    alone = isinstance(images, np.ndarray) and (
-        images.ndim == 2 or (images.ndim == 3 and images.shape[2] == 3)
-    )
+    """Describes an image or several, ``size`` at a time: ``run(images, index of the first)``."""
+    alone = isinstance(images, np.ndarray) and _has_image_shape(images)
     several = [images] if alone else list(images)
     if not several:
-        raise SurefixValueError("images: expected at least one, got none")
+        raise mismatch("images", "at least one", "none")
     checked = [checked_image(image, f"image {i} of the call") for i, image in enumerate(several)]
     parts = [run(checked[start : start + size], start) for start in range(0, len(checked), size)]
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
@@ -97,34 +80,38 @@ def checked_batch(batch: object) -> int:
     return batch
 
 
+def _has_image_shape(array: npt.NDArray[Any]) -> bool:
+    return array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
+
+
 def checked_image(image: Any, what: str) -> Image:
     """The image as an array, if it is uint8 (H, W) or (H, W, 3) and has pixels."""
     array = np.asarray(image)
-    shape_fits = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
-    if array.dtype != np.uint8 or not shape_fits or 0 in array.shape:
+    if array.dtype != np.uint8 or not _has_image_shape(array) or 0 in array.shape:
         raise mismatch(what, "uint8 (H, W) or (H, W, 3)", f"{array.dtype} {array.shape}")
     return array
 
 
-def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | None = None) -> Rows:
-    """The output for some images, if it is a finite vector an image.
+def check_one_each(shape: tuple[int, ...], images: int, what: str) -> None:
+    """Refuses the shape of an output that is not a vector an image."""
+    if len(shape) < 2 or shape[0] != images:
+        expected = f"a vector an image, ({images}, ...) for {images} images"
+        raise mismatch(what, expected, f"the shape {shape}")
 
-    In errors, ``what`` names the network, and ``names`` are those of the images.
-    """
+
+def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | None = None) -> Rows:
+    """The output of the network ``what`` for some images, if it is a finite vector an image."""
     try:
         array = np.asarray(vectors)
         rows = np.ascontiguousarray(array, dtype=np.float32)
     except (TypeError, ValueError):
-        raise SurefixValueError(
-            f"{what}: expected numbers of the shape ({images}, dim), got {type(vectors).__name__}"
-        ) from None
+        expected = f"numbers of the shape ({images}, dim)"
+        raise mismatch(what, expected, type(vectors).__name__) from None
     if array.dtype.kind not in "fiu":
         raise mismatch(what, "numbers", array.dtype)
     if rows.ndim != 2 or rows.shape[0] != images or rows.shape[1] == 0:
-        raise SurefixValueError(
-            f"{what}: expected a vector an image, ({images}, dim) for {images} images, "
-            f"got the shape {array.shape}"
-        )
+        expected = f"a vector an image, ({images}, dim) for {images} images"
+        raise mismatch(what, expected, f"the shape {array.shape}")
     # A finite sum has finite terms only. An infinite one may still be of large finite terms.
     with np.errstate(over="ignore", invalid="ignore"):
         suspicious = ~np.isfinite(rows.sum(axis=1))
@@ -132,10 +119,9 @@ def checked_rows(vectors: Any, images: int, what: str, names: Sequence[str] | No
         wrong = np.flatnonzero(~np.isfinite(rows[index]))
         if len(wrong):
             name = f"image {index} of the call" if names is None else names[index]
-            raise SurefixValueError(
-                f"{what}: expected finite numbers, got {rows[index][wrong[0]]} for {name}, at "
-                f"index {wrong[0]} of the vector; {len(wrong)} of {rows.shape[1]} are not finite"
-            )
+            got = f"{rows[index][wrong[0]]} for {name}, at index {wrong[0]} of the vector"
+            count = f"{len(wrong)} of {rows.shape[1]} are not finite"
+            raise mismatch(what, "finite numbers", f"{got}; {count}")
     return rows
 
 

@@ -3,18 +3,18 @@
 import hashlib
 import os
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from itertools import chain, islice
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix._progress import terminal_bar
+from surefix._progress import Bar, Progress, terminal_bar
 from surefix.descriptors.cache import ANEW, Cache
 from surefix.descriptors.descriptor import (
     Descriptor,
@@ -23,21 +23,22 @@ from surefix.descriptors.descriptor import (
     checked_rows,
     require_descriptor,
 )
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mismatch, refusal
-from surefix.frames.frame import Frames, Shot, shots_of
+from surefix.errors import SurefixValueError, check_folder, mismatch, refusal
+from surefix.frames.frame import Frames, IteratedFrames, Shot
 from surefix.frames.images import frames_of
 
 if TYPE_CHECKING:
     from surefix._core import Traverse
 
-__all__ = ["Progress", "described", "extract"]
-
 BATCH = 8
 # Bytes that tell one image from another: 2^-64 is the chance that two agree by accident.
 DIGEST = 8
 THREADS = min(4, os.cpu_count() or 1)
-Progress = Callable[[int, int], bool | None]
 Rows = npt.NDArray[np.float32]
+# The name, digest and pixels of an image.
+Loaded = tuple[str, bytes, npt.NDArray[np.uint8]]
+# The names, digests and vectors of a batch.
+Part = tuple[list[str], list[bytes], Rows]
 
 
 def extract(
@@ -110,17 +111,15 @@ def described(
     """As ``extract``; and the shots that were described, each without its image."""
     descriptor = require_descriptor(descriptor)
     size = checked_batch(batch if batch is not None else getattr(descriptor, "batch", BATCH))
-    bar = _Bar(terminal_bar("Describing") if progress is None else progress or None, frames)
+    report = terminal_bar("Describing") if progress is None else progress or None
+    bar = Bar(report, frames.count, frames.estimate)
     seen: list[Shot] = []
     with closing(_shots(frames, seen)) as shots:
         if cache is None:
             batches = _batches(shots, size, digests=False)
             return _collect(_vectors(batches, descriptor), frames.count, bar), seen
-        path = Path(os.fspath(cache))
-        if not path.absolute().parent.is_dir():
-            raise SurefixFileError(
-                f"{path}: cannot write the cache: there is no folder {path.absolute().parent}"
-            )
+        path = Path(cache)
+        check_folder(path, "cannot write the cache")
         with closing(Cache(path, descriptor.name, descriptor.recipe)) as kept:
             if frames.count is not None and kept.rows > frames.count:
                 raise _too_long(path, frames.count, kept.rows)
@@ -131,7 +130,7 @@ def described(
                 raise _too_long(path, kept.checked, known)
             bar.show(kept.rows)
             for part in _vectors(_batches(shots, size, digests=True), descriptor):
-                kept.append(part.names, part.digests, part.rows)
+                kept.append(*part)
                 bar.show(kept.rows)
             if kept.rows == 0:
                 raise mismatch("images", "at least one", "none")
@@ -139,21 +138,10 @@ def described(
             return kept.result(), seen
 
 
-class _Loaded(NamedTuple):
-    name: str
-    image: npt.NDArray[np.uint8]
-    digest: bytes
-
-
-class _Part(NamedTuple):
-    names: list[str]
-    digests: list[bytes]
-    rows: Rows
-
-
 def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
     """The shots, also noted in ``seen``. If they cannot be read later, they are decoded here."""
-    with closing(shots_of(frames if frames.parallel else frames.frames())) as shots:
+    source = frames if frames.parallel else IteratedFrames(frames.frames())
+    with closing(source.shots()) as shots:
         for shot in shots:
             seen.append(Shot(shot.time, shot.name, lambda: np.empty(0)))
             yield shot
@@ -161,12 +149,9 @@ def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
 
 def _batches(
     shots: Iterator[Shot], size: int, *, digests: bool
-) -> Generator[list[_Loaded], None, None]:
-    """Loaded images, ``size`` at a time; threads read the next batch while one is used.
-
-    No more than two batches are held, if the user of a batch lets it go before asking for the next.
-    """
-    waiting: deque[Future[_Loaded]] = deque()
+) -> Generator[list[Loaded], None, None]:
+    """Loaded images, ``size`` at a time; threads read the next batch while one is used."""
+    waiting: deque[Future[Loaded]] = deque()
     with ThreadPoolExecutor(THREADS, thread_name_prefix="surefix-read") as pool:
         try:
             while True:
@@ -182,9 +167,9 @@ def _batches(
                 future.cancel()
 
 
-def _load(shot: Shot, digests: bool) -> _Loaded:
+def _load(shot: Shot, digests: bool) -> Loaded:
     image = checked_image(shot.read(), f"image {shot.name}")
-    return _Loaded(shot.name, image, _digest(shot, image) if digests else b"")
+    return shot.name, _digest(shot, image) if digests else b"", image
 
 
 def _digest(shot: Shot, image: npt.NDArray[np.uint8] | None) -> bytes:
@@ -209,35 +194,32 @@ def _too_long(path: Path, images: int, rows: int) -> SurefixValueError:
     return mismatch(path, f"the cache of these {images} images", f"one of {rows}; {ANEW}")
 
 
-def _vectors(batches: Iterator[list[_Loaded]], descriptor: Descriptor) -> Iterator[_Part]:
+def _vectors(batches: Iterator[list[Loaded]], descriptor: Descriptor) -> Iterator[Part]:
     for batch in batches:
-        names = [loaded.name for loaded in batch]
-        digests = [loaded.digest for loaded in batch]
+        names, digests = [name for name, _, _ in batch], [digest for _, digest, _ in batch]
         try:
-            vectors = descriptor.describe([loaded.image for loaded in batch])
+            vectors = descriptor.describe([image for _, _, image in batch])
         except SurefixValueError as error:
             raise SurefixValueError(f"images {names[0]} to {names[-1]}: {error}") from None
-        rows = checked_rows(
-            vectors, len(batch), descriptor.name, [f"image {name}" for name in names]
-        )
+        of = [f"image {name}" for name in names]
+        rows = checked_rows(vectors, len(batch), descriptor.name, of)
         # The next batch is not read before this one is gone.
         del batch
-        yield _Part(names, digests, rows)
+        yield names, digests, rows
 
 
-def _collect(parts: Iterator[_Part], count: int | None, bar: "_Bar") -> Rows:
+def _collect(parts: Iterator[Part], count: int | None, bar: Bar) -> Rows:
     first = next(parts, None)
     if first is None:
         raise mismatch("images", "at least one", "none")
-    dim = first.rows.shape[1]
+    dim = first[2].shape[1]
     # If their number is unknown, it doubles when it is full.
-    rows = np.empty((count or 2 * len(first.names), dim), np.float32)
+    rows = np.empty((count or 2 * len(first[2]), dim), np.float32)
     done = 0
     for names, _, vectors in chain([first], parts):
         if vectors.shape[1] != dim:
-            raise mismatch(
-                f"image {names[0]}", f"a vector of {dim} numbers as before", vectors.shape[1]
-            )
+            expected = f"a vector of {dim} numbers as before"
+            raise mismatch(f"image {names[0]}", expected, vectors.shape[1])
         if done + len(names) > len(rows):
             rows = np.concatenate([rows, np.empty((max(len(rows), len(names)), dim), np.float32)])
         rows[done : done + len(names)] = vectors
@@ -245,18 +227,3 @@ def _collect(parts: Iterator[_Part], count: int | None, bar: "_Bar") -> Rows:
         bar.show(done)
     bar.end(done)
     return rows[:done]
-
-
-class _Bar:
-    def __init__(self, report: Progress | None, frames: Frames) -> None:
-        self.report, self.total, self.estimate = report, frames.count, frames.estimate or 0
-
-    def show(self, done: int) -> None:
-        total = max(self.estimate, done + 1) if self.total is None else self.total
-        if self.report is not None and self.report(done, total) is False:
-            raise SurefixError(f"stopped after {done} of {total}")
-
-    def end(self, done: int) -> None:
-        """The last call, if the total was unknown."""
-        if self.report is not None and self.total is None:
-            self.report(done, done)

@@ -13,8 +13,6 @@ from surefix.errors import SurefixError, mismatch
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["HUB_MODELS", "HubModel", "from_hub"]
-
 
 @dataclass(frozen=True)
 class HubModel:
@@ -85,8 +83,8 @@ HUB_MODELS: Mapping[str, HubModel] = MappingProxyType(
         ),
     }
 )
-# Their entry point takes the device: moving them later makes another model.
-_TOLD_DEVICE = ("anyloc",)
+# Its entry point takes the device: moving it later makes another model.
+_TOLD_DEVICE = "anyloc"
 
 
 def from_hub(
@@ -136,17 +134,16 @@ def from_hub(
         raise mismatch("name", f"one of {', '.join(HUB_MODELS)}", repr(name))
     library = require("torch", f"the model {name}", "PyTorch", "torch")
     given = {**model.options, **options}
-    if name in _TOLD_DEVICE and device is not None:
-        given["device"] = str(device)
+    if name == _TOLD_DEVICE and device is not None:
+        given["device"], device = str(device), None
     try:
-        module = library.hub.load(
-            model.repository, model.entry, trust_repo=True, verbose=False, **given
-        )
+        source, quiet = (model.repository, model.entry), {"trust_repo": True, "verbose": False}
+        module = library.hub.load(*source, **quiet, **given)
     except Exception as error:
         # That code may raise any error; without a network, it is one of four kinds.
         raise SurefixError(_refusal(name, model, given, error, library.hub.get_dir())) from error
-    if name in _TOLD_DEVICE:
-        device = None
+    kinds = (bool, int, float, str)
+    plain = {key: value if isinstance(value, kinds) else str(value) for key, value in given.items()}
     return Torch(
         module,
         device=device,
@@ -158,7 +155,7 @@ def from_hub(
         mean=model.mean,
         std=model.std,
         resample=model.resample,
-        recipe={"repository": model.repository, "entry": model.entry, "options": _plain(given)},
+        recipe={"repository": model.repository, "entry": model.entry, "options": plain},
     )
 
 
@@ -173,10 +170,3 @@ def _refusal(
         f"{reason}. Without a network, run torch.hub.load({model.repository!r}, {model.entry!r}"
         f"{arguments}) on a machine that has one, and copy its torch.hub.get_dir() to {folder}"
     )
-
-
-def _plain(options: Mapping[str, object]) -> dict[str, object]:
-    return {
-        key: value if isinstance(value, (bool, int, float, str)) else str(value)
-        for key, value in options.items()
-    }

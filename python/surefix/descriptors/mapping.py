@@ -9,15 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Map, Sad
-from surefix._progress import terminal_bar
+from surefix._progress import Bar, Progress, terminal_bar
 from surefix.descriptors.descriptor import recipe_of, same_vectors
-from surefix.descriptors.extraction import Progress, described
+from surefix.descriptors.extraction import described
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frames
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
 from surefix.frames.sampling import EveryMetres
-
-__all__ = ["append_images", "map_of_images", "sad_map"]
 
 # Images are described in parallel, this many at a time; no more are held.
 AT_ONCE = 128
@@ -33,9 +31,7 @@ def map_of_images(
     cache: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Map:
-    """The images described and post-processed. The map keeps their names, if they are frames or can
-    be counted, and the descriptor's recipe; and the odometry's positions, if there are no others.
-    """
+    """The map of images, described by a network. Names are kept if they are frames or counted."""
     frames = frames_of(images)
     _check_positions(frames, positions)
     rows, shots = described(frames, descriptor, cache=cache, progress=progress)
@@ -44,9 +40,7 @@ def map_of_images(
     named = frames.count is not None or isinstance(images, Frames)
     names = [shot.name for shot in shots] if named else None
     recipe = recipe_of(descriptor)
-    return Map.from_descriptors(
-        rows, metric, positions=positions, names=names, post=post, recipe=recipe
-    )
+    return Map.from_descriptors(rows, metric, positions, names, post=post, recipe=recipe)
 
 
 def append_images(
@@ -57,10 +51,7 @@ def append_images(
     cache: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """The map in the file made longer by images, described and post-processed as its own were.
-
-    If the map has names, the images get theirs; those that are only numbers count on.
-    """
+    """The map in the file made longer by images, described and post-processed as its own were."""
     old = Map.open(path, mmap=True)
     frames = frames_of(images)
     # Before anything is described.
@@ -69,25 +60,21 @@ def append_images(
     rows, shots = described(frames, descriptor, cache=cache, progress=progress)
     names = None
     if old.names is not None:
-        names = [
-            str(len(old) + index) if shot.name == str(index) else shot.name
-            for index, shot in enumerate(shots)
-        ]
+        # Those that are only numbers count on.
+        known = enumerate(shot.name for shot in shots)
+        names = [str(len(old) + i) if name == str(i) else name for i, name in known]
     recipe = old.recipe or recipe_of(descriptor)
-    more = Map.from_descriptors(
-        rows, old.metric, positions=positions, names=names, post=old.post, recipe=recipe
-    )
+    more = Map.from_descriptors(rows, old.metric, positions, names, post=old.post, recipe=recipe)
     del old
     Map.append(path, more)
 
 
 def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
-    """A map of frames by SAD. Its positions are those given; else those of the odometry, if it is
-    in a plane or in space and chose the frames.
-    """
-    bar = terminal_bar("Describing")
+    """A map of frames by SAD, with the positions given, else those of the odometry."""
+    report = terminal_bar("Describing")
     if isinstance(frames, ImageFrames):
-        return Map.from_images(frames.source, sad, positions=positions, progress=bar)
+        return Map.from_images(frames.source, sad, positions=positions, progress=report)
+    bar = Bar(report, None, frames.estimate)
     route: Map | None = None
     count = 0
     with closing(frames.frames()) as source:
@@ -102,10 +89,8 @@ def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
             made = Map.from_images(images, sad, positions=where, progress=False)
             route = made if route is None else route.extended(made)
             count += len(part)
-            if bar is not None:
-                bar(count, max(frames.estimate or 0, count + 1))
-    if bar is not None:
-        bar(count, count)
+            bar.show(count)
+    bar.end(count)
     if route is None:
         raise mismatch(frames.files[0], "frames", "none")
     if positions is not None and len(positions) != count:
@@ -132,9 +117,8 @@ def _not_each(frames: Frames, positions: int, got: int) -> SurefixValueError:
 
 def _check_own(route: Map, descriptor: Any) -> None:
     if route.descriptor is not None:
-        raise SurefixValueError(
-            f"descriptor: expected {route.descriptor!r}, as the map's own, got {descriptor.name!r}"
-        )
+        expected = f"{route.descriptor!r}, as the map's own"
+        raise mismatch("descriptor", expected, repr(descriptor.name))
     recipe = recipe_of(descriptor)
     if route.recipe is not None and not same_vectors(route.recipe, recipe):
         raise mismatch("descriptor", f"the map's own, by the recipe {route.recipe}", recipe)

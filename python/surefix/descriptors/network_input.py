@@ -7,9 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.errors import SurefixValueError, mismatch
-
-__all__ = ["IMAGENET_MEAN", "IMAGENET_STD", "NetworkInput"]
+from surefix.errors import mismatch
 
 # Of RGB / 255 over ImageNet, which nearly all backbones are trained on.
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
@@ -18,20 +16,8 @@ CHANNELS = 3
 
 
 class NetworkInput:
-    """Makes a network's input of images, by Pillow's antialiased resizing.
-
-    Parameters
-    ----------
-    size : (int, int), optional
-        Width and height; None leaves images as they are.
-    mean, std : three floats, optional
-        Of RGB / 255; None for both leaves values from 0 to 1.
-    resample : {"bilinear", "bicubic"}
-
-    Raises
-    ------
-    SurefixValueError
-        If one of them is something else.
+    """Makes a network's input of images: resized to (width, height) by Pillow's antialiased
+    ``resample``, divided by 255, and normalised by ``mean`` and ``std``; None leaves a step out.
     """
 
     def __init__(
@@ -42,9 +28,7 @@ class NetworkInput:
         resample: str = "bilinear",
     ) -> None:
         if (mean is None) != (std is None):
-            raise SurefixValueError(
-                "mean, std: expected both or neither, got " + ("std" if mean is None else "mean")
-            )
+            raise mismatch("mean, std", "both or neither", "std" if mean is None else "mean")
         if resample not in ("bilinear", "bicubic"):
             raise mismatch("resample", '"bilinear" or "bicubic"', repr(resample))
         self.size = None if size is None else _checked_size(size)
@@ -57,26 +41,20 @@ class NetworkInput:
     @property
     def recipe(self) -> dict[str, object]:
         """For a descriptor's recipe."""
-        return {
-            "size": None if self.size is None else list(self.size),
-            "mean": None if self.mean is None else list(self.mean),
-            "std": None if self.std is None else list(self.std),
-            "resample": self.resample,
-        }
+        numbers = {"size": self.size, "mean": self.mean, "std": self.std}
+        lists = {key: None if value is None else list(value) for key, value in numbers.items()}
+        return {**lists, "resample": self.resample}
 
     def batch(self, images: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
-        """The images (H, W) or (H, W, 3), uint8, as one array (n, 3, H, W). Grey becomes three
-        equal channels. Without a ``size``, all must have the size of the first.
-        """
+        """The images as one array (n, 3, H, W). Grey becomes three equal channels."""
         small = [self._resized(image) for image in images]
         height, width = small[0].shape[:2]
         planes = np.empty((len(small), CHANNELS, height, width), np.float32)
         for index, (plane, image) in enumerate(zip(planes, small, strict=True)):
             if image.shape[:2] != (height, width):
-                raise SurefixValueError(
-                    f"image {index} of the batch: expected {width} x {height} as the first, got "
-                    f"{image.shape[1]} x {image.shape[0]}; give size=(width, height)"
-                )
+                got = f"{image.shape[1]} x {image.shape[0]}; give size=(width, height)"
+                where, expected = f"image {index} of the batch", f"{width} x {height} as the first"
+                raise mismatch(where, expected, got)
             plane[:] = image if image.ndim == 2 else image.transpose(2, 0, 1)
         # A multiplication and an addition a number: (x / 255 - mean) / std.
         planes *= np.float32(1 / 255)
@@ -97,12 +75,11 @@ class NetworkInput:
 def _checked_size(size: Any) -> tuple[int, int]:
     try:
         width, height = size
-        whole = int(width) == width and int(height) == height
+        if int(width) == width >= 1 and int(height) == height >= 1:
+            return int(width), int(height)
     except (TypeError, ValueError):
-        raise mismatch("size", "(width, height) in pixels", repr(size)) from None
-    if not whole or width < 1 or height < 1:
-        raise mismatch("size", "(width, height) in pixels", repr(size))
-    return int(width), int(height)
+        pass
+    raise mismatch("size", "(width, height) in pixels", repr(size))
 
 
 def _three(name: str, values: Any) -> tuple[float, float, float]:

@@ -10,16 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.descriptors.descriptor import checked_batch, checked_rows, in_batches
+from surefix.descriptors.descriptor import check_one_each, checked_batch, checked_rows, in_batches
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixValueError, mismatch, refusal
 
-__all__ = ["Onnx"]
-
-NUMBERS: dict[str, type[np.floating[Any]]] = {
-    "tensor(float)": np.float32,
-    "tensor(float16)": np.float16,
-}
+NUMBERS: dict[str, Any] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 # Calls a service in the cloud: never wanted here.
 REMOTE = "AzureExecutionProvider"
 
@@ -90,14 +85,14 @@ class Onnx:
         self._session = _open(self.path, providers, threads)
         node = self._only_input()
         self._input_name: str = node.name
-        self._number = self._number_of(node)
+        if node.type not in NUMBERS:
+            raise mismatch(self.path, "an input of float32 or float16", node.type)
+        self._number = NUMBERS[node.type]
         fixed_batch, fixed_size = self._fixed(node)
         wanted = NetworkInput(size, mean, std)
         if fixed_size is not None and wanted.size not in (None, fixed_size):
-            raise SurefixValueError(
-                f"{self.path}: expected the size {fixed_size}, which the model is fixed to (its "
-                f"input is {_shape(node)}), got {wanted.size}"
-            )
+            fixed = f"which the model is fixed to (its input is {_shape(node)})"
+            raise mismatch(self.path, f"the size {fixed_size}, {fixed}", wanted.size)
         self._input = NetworkInput(wanted.size or fixed_size, mean, std)
         self.output = self._chosen(output)
         self.batch = batch if fixed_batch is None else fixed_batch
@@ -151,16 +146,14 @@ class Onnx:
         except Exception as error:
             # The errors of onnxruntime have no common base.
             height, width = planes.shape[2:]
-            raise SurefixValueError(
-                f"{self.path}: the model does not run on {len(images)} images of {width} x "
-                f"{height}: {_short(error)}"
-            ) from None
+            of = f"{len(images)} images of {width} x {height}"
+            refused = f"{self.path}: the model does not run on {of}: {_short(error)}"
+            raise SurefixValueError(refused) from None
         what = f"{self.path}, output {self.output}"
-        if not isinstance(output, np.ndarray) or output.ndim < 2 or output.shape[0] != len(images):
-            array = isinstance(output, np.ndarray)
+        if not isinstance(output, np.ndarray):
             expected = f"a vector an image, ({len(images)}, ...) for {len(images)} images"
-            got = f"the shape {output.shape}" if array else type(output).__name__
-            raise mismatch(what, expected, got)
+            raise mismatch(what, expected, type(output).__name__)
+        check_one_each(output.shape, len(images), what)
         rows = output.reshape(len(images), -1)[:count]
         names = [f"image {start + index} of the call" for index in range(count)]
         return checked_rows(rows, count, what, names)
@@ -172,22 +165,14 @@ class Onnx:
             raise mismatch(self.path, "a model with one input, images", named)
         return inputs[0]
 
-    def _number_of(self, node: Any) -> type[np.floating[Any]]:
-        number = NUMBERS.get(node.type)
-        if number is None:
-            raise mismatch(self.path, "an input of float32 or float16", node.type)
-        return number
-
     def _fixed(self, node: Any) -> tuple[int | None, tuple[int, int] | None]:
         """The number and the size of images that the model is fixed to."""
         shape = node.shape
         if len(shape) != 4 or (isinstance(shape[1], int) and shape[1] != 3):
-            raise mismatch(
-                self.path, "an input of RGB images, (n, 3, H, W)", f"{node.name} {_shape(node)}"
-            )
-        count, height, width = (
-            side if isinstance(side, int) and side > 0 else None for side in (shape[0], *shape[2:])
-        )
+            expected = "an input of RGB images, (n, 3, H, W)"
+            raise mismatch(self.path, expected, f"{node.name} {_shape(node)}")
+        sides = (side if isinstance(side, int) and side > 0 else None for side in shape)
+        count, _, height, width = sides
         if (height is None) != (width is None):
             raise mismatch(self.path, "both sides of the input free or fixed", _shape(node))
         return count, None if height is None or width is None else (width, height)
@@ -198,9 +183,8 @@ class Onnx:
         if output is None and len(nodes) == 1:
             return str(nodes[0].name)
         if output is None:
-            raise SurefixValueError(
-                f"{self.path}: expected output=NAME, as the model has several: {listed}"
-            )
+            several = f"expected output=NAME, as the model has several: {listed}"
+            raise SurefixValueError(f"{self.path}: {several}")
         if output not in [node.name for node in nodes]:
             raise mismatch(self.path, f"one of the outputs {listed}", repr(output))
         return output
@@ -220,10 +204,8 @@ def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> A
     try:
         return runtime.InferenceSession(str(path), options, providers=list(providers or offered))
     except Exception as error:
-        raise SurefixValueError(
-            f"{path}: not an ONNX model that onnxruntime {runtime.__version__} can load: "
-            f"{_short(error)}"
-        ) from None
+        none = f"not an ONNX model that onnxruntime {runtime.__version__} can load"
+        raise SurefixValueError(f"{path}: {none}: {_short(error)}") from None
 
 
 def _sha256(path: Path) -> str:

@@ -16,8 +16,6 @@ from surefix.descriptors.reranked import reranked_distances
 from surefix.errors import SurefixValueError, mismatch, refusal
 from surefix.tables.npy import read_npy
 
-__all__ = ["PatchNetVlad"]
-
 Rows = npt.NDArray[np.float32]
 
 
@@ -81,21 +79,16 @@ class PatchNetVlad:
         self._torch = require("torch", what, "PyTorch", "torch")
         local = require("patchnetvlad.models.local_matcher", what, "patchnetvlad", install)
         patches = require("patchnetvlad.tools.patch_matcher", what, "patchnetvlad", install)
+        tools = require("patchnetvlad.tools", what, "patchnetvlad", install)
         self.folder, self.device, self.normalised = Path(features), device, normalised
-        settings = _Settings(
-            config,
-            require("patchnetvlad.tools", what, "patchnetvlad", install).PATCHNETVLAD_ROOT_DIR,
-        )
+        settings = _Settings(config, tools.PATCHNETVLAD_ROOT_DIR)
+        scales = list(zip(settings.patch_sizes, settings.strides, strict=True))
         self._sizes, self._weights = settings.patch_sizes, np.array(settings.weights)
         with warnings.catch_warnings():
             # PyTorch warns of the package's grids without an order of axes.
             warnings.simplefilter("ignore")
-            spots = [
-                local.calc_keypoint_centers_from_patches(
-                    settings.matching, size, size, stride, stride
-                )
-                for size, stride in zip(settings.patch_sizes, settings.strides, strict=True)
-            ]
+            centres = local.calc_keypoint_centers_from_patches
+            spots = [centres(settings.matching, n, n, step, step) for n, step in scales]
         self._matcher = patches.PatchMatcher(
             settings.matcher,
             settings.patch_sizes,
@@ -112,7 +105,7 @@ class PatchNetVlad:
     def columns(
         self, features: str | PathLike[str], queries: Sequence[str | PathLike[str]]
     ) -> Iterator[npt.NDArray[np.float32]]:
-        """For each query, the distances of all places, (n,): what ``Matcher.push`` takes.
+        """For each query, the distances of all places, (n,), as ``Matcher.push`` takes them.
 
         Raises
         ------
@@ -122,10 +115,8 @@ class PatchNetVlad:
         folder, names = Path(features), [_stem(name) for name in queries]
         of_queries = _global_features(folder, len(names))
         if of_queries.shape[1] != self._global.shape[1]:
-            raise SurefixValueError(
-                f"{folder}: expected global features of {self._global.shape[1]} numbers as of the "
-                f"references, got {of_queries.shape[1]}"
-            )
+            expected = f"global features of {self._global.shape[1]} numbers as of the references"
+            raise mismatch(folder, expected, of_queries.shape[1])
         for name, feature in zip(names, of_queries, strict=True):
             coarse = np.linalg.norm(self._global - feature, axis=1)
             nearest = np.argsort(coarse, kind="stable")[: self.candidates]
@@ -138,9 +129,8 @@ class PatchNetVlad:
         theirs = [tensor.T for tensor in self._patches(features, query)]
         found = np.empty((len(candidates), len(self._sizes)))
         for row, place in enumerate(candidates):
-            found[row], _, _ = self._matcher.match(
-                theirs, self._patches(self.folder, self._names[place])
-            )
+            ours = self._patches(self.folder, self._names[place])
+            found[row], _, _ = self._matcher.match(theirs, ours)
         if self.normalised:
             spread = found.std(axis=0)
             # If all candidates agree, the package divides 0 by 0; such a patch size is left out.
@@ -169,31 +159,26 @@ class _Settings:
             self.matcher = self.matching["matcher"]
             self.patch_sizes = [int(size) for size in shape["patch_sizes"].split(",")]
             self.strides = [int(stride) for stride in shape["strides"].split(",")]
-            self.weights = [
-                float(weight) for weight in self.matching["patchWeights2Use"].split(",")
-            ]
+            weights = self.matching["patchWeights2Use"]
+            self.weights = [float(weight) for weight in weights.split(",")]
             self.candidates = max(int(count) for count in self.matching["n_values_all"].split(","))
         except OSError as error:
             raise refusal(path, "cannot read the configuration", error) from None
         except (configparser.Error, KeyError, ValueError) as error:
             said = str(error).split("\n")[0]
-            raise SurefixValueError(
-                f"{path}: expected a configuration of Patch-NetVLAD's matching: {said}"
-            ) from None
+            expected = "expected a configuration of Patch-NetVLAD's matching"
+            raise SurefixValueError(f"{path}: {expected}: {said}") from None
         if not len(self.patch_sizes) == len(self.strides) == len(self.weights):
-            raise SurefixValueError(
-                f"{path}: expected patch_sizes, strides and patchWeights2Use of one length, "
-                f"got {len(self.patch_sizes)}, {len(self.strides)} and {len(self.weights)}"
-            )
+            expected = "patch_sizes, strides and patchWeights2Use of one length"
+            got = f"{len(self.patch_sizes)}, {len(self.strides)} and {len(self.weights)}"
+            raise mismatch(path, expected, got)
 
 
 def _global_features(folder: Path, images: int) -> Rows:
-    array = read_npy(folder / "globalfeats.npy", "the features")
+    file = folder / "globalfeats.npy"
+    array = read_npy(file, "the features")
     if array.ndim != 2 or len(array) != images:
-        raise SurefixValueError(
-            f"{folder / 'globalfeats.npy'}: expected a row for each of the {images} images, "
-            f"got the shape {array.shape}"
-        )
+        raise mismatch(file, f"a row for each of the {images} images", f"the shape {array.shape}")
     return array.astype(np.float32, copy=False)
 
 

@@ -1,6 +1,7 @@
 """From a few re-ranked candidates to the distances of all places, for ``Matcher.push``."""
 
 import os
+from collections import Counter
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -11,16 +12,12 @@ import numpy.typing as npt
 from surefix.errors import mismatch
 from surefix.tables.rows import read_text
 
-__all__ = ["read_pairs", "reranked_distances"]
-
 # The least spread as a share of the scores' size, for float32 to tell the places apart.
 SMALLEST_SPREAD = 1e-3
 
 
 def reranked_distances(
-    global_distances: npt.ArrayLike,
-    candidates: npt.ArrayLike,
-    scores: npt.ArrayLike | None = None,
+    global_distances: npt.ArrayLike, candidates: npt.ArrayLike, scores: npt.ArrayLike | None = None
 ) -> npt.NDArray[np.float32]:
     """The distance of every place, if a second, slower method gave scores to a few candidates only.
 
@@ -59,14 +56,13 @@ def reranked_distances(
     coarse = _vector("global_distances", global_distances)
     chosen = np.asarray(candidates)
     if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or len(chosen) == 0:
-        raise mismatch(
-            "candidates", "at least one place's index, (k,)", f"{chosen.dtype} {chosen.shape}"
-        )
+        got = f"{chosen.dtype} {chosen.shape}"
+        raise mismatch("candidates", "at least one place's index, (k,)", got)
     if chosen.min() < 0 or chosen.max() >= len(coarse):
         wrong = chosen[(chosen < 0) | (chosen >= len(coarse))][0]
         raise mismatch("candidates", f"places from 0 to {len(coarse) - 1}", wrong)
-    if len(np.unique(chosen)) != len(chosen):
-        places, counts = np.unique(chosen, return_counts=True)
+    places, counts = np.unique(chosen, return_counts=True)
+    if len(places) != len(chosen):
         raise mismatch("candidates", "each place once", f"{places[counts > 1][0]} twice")
     fine = np.arange(len(chosen), dtype=np.float64) if scores is None else _vector("scores", scores)
     if len(fine) != len(chosen):
@@ -142,9 +138,8 @@ class _Names:
         self.whole = {name: index for index, name in enumerate(whole)}
         last = [Path(name).name for name in whole]
         self.last = {name: index for index, name in enumerate(last)}
-        self.shared = (
-            {name for name in last if last.count(name) > 1} if len(self.last) < len(last) else set()
-        )
+        # Names that several images share.
+        self.shared = {name for name, count in Counter(last).items() if count > 1}
 
     def find(self, name: str, where: str) -> int:
         if name in self.whole:

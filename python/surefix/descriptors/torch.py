@@ -9,14 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.descriptors.descriptor import checked_batch, checked_rows, in_batches
+from surefix.descriptors.descriptor import check_one_each, checked_batch, checked_rows, in_batches
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixError, SurefixValueError, mismatch
 
 if TYPE_CHECKING:
     import torch
-
-__all__ = ["Torch"]
 
 
 class Torch:
@@ -87,9 +85,8 @@ class Torch:
         if not isinstance(module, library.nn.Module):
             raise mismatch("module", "a torch.nn.Module", type(module).__name__)
         if transform is not None and (size is not None or not callable(transform)):
-            raise SurefixValueError(
-                "transform: expected something to call with an image, and then no size"
-            )
+            expected = "expected something to call with an image, and then no size"
+            raise SurefixValueError(f"transform: {expected}")
         self.module, self.transform, self.autocast = module, transform, autocast
         self.batch = checked_batch(batch)
         self.name = name or f"torch:{type(module).__name__}"
@@ -132,9 +129,8 @@ class Torch:
             return in_batches(images, self.batch, self._run)
 
     def __repr__(self) -> str:
-        return (
-            f"Torch({type(self.module).__name__}, device={str(self.device)!r}, name={self.name!r})"
-        )
+        kind = type(self.module).__name__
+        return f"Torch({kind}, device={str(self.device)!r}, name={self.name!r})"
 
     def _run(self, images: list[npt.NDArray[np.uint8]], start: int) -> npt.NDArray[np.float32]:
         with self._torch.inference_mode(), self._precision():
@@ -142,21 +138,14 @@ class Torch:
             try:
                 output = self.module(planes)
             except Exception as error:
-                raise SurefixValueError(
-                    f"{self.name}: the module does not run on images of the shape "
-                    f"{tuple(planes.shape)}: {_first_line(error)}"
-                ) from error
+                refused = f"the module does not run on images of the shape {tuple(planes.shape)}"
+                raise SurefixValueError(f"{self.name}: {refused}: {_first_line(error)}") from error
             if not isinstance(output, self._torch.Tensor):
-                raise SurefixValueError(
-                    f"{self.name}: expected a module that gives a tensor, ({len(images)}, ...) for "
-                    f"{len(images)} images, got {type(output).__name__}; wrap it in one that picks "
-                    "the vector"
-                )
-            if output.ndim < 2 or output.shape[0] != len(images):
-                raise SurefixValueError(
-                    f"{self.name}: expected a vector an image, ({len(images)}, ...) for "
-                    f"{len(images)} images, got the shape {tuple(output.shape)}"
-                )
+                count = len(images)
+                expected = f"a module that gives a tensor, ({count}, ...) for {count} images"
+                got = f"{type(output).__name__}; wrap it in one that picks the vector"
+                raise mismatch(self.name, expected, got)
+            check_one_each(tuple(output.shape), len(images), self.name)
             rows = np.from_dlpack(output.flatten(1).to("cpu", self._torch.float32).contiguous())
         names = [f"image {start + index} of the call" for index in range(len(images))]
         return checked_rows(rows, len(images), self.name, names)
@@ -169,18 +158,15 @@ class Torch:
         for index, plane in enumerate(planes):
             if not isinstance(plane, self._torch.Tensor) or plane.shape != planes[0].shape:
                 tensor = isinstance(plane, self._torch.Tensor)
-                got = tuple(plane.shape) if tensor else type(plane).__name__
-                raise SurefixValueError(
-                    f"transform: expected tensors of one shape, (3, H, W), got {got} for image "
-                    f"{index} of the batch"
-                )
+                got = str(tuple(plane.shape)) if tensor else type(plane).__name__
+                got = f"{got} for image {index} of the batch"
+                raise mismatch("transform", "tensors of one shape, (3, H, W)", got)
         return self._torch.stack(planes)
 
     def _precision(self) -> Any:
-        if self.autocast is False:
-            return nullcontext()
         dtype = None if self.autocast is True else self.autocast
-        return self._torch.autocast(self.device.type, dtype=dtype)
+        on = self.autocast is not False
+        return self._torch.autocast(self.device.type, dtype=dtype) if on else nullcontext()
 
 
 @contextmanager
@@ -200,9 +186,8 @@ def _sha256(library: Any, module: "torch.nn.Module") -> str:
     state = hashlib.sha256()
     for name, tensor in sorted(module.state_dict().items()):
         if not hasattr(tensor, "detach"):
-            raise SurefixError(
-                f"{type(module).__name__}: expected a state of tensors, got {name} of another kind"
-            )
+            owner = type(module).__name__
+            raise SurefixError(f"{owner}: expected a state of tensors, got {name} of another kind")
         flat = tensor.detach().cpu().contiguous().flatten()
         state.update(f"{name} {flat.dtype} {tuple(tensor.shape)}\0".encode())
         # As bytes: NumPy lacks some of PyTorch's types.

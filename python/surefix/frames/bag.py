@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from surefix._extra import require
-from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mismatch
+from surefix.errors import SurefixError, SurefixFileError, SurefixValueError, mismatch, refusal
 from surefix.frames.frame import Frames, Shot
 from surefix.frames.ros_image import IMAGE, image_of
-
-__all__ = ["BAG_ENDINGS", "BagFrames", "is_bag", "messages", "open_bag", "stamp_of"]
 
 BAG_ENDINGS = frozenset({".bag", ".db3", ".mcap"})
 
@@ -50,17 +48,9 @@ class BagFrames(Frames):
             topics = {name: (info.msgtype, info.msgcount) for name, info in bag.topics.items()}
         self.topic = _chosen(self.path, topics, topic)
         self._count = int(topics[self.topic][1])
-
-    @property
-    def count(self) -> int:
-        """The number of images on the topic."""
-        return self._count
-
-    @property
-    def files(self) -> list[str]:
-        """The bag; or the files in a ROS 2 bag's folder."""
         folder = Path(self.path)
-        return [str(path) for path in folder.iterdir()] if folder.is_dir() else [self.path]
+        inside = [str(path) for path in folder.iterdir()] if folder.is_dir() else []
+        self._files = inside or [self.path]
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each image, by its number from 0 on the topic."""
@@ -87,12 +77,10 @@ def open_bag(path: str) -> Iterator[Any]:
         bag = highlevel.AnyReader([Path(path)], default_typestore=usual)
         bag.open()
     except PermissionError as error:
-        raise SurefixFileError(f"{path}: cannot read the bag: {error.strerror}") from None
+        raise refusal(path, "cannot read the bag", error) from None
     except Exception as error:  # It depends on the damaged bytes.
-        raise SurefixValueError(
-            f"{path}: expected a bag of ROS 1 or 2, or an MCAP file with ROS messages, got none, "
-            f"or a damaged one ({_reason(error)})"
-        ) from None
+        expected = "a bag of ROS 1 or 2, or an MCAP file with ROS messages"
+        raise mismatch(path, expected, f"none, or a damaged one ({_reason(error)})") from None
     try:
         yield bag
     finally:
@@ -130,10 +118,8 @@ def stamp_of(message: Any) -> float | None:
 
 def _chosen(path: str, topics: dict[str, tuple[str | None, int]], topic: str | None) -> str:
     images = {name: kind for name, (kind, _) in topics.items() if kind in IMAGE}
-    listed = ", ".join(
-        f"{name} ({topics[name][0]}, {topics[name][1]} messages)"
-        for name in sorted(images or topics)
-    )
+    counts = {name: f"{name} ({kind}, {count} messages)" for name, (kind, count) in topics.items()}
+    listed = ", ".join(counts[name] for name in sorted(images or topics))
     if topic is None and len(images) == 1:
         return next(iter(images))
     if topic is not None and topic in images:
@@ -141,9 +127,8 @@ def _chosen(path: str, topics: dict[str, tuple[str | None, int]], topic: str | N
     if not images:
         raise mismatch(path, "a topic of images", listed or "a bag without topics")
     if topic is None:
-        raise SurefixValueError(
-            f"{path}: expected the topic of the images, as there are several: {listed}"
-        )
+        several = f"expected the topic of the images, as there are several: {listed}"
+        raise SurefixValueError(f"{path}: {several}")
     raise mismatch(path, f"an image topic, one of {listed}", repr(topic))
 
 

@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from surefix.errors import mismatch
 
-__all__ = ["Pattern", "demosaic"]
-
 Pattern: TypeAlias = Literal["rggb", "grbg", "gbrg", "bggr"]
 
 

@@ -10,8 +10,6 @@ from surefix._extra import require
 from surefix.errors import SurefixFileError
 from surefix.frames.frame import Frames, Shot
 
-__all__ = ["CameraFrames", "is_camera"]
-
 SCHEMES = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://")
 
 
@@ -49,16 +47,14 @@ class CameraFrames(Frames):
         capture = self._cv2.VideoCapture(self.device)
         try:
             if not capture.isOpened():
-                raise SurefixFileError(
-                    f"camera {self.device}: cannot open it: is it there, and is it free?"
-                )
+                asked = "is it there, and is it free?"
+                raise SurefixFileError(f"camera {self.device}: cannot open it: {asked}")
             index = 0
             while not self._closed:
                 there, image = capture.read()
                 if not there:
-                    raise SurefixFileError(
-                        f"camera {self.device}: it gives no frame any more, after {index} frames"
-                    )
+                    ended = f"it gives no frame any more, after {index} frames"
+                    raise SurefixFileError(f"camera {self.device}: {ended}")
                 yield Shot(time.time(), str(index), partial(np.ascontiguousarray, image[..., ::-1]))
                 index += 1
         finally:

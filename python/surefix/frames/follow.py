@@ -16,8 +16,6 @@ from surefix._core import find_images, read_image
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.frame import Frames, Shot
 
-__all__ = ["FollowFrames"]
-
 # In the error of find_images for a folder or a pattern that is right and matches nothing.
 NONE_YET = "found none"
 
@@ -123,17 +121,13 @@ class FollowFrames(Frames):
             self._pause(max(self.poll, 0.0 if new else 4 * (time.monotonic() - begin)))
 
     def _pause(self, seconds: float) -> None:
-        """Sleeps, or until the end. Not by waiting for the event: Ctrl-C in the middle of a wait
-        can leave its lock in a wrong state.
-        """
+        """Sleeps, or until the end. Not in ``Event.wait``: Ctrl-C there can leave it locked."""
         until = time.monotonic() + seconds
         while not self._ended.is_set() and (left := until - time.monotonic()) > 0:
             time.sleep(min(left, 0.05))
 
     def _when_whole(self, path: str) -> tuple[float, npt.NDArray[np.uint8]] | None:
-        """The time of a file's last change and its image, once it is whole; None if it is removed,
-        or never is an image.
-        """
+        """The time of a file's last change and its image, once it is whole; None if it never is."""
         before, since = None, time.monotonic()
         while not self._ended.is_set():
             try:

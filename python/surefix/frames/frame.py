@@ -1,7 +1,7 @@
 """Images in order: ``Frames``, each decoded when it is wanted."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Sized
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-__all__ = ["Frame", "Frames", "Shot", "shots_of"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +96,9 @@ class Frames(ABC):
     timed: bool = False
     live: bool = False
     parallel: bool = False
+    _count: int | None = None
+    _estimate: int | None = None
+    _files: Sequence[str] = ()
 
     @abstractmethod
     def shots(self) -> Generator[Shot, None, None]:
@@ -106,12 +107,7 @@ class Frames(ABC):
     @property
     def count(self) -> int | None:
         """The number of frames; None if it is not known."""
-        return None
-
-    @property
-    def estimate(self) -> int | None:
-        """About how many frames there are, for a progress bar; None if unknown."""
-        return self.count
+        return self._count
 
     @property
     def ready(self) -> npt.NDArray[Any] | None:
@@ -119,9 +115,14 @@ class Frames(ABC):
         return None
 
     @property
+    def estimate(self) -> int | None:
+        """About how many frames there are, for a progress bar; None if unknown."""
+        return self._estimate if self.count is None else self.count
+
+    @property
     def files(self) -> list[str]:
-        """The files that are read, if they are known."""
-        return []
+        """The files that are read, if they are known, in their order."""
+        return list(self._files)
 
     def close(self) -> None:  # noqa: B027 (most do not wait)
         """Ends an iteration that waits for frames, from any thread."""
@@ -150,11 +151,17 @@ class Frames(ABC):
         return self.estimate or 0
 
 
-def shots_of(source: Iterable[Frame]) -> Generator[Shot, None, None]:
-    """The shots of ``Frames``, or of any iterable of frames."""
-    if isinstance(source, Frames):
-        yield from source.shots()
-        return
-    for frame in source:
-        image = partial(getattr, frame, "image")
-        yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap)
+class IteratedFrames(Frames):
+    """The frames of any iterable of them."""
+
+    timed = True
+
+    def __init__(self, source: Iterable[Frame]) -> None:
+        self.source = source
+        self._count = len(source) if isinstance(source, Sized) else None
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """Each frame, which is decoded already."""
+        for frame in self.source:
+            image = partial(getattr, frame, "image")
+            yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap)

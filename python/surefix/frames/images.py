@@ -3,6 +3,7 @@
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterable, Sequence
+from copy import copy
 from functools import partial
 from operator import index as as_index
 from pathlib import Path
@@ -16,17 +17,7 @@ from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
 from surefix.frames.frame import Frames, Shot
 from surefix.tables.npy import read_npy
-from surefix.tables.vectors import ENDINGS, load
-
-__all__ = [
-    "BayerFiles",
-    "ImageArray",
-    "ImageFiles",
-    "ImageFrames",
-    "Images",
-    "frames_of",
-    "open_images",
-]
+from surefix.tables.vectors import ENDINGS, check_no_key, load
 
 UInt8 = npt.NDArray[np.uint8]
 Place = str | os.PathLike[str]
@@ -48,8 +39,8 @@ class Images(Sequence[UInt8], ABC):
     (3, (4, 6), ['0', '1', '2'], 2)
     """
 
-    def __init__(self, names: Iterable[str]) -> None:
-        self._names = list(names)
+    def __init__(self, items: Any, names: Iterable[str]) -> None:
+        self._items, self._names = items, list(names)
 
     @property
     def names(self) -> list[str]:
@@ -75,34 +66,34 @@ class Images(Sequence[UInt8], ABC):
     def __getitem__(self, key: SupportsIndex | slice) -> UInt8 | Self:
         if isinstance(key, slice):
             return self._take(range(len(self))[key])
-        return self._load(range(len(self))[as_index(key)])
+        return self._load(self._items[range(len(self))[as_index(key)]])
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({len(self)} images)"
 
     @abstractmethod
-    def _load(self, index: int) -> UInt8: ...
+    def _load(self, item: Any) -> UInt8: ...
 
-    @abstractmethod
-    def _take(self, indices: Sequence[int]) -> Self: ...
+    def _take(self, indices: Iterable[int]) -> Self:
+        taken, chosen = copy(self), list(indices)
+        taken._items = [self._items[i] for i in chosen]
+        taken._names = [self._names[i] for i in chosen]
+        return taken
 
 
 class ImageFiles(Images):
     """Plain image files: png, jpeg, bmp, tiff, webp or pnm."""
 
     def __init__(self, paths: Iterable[Place]) -> None:
-        self._paths = [os.fspath(path) for path in paths]
-        super().__init__(Path(path).name for path in self._paths)
+        files = [os.fspath(path) for path in paths]
+        super().__init__(files, (Path(path).name for path in files))
 
     @property
     def paths(self) -> list[str] | None:
-        return list(self._paths)
+        return list(self._items)
 
-    def _load(self, index: int) -> UInt8:
-        return read_image(self._paths[index])
-
-    def _take(self, indices: Sequence[int]) -> Self:
-        return type(self)(self._paths[i] for i in indices)
+    def _load(self, item: str) -> UInt8:
+        return read_image(item)
 
 
 class BayerFiles(ImageFiles):
@@ -118,15 +109,11 @@ class BayerFiles(ImageFiles):
     def paths(self) -> None:
         return None
 
-    def _load(self, index: int) -> UInt8:
-        mosaic = super()._load(index)
+    def _load(self, item: str) -> UInt8:
         try:
-            return demosaic(mosaic, self.pattern)
+            return demosaic(super()._load(item), self.pattern)
         except SurefixValueError as error:
-            raise SurefixValueError(f"{self._paths[index]}: {error}") from None
-
-    def _take(self, indices: Sequence[int]) -> Self:
-        return type(self)((self._paths[i] for i in indices), self.pattern)
+            raise SurefixValueError(f"{item}: {error}") from None
 
 
 class ImageArray(Images):
@@ -135,14 +122,10 @@ class ImageArray(Images):
     def __init__(
         self, array: npt.NDArray[Any] | Sequence[UInt8], names: Iterable[str] | None = None
     ) -> None:
-        self.array = array
-        super().__init__(map(str, range(len(array))) if names is None else names)
+        super().__init__(array, map(str, range(len(array))) if names is None else names)
 
-    def _load(self, index: int) -> UInt8:
-        return np.array(self.array[index])
-
-    def _take(self, indices: Sequence[int]) -> Self:
-        return type(self)([self.array[i] for i in indices], [self._names[i] for i in indices])
+    def _load(self, item: UInt8) -> UInt8:
+        return np.array(item)
 
 
 class ImageFrames(Frames):
@@ -174,18 +157,18 @@ class ImageFrames(Frames):
     parallel = True
 
     def __init__(self, place: Place | Iterable[Place], key: str | None = None) -> None:
-        self.images: Images
         self._array: npt.NDArray[Any] | None = None
-        if isinstance(place, (str, os.PathLike)) and Path(place).suffix.lower() in ENDINGS:
-            self._array = _load_array(os.fspath(place), key)
-            self.images = ImageArray(self._array)
-            self._files = [os.fspath(place)]
-            return
-        if key is not None:
+        name = os.fspath(place) if isinstance(place, (str, os.PathLike)) else None
+        if name is not None and Path(name).suffix.lower() in ENDINGS:
+            self._array, self._files = _load_array(name, key), [name]
+            self.images: Images = ImageArray(self._array)
+        elif key is not None:
             raise mismatch("key", "a file of descriptors", place)
-        single = isinstance(place, (str, os.PathLike))
-        self.images = ImageFiles(find_images(place) if single else place)  # type: ignore[arg-type]
-        self._files = self.images.paths or []
+        else:
+            files = place if name is None else find_images(name)
+            self.images = ImageFiles(files)  # type: ignore[arg-type]
+            self._files = self.images.paths or []
+        self._count = len(self.images)
 
     @property
     def ready(self) -> npt.NDArray[Any] | None:
@@ -195,17 +178,7 @@ class ImageFrames(Frames):
     @property
     def source(self) -> list[str] | npt.NDArray[Any]:
         """As ``Map.from_images`` takes them, to be read in parallel: the files, or the array."""
-        return self._files if self._array is None else self._array
-
-    @property
-    def count(self) -> int:
-        """The number of images or rows."""
-        return len(self.images)
-
-    @property
-    def files(self) -> list[str]:
-        """The images, in their order; or the file of the array."""
-        return list(self._files)
+        return self.files if self._array is None else self._array
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each image, by its file's name or its number."""
@@ -219,27 +192,25 @@ class _GivenFrames(Frames):
 
     def __init__(self, images: Any) -> None:
         self._images = images
-        counted = hasattr(images, "__len__") and hasattr(images, "__getitem__")
-        self._count: int | None = len(images) if counted else None
-
-    @property
-    def count(self) -> int | None:
-        return self._count
+        self._count = len(images) if _is_counted(images) else None
 
     def shots(self) -> Generator[Shot, None, None]:
         # The classes of surefix may be read by several threads; others are read here, in order.
         if isinstance(self._images, (Images, Traverse, np.ndarray)):
             yield from _shots_of_images(self._images)
             return
-        counted = self._count is not None
-        things = (self._images[i] for i in range(self._count or 0)) if counted else self._images
-        for index, thing in enumerate(things):
+        counted = (self._images[i] for i in range(self._count or 0))
+        for index, thing in enumerate(self._images if self._count is None else counted):
             if isinstance(thing, (str, os.PathLike)):
                 path = os.fspath(thing)
                 yield Shot(None, Path(path).name, partial(read_image, path), path=path)
             else:
                 image = getattr(thing, "image", thing)
                 yield Shot(None, str(index), partial(np.asarray, image))
+
+
+def _is_counted(images: Any) -> bool:
+    return hasattr(images, "__len__") and hasattr(images, "__getitem__")
 
 
 def frames_of(images: Any) -> Frames:
@@ -253,8 +224,7 @@ def frames_of(images: Any) -> Frames:
     ):
         expected = "(n, H, W) or (n, H, W, 3), one image a place"
         raise mismatch("images", expected, f"the shape {images.shape}")
-    counted = hasattr(images, "__len__") and hasattr(images, "__getitem__")
-    if not counted and not hasattr(images, "__iter__"):
+    if not _is_counted(images) and not hasattr(images, "__iter__"):
         expected = "a folder, a pattern, or images or paths one after the other"
         raise mismatch("images", expected, type(images).__name__)
     frames = images if isinstance(images, Frames) else _GivenFrames(images)
@@ -273,24 +243,20 @@ def open_images(place: Path) -> Images:
 
 
 def _shots_of_images(images: Any) -> Generator[Shot, None, None]:
-    names = images.names if isinstance(images, Images) else None
-    paths = images.paths if isinstance(images, Images) else None
+    names, paths = getattr(images, "names", None), getattr(images, "paths", None)
     for index in range(len(images)):
-        name = str(index) if names is None else names[index]
-        path = None if paths is None else paths[index]
+        name = names[index] if names else str(index)
+        path = paths[index] if paths else None
         yield Shot(None, name, partial(images.__getitem__, index), path=path)
 
 
 def _load_array(place: str, key: str | None) -> npt.NDArray[Any]:
     if Path(place).suffix.lower() != ".npy":
         return load(place, key)
-    if key is not None:
-        raise mismatch(place, "no key, as such a file holds one array", repr(key))
+    check_no_key(place, key)
     array = read_npy(place, "the array", mapped=True)
     images = array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
     if array.ndim != 2 and not (images and array.dtype == np.uint8):
-        raise SurefixValueError(
-            f"{place}: expected descriptors (n, dim), or uint8 images (n, H, W) or (n, H, W, 3), "
-            f"got {array.dtype} {array.shape}"
-        )
+        expected = "descriptors (n, dim), or uint8 images (n, H, W) or (n, H, W, 3)"
+        raise mismatch(place, expected, f"{array.dtype} {array.shape}")
     return array

@@ -3,16 +3,14 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
-from contextlib import closing, suppress
+from collections.abc import Generator, Iterable
+from contextlib import closing, nullcontext, suppress
 from dataclasses import replace
 from queue import Empty, SimpleQueue
 
 from surefix.errors import mismatch
-from surefix.frames.frame import Frame, Frames, Shot, shots_of
+from surefix.frames.frame import Frame, Frames, IteratedFrames, Shot
 from surefix.frames.sampling import Derived
-
-__all__ = ["KeepNewest"]
 
 
 class KeepNewest(Derived):
@@ -58,15 +56,12 @@ class KeepNewest(Derived):
         if size < 1:
             raise mismatch("size", "1 or more", size)
         super().__init__(source)
-        self.size = size
+        self.size, self._given = size, source
+        # Dropped frames included.
+        self._estimate = self.source.estimate
         self.live, self.parallel = True, False
         self.dropped = 0
         self._running: list[_Queue] = []
-
-    @property
-    def estimate(self) -> int | None:
-        """That of the source, dropped frames included."""
-        return self.source_estimate
 
     def close(self) -> None:
         """Ends the running iterations and their threads."""
@@ -76,11 +71,11 @@ class KeepNewest(Derived):
     def shots(self) -> Generator[Shot, None, None]:
         """The newest frames."""
         with closing(self.frames()) as frames:
-            yield from shots_of(frames)
+            yield from IteratedFrames(frames).shots()
 
     def frames(self) -> Generator[Frame, None, None]:
         """Each frame that the queue kept."""
-        queue = _Queue(self.source, self.size)
+        queue = _Queue(self._given, self.size)
         self.dropped = 0
         self._running.append(queue)
         queue.thread.start()
@@ -140,11 +135,11 @@ class _Queue:
     def _read(self) -> None:
         try:
             frames = iter(self.source)
-            if isinstance(frames, Generator):
-                with closing(frames):
-                    self._put_all(frames)
-            else:
-                self._put_all(frames)
+            with closing(frames) if isinstance(frames, Generator) else nullcontext():
+                for frame in frames:
+                    if self.stopped:
+                        break
+                    self._put(frame)
         except BaseException as error:  # The reader gets it.
             self.error = error
         finally:
@@ -152,21 +147,12 @@ class _Queue:
                 self.ended = True
             self.news.put(None)
 
-    def _put_all(self, frames: Iterator[Frame]) -> None:
-        for frame in frames:
-            if self.stopped:
-                return
-            self._put(frame)
-
     def _put(self, frame: Frame) -> None:
         with self.lock:
-            if len(self.frames) == self.size:
-                lost = self.frames.popleft()
-                self.frames.append(frame)
-                after = self.frames.popleft()
+            self.frames.append(frame)
+            if len(self.frames) > self.size:
+                lost, after = self.frames.popleft(), self.frames.popleft()
                 dropped, gap = after.dropped + lost.dropped + 1, after.gap or lost.gap
                 self.frames.appendleft(replace(after, dropped=dropped, gap=gap))
-            else:
-                self.frames.append(frame)
         if self.news.empty():
             self.news.put(None)

@@ -12,19 +12,12 @@ from surefix.frames.bag import messages, open_bag
 from surefix.tables.metres import local_metres
 from surefix.tables.rows import columns
 
-__all__ = ["Odometry"]
-
 Float64 = npt.NDArray[np.float64]
 
 COLUMNS = "time in seconds, and x,y[,z] or distance in metres"
 CHOICES = (("time", "x", "y", "z"), ("time", "x", "y"), ("time", "distance"))
 POSE, NAV_SAT_FIX = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/NavSatFix"
-TOPICS = (
-    "nav_msgs/msg/Odometry",
-    POSE,
-    "geometry_msgs/msg/PoseWithCovarianceStamped",
-    NAV_SAT_FIX,
-)
+TOPICS = ("nav_msgs/msg/Odometry", POSE, "geometry_msgs/msg/PoseWithCovarianceStamped", NAV_SAT_FIX)
 
 
 class Odometry:
@@ -61,11 +54,8 @@ class Odometry:
         self.source = source
         self.times: Float64 = np.asarray(times, np.float64)
         self.positions: Float64 = np.asarray(positions, np.float64)
-        if (
-            self.times.ndim != 1
-            or self.positions.ndim != 2
-            or self.positions.shape[1] not in (1, 2, 3)
-        ):
+        shapes = self.times.ndim, self.positions.ndim
+        if shapes != (1, 2) or self.positions.shape[1] not in (1, 2, 3):
             got = f"{self.times.shape} and {self.positions.shape}"
             raise mismatch(source, "times (n,) and positions (n, 1), (n, 2) or (n, 3)", got)
         if len(self.times) != len(self.positions) or not len(self.times):
@@ -88,12 +78,10 @@ class Odometry:
             return None
         after = int(np.searchsorted(self.times, time))
         if self.times[after] == time:
-            after_position: Float64 = self.positions[after]
-            return after_position
+            return np.asarray(self.positions[after])
         fraction = (time - self.times[after - 1]) / (self.times[after] - self.times[after - 1])
         before, step = self.positions[after - 1], self.positions[after] - self.positions[after - 1]
-        position: Float64 = before + fraction * step
-        return position
+        return np.asarray(before + fraction * step)
 
     @classmethod
     def from_csv(cls, path: str | PathLike[str]) -> Self:
@@ -139,11 +127,8 @@ class Odometry:
             kind = kinds.get(topic)
             if kind not in TOPICS:
                 fitting = [name for name in kinds if kinds[name] in TOPICS]
-                listed = (
-                    ", ".join(f"{name} ({kinds[name]})" for name in sorted(fitting or kinds))
-                    or "no topics"
-                )
-                got = f"{topic!r} ({kind or 'not there'}); there are {listed}"
+                listed = ", ".join(f"{name} ({kinds[name]})" for name in sorted(fitting or kinds))
+                got = f"{topic!r} ({kind or 'not there'}); there are {listed or 'no topics'}"
                 raise mismatch(place, f"a topic of poses ({', '.join(TOPICS)})", got)
             times: list[float] = []
             positions: list[tuple[float, ...]] = []

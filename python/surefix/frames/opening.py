@@ -16,8 +16,6 @@ from surefix.frames.sampling import Every, EveryMetres, Gaps, Stride, check_stri
 from surefix.frames.video import VIDEO_ENDINGS, VideoFrames, is_video
 from surefix.tables.vectors import ENDINGS
 
-__all__ = ["is_recording", "open"]
-
 Place = str | PathLike[str]
 
 
@@ -130,17 +128,13 @@ def _source(
         return FollowFrames(name, idle=idle)
     if bag:
         return BagFrames(name, topic)
-    if array:
-        return ImageFrames(name)
-    if camera:
-        return CameraFrames(name)
-    if video:
-        return VideoFrames(name)
+    for fits, kind in ((array, ImageFrames), (camera, CameraFrames), (video, VideoFrames)):
+        if fits:
+            return kind(name)
     if file.is_file():
         endings = ", ".join(sorted({*VIDEO_ENDINGS, *BAG_ENDINGS, *ENDINGS}))
-        raise SurefixValueError(
-            f"{name}: expected a folder of images, a pattern, or a file that ends in {endings}"
-        )
+        expected = f"a folder of images, a pattern, or a file that ends in {endings}"
+        raise SurefixValueError(f"{name}: expected {expected}")
     try:
         return ImageFrames(name)
     except SurefixValueError:
@@ -148,10 +142,8 @@ def _source(
         parts = sorted(p.name for p in file.glob("*") if is_bag(p)) if file.is_dir() else []
         if not parts:
             raise
-        raise SurefixValueError(
-            f"{name}: expected images, or the metadata.yaml of a bag; "
-            f"name one of {', '.join(parts)}"
-        ) from None
+        expected = "expected images, or the metadata.yaml of a bag"
+        raise SurefixValueError(f"{name}: {expected}; name one of {', '.join(parts)}") from None
 
 
 def _odometry(given: Odometry | Place, source: Frames) -> Odometry:

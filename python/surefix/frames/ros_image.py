@@ -9,8 +9,6 @@ from surefix._core import decode_image
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
 
-__all__ = ["IMAGE", "image_of"]
-
 UInt8 = npt.NDArray[np.uint8]
 
 IMAGE = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -109,10 +107,8 @@ def _samples(message: Any, layout: Layout, where: str) -> UInt8:
     row = width * layout.samples * layout.size
     data = _bytes(message.data)
     if not (height and width) or step < row or len(data) != step * height:
-        raise SurefixValueError(
-            f"{where}: expected {height} rows of {row} bytes or more ({width} pixels, "
-            f"{message.encoding}), got a row step of {step} and {len(data)} bytes"
-        )
+        expected = f"{height} rows of {row} bytes or more ({width} pixels, {message.encoding})"
+        raise mismatch(where, expected, f"a row step of {step} and {len(data)} bytes")
     pixels = data.reshape(height, step)[:, :row]
     if layout.size == 2:
         order = ">u2" if message.is_bigendian else "<u2"

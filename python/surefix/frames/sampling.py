@@ -2,48 +2,33 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Generator, Iterable, Sized
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import replace
+from itertools import count
 from numbers import Integral
 
 from surefix.errors import SurefixValueError, mismatch
-from surefix.frames.frame import Frame, Frames, Shot, shots_of
+from surefix.frames.frame import Frame, Frames, IteratedFrames, Shot
 from surefix.frames.odometry import Float64, Odometry
-
-__all__ = ["Derived", "Every", "EveryMetres", "Gaps", "Selection", "Stride", "check_stride"]
 
 
 class Derived(Frames):
     """Frames made of others."""
 
     def __init__(self, source: Iterable[Frame]) -> None:
-        self.source = source
-        self.timed = source.timed if isinstance(source, Frames) else True
-        self.live = source.live if isinstance(source, Frames) else False
-        self.parallel = source.parallel if isinstance(source, Frames) else False
-
-    @property
-    def source_count(self) -> int | None:
-        """The number of the source's frames, if it is known."""
-        if isinstance(self.source, Frames):
-            return self.source.count
-        return len(self.source) if isinstance(self.source, Sized) else None
-
-    @property
-    def source_estimate(self) -> int | None:
-        """About how many frames the source has."""
-        return self.source.estimate if isinstance(self.source, Frames) else self.source_count
+        self.source = source if isinstance(source, Frames) else IteratedFrames(source)
+        self.timed, self.live = self.source.timed, self.source.live
+        self.parallel = self.source.parallel
 
     @property
     def files(self) -> list[str]:
         """Those of the source."""
-        return self.source.files if isinstance(self.source, Frames) else []
+        return self.source.files
 
     def close(self) -> None:
         """Ends the source's iteration."""
-        if isinstance(self.source, Frames):
-            self.source.close()
+        self.source.close()
 
 
 class Selection(Derived):
@@ -59,7 +44,7 @@ class Selection(Derived):
         """The chosen ones."""
         chooser = self.chooser()
         dropped, gap = 0, False
-        with closing(shots_of(self.source)) as shots:
+        with closing(self.source.shots()) as shots:
             for shot in shots:
                 dropped, gap = dropped + shot.dropped, gap or shot.gap
                 if chooser(shot):
@@ -87,28 +72,15 @@ class Stride(Selection):
     def __init__(self, source: Iterable[Frame], stride: int) -> None:
         super().__init__(source)
         self.stride = check_stride(stride)
-
-    @property
-    def count(self) -> int | None:
-        """The number of frames left, if it is known."""
-        return None if self.source_count is None else math.ceil(self.source_count / self.stride)
-
-    @property
-    def estimate(self) -> int | None:
-        """About how many are left."""
-        source = self.source_estimate
-        return None if source is None else math.ceil(source / self.stride)
+        self._count, self._estimate = (
+            None if known is None else math.ceil(known / self.stride)
+            for known in (self.source.count, self.source.estimate)
+        )
 
     def chooser(self) -> Callable[[Shot], bool]:
         """Counts the shots."""
-        taken = -1
-
-        def choose(_: Shot) -> bool:
-            nonlocal taken
-            taken = (taken + 1) % self.stride
-            return taken == 0
-
-        return choose
+        numbers = count()
+        return lambda _: next(numbers) % self.stride == 0
 
 
 class Every(Selection):
@@ -225,10 +197,9 @@ class EveryMetres(Selection):
         yield from super().shots()
         if self._unplaced is not None:
             times, (first, last) = self.odometry.times, self._unplaced
-            raise SurefixValueError(
-                f"{self.odometry.source}: expected positions at the times of the frames, {first} s "
-                f"to {last} s, got those of {times[0]} s to {times[-1]} s: are the clocks the same?"
-            )
+            expected = f"positions at the times of the frames, {first} s to {last} s"
+            got = f"those of {times[0]} s to {times[-1]} s: are the clocks the same?"
+            raise mismatch(self.odometry.source, expected, got)
 
 
 class Gaps(Derived):
@@ -256,21 +227,12 @@ class Gaps(Derived):
     def __init__(self, source: Iterable[Frame], seconds: float) -> None:
         super().__init__(source)
         self.seconds = _above_0("gap", "seconds", seconds)
-
-    @property
-    def count(self) -> int | None:
-        """That of the source."""
-        return self.source_count
-
-    @property
-    def estimate(self) -> int | None:
-        """That of the source."""
-        return self.source_estimate
+        self._count, self._estimate = self.source.count, self.source.estimate
 
     def shots(self) -> Generator[Shot, None, None]:
         """All, marked."""
         before: float | None = None
-        with closing(shots_of(self.source)) as shots:
+        with closing(self.source.shots()) as shots:
             for shot in shots:
                 time = _time_of(shot, "gap")
                 broken = before is not None and not 0 <= time - before <= self.seconds
@@ -293,8 +255,6 @@ def _above_0(option: str, what: str, value: float) -> float:
 
 def _time_of(shot: Shot, option: str) -> float:
     if shot.time is None:
-        raise SurefixValueError(
-            f"{option}: expected frames with times, as those of a video or a bag; "
-            f"{shot.name} has none"
-        )
+        expected = "expected frames with times, as those of a video or a bag"
+        raise SurefixValueError(f"{option}: {expected}; {shot.name} has none")
     return shot.time

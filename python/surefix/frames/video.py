@@ -11,33 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.errors import SurefixFileError, SurefixValueError, mismatch
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch, refusal
 from surefix.frames.frame import Frames, Shot
 
-__all__ = ["VIDEO_ENDINGS", "VideoFrames", "is_video"]
-
 # A video is known by its name; VideoFrames itself takes any file.
-VIDEO_ENDINGS = frozenset(
-    [
-        ".3gp",
-        ".asf",
-        ".avi",
-        ".flv",
-        ".m2ts",
-        ".m4v",
-        ".mjpeg",
-        ".mkv",
-        ".mov",
-        ".mp4",
-        ".mpeg",
-        ".mpg",
-        ".mts",
-        ".ogv",
-        ".ts",
-        ".webm",
-        ".wmv",
-    ]
-)
+VIDEO_ENDINGS = frozenset((
+    ".3gp", ".asf", ".avi", ".flv", ".m2ts", ".m4v", ".mjpeg", ".mkv", ".mov", ".mp4", ".mpeg",
+    ".mpg", ".mts", ".ogv", ".ts", ".webm", ".wmv",
+))  # fmt: skip
 
 
 class VideoFrames(Frames):
@@ -57,29 +38,20 @@ class VideoFrames(Frames):
     SurefixValueError
         If it is no video. While it is read: if it is damaged, or ends before it should. The error
         names the frame, and those before it have been given. (An MPEG transport stream does not say
-        where it should end.)
+        its end.)
     """
 
     timed = True
 
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path = fspath(path)
+        self._files = [self.path]
         self._av = require("av", "a video", "PyAV", "surefix[video]")
         with self._open() as container:
-            self._frames = int(container.streams.video[0].frames)
+            self._estimate = int(container.streams.video[0].frames) or None
             ends, rate = _end(container), container.streams.video[0].average_rate
-        if not self._frames and ends is not None and rate:
-            self._frames = round(ends * float(rate))
-
-    @property
-    def estimate(self) -> int | None:
-        """As the file says."""
-        return self._frames or None
-
-    @property
-    def files(self) -> list[str]:
-        """The video file."""
-        return [self.path]
+        if not self._estimate and ends is not None and rate:
+            self._estimate = round(ends * float(rate)) or None
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each frame, by its number from 0."""
@@ -93,9 +65,8 @@ class VideoFrames(Frames):
                     try:
                         frame = next(frames, None)
                     except (self._av.FFmpegError, EOFError) as error:
-                        raise self._damaged(
-                            index, getattr(error, "strerror", None) or str(error)
-                        ) from None
+                        reason = getattr(error, "strerror", None) or str(error)
+                        raise self._damaged(index, reason) from None
                     if frame is None:
                         break
                     if frame.is_corrupt:
@@ -111,13 +82,9 @@ class VideoFrames(Frames):
             raise SurefixFileError(f"{self.path}: cannot read the video: there is no such file")
         try:
             container = self._av.open(self.path)
-        except OSError as error:
-            if isinstance(error, (FileNotFoundError, PermissionError)):
-                raise SurefixFileError(
-                    f"{self.path}: cannot read the video: {error.strerror}"
-                ) from None
-            raise self._no_video(str(error.strerror or error)) from None
-        except (self._av.FFmpegError, ValueError) as error:
+        except (FileNotFoundError, PermissionError) as error:
+            raise refusal(self.path, "cannot read the video", error) from None
+        except (OSError, self._av.FFmpegError, ValueError) as error:
             raise self._no_video(getattr(error, "strerror", None) or str(error)) from None
         if not container.streams.video:
             container.close()
@@ -130,9 +97,8 @@ class VideoFrames(Frames):
         track = container.streams.video[0]
         period = 1 / float(track.average_rate) if track.average_rate else 0.1
         if expected is not None and end < expected - max(1.5 * period, 0.1):
-            raise self._damaged(
-                count, f"the file ends at {end:.2f} s of {expected:.2f} s; it was cut short"
-            )
+            cut = f"the file ends at {end:.2f} s of {expected:.2f} s; it was cut short"
+            raise self._damaged(count, cut)
         if count == 0:
             raise self._damaged(0, "the file ends before the first frame")
 
@@ -145,11 +111,8 @@ class VideoFrames(Frames):
 
 def is_video(place: Path) -> bool:
     """Whether this is a video by its name, and not a folder or a pattern."""
-    return (
-        place.suffix.lower() in VIDEO_ENDINGS
-        and not place.is_dir()
-        and not any(mark in str(place) for mark in "*?[")
-    )
+    pattern = any(mark in str(place) for mark in "*?[")
+    return place.suffix.lower() in VIDEO_ENDINGS and not place.is_dir() and not pattern
 
 
 def _end(container: Any) -> float | None:
@@ -157,11 +120,8 @@ def _end(container: Any) -> float | None:
     track = container.streams.video[0]
     if container.format.name == "avi":
         # Its duration is made up from the size of the file; the number of frames is right.
-        return (
-            float(track.frames / track.average_rate)
-            if track.frames and track.average_rate
-            else None
-        )
+        known = track.frames and track.average_rate
+        return float(track.frames / track.average_rate) if known else None
     if container.format.name == "asf":
         return None  # Each track has the duration of the longest.
     if track.duration is not None:

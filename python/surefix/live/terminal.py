@@ -12,7 +12,7 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 
 from surefix import Fix, Localizer, Map
-from surefix._words import counted
+from surefix._words import plural
 from surefix.live.panel import RouteBar, Row, Scene, panel
 from surefix.live.view import Closing, Images, References, Seen
 
@@ -137,12 +137,12 @@ class Totals:
         p50, p99 = np.percentile(self.latency, (50, 99))
         parts = [f"{self.trusted / self.fixes:.0%} trusted ({self.trusted} of {self.fixes})"]
         if self.trusted and self.since_trusted:
-            parts.append(f"the last {counted(self.since_trusted, 'frame')} ago")
+            parts.append(f"the last {plural(self.since_trusted, 'frame')} ago")
         elapsed = self.times[-1] - self.times[0]
         if elapsed > 0:
             parts.append(f"{(len(self.times) - 1) / elapsed:.0f} frames a second")
         parts.append(f"{p50:.0f} us a push, p99 {p99:.0f}")
-        gaps = f", {counted(self.gaps, 'gap')}" if self.gaps else ""
+        gaps = f", {plural(self.gaps, 'gap')}" if self.gaps else ""
         return " · ".join([*parts, f"{self.dropped} dropped{gaps}"])
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from surefix import match_distances
-from surefix._words import are, counted
+from surefix._words import plural, verb
 from surefix.baselines.distances import Flags, Floats
 from surefix.machine import machine
 from surefix.plot.images import Column, Pair, montage, montage_height, spread
@@ -188,7 +188,7 @@ def _sections(demo: Demo) -> Sequence[Section]:
         figures.matrix(study, every=True, label=LABEL),
         "The true path runs from corner to corner; season, dusk and traffic have all but wiped it "
         "out, and many other places look just as near. By the nearest place alone, "
-        f"{single_right} of {m} frames {are(single_right)} right.",
+        f"{single_right} of {m} frames {verb(single_right)} right.",
     )
     strip = figures.strip(
         study, demo.revisit.positions, ("weighted, trusted fixes only", demo.right, run.trusted)
@@ -197,9 +197,9 @@ def _sections(demo: Demo) -> Sequence[Section]:
         "Along the route",
         (
             "A robot that acts on every fix is sent to a wrong place "
-            f"{counted(bad + held, 'time')} in {m}. One that acts on the trusted fixes only, "
-            f"{counted(bad, 'time')}. The price: {counted(held_right, 'right fix', 'right fixes')} "
-            f"{are(held_right)} held back together with the {counted(held, 'wrong one')}, and the "
+            f"{plural(bad + held, 'time')} in {m}. One that acts on the trusted fixes only, "
+            f"{plural(bad, 'time')}. The price: {plural(held_right, 'right fix', 'right fixes')} "
+            f"{verb(held_right)} held back together with the {plural(held, 'wrong one')}, and the "
             "longest stretch without a fix that is both trusted and right is "
             f"{demo.gap_metres:.0f} m. Odometry has to bridge it.",
         ),
@@ -226,13 +226,13 @@ def _sections(demo: Demo) -> Sequence[Section]:
             "is trusted. Looking near is easy for a place like any other; a sharp dip that travels "
             "along with the camera is not.",
             f"It is no probability and no promise: {bad} of the "
-            f"{counted(trusted, 'trusted fix', 'trusted fixes')} of this drive {are(bad)} wrong. "
+            f"{plural(trusted, 'trusted fix', 'trusted fixes')} of this drive {verb(bad)} wrong. "
             f"Nor does untrusted mean wrong: {held_right} of the "
-            f"{counted(m - trusted, 'untrusted one')} {are(held_right)} right. If two "
+            f"{plural(m - trusted, 'untrusted one')} {verb(held_right)} right. If two "
             "stretches of road truly look the same, both questions are fooled together. And it "
             "needs a map in the order of the route.",
             f"The trust flag is about a frame's own match, which is right in {single} of the "
-            f"{counted(trusted, 'trusted case')}. The fix is the place of the sequence, and in "
+            f"{plural(trusted, 'trusted case')}. The fix is the place of the sequence, and in "
             f"{differ} of them that is another place.",
             "This is a drawn world, in conditions set so that plain image matching fares about as "
             "it does on real roads. It shows what the method does; how well it does it, only your "
@@ -245,7 +245,7 @@ def _sections(demo: Demo) -> Sequence[Section]:
 def _curves(demo: Demo) -> Section:
     weighted, plain = demo.study.shown.curve, demo.study.baseline.curve
     false = [
-        counted(count, "wrong match", "wrong matches") if count else "no wrong matches"
+        plural(count, "wrong match", "wrong matches") if count else "no wrong matches"
         for count in (curve.false_positives_at(UPTO) for curve in (weighted, plain))
     ]
     flawless = [curve.recall_at_precision(1.0) for curve in (weighted, plain)]
@@ -261,7 +261,7 @@ def _curves(demo: Demo) -> Section:
         star = "the trusted fixes of full windows alone"
         trusted = early & demo.study.run.trusted
         more.append(
-            f"Curves and star leave out {counted(int(early.sum()), 'fix', 'fixes')} at the start, "
+            f"Curves and star leave out {plural(int(early.sum()), 'fix', 'fixes')} at the start, "
             f"whose window is not full yet: {int(trusted.sum())} trusted, "
             f"{int((trusted & ~demo.right).sum())} trusted and wrong."
         )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from surefix._words import counted
+from surefix._words import plural
 from surefix.baselines import METHODS
 from surefix.report import figures, sections
 from surefix.report.figures import Images
@@ -67,7 +67,7 @@ def write_report(
     extra |= dict.fromkeys(mistakes, "mistakes, as images side by side")
     n, m = study.distances.shape
     made = sections.made(
-        ("Distances", f"{counted(n, 'place')} by {counted(m, 'query', 'queries')}, float32"),
+        ("Distances", f"{plural(n, 'place')} by {plural(m, 'query', 'queries')}, float32"),
         ("Sequences", f"length {c.sequence_length}, weight {c.weight:g}, floor {c.floor}"),
         (
             "Trusted means",

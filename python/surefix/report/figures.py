@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Evaluation
-from surefix._words import counted
+from surefix._words import plural
 from surefix.plot.bars import Band, auc_intervals, false_positives, route_strip, trust_table
 from surefix.plot.curves import precision_recall
 from surefix.plot.images import Example, Image, examples, examples_height
@@ -98,7 +98,7 @@ def matrix(study: Study, every: bool = False, label: str = "distance") -> dict[s
     judged = None if every else shown.judged
     whole = drawn(
         size,
-        f"Distance matrix of {counted(n, 'place')} by {counted(m, 'query', 'queries')}, with the "
+        f"Distance matrix of {plural(n, 'place')} by {plural(m, 'query', 'queries')}, with the "
         f"match of each by {shown.name}.",
         distance_matrix,
         study.distances,
@@ -112,7 +112,7 @@ def matrix(study: Study, every: bool = False, label: str = "distance") -> dict[s
     close_up = drawn(
         size,
         f"Close-up of the matrix, from query {queries[0]} and place {places[0]} on: "
-        f"{counted(queries[1], 'query', 'queries')}, {counted(places[1], 'place')}.",
+        f"{plural(queries[1], 'query', 'queries')}, {plural(places[1], 'place')}.",
         distance_matrix,
         study.distances,
         *matches,

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from surefix import __version__
-from surefix._words import counted
+from surefix._words import plural
 from surefix.baselines.distances import Places
 from surefix.plot.outcome import longest_gap
 from surefix.report import figures, tables
@@ -29,7 +29,7 @@ def lead(study: Study) -> Sequence[str]:
     known = int((study.true_place >= 0).sum())
     of = "of the true position" if study.by_position else "of a true one"
     return (
-        f"{counted(m, 'query', 'queries')} on a map of {counted(n, 'place')}; {known} of them "
+        f"{plural(m, 'query', 'queries')} on a map of {plural(n, 'place')}; {known} of them "
         f"{'has' if known == 1 else 'have'} a true place. "
         f"A match is right {study.correct_means} {of}.",
         verdict(study.shown),
@@ -196,5 +196,5 @@ def _stretches(queries: Places, most: int = 12) -> str:
         str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts[:most]
     ]
     left = len(parts) - most
-    more = f" and {counted(left, 'stretch', 'stretches')} more (in fixes.csv)" if left > 0 else ""
+    more = f" and {plural(left, 'stretch', 'stretches')} more (in fixes.csv)" if left > 0 else ""
     return f"{', '.join(words)}{more} ({len(queries)} in all)"

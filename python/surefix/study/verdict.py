@@ -1,6 +1,6 @@
 """A sentence or two for each method, made from its numbers: it wins, loses or is level."""
 
-from surefix._words import are
+from surefix._words import verb
 from surefix.study.study import UPTO, Result
 
 __all__ = ["verdict"]
@@ -37,7 +37,7 @@ def _compared(result: Result) -> str:
 
 def _matches(result: Result) -> str:
     judged, right = int(result.judged.sum()), int((result.right & result.judged).sum())
-    own = f"{right} of {judged} matches {are(right)} right"
+    own = f"{right} of {judged} matches {verb(right)} right"
     refused = int((result.judged & ~result.accepted).sum())
     if refused:
         lost = int((result.judged & result.right & ~result.accepted).sum())

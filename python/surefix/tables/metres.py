@@ -5,8 +5,6 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch
 
-__all__ = ["centre", "interpolate", "local_metres", "pair_by_position", "subsample"]
-
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
@@ -50,9 +48,8 @@ def local_metres(
     """
     lat, lon = _degrees(latitude, "latitude", 90), _degrees(longitude, "longitude", 360)
     if len(lat) != len(lon):
-        raise SurefixValueError(
-            f"expected as many longitudes as latitudes, got {len(lon)} and {len(lat)}"
-        )
+        got = f"{len(lon)} and {len(lat)}"
+        raise SurefixValueError(f"expected as many longitudes as latitudes, got {got}")
     if origin is None:
         if not len(lat):
             raise mismatch("latitude", "at least one point, or an origin", "none")

@@ -8,15 +8,12 @@ import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch, refusal
 
-__all__ = ["read_npy"]
-
 
 def read_npy(path: str | Path, what: str, *, mapped: bool = False) -> npt.NDArray[Any]:
     """The array; ``what`` names it in an error: "the truth". ``mapped``: memory-mapped."""
     try:
-        array: npt.NDArray[Any] = np.load(
-            path, mmap_mode="r" if mapped else None, allow_pickle=False
-        )
+        mode: Any = "r" if mapped else None
+        array: npt.NDArray[Any] = np.load(path, mmap_mode=mode, allow_pickle=False)
     except OSError as error:
         raise refusal(path, f"cannot read {what}", error) from None
     except (ValueError, EOFError) as error:

@@ -12,8 +12,7 @@ from surefix.tables.metres import centre, local_metres
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import columns, rows
 
-__all__ = ["Positions", "on_one_plane", "read_metres", "read_positions"]
-
+Float64 = npt.NDArray[np.float64]
 DEGREES = (("latitude", "longitude"), ("lat", "lon"))
 METRES = (("x", "y", "z"), ("x", "y"), ("easting", "northing"), ("east", "north"))
 COLUMNS = "x,y[,z] or easting,northing in metres, or latitude,longitude (or lat,lon) in degrees"
@@ -24,25 +23,14 @@ class Positions:
     """A row a frame: metres, or latitude and longitude."""
 
     source: str
-    values: npt.NDArray[np.float64]
+    values: Float64
     degrees: bool = False
 
 
 def read_positions(path: Path, names: Sequence[str] | None = None) -> Positions:
     """A ``.npy`` or ``.csv`` of 2 or 3 metres a frame; or a ``.csv`` whose header says more.
 
-    Parameters
-    ----------
-    path : Path
-    names : sequence of str, optional
-        Of the frames: then a row for each is expected. A column ``name`` gives them, in any order.
-
-    Raises
-    ------
-    SurefixFileError
-        If the file cannot be read.
-    SurefixValueError
-        If it holds anything else, or degrees without a header that says so.
+    With the frames' ``names``, each must have a row; a column ``name`` gives them, in any order.
     """
     if path.suffix != ".npy" and _has_header(path):
         read = _by_header(path, names)
@@ -53,37 +41,30 @@ def read_positions(path: Path, names: Sequence[str] | None = None) -> Positions:
     return read
 
 
-def read_metres(path: Path) -> npt.NDArray[np.float64]:
+def read_metres(path: Path) -> Float64:
     """As ``read_positions``, for a map: it holds metres."""
     read = read_positions(path)
     if read.degrees:
-        raise SurefixValueError(
-            f"{path}: expected metres, as a map holds no degrees, got latitude and longitude; "
-            "surefix.datasets.local_metres makes metres of them, with one origin for all drives"
-        )
+        advice = "makes metres of them, with one origin for all drives"
+        got = f"latitude and longitude; surefix.datasets.local_metres {advice}"
+        raise mismatch(path, "metres, as a map holds no degrees", got)
     return read.values
 
 
-def on_one_plane(
-    references: Positions, queries: Positions
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def on_one_plane(references: Positions, queries: Positions) -> tuple[Float64, Float64]:
     """Both in metres; degrees become metres about the mean of the references."""
     if references.degrees != queries.degrees:
         given, other = (references, queries) if references.degrees else (queries, references)
-        raise mismatch(
-            other.source, f"latitude,longitude as in {given.source}", "metres: they share no plane"
-        )
+        expected = f"latitude,longitude as in {given.source}"
+        raise mismatch(other.source, expected, "metres: they share no plane")
     if not references.degrees:
         return references.values, queries.values
-    origin = centre(references.values[:, 0], references.values[:, 1])
-    there, here = (
-        local_metres(values[:, 0], values[:, 1], origin)
-        for values in (references.values, queries.values)
-    )
-    return there, here
+    there, here = references.values.T, queries.values.T
+    origin = centre(*there)
+    return local_metres(there[0], there[1], origin), local_metres(here[0], here[1], origin)
 
 
-def _bare(path: Path) -> npt.NDArray[np.float64]:
+def _bare(path: Path) -> Float64:
     """Numbers without a header."""
     try:
         if path.suffix == ".npy":
@@ -95,15 +76,12 @@ def _bare(path: Path) -> npt.NDArray[np.float64]:
     except OSError as error:
         raise refusal(path, "cannot read the positions", error) from None
     except ValueError as error:
-        raise SurefixValueError(
-            f"{path}: expected a row of 2 or 3 numbers a place ({error})"
-        ) from None
+        expected = "expected a row of 2 or 3 numbers a place"
+        raise SurefixValueError(f"{path}: {expected} ({error})") from None
     if _look_like_degrees(values):
-        raise SurefixValueError(
-            f"{path}: expected metres, got numbers that look like latitude and longitude, such as "
-            f"{values[0].tolist()}; give a .csv with the header latitude,longitude, or metres "
-            "(header x,y)"
-        )
+        got = f"numbers that look like latitude and longitude, such as {values[0].tolist()}"
+        advice = "give a .csv with the header latitude,longitude, or metres (header x,y)"
+        raise mismatch(path, "metres", f"{got}; {advice}")
     return values
 
 
@@ -136,15 +114,13 @@ def _by_header(path: Path, names: Sequence[str] | None) -> Positions:
                 raise mismatch(f"{path}, row {numbers[index]}", "each image once", f"{name} twice")
         lacking = [name for name in names if name not in row_of]
         if lacking:
-            raise SurefixValueError(
-                f"{path}: expected a position for each of the {len(names)} images, "
-                f"got none for {len(lacking)}, such as {lacking[0]}"
-            )
+            got = f"none for {len(lacking)}, such as {lacking[0]}"
+            raise mismatch(path, f"a position for each of the {len(names)} images", got)
         values = values[[row_of[name] for name in names]]
     return Positions(str(path), values, degrees)
 
 
-def _look_like_degrees(values: npt.NDArray[np.float64]) -> bool:
+def _look_like_degrees(values: Float64) -> bool:
     """Whether all places lie within a metre, no further from 0 than degrees: no drive does."""
     if values.ndim != 2 or values.shape[1] not in (2, 3) or len(values) < 2:
         return False

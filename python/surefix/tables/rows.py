@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError, mismatch, refusal
-
-__all__ = ["ascending", "columns", "decimal", "header_and_rows", "read_text", "rows", "whole"]
+from surefix.errors import mismatch, refusal
 
 
 def read_text(path: Path, what: str = "the table") -> str:
@@ -33,9 +31,7 @@ def rows(
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         try:
-            cells = (
-                line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
-            )
+            cells = next(csv.reader([line], delimiter=delimiter)) if delimiter else line.split()
         except csv.Error as error:
             raise mismatch(f"{path}, row {number}", "values with commas between", error) from None
         yield number, [cell.strip() for cell in cells]
@@ -56,10 +52,8 @@ def header_and_rows(path: Path, expected: str) -> tuple[list[str], list[tuple[in
 def columns(
     path: Path, choices: Sequence[Sequence[str]], expected: str
 ) -> tuple[Sequence[str], npt.NDArray[np.float64], list[int], Callable[[str], list[str] | None]]:
-    """The first of some choices of columns that a CSV has, other columns left aside.
-
-    Returns the names of the columns, their numbers, shape (rows, columns), the number of each row
-    in the file, and a function that gives the cells of any column, None if there is none.
+    """The first of some choices of columns that a CSV has: their names, their values, (rows,
+    columns), the number of each row in the file, and a function that gives any column's cells.
     """
     header, numbered = header_and_rows(path, expected)
     names = next((names for names in choices if set(names) <= set(header)), None)
@@ -107,7 +101,6 @@ def ascending(stamps: Sequence[int], numbers: Sequence[int], path: Path) -> npt.
     if len(wrong):
         at = int(wrong[0]) + 1
         problem = "twice" if array[at] == array[at - 1] else f"after {array[at - 1]}"
-        raise SurefixValueError(
-            f"{path}, row {numbers[at]}: expected ascending timestamps, got {array[at]} {problem}"
-        )
+        got = f"{array[at]} {problem}"
+        raise mismatch(f"{path}, row {numbers[at]}", "ascending timestamps", got)
     return array

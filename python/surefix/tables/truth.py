@@ -6,39 +6,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import SurefixValueError, mismatch
+from surefix.errors import mismatch
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import rows
-
-__all__ = ["read_truth"]
 
 COLUMNS = ["query", "reference"]
 
 
 def read_truth(source: str | Path, places: int, queries: int) -> npt.NDArray[Any]:
-    """The truth, as ``surefix.evaluate`` takes it.
-
-    Parameters
-    ----------
-    source : str or path
-        "identity"; a ``.npy`` of places (m,) or of a matrix (n, m); or a ``.csv`` with the columns
-        query and reference, a row a query. -1, or an empty cell, is a query without a place.
-    places, queries : int
-        n and m.
-
-    Raises
-    ------
-    SurefixFileError
-        If the file cannot be read.
-    SurefixValueError
-        If it does not fit: the error names the row.
+    """The truth, as ``surefix.evaluate`` takes it: "identity"; a ``.npy`` of places (m,) or of a
+    matrix (n, m); or a ``.csv`` with the columns query and reference, a row a query, with -1 or an
+    empty cell for a query without a place.
     """
     if source == "identity":
         if queries > places:
-            raise SurefixValueError(
-                f"--truth identity: expected a place for every query, got {places} places "
-                f"and {queries} queries"
-            )
+            got = f"{places} places and {queries} queries"
+            raise mismatch("--truth identity", "a place for every query", got)
         return np.arange(queries)
     path = Path(source)
     if path.suffix == ".npy":
@@ -77,27 +60,22 @@ def _table(path: Path, places: int, queries: int) -> npt.NDArray[np.int64]:
                 raise mismatch(f"{path}, row {row}", "the columns query,reference", ",".join(cells))
             continue
         if len(cells) != len(header):
-            raise mismatch(
-                f"{path}, row {row}", f"{len(header)} values, {','.join(header)}", len(cells)
-            )
+            expected = f"{len(header)} values, {','.join(header)}"
+            raise mismatch(f"{path}, row {row}", expected, len(cells))
         given, there = (cells[header.index(column)] for column in COLUMNS)
         query = _cell(path, row, "query", given, 0, queries)
         place = -1 if there == "" else _cell(path, row, "reference", there, -1, places)
         before, at = found.setdefault(query, (place, row))
         if before != place:
-            raise SurefixValueError(
-                f"{path}, row {row}: expected one reference a query, got {place} for query "
-                f"{query}, which has {before} in row {at}; several places a query are a matrix, "
-                f"a .npy ({places}, {queries})"
-            )
+            got = f"{place} for query {query}, which has {before} in row {at}"
+            advice = f"several places a query are a matrix, a .npy ({places}, {queries})"
+            raise mismatch(f"{path}, row {row}", "one reference a query", f"{got}; {advice}")
     if not found:
         raise mismatch(path, "rows of query,reference", "none")
     missing = [query for query in range(queries) if query not in found]
     if missing:
-        raise SurefixValueError(
-            f"{path}: expected a row for each of the {queries} queries, got {len(found)}; the "
-            f"first that lacks one is {missing[0]} (reference -1 or empty for none)"
-        )
+        first = f"the first that lacks one is {missing[0]} (reference -1 or empty for none)"
+        raise mismatch(path, f"a row for each of the {queries} queries", f"{len(found)}; {first}")
     return np.array([found[query][0] for query in range(queries)], np.int64)
 
 
@@ -108,8 +86,6 @@ def _is_whole(cell: str) -> bool:
 def _cell(path: Path, row: int, column: str, cell: str, low: int, count: int) -> int:
     if not _is_whole(cell) or not low <= int(cell) < count:
         none = ", or -1 for none" if low < 0 else ""
-        raise SurefixValueError(
-            f"{path}, row {row}, column {column}: expected a whole number from 0 to {count - 1}"
-            f"{none}, got {cell!r}"
-        )
+        expected = f"a whole number from 0 to {count - 1}{none}"
+        raise mismatch(f"{path}, row {row}, column {column}", expected, repr(cell))
     return int(cell)

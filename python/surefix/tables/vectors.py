@@ -15,8 +15,6 @@ from surefix._extra import require
 from surefix.errors import SurefixError, SurefixValueError, mismatch, refusal
 from surefix.tables.npy import read_npy
 
-__all__ = ["ENDINGS", "load", "metric_of"]
-
 Rows = npt.NDArray[Any]
 NUMBERS = ("float32", "float16", "int8", "uint8")
 # The number of names that an error lists.
@@ -94,8 +92,12 @@ def metric_of(path: str | PathLike[str]) -> Literal["cosine", "euclidean"] | Non
     return _read_index(file)[1] if _READERS.get(file.suffix.lower()) is _faiss else None
 
 
+def _none(path: Path, kind: str, reason: object) -> SurefixValueError:
+    return SurefixValueError(f"{path}: not {kind}, or a truncated one ({reason})")
+
+
 def _npy(path: Path, key: str | None) -> Rows:
-    _no_key(path, key)
+    check_no_key(path, key)
     return read_npy(path, "the descriptors", mapped=True)
 
 
@@ -109,9 +111,7 @@ def _npz(path: Path, key: str | None) -> Rows:
     except (ValueError, EOFError, OSError, zipfile.BadZipFile, KeyError) as error:
         if isinstance(error, SurefixError):
             raise
-        raise SurefixValueError(
-            f"{path}: not a .npz archive, or a truncated one ({error})"
-        ) from None
+        raise _none(path, "a .npz archive", error) from None
     return array
 
 
@@ -121,9 +121,7 @@ def _safetensors(path: Path, key: str | None) -> Rows:
         with library.safe_open(path, framework="np") as tensors:
             array: Rows = tensors.get_tensor(_one_of(path, key, list(tensors.keys())))
     except library.SafetensorError as error:
-        raise SurefixValueError(
-            f"{path}: not a .safetensors file, or a truncated one ({error})"
-        ) from None
+        raise _none(path, "a .safetensors file", error) from None
     except (TypeError, AttributeError) as error:
         # NumPy has no bfloat16, for one.
         raise mismatch(path, ", ".join(NUMBERS), f"another type ({error})") from None
@@ -143,7 +141,7 @@ def _hdf5(path: Path, key: str | None) -> Rows:
             file.visititems(visit)
             return _data_set(path, key, found)
     except OSError as error:
-        raise SurefixValueError(f"{path}: not an HDF5 file, or a truncated one ({error})") from None
+        raise _none(path, "an HDF5 file", error) from None
 
 
 def _data_set(path: Path, key: str | None, found: dict[str, Any]) -> Rows:
@@ -158,18 +156,14 @@ def _data_set(path: Path, key: str | None, found: dict[str, Any]) -> Rows:
         # If there are many groups, the names of the data sets in them say more.
         listed = {n.rpartition("/")[2] for n in found} if len(found) > LISTED else found
         short = ", ".join(sorted(listed)[:LISTED]) + (", ..." if len(listed) > LISTED else "")
-        raise SurefixValueError(
-            f"{path}: expected one of the data sets {short or '(there are none)'}, "
-            f"got {'no key' if key is None else f'the key {key!r}'}"
-        )
+        got = "no key" if key is None else f"the key {key!r}"
+        raise mismatch(path, f"one of the data sets {short or '(there are none)'}", got)
     of_images.sort(key=_as_counted)
     rows = [np.asarray(found[full]) for full in of_images]
     for full, row in zip(of_images, rows, strict=True):
         if row.ndim != 1 or row.shape != rows[0].shape:
-            raise SurefixValueError(
-                f"{path}, {full}: expected a vector of {rows[0].size} numbers as in the first "
-                f"group, got the shape {row.shape}"
-            )
+            expected = f"a vector of {rows[0].size} numbers as in the first group"
+            raise mismatch(f"{path}, {full}", expected, f"the shape {row.shape}")
     return np.stack(rows)
 
 
@@ -180,7 +174,7 @@ def _as_counted(name: str) -> list[tuple[int, int, str]]:
 
 
 def _faiss(path: Path, key: str | None) -> Rows:
-    _no_key(path, key)
+    check_no_key(path, key)
     return _read_index(path)[0]
 
 
@@ -190,28 +184,22 @@ def _read_index(path: Path) -> tuple[Rows, Literal["cosine", "euclidean"]]:
     try:
         index: Any = library.read_index(str(path))
     except RuntimeError as error:
-        reason = str(error).strip().split("\n")[-1]
-        raise SurefixValueError(
-            f"{path}: not a faiss index, or a truncated one ({reason})"
-        ) from None
+        raise _none(path, "a faiss index", str(error).strip().split("\n")[-1]) from None
     if not isinstance(index, library.IndexFlat):
-        raise SurefixValueError(
-            f"{path}: expected a flat index (IndexFlatL2, IndexFlatIP), which holds the vectors "
-            f"themselves in their order, got {type(index).__name__}"
-        )
-    rows: Rows = np.empty((0, index.d), np.float32)
-    if index.ntotal:
-        rows = index.reconstruct_n(0, index.ntotal)
+        holds = "which holds the vectors themselves in their order"
+        expected = f"a flat index (IndexFlatL2, IndexFlatIP), {holds}"
+        raise mismatch(path, expected, type(index).__name__)
+    empty: Rows = np.empty((0, index.d), np.float32)
+    rows = index.reconstruct_n(0, index.ntotal) if index.ntotal else empty
     if index.metric_type == library.METRIC_L2:
         return rows, "euclidean"
     if index.metric_type != library.METRIC_INNER_PRODUCT:
         raise mismatch(path, "an index of L2 or of inner products", f"metric {index.metric_type}")
     lengths = np.linalg.norm(rows.astype(np.float64), axis=1)
     if len(rows) and np.abs(lengths - 1).max() > UNIT:
-        raise SurefixValueError(
-            f"{path}: expected vectors of unit length in an index of inner products, which are "
-            f"cosines then, got lengths from {lengths.min():.4g} to {lengths.max():.4g}"
-        )
+        expected = "vectors of unit length in an index of inner products, which are cosines then"
+        got = f"lengths from {lengths.min():.4g} to {lengths.max():.4g}"
+        raise mismatch(path, expected, got)
     return rows, "cosine"
 
 
@@ -227,7 +215,8 @@ _READERS: dict[str, Callable[[Path, str | None], Rows]] = {
 ENDINGS = tuple(_READERS)
 
 
-def _no_key(path: Path, key: str | None) -> None:
+def check_no_key(path: str | Path, key: str | None) -> None:
+    """Refuses a key for a file with one array."""
     if key is not None:
         raise mismatch(path, "no key, as such a file holds one array", repr(key))
 

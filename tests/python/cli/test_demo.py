@@ -1,4 +1,4 @@
-"""``surefix demo``: what it writes is whole, true, and says the same as the fixes that it wrote."""
+"""``surefix demo``: its report is whole and true, and agrees with the fixes that it wrote."""
 
 import contextlib
 import csv
@@ -131,7 +131,7 @@ def area_upto(demo: Demo, name: str, upto: float = 0.2) -> float:
         (right[scores <= s].sum() / right.sum(), right[scores <= s].mean())
         for s in np.unique(scores)
     ]
-    # Where recall stays, the last precision is the one that the curve goes on from.
+    # If recall stays, the curve goes on from the last precision.
     recall, precision = np.array(
         [(r, p) for k, (r, p) in enumerate(points) if [*points, (2, 0)][k + 1][0] > r]
     ).T

@@ -69,7 +69,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(
     drives: Path, undrawn: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Run:
-    """The command line in this process; its exit code, and what it says of errors."""
+    """The command line in this process; its exit code and its errors."""
 
     def run(*arguments: object) -> tuple[int, str]:
         monkeypatch.chdir(drives)
@@ -97,7 +97,7 @@ def test_a_map_by_a_network_is_judged_by_the_fixes_of_a_run(
     expected = surefix.match(route, drives / "winter", descriptor=network(drives), progress=False)
     cache = tmp_path / "winter.cache"
     model = ("--model", "tiny.onnx", "--cache", cache)
-    # The network and what it made before; a recording; what it made, as ready descriptors.
+    # The network, and its cached vectors; a recording; its vectors, as ready descriptors.
     for out, queries, options in (
         ("first", "winter", model),
         ("again", "winter", model),

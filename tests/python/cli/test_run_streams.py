@@ -65,7 +65,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def same(a: list[dict[str, str]], b: list[dict[str, str]]) -> bool:
-    """But for the names, the time they took, and what only a stream has."""
+    """Without the names, the latencies, and the columns that only a stream has."""
     compared = [column for column in COLUMNS if column not in ("query", "latency_us")]
     return [[row[column] for column in compared] for row in a] == [
         [row[column] for column in compared] for row in b

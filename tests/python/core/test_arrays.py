@@ -1,4 +1,4 @@
-"""What counts as an array, and what memory it may lie in."""
+"""Things that count as arrays, and the memory that they may lie in."""
 
 import threading
 import time

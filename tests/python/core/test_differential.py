@@ -1,4 +1,4 @@
-"""Stream = batch = oracle, on 10,000 generated matrices, and what must not change an answer.
+"""Stream = batch = oracle, on 10,000 generated matrices, and options that must not change an answer.
 
 All are equal bit for bit, scores too: the sums are defined down to the order of additions.
 """
@@ -233,7 +233,7 @@ def test_ten_thousand_cases_were_run() -> None:
 
 @pytest.mark.parametrize("seed", range(50))
 def test_a_stream_told_the_global_minimum_is_the_paper_s_batch(seed: int) -> None:
-    """1.4: `fixed(global minimum)` = `global`, bit for bit, where the running floor differs."""
+    """1.4: `fixed(global minimum)` = `global`, bit for bit, if the running floor differs."""
     rng = np.random.default_rng(seed)
     D = rng.random((20, 30)).astype(np.float32)
     D[:, -1] -= 1.0  # the global minimum comes last

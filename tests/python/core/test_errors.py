@@ -1,6 +1,4 @@
-"""Bad input: a clear error that names what was expected, what came and where, and nothing
-half-changed.
-"""
+"""Bad input: a clear error with the place, the expected and the given; nothing is half-changed."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Gaps from Python: streams whose frames say what was lost, long windows, and what is refused."""
+"""Gaps from Python: streams whose frames count the lost ones, long windows, and refusals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from oracle import Array, Options
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """What a source of frames yields, as far as a localizer looks at it."""
+    """A frame of a source, with the attributes that a localizer reads."""
 
     image: Any
     dropped: Any = 0

@@ -36,7 +36,7 @@ def test_gradient_mean_telescopes(kind: str) -> None:
 
 
 def test_enhancement_sums_the_trailing_diagonal() -> None:
-    """1.2: three terms back along the diagonal; what is missing is the current column's mean."""
+    """1.2: three terms back along the diagonal; a missing term is the current column's mean."""
     g = np.array([[1, 2, 3], [4, 5, 6], [7, 8, 9]], np.float32)
     mean = np.array([10, 20, 30], np.float32)
     assert_array_equal(
@@ -121,7 +121,7 @@ def test_match_applies_the_running_floor_afresh_to_the_whole_window() -> None:
 
 
 def test_match_counts_only_anchors_on_the_winning_diagonal() -> None:
-    """1.5: query 1's anchor is at place 0, where no diagonal ends, and counts for nothing."""
+    """1.5: query 1's anchor is at place 0, at which no diagonal ends, and counts for nothing."""
     D = np.array([[1.0, 0.0], [2.0, 5.0], [9.0, 5.0]])
     run = oracle.match(D, Options(weight=0.0), trusted=np.array([True, True]))
     assert_array_equal(run.single_place, [0, 0])

@@ -52,7 +52,7 @@ def assert_within_one_level(got: Array, want: Array) -> None:
 
 
 def assert_described(got: Array, thumbnail: Array, patch: int = 8) -> None:
-    """`got` is the u8 descriptor of exactly this thumbnail; where 128 + 32 z is within 1e-4 of a
+    """`got` is the u8 descriptor of exactly this thumbnail; if 128 + 32 z is within 1e-4 of a
     half, it may round to either side.
     """
     z = oracle.normalise(thumbnail, patch, "f32").astype(np.float64)

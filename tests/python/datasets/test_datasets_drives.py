@@ -21,7 +21,7 @@ PATTERNS = ("rggb", "grbg", "gbrg", "bggr")
 
 
 def mosaic_of(image: npt.NDArray[np.uint8], pattern: str) -> npt.NDArray[np.uint8]:
-    """What a camera with this filter sees of an RGB image."""
+    """The mosaic of an RGB image in a camera with this filter."""
     mosaic = np.zeros(image.shape[:2], np.uint8)
     for row, column in np.ndindex(*mosaic.shape):
         colour = pattern[2 * (row % 2) + column % 2]

@@ -26,7 +26,7 @@ IMAGES = np.random.default_rng(3).integers(0, 256, (23, 6, 8, 3), dtype=np.uint8
 
 
 class Means:
-    """A descriptor that counts what it is asked for."""
+    """A descriptor that counts its calls and images."""
 
     def __init__(self, name: str = "means", **recipe: object) -> None:
         self.name = name

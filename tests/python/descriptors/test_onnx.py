@@ -1,4 +1,4 @@
-"""Networks from ONNX files: the numbers of an oracle, and what is refused."""
+"""Networks from ONNX files: the numbers of an oracle, and refusals."""
 
 import hashlib
 import json

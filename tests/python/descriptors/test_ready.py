@@ -1,6 +1,4 @@
-"""Files of ready descriptors: what other libraries wrote comes back as it was, and what is none is
-named.
-"""
+"""Files of ready descriptors: arrays of other libraries come back as they were; others are named."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Re-ranked candidates as distances of all places; Patch-NetVLAD's own package, where it is
+"""Re-ranked candidates as distances of all places; Patch-NetVLAD's own package, if it is
 installed.
 """
 

@@ -1,4 +1,4 @@
-"""PyTorch modules, and the published models' loading; skipped where PyTorch is not installed."""
+"""PyTorch modules, and the published models' loading; skipped if PyTorch is not installed."""
 
 import json
 import socket
@@ -33,7 +33,7 @@ def tiny() -> Any:
 
 
 class Calls(torch.nn.Module):  # type: ignore[misc]
-    """Gives back what it gets, and remembers how it was called."""
+    """Gives back its input, and remembers its calls."""
 
     def __init__(self, answer: Any = lambda planes: planes) -> None:
         super().__init__()
@@ -201,8 +201,8 @@ def test_offline_a_model_in_the_hubs_folder_is_loaded(name: str, offline: Path) 
     model = HUB_MODELS[name]
     folder = offline / (model.repository.replace("/", "_") + "_main")
     folder.mkdir(parents=True)
-    # The hub's own layout, with a network that leaves its input as it is and remembers what it was
-    # asked for.
+    # The hub's own layout, with a network that leaves its input as it is and remembers its
+    # arguments.
     (folder / "hubconf.py").write_text(
         "import torch\n"
         f"def {model.entry}(**options):\n"

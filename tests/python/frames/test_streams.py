@@ -1,4 +1,4 @@
-"""Streams of frames: files, arrays, and what passes frames over."""
+"""Streams of frames: files, arrays, and sources that pass frames over."""
 
 import re
 import subprocess

@@ -56,7 +56,7 @@ def address() -> Iterator[str]:
 
 
 def near(image: np.ndarray, index: int) -> bool:
-    """The picture, but for what JPEG makes of it."""
+    """The picture, but for the losses of JPEG."""
     return bool(np.abs(image.astype(int) - IMAGES[index]).mean() < 4)
 
 
@@ -122,7 +122,7 @@ def test_a_robot_runs_along_a_route_by_its_camera(address: str, tmp_path: Path) 
         out,
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    # The camera's end is an error; what came before it is kept.
+    # The camera's end is an error; the frames before it are kept.
     assert done.returncode == 1, done.stderr
     *_, summary, error = done.stderr.splitlines()
     assert error.startswith(f"surefix: camera {address}: it gives no frame any more")

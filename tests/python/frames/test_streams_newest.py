@@ -78,7 +78,7 @@ def test_every_frame_is_either_given_or_counted_before_the_next(seed: int) -> No
         time.sleep(float(generator.choice([0, 0.004])))
     at = [int(frame.name) for frame in seen]
     before = [-1, *at[:-1]]
-    # What the source itself had lost is counted too.
+    # The frames that the source itself had lost are counted too.
     between = [slice(a + 1, b + 1) for a, b in zip(before, at, strict=True)]
     assert at[-1] == 39
     expected = [

@@ -27,7 +27,7 @@ def test_a_corridor_in_a_bag_and_in_a_video(tmp_path: Path) -> None:
         localizer = surefix.Localizer(route)
         fixes = [localizer.push(frame.image) for frame in frames_open(place)]
         assert [(fix.place, fix.score, fix.trusted) for fix in fixes] == plain
-    # As cameras record: what is lost in compression moves few matches, if any.
+    # As cameras record: the losses of compression move few matches, if any.
     lossy = write_video(tmp_path / "drive.mp4", colour, codec="libx264", pixels="yuv420p")
     localizer = surefix.Localizer(route)
     places = [localizer.push(frame.image).place for frame in frames_open(lossy)]

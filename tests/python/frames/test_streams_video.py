@@ -49,7 +49,7 @@ def test_a_whole_video_is_never_taken_for_a_damaged_one(
 
 
 def until_damage(path: Path) -> tuple[list[Frame], str]:
-    """The frames before the error, and what it says."""
+    """The frames before the error, and its message."""
     seen: list[Frame] = []
     try:
         for frame in VideoFrames(path):

@@ -1,4 +1,4 @@
-"""A drive that is saved for rerun says what the fixes say: read back by rerun's own reader."""
+"""A drive that is saved for rerun agrees with the fixes: read back by rerun's own reader."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def drive(
 
 
 def last_picture(console: Console) -> list[str]:
-    """The lines of what was drawn last."""
+    """The lines that were drawn last."""
     text = console.export_text(styles=False)
     return text[text.rindex("╭") :].rstrip("\n").split("\n")
 
@@ -218,8 +218,8 @@ def test_bins_of_one_width_keep_every_minimum(places: int) -> None:
 def run_on_a_terminal(
     arguments: list[str], until: bytes | None, width: int = 80, height: int = 30, **environment: str
 ) -> tuple[int, str]:
-    """`surefix` on a terminal, interrupted once it has shown ``until``; its exit code, and what it
-    drew.
+    """`surefix` on a terminal, interrupted once it has shown ``until``; its exit code, and the
+    text that it drew.
     """
     leader, follower = pty.openpty()
     ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", height, width, 0, 0))
@@ -237,7 +237,7 @@ def run_on_a_terminal(
     )
     os.close(follower)
     seen = b""
-    # What never shows would be waited for without end.
+    # A text that never shows would be waited for without end.
     watch = threading.Timer(60, process.kill)
     watch.start()
     while True:

@@ -1,4 +1,4 @@
-"""The viewer is opened and told of the drive: the real program, which writes down what it hears and
+"""The viewer is opened and told of the drive: the real program, which writes down its messages and
 opens no window.
 """
 
@@ -30,9 +30,7 @@ ENTITIES = ("fix", "score", "distances/all", "matrix/distances")
 
 @pytest.fixture
 def scripts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of programs, where rerun's is looked for; a home of its own, in which it collects
-    nothing.
-    """
+    """A folder of programs that has rerun's, and a home in which rerun collects nothing."""
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv("DISPLAY", ":0")

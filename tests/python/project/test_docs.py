@@ -1,4 +1,4 @@
-"""The documentation's examples run as they stand, and print what the pages say that they print."""
+"""The documentation's examples run as they stand, and print the output that the pages show."""
 
 import io
 import json
@@ -15,7 +15,7 @@ sys.path.insert(0, str(DOCS))
 import pages  # noqa: E402 (a module of the documentation)
 
 NOTEBOOKS = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.ipynb"))
-# What is run; what is not code, or run by cargo; and what MyST has in braces.
+# Languages that are run; those that are not code, or run by cargo.
 RUN, NOT_RUN = {"python", "console"}, {"text", "sh", "json", "csv", "rust", "toml"}
 
 

@@ -1,4 +1,4 @@
-"""Every public name has a docstring, and every example in one runs and gives what it says."""
+"""Every public name has a docstring, and every example in one runs and gives its output."""
 
 import doctest
 import inspect

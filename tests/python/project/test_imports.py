@@ -1,4 +1,4 @@
-"""What is imported when: nobody waits for a package that they do not use."""
+"""When packages are imported: those that are not used cost no time."""
 
 import subprocess
 import sys
@@ -35,7 +35,7 @@ def loaded(code: str) -> set[str]:
         text=True,
         check=True,
     )
-    # The last line: what the code prints comes before.
+    # The last line: the output of the code comes before.
     return set(done.stdout.splitlines()[-1].split())
 
 

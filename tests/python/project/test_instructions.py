@@ -1,4 +1,4 @@
-"""The guard of instruction counts: what it lets pass, what it stops, and what it says."""
+"""The guard of instruction counts: the changes that it lets pass or stops, and its messages."""
 
 import importlib.util
 import subprocess

@@ -1,4 +1,4 @@
-"""The ROS 2 example: what the node says is decided without ROS, and is tested here on real messages
+"""The ROS 2 example: the node's answers are made without ROS, and are tested here on real messages
 of ROS 2.
 """
 

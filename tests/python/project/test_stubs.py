@@ -1,4 +1,4 @@
-"""The stub says what the binding says: docstrings, and the options with their defaults."""
+"""The stub agrees with the binding: docstrings, and the options with their defaults."""
 
 import ast
 import importlib.util

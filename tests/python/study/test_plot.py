@@ -1,4 +1,4 @@
-"""``surefix.plot``: what a figure draws is what it was given, nothing is cut off, and the lines can
+"""``surefix.plot``: a figure draws its input, nothing is cut off, and the lines can
 be told apart.
 """
 

@@ -1,5 +1,5 @@
-"""``surefix reproduce``: what it writes is whole, says that it is generated, and equals what NumPy
-computes.
+"""``surefix reproduce``: its report is whole, says that it is generated, and equals the
+results of NumPy.
 """
 
 import csv
@@ -72,7 +72,7 @@ def area(D: np.ndarray, truth: np.ndarray, length: int, weight: float, upto: flo
         for s in np.unique(scores)
     ]
     recall, precision = np.array([(r, min(q for p, q in points if p == r)) for r in dict(points)]).T
-    # Where recall stays, precision only falls: the line goes on from the lowest.
+    # If recall stays, precision only falls: the line goes on from the lowest.
     grid = np.linspace(0, upto, 20_001)
     return float(np.interp(grid, np.r_[0, recall], np.r_[points[0][1], precision]).mean())
 
@@ -356,7 +356,7 @@ def test_matrices_need_no_images(tmp_path: Path) -> None:
     matrices(walks(tmp_path / "walk", "day_left", "day_right") / "matrices", "Net_distance")
     (tmp_path / "walk" / "day_right" / "Image003.jpg").write_bytes(b"no image")
     matrices(walks(tmp_path / "half", "reference") / "matrices", "Net_distance")
-    # The top's own matrices do not hide what lies below.
+    # The top's own matrices do not hide those below.
     matrices(tmp_path / "matrices", "Top_distance")
     lines = ["query,reference", *(f"{query},{query + 8}" for query in range(12))]
     (tmp_path / "told" / "ground_truth.csv").write_text("\n".join(lines), encoding="utf-8")
