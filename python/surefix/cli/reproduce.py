@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
 from surefix import SurefixError, SurefixValueError
-from surefix.cli.eval import Recall
+from surefix.study.study import Recall
 
 if TYPE_CHECKING:
     from surefix.reproduce import Case, Settings
@@ -66,7 +66,7 @@ def reproduce(
             "gardens_point, nordland, four_seasons, robotcar."
         ),
     ] = None,
-    recall: Annotated[Recall, typer.Option(help="The convention of recall.")] = Recall.correct,
+    recall: Annotated[Recall, typer.Option(help="The convention of recall.")] = "correct",
     quick: Annotated[
         bool, typer.Option("--quick", help="Few samples and steps: to see that it works.")
     ] = False,
@@ -80,7 +80,7 @@ def reproduce(
         from surefix.reproduce.report import STEPS
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
-    settings = Settings(recall.value, quick)
+    settings = Settings(recall, quick)
     numbers = None if paper is None else read_paper(paper)
     pairs = read_pairs(pair or [])
     if pairs and data is None:
