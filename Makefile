@@ -143,7 +143,7 @@ check-aarch64: $(VENV)/installed
 	@ls dist/*_aarch64.whl >/dev/null 2>&1 || $(MAKE) wheel-aarch64
 	$(BIN)/python packaging/aarch64_answers.py dist/*_aarch64.whl
 
-# The tests that skip without PyTorch, which is too large for every desk; in an environment of its own.
+# The tests that skip without PyTorch, which is too large for every machine; in an environment of its own.
 check-torch: $(VENV)/wheel
 	$(PYTHON) -m venv $(VENV)/torch
 	$(VENV)/torch/bin/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[dev]" torch torchvision tqdm

@@ -28,12 +28,14 @@ truth = np.arange(500)
 right = np.abs(weighted.single_place - truth) <= 1
 trusted = weighted.trusted
 print(
-    f"single frames: {right.mean():.1%} right; of the {trusted.sum()} trusted {right[trusted].mean():.1%}"
+    f"single frames: {right.mean():.1%} right; "
+    f"of the {trusted.sum()} trusted {right[trusted].mean():.1%}"
 )
 for name, run in (("plain", plain), ("weighted", weighted)):
     curve = surefix.evaluate(run, truth, tolerance=1)
     print(
-        f"{name:8} sequence: area under the precision-recall curve to 20 % recall {curve.auc(0.2):.3f}"
+        f"{name:8} sequence: area under the precision-recall curve to 20 % recall "
+        f"{curve.auc(0.2):.3f}"
     )
 
 print(weighted)

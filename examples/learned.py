@@ -55,7 +55,8 @@ def main() -> None:
     if len(given.routes) % 3:
         options.error("expected NAME REFERENCES QUERIES for each route")
     print(
-        "| route | descriptor | query statistics | R@1 | trusted | of these right | area to 20 % recall |"
+        "| route | descriptor | query statistics | R@1 | trusted | of these right "
+        "| area to 20 % recall |"
     )
     print("|---|---|---|---|---|---|---|")
     for name, *places in zip(*[iter(given.routes)] * 3, strict=True):

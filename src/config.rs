@@ -147,21 +147,12 @@ impl Config {
 impl Config {
     /// The options that differ from those of `other`, each with both values.
     pub(crate) fn differences(&self, other: &Self) -> String {
-        let values = |config: &Self| {
-            [
-                ("sequence_length", config.sequence_length.to_string()),
-                ("weight", config.weight.to_string()),
-                ("tolerance", config.tolerance.to_string()),
-                ("smoothing", config.smoothing.to_string()),
-                ("gradient", format!("{:?}", config.gradient).to_lowercase()),
-                ("floor", format!("{:?}", config.floor).to_lowercase()),
-                ("speeds", format!("{:?}", config.speeds)),
-            ]
-        };
-        let pairs = values(self).into_iter().zip(values(other));
-        let differing = pairs.filter(|((_, expected), (_, got))| expected != got);
-        let each = differing
-            .map(|((name, expected), (_, got))| format!("{name}: expected {expected}, got {got}"));
+        let values = |config: &Self| serde_json::to_value(config).unwrap_or_default();
+        let (expected, got) = (values(self), values(other));
+        let names = expected.as_object().into_iter().flat_map(|options| options.keys());
+        let differing = names.filter(|&name| expected[name] != got[name]);
+        let each =
+            differing.map(|name| format!("{name}: expected {}, got {}", expected[name], got[name]));
         each.collect::<Vec<_>>().join("; ")
     }
 }

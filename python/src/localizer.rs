@@ -132,8 +132,9 @@ impl Localizer {
     /// frames : iterable of arrays or paths, or a path
     ///     Each as for ``push``. A path is a folder or a pattern of images, or whatever else
     ///     ``surefix.frames.open`` opens: a video, a bag, a camera by its number or URL, a
-    ///     file of arrays. Or a source that reports lost frames, such as ``surefix.frames.Frames``: an iterable of objects with an ``image`` to push, and ``gap`` and
-    ///     ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
+    ///     file of arrays. Or a source that reports lost frames, such as
+    ///     ``surefix.frames.Frames``: an iterable of objects with an ``image`` to push, and ``gap``
+    ///     and ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
     ///     before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
     ///     image is then refused.
     ///

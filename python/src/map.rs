@@ -12,6 +12,7 @@ use crate::arrays::{Numbers, as_array, check_axes, query, rows_to_py};
 use crate::error::{OrRaise as _, value};
 use crate::images::{Images, progress_callback, with_progress};
 use crate::learned;
+use crate::options::whole;
 use crate::places::{self, with_positions};
 use crate::post::{self, Post};
 use crate::sad::Sad;
@@ -239,8 +240,8 @@ impl Map {
         })
     }
 
-    /// The places of this map and then those of ``more``: the map that all their descriptors at once
-    /// would have made. Neither changes.
+    /// The places of this map and then those of ``more``: the map that all their descriptors at
+    /// once would have made. Neither changes.
     ///
     /// Parameters
     /// ----------
@@ -439,8 +440,8 @@ impl Map {
     }
 
     /// Saves the map as one safetensors file with everything that it takes to use it. It is written
-    /// beside its place and then renamed: there is never half a file. Symbolic links and the mode of
-    /// an old file stay.
+    /// beside its place and then renamed: there is never half a file. Symbolic links and the mode
+    /// of an old file stay.
     ///
     /// Raises
     /// ------
@@ -533,7 +534,13 @@ impl Map {
     /// >>> route = surefix.Map.from_descriptors(np.eye(5, dtype=np.float32))
     /// >>> len(route.slice(1, 4))
     /// 3
-    fn slice(&self, py: Python<'_>, start: usize, stop: usize) -> PyResult<Self> {
+    fn slice(
+        &self,
+        py: Python<'_>,
+        start: &Bound<'_, PyAny>,
+        stop: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let (start, stop) = (whole("start", start)?, whole("stop", stop)?);
         Ok(Self(Arc::new(py.detach(|| self.0.slice(start..stop)).or_raise(py)?)))
     }
 

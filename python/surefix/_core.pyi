@@ -463,8 +463,8 @@ class Map:
             If the file cannot be read or written.
         """
     def extended(self, more: Map) -> Map:
-        """The places of this map and then those of ``more``: the map that all their descriptors at once
-        would have made. Neither changes.
+        """The places of this map and then those of ``more``: the map that all their descriptors at
+        once would have made. Neither changes.
 
         Parameters
         ----------
@@ -556,8 +556,8 @@ class Map:
         """
     def save(self, path: _Path) -> None:
         """Saves the map as one safetensors file with everything that it takes to use it. It is written
-        beside its place and then renamed: there is never half a file. Symbolic links and the mode of
-        an old file stay.
+        beside its place and then renamed: there is never half a file. Symbolic links and the mode
+        of an old file stay.
 
         Raises
         ------
@@ -992,8 +992,9 @@ class Localizer:
         frames : iterable of arrays or paths, or a path
             Each as for ``push``. A path is a folder or a pattern of images, or whatever else
             ``surefix.frames.open`` opens: a video, a bag, a camera by its number or URL, a
-            file of arrays. Or a source that reports lost frames, such as ``surefix.frames.Frames``: an iterable of objects with an ``image`` to push, and ``gap`` and
-            ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
+            file of arrays. Or a source that reports lost frames, such as
+            ``surefix.frames.Frames``: an iterable of objects with an ``image`` to push, and ``gap``
+            and ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
             before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
             image is then refused.
 

@@ -93,6 +93,9 @@ impl Header {
             let (expected, got) = (format.name, stamp.format);
             return Err(foreign(&format!("expected the format {expected:?}, got {got:?}")));
         }
+        if stamp.version == 0 {
+            return Err(foreign("expected a version of 1 or more, got 0"));
+        }
         if stamp.version > format.version {
             return Err(Refusal::Newer { found: stamp.version, supported: format.version });
         }
@@ -115,6 +118,11 @@ impl Header {
         })
     }
 
+    /// Whether it has a checksum.
+    pub(crate) fn is_signed(&self) -> bool {
+        self.signed
+    }
+
     pub(crate) fn info(&self, name: &str) -> Option<&TensorInfo> {
         self.metadata.info(name)
     }
@@ -133,10 +141,11 @@ impl<R: Read> Reader<R> {
         Ok(Self { header, from, hash })
     }
 
-    /// Reads the tensors into memory and compares the checksum. The tensor `large` is not among
-    /// them: its bytes go into `into` if that has their length, else they are only hashed.
+    /// Reads the tensors that are `wanted` into memory and compares the checksum; others are only
+    /// hashed. The bytes of the tensor `large` go into `into` if that has their length.
     pub(crate) fn tensors(
         mut self,
+        wanted: impl Fn(&str) -> bool,
         large: &str,
         mut into: Option<&mut [u8]>,
     ) -> Result<Tensors<'static>, Refusal> {
@@ -146,34 +155,41 @@ impl<R: Read> Reader<R> {
         for name in header.metadata.offset_keys() {
             let Some(info) = header.metadata.info(&name) else { continue };
             let size = info.data_offsets.1 - info.data_offsets.0;
-            if name == large {
-                match into.take() {
-                    Some(memory) if memory.len() == size => {
-                        for piece in memory.chunks_mut(PIECE) {
-                            from.read_exact(piece)?;
-                            hash.write(piece);
-                        }
-                    }
-                    _ => in_pieces(size, |piece| {
-                        from.read_exact(piece)?;
-                        hash.write(piece);
-                        io::Result::Ok(())
-                    })?,
+            let memory = into.take_if(|memory| name == large && memory.len() == size);
+            if name == CHECKSUM && header.signed {
+                let mut word = [0; WORD];
+                from.read_exact(&mut word)?;
+                stored = Some(word);
+            } else if let Some(memory) = memory {
+                for piece in memory.chunks_mut(PIECE) {
+                    from.read_exact(piece)?;
+                    hash.write(piece);
                 }
-                continue;
+            } else if name != large && wanted(&name) {
+                let mut bytes = zeros(size)?;
+                from.read_exact(&mut bytes)?;
+                hash.write(&bytes);
+                data.insert(name, bytes.into());
+            } else {
+                in_pieces(size, |piece| {
+                    from.read_exact(piece)?;
+                    hash.write(piece);
+                    io::Result::Ok(())
+                })?;
             }
-            let mut bytes = vec![0; size];
-            from.read_exact(&mut bytes)?;
-            if name == CHECKSUM {
-                stored = bytes.as_slice().try_into().ok();
-                continue;
-            }
-            hash.write(&bytes);
-            data.insert(name, bytes.into());
         }
         check(&self.header, self.hash.finish(), stored)?;
         Ok(Tensors { header: self.header, data })
     }
+}
+
+/// Memory for numbers that a file claims to hold: refused if there is not enough.
+fn zeros<T: bytemuck::Zeroable + Clone>(count: usize) -> Result<Vec<T>, Refusal> {
+    let mut memory = Vec::new();
+    let refused = |_| io::Error::from(io::ErrorKind::OutOfMemory);
+    memory.try_reserve_exact(count).map_err(refused)?;
+    memory.resize(count, T::zeroed());
+    Ok(memory)
 }
 
 /// Compares the checksum, if the archive has one.
@@ -186,7 +202,7 @@ fn check(header: &Header, expected: u64, got: Option<[u8; WORD]>) -> Result<(), 
 
 /// Reads an archive that lies in memory, all of it.
 pub(crate) fn read(bytes: &[u8], format: &Format) -> Result<Tensors<'static>, Refusal> {
-    Reader::new(bytes, bytes.len() as u64, format)?.tensors("", None)
+    Reader::new(bytes, bytes.len() as u64, format)?.tensors(|_| true, "", None)
 }
 
 /// Compares the checksum of an archive that lies in memory, if it has one.
@@ -233,7 +249,7 @@ impl Tensors<'_> {
             )));
         }
         let bytes = self.data.get(name).map_or(&[][..], |bytes| bytes);
-        let mut numbers = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+        let mut numbers = zeros::<T>(bytes.len() / size_of::<T>())?;
         let memory = bytemuck::must_cast_slice_mut(&mut numbers);
         memory.copy_from_slice(bytes);
         swap_to_file_order(memory, size_of::<T>());

@@ -1,7 +1,7 @@
 //! From images to descriptors (method 1.7).
 #![allow(
     clippy::inline_always,
-    reason = "what is not inlined is not compiled for the instruction set"
+    reason = "only inlined functions are compiled for the instruction set"
 )]
 
 mod describe;

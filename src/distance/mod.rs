@@ -1,7 +1,7 @@
 //! Distances between a query's descriptor and every row of a map (method 1.6).
 //!
 //! Manhattan and euclidean distances are computed by direct differences: the expansion
-//! `|a|^2 + |b|^2 - 2ab` loses its digits near zero, which is where matches are.
+//! `|a|^2 + |b|^2 - 2ab` loses its digits near zero, the range of matches.
 //!
 //! # Instruction sets
 //!

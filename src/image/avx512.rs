@@ -4,7 +4,7 @@
 //! A weight of 22 bits is `low + 256 middle + 65536 high`, three bytes with a sign; sums of 32 bits
 //! wrap around, and the result is the same whole number.
 
-#![allow(unsafe_code, reason = "intrinsics, which run only where the processor was asked")]
+#![allow(unsafe_code, reason = "intrinsics, which run only after the CPU check")]
 #![allow(clippy::wildcard_imports, reason = "their names are prefixed")]
 
 use std::arch::x86_64::*;

@@ -1,7 +1,7 @@
 //! Images, borrowed, owned and from files, made grey and small.
 #![allow(
     clippy::inline_always,
-    reason = "what is not inlined is not compiled for the instruction set"
+    reason = "only inlined functions are compiled for the instruction set"
 )]
 
 #[cfg(target_arch = "x86_64")]

@@ -10,7 +10,7 @@ use crate::distance::Query;
 use crate::error::Error;
 use crate::image::ImageView;
 use crate::map::{Map, Recipe};
-use crate::method::{Column, Fix, Matcher, load};
+use crate::method::{Column, Fix, Matcher, Owner, load};
 use crate::numbers::{Values, View};
 use crate::post::{ChainState, Running};
 use crate::scan::{Job, Pool, threads_for};
@@ -28,7 +28,7 @@ const MAX_THREADS: usize = 1024;
 /// A map of 16 MB or more is scanned by several threads, one for every 8 MB, up to all cores; a
 /// smaller one by the caller alone. [`with_threads`](Self::with_threads) sets their number. The
 /// answers are the same to the last bit. The threads are started with the localizer, sleep between
-/// frames, and end with it. A push never waits for a thread: blocks that another thread has begun
+/// frames, and end with it. A push never waits for a thread: chunks that another thread has begun
 /// but not finished when all others are done, the caller scans itself. With one thread, a push
 /// takes no lock and makes no system call; with several, it tries locks (and goes on if one is
 /// taken) and wakes the others. In a process forked off this one, the caller scans alone.
@@ -280,14 +280,8 @@ impl Localizer {
         snapshot: &[u8],
         expected: Option<&Config>,
     ) -> Result<Self, Error> {
-        let saved = load(snapshot, expected)?;
-        if saved.map != Some(map.fingerprint()) || saved.matcher.places() != map.places() {
-            let reason = match saved.map {
-                Some(_) => "taken on another map than this one".to_owned(),
-                None => "of a matcher without a map: restore it with Matcher".to_owned(),
-            };
-            return Err(Error::Snapshot { reason });
-        }
+        let owner = Owner { fingerprint: map.fingerprint(), segments: map.route().segments() };
+        let saved = load(snapshot, expected, Some(&owner))?;
         let running = saved.running.iter().map(|running| Running::restore(running));
         let running = running.collect::<Result<Vec<_>, _>>()?;
         let mut localizer = Self::with_matcher(map, saved.matcher)?;

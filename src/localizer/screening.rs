@@ -15,7 +15,7 @@ use crate::scan::{EncodedQuery, Job, MAX_SCREENED, Pool};
 /// Below this many numbers, a row costs no more than the work on its bounds.
 pub(super) const SHORTEST: usize = 256;
 
-/// What a screened localizer has beside its matcher.
+/// A screened localizer's state beside its matcher.
 #[derive(Clone, Debug)]
 pub(super) struct Screening {
     /// The newest queries, for as long as their distances can be asked for.

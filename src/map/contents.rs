@@ -167,7 +167,7 @@ impl Head {
         } else {
             let stages = entry.post.iter().enumerate();
             let stages = stages.map(|(step, &kind)| stage(tensors, step, kind));
-            let stages = stages.collect::<Result<_, _>>()?;
+            let stages = stages.collect::<Result<Vec<_>, _>>()?;
             Some(Post::from_fitted(stages, dim).map_err(Refusal::Foreign)?.into())
         };
         let learned = entry.learned.map(|recipe| recipe.to_string().into());
@@ -177,14 +177,20 @@ impl Head {
     }
 }
 
+/// Whether a map has a tensor of this name beside its rows.
+pub(super) fn is_part(name: &str) -> bool {
+    matches!(name, "positions" | "norms" | "names") || name.starts_with("post.")
+}
+
 impl Parts {
-    /// The parts of the map in a file, whose rows are only hashed, for the checksum; and the byte
-    /// at which they begin.
-    pub(super) fn read(file: &File) -> Result<(Self, u64), Refusal> {
+    /// The parts of the map in a file, whose rows are only hashed, for the checksum; the byte at
+    /// which they begin; and whether there is a checksum.
+    pub(super) fn read(file: &File) -> Result<(Self, u64, bool), Refusal> {
         let reader = Reader::new(file, file.metadata()?.len(), &FORMAT)?;
         let head = Head::of(&reader.header)?;
         let start = head.rows.start as u64;
-        Ok((head.parts(&reader.tensors(ROWS, None)?)?, start))
+        let signed = reader.header.is_signed();
+        Ok((head.parts(&reader.tensors(is_part, ROWS, None)?)?, start, signed))
     }
 
     /// The map of these parts. Norms are those of the file, so that the same file gives the same
@@ -207,7 +213,10 @@ fn stage(tensors: &Tensors<'_>, step: usize, kind: Step) -> Result<FittedStep, R
     let mut stage = FittedStep::new(kind);
     (stage.offset, stage.scale) = (vector("offset")?, vector("scale")?);
     let name = format!("post.{step}.matrix");
-    let matrix = tensors.numbers(&name, "of 2 axes", |shape| shape.len() == 2)?;
+    let rows = stage.output(0);
+    let expected = format!("({rows}, n), as the step gives {rows} numbers");
+    let fits = |shape: &[usize]| shape.len() == 2 && (shape[0] == rows || rows == 0);
+    let matrix = tensors.numbers(&name, &expected, fits)?;
     stage.matrix = matrix.map(|(_, numbers)| numbers).unwrap_or_default();
     Ok(stage)
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use super::block::lengths;
 #[cfg(feature = "mmap")]
 use super::contents::checked_norms;
-use super::contents::{FORMAT, Head, ROWS, Sidecar, contents, entry};
+use super::contents::{FORMAT, Head, ROWS, Sidecar, contents, entry, is_part};
 use super::recipe::Kind;
 use super::route::{Names, Positions};
 use super::storage::Storage;
@@ -175,9 +175,9 @@ impl Map {
         of_mapping(mapping).map_err(|refusal| refusal.of_map(path))
     }
 
-    /// Checks a map whose rows are mapped from a file: the checksum over all bytes of the file, and
-    /// that all numbers are finite. It reads the whole file. A map in memory was checked when it
-    /// was made or opened.
+    /// Checks a map whose rows are mapped from a file: the checksum over all bytes of the file,
+    /// that all numbers are finite, and that norms are those of their rows. It reads the whole
+    /// file. A map in memory was checked when it was made or opened.
     ///
     /// # Errors
     /// [`Error::MapFile`] if the file is damaged. Its path is `<mapped>`.
@@ -188,7 +188,16 @@ impl Map {
             return Ok(());
         }
         let checked = files.into_iter().try_for_each(|file| verify(file, &FORMAT));
-        let checked = checked.and_then(|()| Ok(self.blocks.check_finite(ROWS)?));
+        let checked = checked.and_then(|()| {
+            self.blocks.check_finite(ROWS)?;
+            let mut first = 0;
+            for block in self.blocks.iter() {
+                let lengths = lengths(block.rows(), self.dim(), self.metric())?;
+                check_norms(block.norms(), &lengths, first)?;
+                first += block.rows().len() / self.dim();
+            }
+            Ok(())
+        });
         checked.map_err(|refusal| refusal.of_map(Path::new("<mapped>")))
     }
 }
@@ -228,20 +237,24 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
     let (size, dim, metric) = (head.dtype.size(), head.dim, head.entry.metric);
     let rows = Storage::try_zeros(head.dtype, head.places * dim);
     let mut rows = rows.ok_or_else(|| io::Error::from(io::ErrorKind::OutOfMemory))?;
-    let tensors = reader.tensors(ROWS, Some(rows.bytes_mut()))?;
+    let tensors = reader.tensors(is_part, ROWS, Some(rows.bytes_mut()))?;
     swap_to_file_order(rows.bytes_mut(), size);
     let parts = head.parts(&tensors)?;
     rows.view().check_finite(ROWS, dim)?;
     let own = lengths(rows.view(), dim, metric)?;
     if let Some(norms) = &parts.norms {
-        let fits = |(stored, norm): (&f64, &f64)| (stored - norm).abs() <= NORM_ERROR * norm;
-        if let Some(row) = norms.iter().zip(&own).position(|pair| !fits(pair)) {
-            let (got, expected) = (norms[row], own[row]);
-            let reason = format!("norms: expected {expected}, the length of row {row}, got {got}");
-            return Err(Refusal::Foreign(reason));
-        }
+        check_norms(norms, &own, 0)?;
     }
     Ok(parts.map(rows, &own))
+}
+
+/// Refuses norms that are not the lengths of their rows, of which the first is row `first`.
+fn check_norms(norms: &[f64], lengths: &[f64], first: usize) -> Result<(), Refusal> {
+    let fits = |(stored, norm): (&f64, &f64)| (stored - norm).abs() <= NORM_ERROR * norm;
+    let Some(at) = norms.iter().zip(lengths).position(|pair| !fits(pair)) else { return Ok(()) };
+    let (row, got, expected) = (first + at, norms[at], lengths[at]);
+    let reason = format!("norms: expected {expected}, the length of row {row}, got {got}");
+    Err(Refusal::Foreign(reason))
 }
 
 #[cfg(feature = "mmap")]

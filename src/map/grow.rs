@@ -191,7 +191,11 @@ impl<'a> Existing<'a> {
     fn open(path: &'a Path) -> Result<Self, Error> {
         let read = || -> Result<Self, Refusal> {
             let file = File::open(path)?;
-            let (parts, start) = Parts::read(&file)?;
+            let (parts, start, signed) = Parts::read(&file)?;
+            if !signed {
+                // Nothing vouches for its rows: they are read.
+                Map::open(path)?;
+            }
             Ok(Self { path, file, start, parts })
         };
         read().map_err(|refusal| refusal.of_map(path))

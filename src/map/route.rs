@@ -7,8 +7,8 @@ use crate::error::Error;
 use crate::segments::Segments;
 
 /// The route along the map's rows. Today it is one segment with one row for each place. The rest of
-/// the crate asks [`segments`](Self::segments) where neighbours end and [`fold`](Self::fold) which
-/// rows are a place, so that breaks and several traverses are changes to this file.
+/// the crate asks [`segments`](Self::segments) where neighbours end, [`rows`](Self::rows) which
+/// rows are a place, and [`fold`](Self::fold) makes one distance of them.
 #[derive(Clone, Debug)]
 pub(crate) struct Route {
     segments: Segments,

@@ -132,7 +132,7 @@ proptest! {
     }
 }
 
-/// Where a place stands out, hardly anything else is looked at.
+/// If one distance is clearly the least, few others are computed.
 #[test]
 fn few_places_are_looked_at_where_few_are_in_doubt() {
     const PLACES: usize = 1000;

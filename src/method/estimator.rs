@@ -1,4 +1,4 @@
-//! What becomes of the columns after the trust flag: estimators, of which the sequence is one.
+//! Estimators turn the columns into answers; the sequence is one.
 
 use super::trust::Anchors;
 use super::window::{Exact, Window};
@@ -6,14 +6,19 @@ use crate::segments::Segments;
 
 /// Turns the columns seen so far into an answer, one query at a time.
 ///
-/// A new estimator is a file of its own with an `impl Estimator`, a field of `Matcher` that
-/// `Matcher::method` asks in its order, and a field of `Fix`.
+/// A new estimator is a file of its own with an `impl Estimator`, a field of `Matcher`, and a field
+/// of `Fix`. Its field stands in four places of `mod.rs`: `method` asks it in its order, `memory`
+/// takes the longest of all, `gap` and `reset` clear it. If it keeps a state that the columns do
+/// not give back, `snapshot.rs` saves that too.
 pub(super) trait Estimator {
     /// Its answer to one query.
     type Answer;
 
     /// How far back the answer looks. It decides how a batch may be cut into pieces.
     fn memory(&self) -> Memory;
+
+    /// Forgets the queries so far: the next one does not follow them.
+    fn clear(&mut self);
 
     /// Takes the newest column of `window`. If columns are bounds, `ask` has their distances: an
     /// estimator that needs all of them resolves the column.

@@ -40,7 +40,7 @@ pub use gradient::Peak;
 pub use sequence::Sequence;
 pub use single::Single;
 pub(crate) use single::minimum;
-pub(crate) use snapshot::load;
+pub(crate) use snapshot::{Owner, load};
 pub(crate) use window::{Column, Exact, Ring};
 
 use crate::config::{Config, Floor};
@@ -233,6 +233,7 @@ impl Matcher {
     /// ```
     pub fn gap(&mut self) {
         self.window.clear();
+        self.sequence.clear();
     }
 
     /// Forgets all queries: the next one is frame 0. Nothing is allocated.
@@ -258,7 +259,8 @@ impl Matcher {
     /// How many queries a fix depends on: those of its estimators, whose trust flags depend on the
     /// queries of the smoothing before them.
     pub(crate) fn memory(&self) -> Memory {
-        match self.sequence.memory() {
+        let longest = [self.sequence.memory()].into_iter().max();
+        match longest.unwrap_or(Memory::Queries(1)) {
             Memory::Queries(queries) => {
                 Memory::Queries(queries.saturating_add(self.config.smoothing - 1))
             }

@@ -76,6 +76,9 @@ impl Estimator for SequenceSearch {
         Memory::Queries(self.length)
     }
 
+    /// It keeps nothing: the window is cleared.
+    fn clear(&mut self) {}
+
     /// Eq. 6: the diagonal with the smallest mean; of equals the lowest place, then the speed named
     /// first.
     #[inline(always)]

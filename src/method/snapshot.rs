@@ -5,11 +5,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::Matcher;
-use super::single::Single;
+use super::single::minimum;
 use super::trust::Anchor;
-use crate::archive::{self, Format, Refusal, Writer};
+use crate::archive::{self, Format, Refusal, Tensors, Writer};
 use crate::config::Config;
 use crate::error::Error;
+use crate::segments::Segments;
 
 const FORMAT: Format = Format { name: "surefix-snapshot", version: 1 };
 /// More queries than any camera has sent, and far below an overflow.
@@ -33,9 +34,14 @@ struct Entry {
 /// The contents of a snapshot.
 pub(crate) struct Saved {
     pub(crate) matcher: Matcher,
-    pub(crate) map: Option<u64>,
     /// A localizer's statistics of the drive.
     pub(crate) running: Vec<Vec<u8>>,
+}
+
+/// The map that a snapshot must belong to.
+pub(crate) struct Owner<'a> {
+    pub(crate) fingerprint: u64,
+    pub(crate) segments: &'a Segments,
 }
 
 impl Matcher {
@@ -55,7 +61,7 @@ impl Matcher {
     /// [`Error::Snapshot`] if the bytes are damaged, foreign, of a newer version, or of other
     /// options.
     pub fn restore(snapshot: &[u8], expected: Option<&Config>) -> Result<Self, Error> {
-        Ok(load(snapshot, expected)?.matcher)
+        Ok(load(snapshot, expected, None)?.matcher)
     }
 
     /// The state as bytes, marked with the fingerprint of the map that it belongs to, and with
@@ -85,21 +91,39 @@ impl Matcher {
     }
 }
 
-/// Reads a snapshot, and refuses one that no matcher can have written.
-pub(crate) fn load(snapshot: &[u8], expected: Option<&Config>) -> Result<Saved, Error> {
-    let saved = read(snapshot).map_err(|refusal| refusal.of_snapshot("a snapshot"))?;
-    let config = saved.matcher.config();
-    if let Some(expected) = expected.filter(|&expected| expected != config) {
-        let reason = format!("taken under other options: {}", expected.differences(config));
+/// Reads a snapshot: of the `expected` options and of `owner`, if given.
+///
+/// # Errors
+/// [`Error::Snapshot`] if it does not fit these, or is none.
+pub(crate) fn load(
+    snapshot: &[u8],
+    expected: Option<&Config>,
+    owner: Option<&Owner<'_>>,
+) -> Result<Saved, Error> {
+    let damaged = |refusal: Refusal| refusal.of_snapshot("a snapshot");
+    let tensors = archive::read(snapshot, &FORMAT).map_err(damaged)?;
+    let entry: Entry = tensors.header.entry().map_err(damaged)?;
+    if let Some(expected) = expected.filter(|&expected| *expected != entry.config) {
+        let differences = expected.differences(&entry.config);
+        let reason = format!("taken under other options: {differences}");
         return Err(Error::Snapshot { reason });
     }
-    Ok(saved)
+    if let Some(owner) = owner
+        && (entry.map != Some(owner.fingerprint) || entry.places != owner.segments.places())
+    {
+        let reason = match entry.map {
+            Some(_) => "taken on another map than this one",
+            None => "of a matcher without a map: restore it with Matcher",
+        };
+        return Err(Error::Snapshot { reason: reason.to_owned() });
+    }
+    let segments = owner.map(|owner| owner.segments.clone());
+    read(&tensors, entry, segments).map_err(damaged)
 }
 
-fn read(snapshot: &[u8]) -> Result<Saved, Refusal> {
+/// The matcher of a snapshot, whose numbers must fit together.
+fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Result<Saved, Refusal> {
     let refused = |reason: &str| Refusal::Foreign(reason.to_owned());
-    let tensors = archive::read(snapshot, &FORMAT)?;
-    let entry: Entry = tensors.header.entry()?;
     let Entry { places, config, frames, anchors, .. } = entry;
     config.validate(places)?;
     if frames > MAX_FRAMES {
@@ -107,7 +131,7 @@ fn read(snapshot: &[u8]) -> Result<Saved, Refusal> {
     }
     let length = config.sequence_length;
     let reach = length.max(config.smoothing.min(places));
-    // The shape first: a forged size must not take memory.
+    // The shape first: columns of a forged size must not take memory.
     let expected = format!("(columns, {places})");
     let fits = |shape: &[usize]| shape.len() == 2 && shape[1] == places;
     let (shape, columns) = tensors.required::<f32>("columns", &expected, fits)?;
@@ -126,17 +150,23 @@ fn read(snapshot: &[u8]) -> Result<Saved, Refusal> {
         return Err(refused("a wrong number of statistics of the drive"));
     }
 
-    let mut matcher = Matcher::new(places, config)?;
+    let mut matcher = Matcher::along(segments.unwrap_or_else(|| Segments::one(places)), config)?;
     matcher.lowest = entry.lowest.unwrap_or(f32::INFINITY);
     matcher.frames = frames;
     for (age, column) in columns.chunks_exact(places).enumerate().rev() {
+        let single = minimum(column);
+        if single.distance < matcher.lowest {
+            return Err(refused("a distance below the smallest so far"));
+        }
         if let Some(&(place, trusted)) = anchors.get(age) {
-            let distance = *column.get(place).ok_or_else(|| refused("an anchor off the route"))?;
-            matcher.anchors.push(Anchor { single: Single { place, distance }, trusted });
+            if place != single.place {
+                return Err(refused("an anchor that is not its column's minimum"));
+            }
+            matcher.anchors.push(Anchor { single, trusted });
         }
         matcher.window.cells.push(column, column, places);
     }
-    Ok(Saved { matcher, map: entry.map, running })
+    Ok(Saved { matcher, running })
 }
 
 fn running_name(index: usize) -> String {

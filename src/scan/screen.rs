@@ -6,7 +6,7 @@
 //! inequality and by that of Cauchy and Schwarz, this length limits how far the distance can be
 //! from the one to the code. Only rows whose bounds leave a doubt are then read.
 
-#![allow(clippy::inline_always, reason = "what is inlined is compiled for the instruction set")]
+#![allow(clippy::inline_always, reason = "inlined functions are compiled for the instruction set")]
 
 use std::ops::{Add as _, Range};
 

@@ -3,7 +3,7 @@
     clippy::inline_always,
     clippy::wildcard_imports,
     unsafe_code,
-    reason = "what is inlined is compiled for the caller's instruction set; intrinsics have prefixes"
+    reason = "inlined for the caller's instruction set; intrinsics have prefixes"
 )]
 
 /// A machine's type: its value proves that the CPU has the instruction set of that name.

@@ -337,6 +337,53 @@ fn tensors_that_do_not_fit_are_refused() {
     }
 }
 
+/// A file of holes claims names of eight terabytes: no memory is taken that is not there.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_claim_beyond_the_memory_is_an_error() {
+    const CLAIMED: u64 = 8_000_000_000_000;
+    let bytes = saved(&small_map());
+    let bytes = with_entry(&bytes, |entry| {
+        entry.as_object_mut().unwrap().remove("checksum");
+    });
+    let (mut header, payload) = split(&bytes);
+    header.as_object_mut().unwrap().remove("checksum");
+    let start = header["names"]["data_offsets"][0].as_u64().unwrap();
+    header["names"]["shape"] = json!([CLAIMED]);
+    header["names"]["data_offsets"] = json!([start, start + CLAIMED]);
+    let file = join(&header, &payload[..start as usize]);
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("holes.safetensors");
+    fs::write(&path, &file).unwrap();
+    let length = file.len() as u64 + CLAIMED;
+    if fs::File::options().write(true).open(&path).unwrap().set_len(length).is_err() {
+        eprintln!("skipped: this file system has no files of {length} bytes");
+        return;
+    }
+    let error = Map::open(&path).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+}
+
+/// Rows that nothing vouches for are looked at before a checksum is written over them.
+#[test]
+fn damage_is_never_signed_by_appending() {
+    let map = Map::from_descriptors(vec![1.0_f32, 2.0, 3.0, 4.0], 2, Metric::Euclidean).unwrap();
+    let bytes = with_entry(&saved(&map), |entry| {
+        entry.as_object_mut().unwrap().remove("checksum");
+    });
+    let (mut header, payload) = split(&bytes);
+    header.as_object_mut().unwrap().remove("checksum");
+    let mut payload = payload[..payload.len() - 8].to_vec();
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("foreign.safetensors");
+    fs::write(&path, join(&header, &payload)).unwrap();
+    Map::append(&path, &map).unwrap();
+    assert_eq!(Map::open(&path).unwrap().places(), 4);
+    payload[..4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(&path, join(&header, &payload)).unwrap();
+    assert!(Map::append(&path, &map).is_err());
+}
+
 #[test]
 fn a_recipe_that_disagrees_with_the_tensor_is_refused() {
     let bytes = saved(&sad_map());

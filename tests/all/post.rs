@@ -298,6 +298,13 @@ fn files_that_do_not_fit_together_are_refused() {
         flat[name]["dtype"] = "U8".into();
         flat[name]["shape"] = json!([bytes]);
         changed.push((flat, entry.clone()));
+        if let [rows, columns] = tensor["shape"].as_array().unwrap().as_slice() {
+            let mut turned = header.clone();
+            turned[name]["shape"] = json!([columns, rows]);
+            if rows != columns {
+                changed.push((turned, entry.clone()));
+            }
+        }
     }
     for learned in [json!(3), json!({}), json!({"name": 3})] {
         let mut entry = entry.clone();

@@ -231,13 +231,15 @@ fn a_newer_version_says_to_upgrade() {
 #[test]
 fn impossible_headers_are_refused() {
     let (_, _, blob) = taken(5);
-    let forgeries: [(&str, serde_json::Value); 10] = [
+    let forgeries: [(&str, serde_json::Value); 12] = [
         ("places", 0.into()),
         ("places", 11.into()),
         ("places", u64::MAX.into()),
         ("frames", 2.into()),
         ("frames", u64::MAX.into()),
         ("lowest", "x".into()),
+        ("lowest", 1e9.into()),
+        ("anchors", serde_json::json!([[0, true], [0, true], [0, true], [0, true]])),
         ("anchors", serde_json::json!([])),
         ("anchors", serde_json::json!([[12, true], [0, true], [0, true], [0, true]])),
         ("config", serde_json::json!({})),

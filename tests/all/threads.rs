@@ -27,20 +27,20 @@ fn any_number_of_threads_gives_the_same_bits() {
             for dtype in DTYPES {
                 let map = map(dtype, places, dim, metric);
                 let mut alone = localizer(&map, 1);
-                let mut crews: Vec<Localizer> =
+                let mut pools: Vec<Localizer> =
                     [2, 3, 8].map(|threads| localizer(&map, threads)).into_iter().collect();
                 for seed in 0..8 {
                     let kind = if seed % 2 == 0 { dtype } else { Dtype::F32 };
                     let query = numbers(kind, dim, 100 + seed);
                     let expected = alone.push_descriptor(&query).unwrap();
-                    for crew in &mut crews {
-                        let fix = crew.push_descriptor(&query).unwrap();
+                    for pool in &mut pools {
+                        let fix = pool.push_descriptor(&query).unwrap();
                         let of = format!(
                             "{dtype} {metric} {places} x {dim}, {} threads",
-                            crew.threads()
+                            pool.threads()
                         );
                         assert_eq!(all_bits(&[fix]), all_bits(&[expected]), "{of}");
-                        assert_eq!(bits(crew.distances()), bits(alone.distances()), "{of}");
+                        assert_eq!(bits(pool.distances()), bits(alone.distances()), "{of}");
                     }
                 }
             }
@@ -51,34 +51,34 @@ fn any_number_of_threads_gives_the_same_bits() {
 #[test]
 fn a_map_of_many_chunks_and_frame_after_frame() {
     let map = map(Dtype::U8, 5003, 2048, Metric::Manhattan);
-    let (mut alone, mut crew) = (localizer(&map, 1), localizer(&map, 2));
+    let (mut alone, mut pool) = (localizer(&map, 1), localizer(&map, 2));
     for seed in 0..40 {
         let query = numbers(Dtype::U8, 2048, seed);
         let (expected, got) =
-            (alone.push_descriptor(&query).unwrap(), crew.push_descriptor(&query).unwrap());
+            (alone.push_descriptor(&query).unwrap(), pool.push_descriptor(&query).unwrap());
         assert_eq!(all_bits(&[got]), all_bits(&[expected]));
-        assert_eq!(bits(crew.distances()), bits(alone.distances()));
+        assert_eq!(bits(pool.distances()), bits(alone.distances()));
     }
 }
 
 #[test]
 fn a_query_that_is_refused_leaves_it_as_it_was() {
     let map = map(Dtype::F32, 50, 20, Metric::Cosine);
-    let (mut crew, mut alone) = (localizer(&map, 3), localizer(&map, 1));
+    let (mut pool, mut alone) = (localizer(&map, 3), localizer(&map, 1));
     let query = numbers(Dtype::F32, 20, 1);
-    crew.push_descriptor(&query).unwrap();
+    pool.push_descriptor(&query).unwrap();
     alone.push_descriptor(&query).unwrap();
     let mut spoilt = vec![1.0_f32; 20];
     spoilt[19] = f32::NAN;
     for _ in 0..3 {
-        let before = (crew.snapshot().unwrap(), bits(crew.distances()));
-        assert!(matches!(crew.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
-        assert!(matches!(crew.push_descriptor(&spoilt[1..]), Err(Error::Length { .. })));
-        assert!(matches!(crew.push_descriptor(&vec![0.0_f32; 20]), Err(Error::NoDirection { .. })));
-        assert!(matches!(crew.push_descriptor(&vec![1_u8; 20]), Err(Error::Dtype { .. })));
-        assert_eq!((crew.snapshot().unwrap(), bits(crew.distances())), before);
+        let before = (pool.snapshot().unwrap(), bits(pool.distances()));
+        assert!(matches!(pool.push_descriptor(&spoilt), Err(Error::NotFinite { .. })));
+        assert!(matches!(pool.push_descriptor(&spoilt[1..]), Err(Error::Length { .. })));
+        assert!(matches!(pool.push_descriptor(&vec![0.0_f32; 20]), Err(Error::NoDirection { .. })));
+        assert!(matches!(pool.push_descriptor(&vec![1_u8; 20]), Err(Error::Dtype { .. })));
+        assert_eq!((pool.snapshot().unwrap(), bits(pool.distances())), before);
         let (got, expected) =
-            (crew.push_descriptor(&query).unwrap(), alone.push_descriptor(&query).unwrap());
+            (pool.push_descriptor(&query).unwrap(), alone.push_descriptor(&query).unwrap());
         assert_eq!(all_bits(&[got]), all_bits(&[expected]));
     }
 }
@@ -120,13 +120,13 @@ fn copies_have_threads_of_their_own_and_the_map_goes_with_the_last() {
 #[test]
 fn a_snapshot_knows_nothing_of_threads() {
     let map = map(Dtype::F32, 200, 30, Metric::Euclidean);
-    let (mut crew, mut alone) = (localizer(&map, 3), localizer(&map, 1));
+    let (mut pool, mut alone) = (localizer(&map, 3), localizer(&map, 1));
     for seed in 0..5 {
         let query = numbers(Dtype::F32, 30, seed);
-        crew.push_descriptor(&query).unwrap();
+        pool.push_descriptor(&query).unwrap();
         alone.push_descriptor(&query).unwrap();
     }
-    let blob = crew.snapshot().unwrap();
+    let blob = pool.snapshot().unwrap();
     assert_eq!(blob, alone.snapshot().unwrap());
     let restored = Localizer::restore(Arc::clone(&map), &blob, Some(&Config::default())).unwrap();
     let mut restored = restored.with_threads(Some(2)).unwrap();
@@ -146,8 +146,8 @@ fn images_are_scanned_for_by_all() {
     let sad = Sad::new((16, 8), 4, Dtype::F32).unwrap();
     let map =
         Map::from_images(&images, sad, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
-    let mut crew = localizer(&Arc::new(map), 3);
+    let mut pool = localizer(&Arc::new(map), 3);
     for (place, frame) in images.iter().enumerate() {
-        assert_eq!(crew.push_image(frame).unwrap().single.place, place);
+        assert_eq!(pool.push_image(frame).unwrap().single.place, place);
     }
 }

@@ -41,12 +41,14 @@ app.add_typer(maps, name="map")
 app.command(
     epilog="Example: surefix run route.safetensors todays_photos/ -o fixes.csv\n\n"
     "Example: surefix run route.safetensors drive.mp4 --every 0.5 --gap 2\n\n"
-    "Example: surefix run route.safetensors drive.bag --topic /camera/image --metres 3 --odometry /odom"
+    "Example: surefix run route.safetensors drive.bag --topic /camera/image --metres 3 "
+    "--odometry /odom"
 )(run)
 app.command(
     "eval",
     epilog="Example: surefix eval route.safetensors todays_photos/ --truth identity -o report/\n\n"
-    "Example: surefix eval route.safetensors drive.mp4 --every 0.5 --query-positions gps.csv --tolerance 10",
+    "Example: surefix eval route.safetensors drive.mp4 --every 0.5 --query-positions gps.csv "
+    "--tolerance 10",
 )(eval_)
 app.command(epilog="Example: surefix reproduce --data data/ -o report/")(reproduce)
 app.command(
