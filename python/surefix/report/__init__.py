@@ -2,3 +2,6 @@
 
 # First, as it says which extra to install if matplotlib is missing.
 import surefix.plot  # noqa: F401
+from surefix.report.page import Picture, Section, Table, Tile, page
+
+__all__ = ["Picture", "Section", "Table", "Tile", "page"]
