@@ -1,4 +1,4 @@
-"""Errors. Each message says where, what was expected, and what came."""
+"""Errors. Each message names the place, the expected value and the value that it got."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ class SurefixFileError(SurefixError, OSError):
 
 
 def mismatch(where: object, expected: object, got: object) -> SurefixValueError:
-    """The error of a value: where, what was expected, and what came."""
+    """The error of a value: where it is, the expected one, and the one that it got."""
     return SurefixValueError(f"{where}: expected {expected}, got {got}")
 
 

@@ -1,4 +1,4 @@
-//! Many images from wherever they are: a list, files, the generated route.
+//! Many images from a list, from files, or from the generated route.
 
 use std::ops::ControlFlow;
 

@@ -1,5 +1,5 @@
-//! Every kind of bad input, its typed error, and a message that says what was expected, what came
-//! and where.
+//! Every kind of bad input, its typed error, and a message that names the expected value, the one
+//! that it got and the place.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

@@ -1,5 +1,5 @@
-//! A gap breaks the diagonal and nothing else: what comes after it owes nothing to what came before
-//! but the floor.
+//! A gap breaks the diagonal and nothing else: later fixes depend on earlier queries by the floor
+//! alone.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

@@ -32,7 +32,7 @@ fn reason(result: Result<impl Sized, Error>) -> String {
 }
 
 /// The JSON of the one metadata entry, changed by `change`, in an otherwise equal snapshot whose
-/// checksum fits: what somebody forges on purpose.
+/// checksum fits: a forgery on purpose.
 fn with_header(snapshot: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let length = u64::from_le_bytes(snapshot[..8].try_into().unwrap()) as usize;
     let mut outer: serde_json::Value = serde_json::from_slice(&snapshot[8..8 + length]).unwrap();

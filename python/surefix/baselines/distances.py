@@ -45,7 +45,7 @@ def nearest_elsewhere(D: Distances, place: Places, exclude: int) -> Floats:
 
 
 def checked_window(exclude: int, places: int) -> int:
-    """``exclude``, if its window leaves a place elsewhere wherever on the map it lies."""
+    """``exclude``, if a window of it anywhere on the map leaves a place outside."""
     why = f" (less than half of the other {places - 1} places)"
     return whole("exclude", exclude, 0, (places - 2) // 2, why)
 
