@@ -2,7 +2,22 @@
 reproduce`` are made of studies.
 """
 
+from surefix.study.scenarios import SCENARIOS, Drive, Scenario, scenario
 from surefix.study.study import BASELINE, KS, UPTO, Estimate, Recall, Result, Study, compare
 from surefix.study.verdict import verdict
 
-__all__ = ["BASELINE", "KS", "UPTO", "Estimate", "Recall", "Result", "Study", "compare", "verdict"]
+__all__ = [
+    "BASELINE",
+    "KS",
+    "SCENARIOS",
+    "UPTO",
+    "Drive",
+    "Estimate",
+    "Recall",
+    "Result",
+    "Scenario",
+    "Study",
+    "compare",
+    "scenario",
+    "verdict",
+]
