@@ -2,6 +2,13 @@
 reproduce`` are made of studies.
 """
 
+from surefix.study.confidence import (
+    Reliability,
+    frames_to_notice,
+    frames_to_relocalise,
+    reliability,
+    roc_area,
+)
 from surefix.study.scenarios import SCENARIOS, Drive, Scenario, scenario
 from surefix.study.study import BASELINE, KS, UPTO, Estimate, Recall, Result, Study, compare
 from surefix.study.verdict import verdict
@@ -14,10 +21,15 @@ __all__ = [
     "Drive",
     "Estimate",
     "Recall",
+    "Reliability",
     "Result",
     "Scenario",
     "Study",
     "compare",
+    "frames_to_notice",
+    "frames_to_relocalise",
+    "reliability",
+    "roc_area",
     "scenario",
     "verdict",
 ]
