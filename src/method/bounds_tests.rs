@@ -103,9 +103,10 @@ proptest! {
         let mut plain = Matcher::new(places, config.clone()).unwrap();
         let mut told = bounded(plain.clone());
         for (newest, column) in columns.iter().enumerate() {
-            let mut given = Given::default();
-            given.trusted = [None, None, None, Some(true), Some(false)][drive.0.below(5)];
-            given.advance = [None, None, Some(-0.75), Some(0.0), Some(1.25)][drive.0.below(5)];
+            let given = Given {
+                trusted: [None, None, None, Some(true), Some(false)][drive.0.below(5)],
+                advance: [None, None, Some(-0.75), Some(0.0), Some(1.25)][drive.0.below(5)],
+            };
             let exact = Column { lower: column, upper: None };
             let expected = plain.push_column(exact, given, &mut ()).unwrap();
             let mut known = Known { columns: &columns, newest, asked: 0 };

@@ -112,8 +112,7 @@ proptest! {
             let mut push = |&(seed, advance): &(u64, Option<f64>)| {
                 let mut random = crate::random::SplitMix64(seed);
                 let column: Vec<f32> = (0..places).map(|_| random.share()).collect();
-                let mut given = Given::default();
-                given.advance = advance;
+                let given = Given { advance, ..Given::default() };
                 matcher.push_with(&column, given).unwrap().track.unwrap()
             };
             queries.iter().map(&mut push).collect()
