@@ -294,10 +294,30 @@ MISTAKES = {
         2,
         "--metres: expected --odometry too",
     ),
-    "odometry without metres": (
+    "odometry without a scale": (
         ["@drive.bag", "--odometry", "/odom"],
         2,
-        "--odometry: expected --metres too",
+        "--odometry: expected a map with positions, --spacing or --places-per-metre",
+    ),
+    "a scale without odometry": (
+        ["@drive.bag", "--spacing", 2],
+        2,
+        "--spacing: expected --odometry too",
+    ),
+    "two scales": (
+        ["@drive.bag", "--odometry", "/odom", "--spacing", 2, "--places-per-metre", 0.5],
+        2,
+        "--spacing: not with --places-per-metre too",
+    ),
+    "a scale of 0": (
+        ["@drive.bag", "--odometry", "/odom", "--places-per-metre", 0],
+        2,
+        "--places-per-metre: expected a number other than 0, got 0.0",
+    ),
+    "odometry for images without times": (
+        ["@images", "--odometry", "@wheels.csv", "--spacing", 2],
+        1,
+        "wheels.csv: expected frames with times, as of a video or a bag, or files named by",
     ),
     "no seconds": (["@drive.bag", "--every", 0], 2, "--every: expected a number above 0, got 0"),
     "no number as seconds": (
