@@ -141,7 +141,7 @@ def run(
             opened.close()
             print(summary.text(out), file=sys.stderr)
             if isinstance(source, Advances):
-                print(_said(source, of), file=sys.stderr)
+                print(_said(source, of, options.get("motion")), file=sys.stderr)
 
 
 def localize(
@@ -156,9 +156,10 @@ def localize(
     before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:
-            if frame.breaks:
-                localizer.gap()
             moved: dict[str, Any] = {} if frame.advance is None else {"advance": frame.advance}
+            if frame.breaks:
+                # If it is known, the track goes on over the gap, from there.
+                localizer.gap(**dict.fromkeys(moved, 0.0))
             start = time.perf_counter_ns()
             try:
                 fix = localizer.push(frame.image, **moved)
@@ -190,13 +191,14 @@ def _scale(places: Map, spacing: float | None, rate: float | None) -> tuple[floa
     return places_per_metre_of(where), "the map's positions"
 
 
-def _said(source: Advances, of: str) -> str:
+def _said(source: Advances, of: str, motion: object) -> str:
     """The odometry that was used, in a line."""
     track = source.odometry
     parts = [f"odometry: {track.source}, {source.places_per_metre:.3g} places a metre ({of})"]
     parts += [] if track.along is not None else ["no heading, so that reversing is not seen"]
     outside = f"{plural(source.outside, 'frame')} before its first or after its last time"
     parts += [outside] if source.outside else []
+    parts += ["unused without --motion"] if motion is None else []
     return ", ".join(parts)
 
 

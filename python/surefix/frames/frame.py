@@ -70,8 +70,8 @@ class Frame:
 class Shot:
     """A frame before it is decoded: most of a 30 Hz camera's frames are passed over.
 
-    ``read`` decodes it; ``path`` is the image file, if it has one of its own; the others are those
-    of the ``Frame``.
+    ``read`` decodes it; ``path`` is the image file, if it has one of its own; ``time``, ``name``,
+    ``dropped``, ``gap``, ``advance`` and ``clock`` are those of the ``Frame``.
     """
 
     time: float | None
