@@ -1,6 +1,7 @@
 """Trajectories in text files: CSV, TUM, KITTI and EuRoC. Errors name the file and the row."""
 
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,8 @@ CHOICES = (("time", "x", "y", "z"), ("time", "x", "y"), ("time", "distance"))
 TUM = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 KITTI = "the 3 x 4 matrix of a pose, a row after the other"
 EUROC = ("x", "y", "z", "w", "x", "y", "z")
+# Times above are nanoseconds since 1970: in seconds they would be millions of years.
+NANOSECONDS = 1e16
 FORMATS = f"a .csv with a header ({COLUMNS}), or a trajectory of TUM, KITTI or EuRoC"
 
 
@@ -65,8 +68,10 @@ def read_csv(path: Path) -> Trajectory:
 
 
 def read_tum(path: Path) -> Trajectory:
-    """``timestamp tx ty tz qx qy qz qw``, in seconds and metres."""
+    """``timestamp tx ty tz qx qy qz qw``, in seconds and metres; ORB-SLAM3 writes nanoseconds."""
     numbers, values = _numbers(path, TUM, " ".join(TUM))
+    if values[0, 0] > NANOSECONDS:
+        values[:, 0] /= 1e9
     times = _ascending(values[:, 0], numbers, path)
     return Trajectory(times, values[:, 1:4], _along(values[:, 1:4], values[:, 4:], numbers, path))
 
@@ -97,18 +102,19 @@ def read_kitti(path: Path) -> Trajectory:
 
 
 def read_euroc(path: Path, text: str) -> Trajectory:
-    """``#timestamp [ns], p_RS_R_x [m], ..., q_RS_w [], ...``: a comma between, times in ns; further
-    columns are passed over, and the quaternion may be missing.
+    """``#timestamp, p_RS_R_x [m], ..., q_RS_w [], ...``: a comma between, times in nanoseconds;
+    further columns are passed over, and the quaternion may be missing.
     """
-    first = text.lstrip().partition("\n")[0].lstrip("#")
-    names = [cell.split("[")[0].strip().lower() for cell in first.split(",")]
+    first = text.lstrip().partition("\n")[0]
+    names = [cell.split("[")[0].strip("# ").lower() for cell in first.split(",")]
     ends = [name.rpartition("_")[2] for name in names[1:8]]
-    if tuple(ends[:3]) != EUROC[:3]:
+    if tuple(ends[:3]) != EUROC[:3] or "[" in first.split(",")[0].replace("[ns]", ""):
         expected = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], ..."
         raise mismatch(f"{path}, row 1", expected, first)
     count = 7 if tuple(ends) == EUROC else 3
     stamps, numbers, values = [], [], []
-    for number, cells in rows(path, ","):
+    # Without the # it is a row.
+    for number, cells in islice(rows(path, ","), int(not first.startswith("#")), None):
         if len(cells) != len(names):
             raise mismatch(f"{path}, row {number}", f"{len(names)} values", len(cells))
         stamps.append(whole(cells[0], path, number, "timestamp in nanoseconds"))
@@ -148,7 +154,8 @@ def _along(
 
 
 def _is_euroc(first: str) -> bool:
-    return first.lstrip("# ").lower().startswith("timestamp") and "[ns]" in first
+    header = first.lstrip("# ").lower()
+    return header.startswith("timestamp") and "p_rs_r_x" in header
 
 
 def _numbers(path: Path, names: Sequence[str], what: str) -> tuple[list[int], Float64]:
