@@ -156,13 +156,12 @@ def localize(
     before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:
-            moved: dict[str, Any] = {} if frame.advance is None else {"advance": frame.advance}
             if frame.breaks:
-                # If it is known, the track goes on over the gap, from there.
-                localizer.gap(**dict.fromkeys(moved, 0.0))
+                # The advance, which counts from the frame before, bridges the gap.
+                localizer.gap(None if frame.advance is None else 0.0)
             start = time.perf_counter_ns()
             try:
-                fix = localizer.push(frame.image, **moved)
+                fix = localizer.push(frame.image, advance=frame.advance)
             except SurefixValueError as error:
                 raise _at(frame, before, error) from None
             latency = (time.perf_counter_ns() - start) / 1000
