@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
 import numpy as np
+import numpy.typing as npt
 import typer
 
 from surefix import Localizer, Map, SurefixValueError, frames
@@ -95,7 +96,10 @@ def run(
     by = {"--metres": metres, "--spacing": spacing, "--places-per-metre": places_per_metre}
     for option, value in by.items():
         refuse(value is not None and odometry is None, f"{option}: expected --odometry too")
-    scale, of = (None, "") if odometry is None else _scale(places, spacing, places_per_metre)
+    motion = options.get("motion")
+    # For --metres alone there is nothing to say of advances.
+    where = None if odometry is None or (metres and not motion) else places.positions
+    scale, of = _scale(where, spacing, places_per_metre)
     expected = "expected a map with positions, --spacing or --places-per-metre"
     refuse(odometry is not None and scale is None and metres is None, f"--odometry: {expected}")
     source = frames.open(
@@ -141,7 +145,7 @@ def run(
             opened.close()
             print(summary.text(out), file=sys.stderr)
             if isinstance(source, Advances):
-                print(_said(source, of, options.get("motion")), file=sys.stderr)
+                print(_said(source, of, motion), file=sys.stderr)
 
 
 def localize(
@@ -175,7 +179,9 @@ def localize(
                 view.update(frame, fix, localizer, latency)
 
 
-def _scale(places: Map, spacing: float | None, rate: float | None) -> tuple[float | None, str]:
+def _scale(
+    where: npt.NDArray[np.float64] | None, spacing: float | None, rate: float | None
+) -> tuple[float | None, str]:
     """Places per metre, None if unknown, and what they are known by."""
     refuse(spacing is not None and rate is not None, "--spacing: not with --places-per-metre too")
     zero = rate is not None and not (math.isfinite(rate) and rate)
@@ -184,7 +190,6 @@ def _scale(places: Map, spacing: float | None, rate: float | None) -> tuple[floa
         return rate, "--places-per-metre"
     if spacing is not None:
         return 1 / spacing, f"--spacing {spacing:g}"
-    where = places.positions
     if where is None or not np.ptp(where, axis=0).any():
         return None, ""
     return places_per_metre_of(where), "the map's positions"

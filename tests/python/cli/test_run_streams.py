@@ -466,6 +466,11 @@ def test_what_odometry_lacks_is_said(drive: Path, tmp_path: Path) -> None:
         "so that reversing is not seen, 9 frames before its first or after its last time, "
         "unused without --motion"
     )
+    # Frames by distance need no places, and no word about them.
+    route = by_odometry(drive, tmp_path)["the map's positions"][0]
+    sampled = ["run", route, drive / "drive.bag", "--metres", 4, "--odometry", "/odom"]
+    assert "odometry:" not in surefix_(*sampled).stderr
+    assert "odometry:" in surefix_(*sampled, "--motion", "steady").stderr
 
 
 def test_a_long_recording_is_described_piece_by_piece(
