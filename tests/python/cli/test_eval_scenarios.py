@@ -118,8 +118,8 @@ MISTAKES: dict[str, tuple[list[str], int, str]] = {
         1,
         "empty.csv: expected speeds, got none",
     ),
-    "a negative error": (["--scenario", "all", "--odometry-noise", "-1"], 2, "x>=0"),
-    "a negative seed": (["--scenario", "all", "--seed", "-1"], 2, "x>=0"),
+    "a negative error": (["--scenario", "all", "--odometry-noise", "-1"], 2, "than or equal to 0"),
+    "a negative seed": (["--scenario", "all", "--seed", "-1"], 2, "than or equal to 0"),
 }
 
 
