@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use surefix::describe_all;
 use surefix::evaluate::{Recall, Truth, evaluate};
-use surefix::{Floor, Map, Run, Sad, match_descriptors};
+use surefix::{Drive, Floor, Map, Run, Sad, match_descriptors};
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
 /// A map of the reference drive, the revisit matched against it with each weight, and the truth.
@@ -20,8 +20,10 @@ fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec
     let queries = describe_all(&Sad::default(), &revisit, progress).unwrap();
     let runs = weights.map(|weight| {
         let config = config! { weight, floor: Floor::Global };
-        match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()))
-            .unwrap()
+        match_descriptors(&map, &queries, &config, Drive::default(), &mut |_, _| {
+            ControlFlow::Continue(())
+        })
+        .unwrap()
     });
     (runs, revisit.truth(&reference))
 }
