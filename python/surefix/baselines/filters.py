@@ -3,10 +3,9 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from surefix._core import match_distances
-from surefix.baselines.distances import Distances, nearest, whole
+from surefix.baselines.distances import Distances, Floats, nearest, whole
 from surefix.matches import Matches
 
 __all__ = ["topological", "track"]
@@ -67,7 +66,7 @@ def topological(D: Distances, *, reach: int = 6) -> Matches:
 
 
 def track(
-    D: Distances, *, motion: Any = "free", advance: npt.ArrayLike | None = None, tolerance: int = 1
+    D: Distances, *, motion: Any = "free", advance: Floats | None = None, tolerance: int = 1
 ) -> Matches:
     """The place of greatest belief of surefix's tracker.
 
@@ -75,7 +74,7 @@ def track(
     ----------
     D : array of float32, shape (n, m)
     motion : {"steady", "free"} or surefix.Motion
-    advance : array, shape (m,), optional
+    advance : array of float64, shape (m,), optional
         Places moved since the query before, by odometry.
     tolerance : int
         The confidence is the belief within this many places of the best.

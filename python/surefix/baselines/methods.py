@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy.typing as npt
 
-from surefix.baselines.distances import Distances, Flags
+from surefix.baselines.distances import Distances, Flags, Floats
 from surefix.baselines.filters import topological, track
 from surefix.baselines.matching import (
     masked_single_frame,
@@ -55,7 +55,7 @@ class Context:
         That truth's, in places; in metres if it is positions.
     trusted : array of bool, shape (m,), optional
         Another predictor's flags in place of the consensus, for ``masked`` and ``weighted``.
-    advance : array, shape (m,), optional
+    advance : array of float64, shape (m,), optional
         Places moved since the query before, by odometry, for ``track_odometry``.
     """
 
@@ -75,7 +75,7 @@ class Context:
     calibration: tuple[Distances, Truth] | None = None
     calibration_tolerance: int = 1
     trusted: Flags | None = None
-    advance: npt.ArrayLike | None = None
+    advance: Floats | None = None
 
     @property
     def options(self) -> Options:

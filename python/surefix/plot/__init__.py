@@ -26,7 +26,13 @@ from surefix.plot.bars import (
     route_strip,
     trust_table,
 )
-from surefix.plot.curves import ablation, execution_time, precision_recall, weight_sweep
+from surefix.plot.curves import (
+    ablation,
+    execution_time,
+    precision_recall,
+    reliability,
+    weight_sweep,
+)
 from surefix.plot.images import (
     Column,
     Example,
@@ -64,6 +70,7 @@ __all__ = [
     "outcomes",
     "png",
     "precision_recall",
+    "reliability",
     "route_strip",
     "trust_table",
     "weight_sweep",

@@ -17,8 +17,9 @@ import numpy.typing as npt
 from surefix.baselines.distances import Distances, Floats, Places, number
 from surefix.errors import mismatch
 
-__all__ = ["SCENARIOS", "Drive", "Scenario", "scenario"]
+__all__ = ["RECORDED", "SCENARIOS", "Drive", "Scenario", "scenario"]
 
+RECORDED = "recorded"
 # Queries from one random speed to the next, and moving queries for one stop.
 KNOT, STOP = 12, 20
 
@@ -269,7 +270,7 @@ def _stopping(moving: Floats, rng: np.random.Generator) -> Floats:
 _STOPS = "with stops for a third of the time"
 SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
     {
-        "recorded": Scenario("the drive as it was recorded"),
+        RECORDED: Scenario("the drive as it was recorded"),
         "speeds": Scenario(f"0 to 2 places a query, {_STOPS}", _varied),
         "profile": Scenario("the speeds of a real drive", _profiled),
         "missing": Scenario("a fifth of the map is missing, in one stretch", missing=True),

@@ -5,7 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from surefix import SurefixValueError
-from surefix.study import SCENARIOS, Drive, scenario
+from surefix.baselines import Context
+from surefix.study import SCENARIOS, Drive, Study, frames_to_notice, roc_area, scenario
 
 PROFILE = np.concatenate((np.zeros(40), np.full(400, 25.0), np.zeros(60), np.full(300, 20.0)))
 PLACES = 200
@@ -107,6 +108,58 @@ def test_queries_that_the_recorded_map_lacks_are_still_driven_past() -> None:
     drive = scenario("recorded", apart(np.arange(100.0), 100), truth)
     assert np.array_equal(drive.truth < 0, ~(truth >= 0))
     np.testing.assert_allclose(drive.advance[1:], 1)
+
+
+def study(truth: object, tolerance: float = 1, **more: object) -> Study:
+    """A drive of 100 places in noise, one query a place."""
+    rng = np.random.default_rng(0)
+    D = (rng.normal(0, 0.2, (100, 100)) - np.eye(100)).astype(np.float32)
+    context = Context(truth=truth, truth_tolerance=tolerance, **more)  # type: ignore[arg-type]
+    return Study(D, context, names=("sequence", "single", "topological"), samples=10)
+
+
+METRES = np.c_[5.0 * np.arange(100), np.zeros(100)]
+
+
+@pytest.mark.parametrize(
+    "truth", [(METRES, METRES), np.eye(100, dtype=bool)], ids=["metres", "cells"]
+)
+@pytest.mark.parametrize("name", ["speeds", "missing", "all", "rate-2"])
+def test_every_kind_of_truth_is_driven_alike(name: str, truth: object) -> None:
+    tolerance = 6.0 if isinstance(truth, tuple) else 1
+    given = study(truth, tolerance, positions=METRES).driven(name, 5)
+    plain = study(np.arange(100)).driven(name, 5)
+    assert np.array_equal(given.distances, plain.distances)
+    on = ~plain.off_map
+    assert np.array_equal(given.true_place[on], plain.true_place[on])
+    # Beside the missing stretch a place may be within the metres.
+    assert (given.off_map != plain.off_map).sum() <= 2 * isinstance(truth, tuple)
+    assert np.array_equal(given.context.advance, plain.context.advance)
+    assert np.shape(given.context.positions) == (len(given.distances), 2)
+    assert given["single"].right_share > 0.9
+
+
+def test_the_results_of_a_drive_are_judged_by_its_truth() -> None:
+    drive = study(np.arange(100)).driven("all", 2)
+    single, filtered = drive["single"], drive["topological"]
+    off = drive.off_map
+    right = np.abs(single.matches.place - drive.true_place) <= 1
+    assert single.right_share == right[~off].mean()
+    assert single.off_map_area == roc_area(single.matches.score, off)
+    assert single.off_map_area > 0.9
+    assert (single.reliability, single.noticed) == (None, None)
+    # As many events as jumps and returns on the map.
+    assert drive.jumps
+    returns = np.flatnonzero(off[:-1] & ~off[1:]) + 1
+    events = {*returns, *(jump for jump in drive.jumps if not off[jump])}
+    assert len(single.relocalised) == len(filtered.relocalised) == len(events)
+    assert np.median(single.relocalised) == 0
+    said = filtered.matches.confidence
+    assert said is not None
+    assert filtered.reliability is not None
+    assert filtered.reliability.count.sum() == len(drive)
+    assert filtered.noticed is not None
+    assert filtered.noticed.tolist() == frames_to_notice(1 - said, off).tolist()
 
 
 @pytest.mark.parametrize(
