@@ -17,7 +17,8 @@ use ndarray::Array2;
 use random::SplitMix64;
 use surefix::Describer;
 use surefix::{
-    Drive, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
+    Drive, Fix, Image, Localizer, Map, Matcher, Motion, Sad, Values, match_descriptors,
+    match_distances,
 };
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
@@ -51,6 +52,16 @@ fn push(criterion: &mut Criterion) {
             }
             let mut next = columns.iter().cycle();
             group.bench_function(format!("L = {sequence_length}"), |b| {
+                b.iter(|| matcher.push(black_box(next.next().unwrap())).unwrap());
+            });
+        }
+        let motions = [Motion::steady(), Motion::free(), Motion::any()];
+        for (kind, motion) in ["steady", "free", "any"].into_iter().zip(motions) {
+            let mut matcher = Matcher::new(places, config! { motion: Some(motion) }).unwrap();
+            let fix = columns.iter().map(|column| matcher.push(column).unwrap()).last().unwrap();
+            assert_eq!(fix.place, places / 3 + 15);
+            let mut next = columns.iter().cycle();
+            group.bench_function(format!("L = 2, motion {kind}"), |b| {
                 b.iter(|| matcher.push(black_box(next.next().unwrap())).unwrap());
             });
         }
