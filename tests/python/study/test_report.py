@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from html_reader import Reader, read
 from surefix.baselines import Context
 from surefix.plot import Outcome, outcomes
-from surefix.plot.bars import _spans
+from surefix.plot.bars import spans
 from surefix.plot.curves import precision_recall
 from surefix.plot.images import spread
 from surefix.plot.outcome import longest_gap
@@ -173,6 +173,6 @@ def test_the_strip_colours_each_query_from_half_way_to_half_way() -> None:
         edges = np.cumsum(random.random(random.integers(2, 20)))
         mask = random.random(len(edges) - 1) < 0.5
         inside = np.zeros(len(mask), bool)
-        for start, length in _spans(edges, mask):
+        for start, length in spans(edges, mask):
             inside |= (edges[:-1] >= start - 1e-9) & (edges[1:] <= start + length + 1e-9)
         assert (inside == mask).all()
