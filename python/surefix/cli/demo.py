@@ -3,13 +3,13 @@
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 import typer
 from rich.console import Console
 
-from surefix import Localizer, Map, Sad, SurefixError
+from surefix import Localizer, Map, Sad, SurefixError, match_distances
 from surefix.baselines import Context
 from surefix.live import TerminalView
 from surefix.simulate import Route, Traverse
@@ -22,6 +22,8 @@ __all__ = ["demo"]
 
 # The odometry of the second drive: its scale, and the noise of a step.
 WHEELS = {"scale": 1.02, "noise": 0.05}
+# With odometry there is one speed: that of the wheels.
+MOTION: Final = "steady"
 SPACING = 3.0
 
 
@@ -112,7 +114,7 @@ def _localize(
     known: Map, reference: Traverse, revisit: Traverse, seed: int, sequence_length: int
 ) -> "Demo":
     """Drives a second time: pushes each frame when it is there, as a robot would."""
-    from surefix.report.demo import MOTION, Demo
+    from surefix.report.demo import Demo
 
     localizer = Localizer(known, sequence_length=sequence_length, motion=MOTION)
     advance = revisit.odometry(**WHEELS) / SPACING
@@ -129,7 +131,8 @@ def _localize(
             # Drawn on a terminal only: a line a fix would bury the demo's own.
             if console.is_terminal:
                 view.update(image, fix, localizer, 1e6 * latency[query])
-    # The same fixes again, to the bit, and beside them those without weighting.
+    # The same fixes again, to the bit, and beside them those of the sequence without a tracker.
     truth = revisit.truth(reference)
     context = Context(sequence_length, floor="running", truth=truth, truth_tolerance=1)
-    return Demo(Study(distances, context), reference, revisit, advance, seed, latency)
+    run = match_distances(distances, motion=MOTION, advance=advance, **context.options)
+    return Demo(Study(distances, context), run, reference, revisit, advance, seed, latency)

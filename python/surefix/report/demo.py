@@ -23,12 +23,10 @@ from surefix.report.tables import write_csv
 from surefix.simulate import Traverse
 from surefix.study import UPTO, Result, Study
 
-__all__ = ["ACCEPT", "FILES", "MOTION", "Demo", "write_report"]
+__all__ = ["ACCEPT", "FILES", "Demo", "write_report"]
 
-# A fix of this confidence or more is one to act on.
+# A fix of this confidence or more is sure.
 ACCEPT = 0.95
-# With odometry there is one speed: that of the wheels.
-MOTION = "steady"
 
 FILES = {
     "report.html": "this page, with its pictures inside",
@@ -57,6 +55,8 @@ class Demo:
     ----------
     study : Study
         Of the distances that the localizer saw, with the truth in places.
+    run : Run
+        The fixes of the localizer, with its tracker.
     reference, revisit : Traverse
         The drive that was mapped, and the one that was localized.
     advance : array of float64, shape (m,)
@@ -67,17 +67,12 @@ class Demo:
     """
 
     study: Study
+    run: Run
     reference: Traverse
     revisit: Traverse
     advance: Floats
     seed: int
     latency: Floats
-
-    @cached_property
-    def run(self) -> Run:
-        """The fixes of the drive: those that the localizer gave, to the bit."""
-        options = self.study.context.options
-        return match_distances(self.study.distances, motion=MOTION, advance=self.advance, **options)
 
     @cached_property
     def tracker(self) -> Result:
@@ -91,8 +86,9 @@ class Demo:
 
     @property
     def sure(self) -> Flags:
-        """Which fixes are of a confidence to act on."""
-        return np.asarray(self.run.confidence >= ACCEPT)
+        """Which fixes are sure."""
+        assert self.run.confidence is not None
+        return np.greater_equal(self.run.confidence, ACCEPT)
 
     @property
     def off_map(self) -> Flags:
@@ -392,7 +388,7 @@ def _made(demo: Demo, command: str, seconds: Sequence[tuple[str, float]]) -> Sec
         (
             "Matching",
             f"sequence length {c.sequence_length}, weight {c.weight:g}, floor: the smallest "
-            f"distance so far; tracker {MOTION!r} with odometry",
+            "distance so far; tracker with odometry",
         ),
         ("Right means", f"{demo.study.correct_means} of the true one"),
         (
