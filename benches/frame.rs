@@ -17,7 +17,7 @@ use ndarray::Array2;
 use random::SplitMix64;
 use surefix::Describer;
 use surefix::{
-    Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
+    Drive, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
 };
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
@@ -102,15 +102,17 @@ fn batch(criterion: &mut Criterion) {
         &mut |_, _| ControlFlow::Continue(());
     let mut group = criterion.benchmark_group(format!("batch, n = {PLACES}, m = {QUERIES}"));
     group.throughput(Throughput::Elements(QUERIES as u64)).sample_size(20);
-    let run = match_descriptors(&map, &all, &config, None, &[], go_on).unwrap();
+    let run = match_descriptors(&map, &all, &config, Drive::default(), go_on).unwrap();
     assert_eq!(run.fixes, fixes);
     group.bench_function("from descriptors", |b| {
-        b.iter(|| match_descriptors(&map, black_box(&all), &config, None, &[], go_on).unwrap());
+        b.iter(|| {
+            match_descriptors(&map, black_box(&all), &config, Drive::default(), go_on).unwrap()
+        });
     });
-    let run = match_distances(distances.view(), &config, None, &[]).unwrap();
+    let run = match_distances(distances.view(), &config, Drive::default()).unwrap();
     assert_eq!(run.fixes, fixes);
     group.bench_function("from distances", |b| {
-        b.iter(|| match_distances(black_box(distances.view()), &config, None, &[]).unwrap());
+        b.iter(|| match_distances(black_box(distances.view()), &config, Drive::default()).unwrap());
     });
 }
 

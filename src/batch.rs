@@ -8,7 +8,7 @@ use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
 use crate::map::Map;
-use crate::method::{Column, Fix, Matcher, Memory, minimum};
+use crate::method::{Fix, Given, Matcher, Memory, minimum};
 use crate::numbers::{View, first_not_finite};
 use crate::parallel::each;
 use crate::post::ChainState;
@@ -30,61 +30,69 @@ pub struct Run {
 
 impl Run {
     /// Writes the fixes as CSV: a line of names, then a line a query. Warm-up leaves `anchors` and
-    /// `speed` empty.
+    /// `speed` empty; without motion, `confidence` and `off_map` are empty.
     ///
     /// # Errors
     /// Whatever `out` gives.
     pub fn write_csv(&self, out: &mut impl Write) -> io::Result<()> {
         writeln!(
             out,
-            "frame,place,score,trusted,ready,anchors,speed,single_place,single_distance,gradient_place,gradient_value"
+            "frame,place,score,trusted,ready,anchors,speed,single_place,single_distance,gradient_place,gradient_value,confidence,off_map"
         )?;
         for fix in &self.fixes {
-            let Fix { frame, place, score, trusted, single, gradient, sequence } = fix;
-            let (ready, anchors, speed) = match sequence {
-                Some(s) => (true, s.anchors.to_string(), s.speed.to_string()),
-                None => (false, String::new(), String::new()),
-            };
+            let Fix { frame, place, score, trusted, single, gradient, sequence, .. } = fix;
+            let anchors = sequence.map(|sequence| sequence.anchors);
             writeln!(
                 out,
-                "{frame},{place},{score},{trusted},{ready},{anchors},{speed},{},{},{},{}",
-                single.place, single.distance, gradient.place, gradient.value
+                "{frame},{place},{score},{trusted},{},{},{},{},{},{},{},{},{}",
+                fix.is_ready(),
+                shown(anchors),
+                shown(fix.speed()),
+                single.place,
+                single.distance,
+                gradient.place,
+                gradient.value,
+                shown(fix.confidence()),
+                shown(fix.off_map()),
             )?;
         }
         Ok(())
     }
 }
 
+fn shown(value: Option<impl ToString>) -> String {
+    value.map_or_else(String::new, |value| value.to_string())
+}
+
 /// Matches a whole distance matrix: `D[[i, j]]` is the distance between place `i` and query `j`, in
 /// any memory layout. The answers are those of a [`Matcher`] that is pushed column by column;
-/// `floor: Global` (the paper's own) is possible here too. `trusted`, if given, is an external
-/// predictor's flag for each query; `gaps` are the queries, in any order, before which there is a
-/// gap ([`Matcher::gap`]).
+/// `floor: Global` (the paper's own) is possible here too. `drive` is what else is
+/// known about the queries.
 ///
 /// ```
 /// use ndarray::array;
-/// use surefix::{Config, match_distances};
+/// use surefix::{Config, Drive, match_distances};
 /// let distances = array![[0.1_f32, 0.8, 0.9], [0.8, 0.1, 0.9], [0.9, 0.8, 0.1]];
-/// let run = match_distances(distances.view(), &Config::default(), None, &[1])?;
+/// let run = match_distances(distances.view(), &Config::default(), Drive::default().gaps(&[1]))?;
 /// let ready: Vec<bool> = run.fixes.iter().map(|fix| fix.sequence.is_some()).collect();
 /// assert_eq!(ready, [false, false, true]); // query 1 has no sequence with query 0
 /// # Ok::<(), surefix::Error>(())
 /// ```
 ///
 /// # Errors
-/// As for [`Config::validate`], and [`Error::Option`] for a gap before a query that there is not;
+/// As for [`Config::validate`], and [`Error::Option`] for a gap before a query that there is not and for an
+/// advance that is not finite;
 /// [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity; [`Error::Length`]
-/// unless `trusted` has one flag a query.
+/// unless `trusted` and `advance` have one entry a query.
 #[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
 pub fn match_distances(
     distances: ArrayView2<'_, f32>,
     config: &Config,
-    trusted: Option<&[bool]>,
-    gaps: &[usize],
+    drive: Drive<'_>,
 ) -> Result<Run, Error> {
     let (places, queries) = distances.dim();
     config.validate(places)?;
-    let flags = Flags::new(trusted, gaps, queries)?;
+    let flags = Flags::new(drive, queries)?;
     let stream = Matcher::new(places, Config { floor: Floor::Running, ..config.clone() })?;
     let Pieces { lead, length } = Pieces::new(stream.memory(), queries);
     let pieces = 0..queries.div_ceil(length);
@@ -216,34 +224,34 @@ fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
 
 /// Matches many descriptors, one after the other in `queries`, against a map: the distances on all
 /// cores, the answers those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map
-/// twice, so that no matrix need be held. `gaps` are the queries, in any order, before which there
-/// is a gap ([`Matcher::gap`]). `progress` is told how many queries are done and to do; `Break`
+/// twice, so that no matrix need be held. `drive` is what else is
+/// known about the queries. `progress` is told how many queries are done and to do; `Break`
 /// from it stops the work.
 ///
 /// ```
 /// use std::ops::ControlFlow;
-/// use surefix::{Config, Map, Metric, match_descriptors};
+/// use surefix::{Config, Drive, Map, Metric, match_descriptors};
 ///
 /// let rows: Vec<f32> = (0..20).flat_map(|i| [i as f32, (i * i % 7) as f32]).collect();
 /// let map = Map::from_descriptors(rows.clone(), 2, Metric::Euclidean)?;
 /// let queries = &rows[2 * 2..]; // the same drive, from place 2 on
 /// let mut progress = |_done, _total| ControlFlow::Continue(());
-/// let run = match_descriptors(&map, queries, &Config::default(), None, &[], &mut progress)?;
+/// let run = match_descriptors(&map, queries, &Config::default(), Drive::default(), &mut progress)?;
 /// assert!(run.fixes.iter().all(|fix| fix.place == fix.frame as usize + 2));
 /// # Ok::<(), surefix::Error>(())
 /// ```
 ///
 /// # Errors
 /// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] if the map's dimension
-/// does not divide the numbers; [`Error::Length`] unless `trusted` has one flag a query;
-/// [`Error::Option`] for a gap before a query that there is not; [`Error::Interrupted`] if
+/// does not divide the numbers; [`Error::Length`] unless `trusted` and `advance` have one entry a query;
+/// [`Error::Option`] for a gap before a query that there is not and for an
+/// advance that is not finite; [`Error::Interrupted`] if
 /// `progress` breaks.
 pub fn match_descriptors<'a>(
     map: &Map,
     queries: impl Into<View<'a>>,
     config: &Config,
-    trusted: Option<&[bool]>,
-    gaps: &[usize],
+    drive: Drive<'_>,
     progress: Progress<'_>,
 ) -> Result<Run, Error> {
     let queries = queries.into();
@@ -254,7 +262,7 @@ pub fn match_descriptors<'a>(
         return Err(Error::Shape { what: "queries", expected, got });
     }
     let count = queries.len() / dim;
-    let flags = Flags::new(trusted, gaps, count)?;
+    let flags = Flags::new(drive, count)?;
     config.validate(map.places())?;
     queries.check_finite("queries", dim)?;
     let mut config = config.clone();
@@ -357,19 +365,69 @@ fn of_query(error: Error, query: usize) -> Error {
     }
 }
 
-/// The external trust flags and the gaps of a batch's queries.
+/// What is known about the queries of a batch beside their distances.
+///
+/// ```
+/// use surefix::Drive;
+/// let drive = Drive::default().advance(&[0.0, 1.1, 0.9]).gaps(&[2]);
+/// assert_eq!(drive.trusted, None);
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+#[non_exhaustive]
+pub struct Drive<'a> {
+    /// An external predictor's flag for each query ([`Given::trusted`]).
+    pub trusted: Option<&'a [bool]>,
+    /// The places that the robot moved before each query ([`Given::advance`]). Then gaps are
+    /// [bridged](Matcher::gap_with_advance).
+    pub advance: Option<&'a [f64]>,
+    /// The queries, in any order, before which there is a gap ([`Matcher::gap`]).
+    pub gaps: &'a [usize],
+}
+
+impl<'a> Drive<'a> {
+    /// With an external predictor's flags.
+    #[must_use]
+    pub fn trusted(self, trusted: &'a [bool]) -> Self {
+        Self { trusted: Some(trusted), ..self }
+    }
+
+    /// With odometry.
+    #[must_use]
+    pub fn advance(self, advance: &'a [f64]) -> Self {
+        Self { advance: Some(advance), ..self }
+    }
+
+    /// With gaps.
+    #[must_use]
+    pub fn gaps(self, gaps: &'a [usize]) -> Self {
+        Self { gaps, ..self }
+    }
+}
+
+/// [`Drive`], checked.
 struct Flags<'a> {
     trusted: Option<&'a [bool]>,
+    advance: Option<&'a [f64]>,
     /// For each query, whether there is a gap before it.
     gaps: Vec<bool>,
 }
 
 impl<'a> Flags<'a> {
-    fn new(trusted: Option<&'a [bool]>, gaps: &[usize], queries: usize) -> Result<Self, Error> {
-        if let Some(trusted) = trusted
-            && trusted.len() != queries
-        {
-            return Err(Error::Length { what: "trusted", expected: queries, got: trusted.len() });
+    fn new(drive: Drive<'a>, queries: usize) -> Result<Self, Error> {
+        let Drive { trusted, advance, gaps } = drive;
+        let lengths = [("trusted", trusted.map(<[_]>::len)), ("advance", advance.map(<[_]>::len))];
+        for (what, length) in lengths {
+            if let Some(got) = length.filter(|&got| got != queries) {
+                return Err(Error::Length { what, expected: queries, got });
+            }
+        }
+        for (query, &advance) in advance.unwrap_or_default().iter().enumerate() {
+            Given::default().advance(advance).check().map_err(|error| match error {
+                Error::Option { name, expected, got } => {
+                    Error::Option { name, expected, got: format!("{got} for query {query}") }
+                }
+                other => other,
+            })?;
         }
         let mut cut = vec![false; queries];
         for &query in gaps {
@@ -382,16 +440,21 @@ impl<'a> Flags<'a> {
                 got: query.to_string(),
             })? = true;
         }
-        Ok(Self { trusted, gaps: cut })
+        Ok(Self { trusted, advance, gaps: cut })
     }
 
     /// Pushes a query's distances, after its gap if there is one.
     fn push(&self, matcher: &mut Matcher, query: usize, distances: &[f32]) -> Result<Fix, Error> {
-        if self.gaps[query] {
-            matcher.gap();
+        let given = Given {
+            trusted: self.trusted.map(|trusted| trusted[query]),
+            advance: self.advance.map(|advance| advance[query]),
+        };
+        match given.advance {
+            _ if !self.gaps[query] => {}
+            None => matcher.gap(),
+            Some(_) => matcher.gap_with_advance(0.0)?,
         }
-        let column = Column { lower: distances, upper: None };
-        matcher.push_column(column, self.trusted.map(|trusted| trusted[query]), &mut ())
+        matcher.push_with(distances, given)
     }
 }
 

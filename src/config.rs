@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
+use crate::motion::Motion;
 
 /// The longest smoothing that is accepted: `push` costs this much a place at most.
 const MAX_SMOOTHING: usize = 65_536;
@@ -65,6 +66,9 @@ pub struct Config {
     /// Slopes to try, in places a query: the sequence's diagonals. `[1.0]` by default, as in the
     /// paper.
     pub speeds: Vec<f64>,
+    /// How the robot moves, for the tracker (method 1.9); `None`, the default, for the paper
+    /// alone.
+    pub motion: Option<Motion>,
 }
 
 impl Default for Config {
@@ -77,6 +81,7 @@ impl Default for Config {
             gradient: Gradient::Halved,
             floor: Floor::Running,
             speeds: vec![1.0],
+            motion: None,
         }
     }
 }
@@ -140,7 +145,7 @@ impl Config {
                 return Err(option("speeds", &expected, speed));
             }
         }
-        Ok(())
+        self.motion.as_ref().map_or(Ok(()), Motion::validate)
     }
 }
 

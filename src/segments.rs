@@ -14,6 +14,17 @@ impl Segments {
         Self(std::iter::once(0..places).collect())
     }
 
+    /// Segments of these lengths, one after the other.
+    #[cfg(test)]
+    pub(crate) fn of_lengths(lengths: &[usize]) -> Self {
+        let mut end = 0;
+        let next = |length: &usize| {
+            end += length;
+            end - length..end
+        };
+        Self(lengths.iter().map(next).collect())
+    }
+
     /// How many places the route has.
     pub(crate) fn places(&self) -> usize {
         self.0.last().map_or(0, |last| last.end)

@@ -224,15 +224,30 @@ pub(crate) fn coordinates(object: &Bound<'_, PyAny>, what: &str) -> PyResult<(Ve
 
 /// Whole numbers of one dimension, such as the true places.
 pub(crate) fn whole_numbers(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<i64>> {
+    converted(object, what, "iu", ("whole numbers", "int64"))
+}
+
+/// Numbers, (m,), of any type.
+pub(crate) fn numbers(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
+    converted(object, what, "fiu", ("numbers", "float64"))
+}
+
+/// The numbers of an array or a sequence, (m,), whose NumPy kind is one of `kinds`.
+fn converted<T: Element + Copy>(
+    object: &Bound<'_, PyAny>,
+    what: &str,
+    kinds: &str,
+    (expected, advice): (&str, &str),
+) -> PyResult<Vec<T>> {
     let array = sequence_or_array(object, what)?;
     check_axes(&array, what, 1)?;
-    let whole = "iu".contains(char::from(array.dtype().kind()));
-    if !whole && array.len() > 0 {
-        return Err(wrong_dtype(&array, what, "whole numbers", "int64"));
+    let known = kinds.contains(char::from(array.dtype().kind()));
+    if !known && array.len() > 0 {
+        return Err(wrong_dtype(&array, what, expected, advice));
     }
-    let converted = array.call_method1("astype", (dtype::<i64>(array.py()),))?;
-    let numbers = contiguous::<i64>(converted.cast::<PyUntypedArray>()?)?;
-    let numbers = numbers.ok_or_else(|| wrong_dtype(&array, what, "whole numbers", "int64"))?;
+    let converted = array.call_method1("astype", (dtype::<T>(array.py()),))?;
+    let numbers = contiguous::<T>(converted.cast::<PyUntypedArray>()?)?;
+    let numbers = numbers.ok_or_else(|| wrong_dtype(&array, what, expected, advice))?;
     Ok(numbers.as_slice()?.to_vec())
 }
 

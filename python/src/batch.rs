@@ -8,11 +8,11 @@ use numpy::{Element, PyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::{PyIndexError, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use surefix::{Floor, Recipe, View, match_descriptors};
+use surefix::{Drive, Floor, Recipe, View, match_descriptors};
 use surefix::{Progress, describe_all};
 
 use crate::arrays::{
-    as_array, dtype_of, flags, matrix, query, sequence_or_array, shape_of, whole_numbers,
+    as_array, dtype_of, flags, matrix, numbers, query, sequence_or_array, shape_of, whole_numbers,
 };
 use crate::error::{OrRaise as _, to_py, value};
 use crate::fix::Fix;
@@ -25,7 +25,8 @@ use crate::simulate::Traverse;
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 ///
 /// ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the
-/// warm-up, where ``anchors`` is 0 and ``speed`` is NaN.
+/// warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
+/// without the option ``motion``; with it, all queries are ready.
 ///
 /// Examples
 /// --------
@@ -45,6 +46,15 @@ impl Run {
         of: impl Fn(&surefix::Fix) -> T,
     ) -> Bound<'py, PyArray1<T>> {
         PyArray1::from_iter(py, self.0.fixes.iter().map(of))
+    }
+
+    fn of_tracks<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&surefix::Fix) -> Option<f64>,
+    ) -> Option<Bound<'py, PyArray1<f64>>> {
+        let numbers: Option<Vec<f64>> = self.0.fixes.iter().map(of).collect();
+        numbers.map(|numbers| PyArray1::from_vec(py, numbers))
     }
 }
 
@@ -70,15 +80,25 @@ impl Run {
     fn anchors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.column(py, |fix| fix.sequence.map_or(0, |sequence| sequence.anchors as i64))
     }
-    /// Whether the window was full, so that place and score are the sequence's: bool.
+    /// Whether place and score are those of the track or of a full window: bool.
     #[getter]
     fn ready<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        self.column(py, |fix| fix.sequence.is_some())
+        self.column(py, surefix::Fix::is_ready)
     }
-    /// The slope of the winning diagonal, in places a query: float64.
+    /// The track's speed, else the slope of the winning diagonal, in places a query: float64.
     #[getter]
     fn speed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |fix| fix.sequence.map_or(f64::NAN, |sequence| sequence.speed))
+        self.column(py, |fix| fix.speed().unwrap_or(f64::NAN))
+    }
+    /// The probability that the robot is within ``tolerance`` places of the track's place: float64.
+    #[getter]
+    fn confidence<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.of_tracks(py, surefix::Fix::confidence)
+    }
+    /// The belief that the robot is off the map: float64.
+    #[getter]
+    fn off_map<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.of_tracks(py, surefix::Fix::off_map)
     }
     /// The best match of each query alone: int64.
     #[getter]
@@ -137,6 +157,8 @@ impl Run {
             "single_distance",
             "gradient_place",
             "gradient_value",
+            "confidence",
+            "off_map",
         ] {
             columns.set_item(name, slf.getattr(name)?)?;
         }
@@ -178,6 +200,8 @@ impl Run {
 ///     matrix.
 /// trusted : array of bool, shape (m,), optional
 ///     An external predictor's words in place of the consensus.
+/// advance : array of float, shape (m,), optional
+///     The places that the robot moved before each query, by odometry. Then gaps are bridged by it.
 /// gaps : array or list of int, optional
 ///     The queries, in any order, before which there is a gap (``Matcher.gap``): one that does not
 ///     follow on the one before.
@@ -204,22 +228,26 @@ impl Run {
 /// array([False,  True, False,  True])
 #[pyfunction]
 #[pyo3(
-    signature = (distances, *, trusted=None, gaps=None, **options)
+    signature = (distances, *, trusted=None, advance=None, gaps=None, **options)
 )]
 pub(crate) fn match_distances(
     py: Python<'_>,
     distances: &Bound<'_, PyAny>,
     trusted: Option<&Bound<'_, PyAny>>,
+    advance: Option<&Bound<'_, PyAny>>,
     gaps: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Run> {
     let config = config(py, options, Floor::Global)?;
     let matrix = matrix(distances, "distances")?;
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
+    let advance = advance.map(|advance| numbers(advance, "advance")).transpose()?;
     let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
+    let mut drive = Drive::default().gaps(&gaps);
+    (drive.trusted, drive.advance) = (trusted.as_deref(), advance.as_deref());
     let view = matrix.as_array();
     let view = view.into_dimensionality().map_err(|e| crate::error::value(py, e.to_string()))?;
-    let run = py.detach(|| surefix::match_distances(view, &config, trusted.as_deref(), &gaps));
+    let run = py.detach(|| surefix::match_distances(view, &config, drive));
     Ok(Run(run.or_raise(py)?))
 }
 
@@ -234,6 +262,8 @@ pub(crate) fn match_distances(
 ///     Descriptors are of the map's own type, or of float32 on a map of ready descriptors.
 /// trusted : array of bool, shape (m,), optional
 ///     An external predictor's words in place of the consensus.
+/// advance : array of float, shape (m,), optional
+///     The places that the robot moved before each query, by odometry. Then gaps are bridged by it.
 /// gaps : array or list of int, optional
 ///     The queries, in any order, before which there is a gap (``Localizer.gap``).
 /// descriptor : surefix.descriptors.Descriptor, optional
@@ -264,7 +294,7 @@ pub(crate) fn match_distances(
 #[pyfunction]
 #[pyo3(
     name = "match",
-    signature = (map, queries, *, trusted=None, gaps=None, descriptor=None, progress=None, **options)
+    signature = (map, queries, *, trusted=None, advance=None, gaps=None, descriptor=None, progress=None, **options)
 )]
 #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
 pub(crate) fn match_(
@@ -272,6 +302,7 @@ pub(crate) fn match_(
     map: &Map,
     queries: &Bound<'_, PyAny>,
     trusted: Option<&Bound<'_, PyAny>>,
+    advance: Option<&Bound<'_, PyAny>>,
     gaps: Option<&Bound<'_, PyAny>>,
     descriptor: Option<&Bound<'_, PyAny>>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -279,10 +310,13 @@ pub(crate) fn match_(
 ) -> PyResult<Run> {
     let config = config(py, options, Floor::Running)?;
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
+    let advance = advance.map(|advance| numbers(advance, "advance")).transpose()?;
     let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
+    let mut drive = Drive::default().gaps(&gaps);
+    (drive.trusted, drive.advance) = (trusted.as_deref(), advance.as_deref());
     let map = &map.0;
     let matched = |queries: View<'_>, progress: Progress<'_>| {
-        match_descriptors(map, queries, &config, trusted.as_deref(), &gaps, progress)
+        match_descriptors(map, queries, &config, drive, progress)
     };
     let stacked = stacked(queries)?;
     let queries = stacked.as_ref().unwrap_or(queries);

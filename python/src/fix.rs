@@ -15,10 +15,11 @@ fn python_bool(flag: bool) -> &'static str {
 /// trusted : bool
 ///     Whether the single match is trusted (Eq. 3 of the paper), or an external predictor's word.
 /// place : int
-///     The sequence's place once it is ready; before that, the single match's.
+///     The track's place if there is motion; else the sequence's once it is ready, and before that
+///     the single match's.
 /// score : float
-///     The sequence's score once it is ready; before that, the single match's distance. Less is
-///     better.
+///     The score of that place: ``1 - confidence`` of the track, the sequence's score, or the
+///     single match's distance. Less is better.
 /// single : Single
 ///     The best match of this query alone: ``place`` and ``distance``.
 /// gradient : Peak
@@ -26,6 +27,9 @@ fn python_bool(flag: bool) -> &'static str {
 /// sequence : Sequence or None
 ///     The sequence's match: ``place``, ``score``, ``anchors``, ``speed``. None while the matcher
 ///     warms up, for the first ``sequence_length - 1`` queries, and again after a gap.
+/// track : Track or None
+///     Where the robot is by all queries so far: ``place``, ``confidence``, ``off_map``, ``speed``,
+///     ``interval``. None without the option ``motion``.
 ///
 /// Examples
 /// --------
@@ -50,12 +54,13 @@ impl Fix {
     fn trusted(&self) -> bool {
         self.0.trusted
     }
-    /// The sequence's place once it is ready, else the single match's.
+    /// The track's place, else the sequence's once it is ready, else the single match's.
     #[getter]
     fn place(&self) -> usize {
         self.0.place
     }
-    /// The sequence's score once it is ready, else the single match's distance. Less is better.
+    /// The score of that place: ``1 - confidence``, the sequence's score, or the single match's
+    /// distance. Less is better.
     #[getter]
     fn score(&self) -> f32 {
         self.0.score
@@ -75,17 +80,36 @@ impl Fix {
     fn sequence(&self) -> Option<Sequence> {
         self.0.sequence.map(Sequence)
     }
+    /// Where the robot is by all queries so far; None without the option ``motion``.
+    #[getter]
+    fn track(&self) -> Option<Track> {
+        self.0.track.map(Track)
+    }
+    /// The track's confidence; None without the option ``motion``.
+    #[getter]
+    fn confidence(&self) -> Option<f64> {
+        self.0.confidence()
+    }
+    /// The track's belief that the robot is off the map; None without the option ``motion``.
+    #[getter]
+    fn off_map(&self) -> Option<f64> {
+        self.0.off_map()
+    }
+    /// The track's speed, else the sequence's slope, in places a query; None in the warm-up.
+    #[getter]
+    fn speed(&self) -> Option<f64> {
+        self.0.speed()
+    }
     fn __repr__(&self) -> String {
-        let surefix::Fix { frame, trusted, place, score, sequence, .. } = self.0;
+        let surefix::Fix { frame, trusted, place, score, sequence, track, .. } = self.0;
+        let trusted = python_bool(trusted);
+        if let Some(surefix::Track { confidence, off_map, .. }) = track {
+            return format!(
+                "Fix(frame={frame}, place={place}, confidence={confidence:.3}, off_map={off_map:.3}, trusted={trusted})"
+            );
+        }
         let warming = if sequence.is_none() { ", sequence=None" } else { "" };
-        format!(
-            "Fix(frame={}, place={}, score={}, trusted={}{})",
-            frame,
-            place,
-            score,
-            python_bool(trusted),
-            warming
-        )
+        format!("Fix(frame={frame}, place={place}, score={score}, trusted={trusted}{warming})")
     }
 }
 
@@ -162,5 +186,46 @@ impl Sequence {
     fn __repr__(&self) -> String {
         let surefix::Sequence { place, score, anchors, speed } = self.0;
         format!("Sequence(place={place}, score={score}, anchors={anchors}, speed={speed})")
+    }
+}
+
+/// Where the robot is by all queries so far: a Bayes filter over places, speeds and a state off the
+/// map (method 1.9).
+///
+/// ``place`` is the most probable place; ``confidence`` the probability that the robot is within
+/// ``tolerance`` places of it; ``off_map`` the belief that it is off the map, which ranks well and
+/// is a lower bound as a probability; ``speed`` in places a query, or the advance if it is known;
+/// ``interval`` the first and the last place of those that hold 95 % of the belief on the map.
+#[pyclass(frozen, eq, module = "surefix")]
+#[derive(PartialEq)]
+pub(crate) struct Track(surefix::Track);
+
+#[pymethods]
+impl Track {
+    #[getter]
+    fn place(&self) -> usize {
+        self.0.place
+    }
+    #[getter]
+    fn confidence(&self) -> f64 {
+        self.0.confidence
+    }
+    #[getter]
+    fn off_map(&self) -> f64 {
+        self.0.off_map
+    }
+    #[getter]
+    fn speed(&self) -> f64 {
+        self.0.speed
+    }
+    #[getter]
+    fn interval(&self) -> (usize, usize) {
+        self.0.interval
+    }
+    fn __repr__(&self) -> String {
+        let surefix::Track { place, confidence, off_map, speed, interval, .. } = self.0;
+        format!(
+            "Track(place={place}, confidence={confidence:.3}, off_map={off_map:.3}, speed={speed:.2}, interval={interval:?})"
+        )
     }
 }

@@ -35,7 +35,7 @@ mod _core {
     #[pymodule_export]
     use crate::evaluate::{Evaluation, evaluate, recall_at};
     #[pymodule_export]
-    use crate::fix::{Fix, Peak, Sequence, Single};
+    use crate::fix::{Fix, Peak, Sequence, Single, Track};
     #[pymodule_export]
     use crate::images::{decode_image, find_images, read_image};
     #[pymodule_export]

@@ -11,7 +11,7 @@ use crate::fix::Fix;
 use crate::images::{Pixels, find_images, path_of};
 use crate::learned;
 use crate::map::Map;
-use crate::options::{config, whole};
+use crate::options::{config, given, whole};
 
 /// Localizes along a map, one camera frame at a time.
 ///
@@ -27,7 +27,8 @@ use crate::options::{config, whole};
 ///     for every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to
 ///     the last bit. A forked child has one.
 /// **options
-///     As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds.
+///     As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds,
+///     motion.
 ///
 /// Raises
 /// ------
@@ -76,6 +77,9 @@ impl Localizer {
     ///     descriptors, as it is before post-processing.
     /// trusted : bool, optional
     ///     An external predictor's word in place of the consensus.
+    /// advance : float, optional
+    ///     The places that the robot has moved since the query before, by odometry: 0 if it stands
+    ///     still, negative if it reverses.
     ///
     /// Returns
     /// -------
@@ -86,12 +90,14 @@ impl Localizer {
     /// SurefixValueError
     ///     For another shape or type, a NaN or an infinity, or an image on a map of ready
     ///     descriptors. The localizer is then as it was.
-    #[pyo3(signature = (frame, trusted=None))]
+    #[pyo3(signature = (frame, trusted=None, advance=None))]
     fn push(
         slf: &Bound<'_, Self>,
         frame: &Bound<'_, PyAny>,
         trusted: Option<bool>,
+        advance: Option<f64>,
     ) -> PyResult<Fix> {
+        let given = given(trusted, advance);
         let py = slf.py();
         let locked = || slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"));
         let described = {
@@ -104,7 +110,7 @@ impl Localizer {
             let localizer = &mut this.0;
             let fix = py.detach(|| {
                 let image = surefix::read_image(path)?;
-                localizer.push_image_with_trust(image.view(), trusted)
+                localizer.push_image_with(image.view(), given)
             });
             return Ok(Fix(fix.or_raise(py)?));
         }
@@ -114,13 +120,13 @@ impl Localizer {
             let view = numbers.view()?;
             let mut this = locked()?;
             let localizer = &mut this.0;
-            py.detach(|| localizer.push_descriptor_with_trust(view, trusted))
+            py.detach(|| localizer.push_descriptor_with(view, given))
         } else {
             let pixels = Pixels::new(&array, "image")?;
             let view = pixels.view(py)?;
             let mut this = locked()?;
             let localizer = &mut this.0;
-            py.detach(|| localizer.push_image_with_trust(view, trusted))
+            py.detach(|| localizer.push_image_with(view, given))
         };
         Ok(Fix(fix.or_raise(py)?))
     }
@@ -136,7 +142,8 @@ impl Localizer {
     ///     ``surefix.frames.Frames``: an iterable of objects with an ``image`` to push, and ``gap``
     ///     and ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
     ///     before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
-    ///     image is then refused.
+    ///     image is then refused. An ``advance`` of theirs is pushed with the image, and bridges
+    ///     the gap.
     ///
     /// Returns
     /// -------
@@ -182,6 +189,14 @@ impl Localizer {
         Ok(PyArray1::from_slice(py, py.detach(|| localizer.distances())))
     }
 
+    /// The track's belief in each place after the newest frame, a copy: shape (n,), float64. With
+    /// ``off_map`` of the track, it sums to 1. None without the option ``motion``.
+    #[getter]
+    fn belief<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let this = shared(slf)?;
+        Ok(this.0.belief().map(|belief| PyArray1::from_iter(slf.py(), belief)))
+    }
+
     /// How many of the map's rows the newest frame made it look at: all of them, or, on a map with
     /// a screen, those that were left in doubt, for this query and for the ones before it in the
     /// window. 0 before the first frame.
@@ -197,6 +212,12 @@ impl Localizer {
     /// frame numbers, the running floor and a drive's statistics (``surefix.post.Standardize``) go
     /// on.
     ///
+    /// Parameters
+    /// ----------
+    /// advance : float, optional
+    ///     The places that the robot moved meanwhile, by odometry: the track goes on from there.
+    ///     Without it, the robot may be anywhere.
+    ///
     /// Examples
     /// --------
     /// >>> import numpy as np, surefix
@@ -207,8 +228,14 @@ impl Localizer {
     /// >>> localizer.gap()
     /// >>> [localizer.push(row).sequence is None for row in rows[4:]]
     /// [True, False]
-    fn gap(slf: &Bound<'_, Self>) -> PyResult<()> {
-        slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Localizer"))?.0.gap();
+    #[pyo3(signature = (advance=None))]
+    fn gap(slf: &Bound<'_, Self>, advance: Option<f64>) -> PyResult<()> {
+        let py = slf.py();
+        let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"))?;
+        if let Some(advance) = advance {
+            return this.0.gap_with_advance(advance).or_raise(py);
+        }
+        this.0.gap();
         Ok(())
     }
 
@@ -317,32 +344,48 @@ impl FixStream {
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Fix>> {
         let Some(item) = self.frames.bind(py).clone().next() else { return Ok(None) };
         let (item, localizer) = (item?, self.localizer.bind(py));
-        let Some((image, follows)) = frame_of(&item)? else {
-            return Localizer::push(localizer, &item, None).map(Some);
+        let Some(Reported { image, follows, advance }) = Reported::of(&item)? else {
+            return Localizer::push(localizer, &item, None, None).map(Some);
         };
         if !follows {
-            Localizer::gap(localizer)?;
+            // The advance counts from the frame before.
+            Localizer::gap(localizer, advance.map(|_| 0.0))?;
         }
-        Localizer::push(localizer, &image, None).map(Some)
+        Localizer::push(localizer, &image, None, advance).map(Some)
     }
 }
 
-/// The image of a frame that reports lost frames (``surefix.frames.Frame``), and whether it
-/// follows on the one before; `None` for an array or a path.
-fn frame_of<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>, bool)>> {
-    if item.is_instance_of::<PyUntypedArray>() {
-        return Ok(None);
+/// A frame that reports lost frames (``surefix.frames.Frame``): its image, whether it follows on
+/// the one before, and the places that the robot moved since then.
+struct Reported<'py> {
+    image: Bound<'py, PyAny>,
+    follows: bool,
+    advance: Option<f64>,
+}
+
+impl<'py> Reported<'py> {
+    /// `None` for an array or a path.
+    fn of(item: &Bound<'py, PyAny>) -> PyResult<Option<Self>> {
+        if item.is_instance_of::<PyUntypedArray>() {
+            return Ok(None);
+        }
+        let parts =
+            (item.getattr_opt("image")?, item.getattr_opt("gap")?, item.getattr_opt("dropped")?);
+        let (Some(image), Some(gap), Some(dropped)) = parts else { return Ok(None) };
+        let refuse = |name: &str, expected: &str, got: &Bound<'_, PyAny>| {
+            let got = got.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string());
+            value(item.py(), format!("frame: {name}: expected {expected}, got {got}"))
+        };
+        let cut: bool = gap.extract().map_err(|_| refuse("gap", "True or False", &gap))?;
+        let lost: u64 = dropped
+            .extract()
+            .map_err(|_| refuse("dropped", "a whole number of 0 or more", &dropped))?;
+        let advance = match item.getattr_opt("advance")? {
+            None => None,
+            Some(places) => places
+                .extract()
+                .map_err(|_| refuse("advance", "a number of places, or None", &places))?,
+        };
+        Ok(Some(Self { image, follows: !cut && lost == 0, advance }))
     }
-    let parts =
-        (item.getattr_opt("image")?, item.getattr_opt("gap")?, item.getattr_opt("dropped")?);
-    let (Some(image), Some(gap), Some(dropped)) = parts else { return Ok(None) };
-    let refuse = |name: &str, expected: &str, got: &Bound<'_, PyAny>| {
-        let got = got.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string());
-        value(item.py(), format!("frame: {name}: expected {expected}, got {got}"))
-    };
-    let cut: bool = gap.extract().map_err(|_| refuse("gap", "True or False", &gap))?;
-    let lost: u64 = dropped
-        .extract()
-        .map_err(|_| refuse("dropped", "a whole number of 0 or more", &dropped))?;
-    Ok(Some((image, !cut && lost == 0)))
 }

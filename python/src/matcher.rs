@@ -1,5 +1,6 @@
 //! `surefix.Matcher`.
 
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use surefix::Floor;
@@ -7,7 +8,7 @@ use surefix::Floor;
 use crate::arrays::floats;
 use crate::error::{OrRaise as _, busy};
 use crate::fix::Fix;
-use crate::options::{config, whole};
+use crate::options::{config, given, whole};
 
 /// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
 /// yields distances.
@@ -34,6 +35,8 @@ use crate::options::{config, whole};
 ///     smaller still.
 /// speeds : sequence of float
 ///     Slopes to try, in places a query; the best mean wins. Halves of a place round up.
+/// motion : {"steady", "free"} or Motion, optional
+///     How the robot moves, for the tracker: fixes then have a ``track``. None for the paper alone.
 ///
 /// Raises
 /// ------
@@ -75,6 +78,9 @@ impl Matcher {
     ///     Any technique's distances; less is more alike. Read without a copy if contiguous.
     /// trusted : bool, optional
     ///     An external predictor's word in place of the consensus.
+    /// advance : float, optional
+    ///     The places that the robot has moved since the query before, by odometry: 0 if it stands
+    ///     still, negative if it reverses.
     ///
     /// Returns
     /// -------
@@ -83,22 +89,21 @@ impl Matcher {
     /// Raises
     /// ------
     /// SurefixValueError
-    ///     For a wrong length or type, a NaN or an infinity. The matcher is then as it was.
-    #[pyo3(signature = (distances, trusted=None))]
+    ///     For a wrong length or type, a NaN or an infinity, or an advance that is not finite. The
+    ///     matcher is then as it was.
+    #[pyo3(signature = (distances, trusted=None, advance=None))]
     fn push(
         slf: &Bound<'_, Self>,
         distances: &Bound<'_, PyAny>,
         trusted: Option<bool>,
+        advance: Option<f64>,
     ) -> PyResult<Fix> {
         let py = slf.py();
         let distances = floats(distances, "distances", 1)?;
         let distances = distances.as_slice()?;
         let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Matcher"))?;
         let matcher = &mut this.0;
-        let fix = py.detach(|| match trusted {
-            Some(trusted) => matcher.push_with_trust(distances, trusted),
-            None => matcher.push(distances),
-        });
+        let fix = py.detach(|| matcher.push_with(distances, given(trusted, advance)));
         Ok(Fix(fix.or_raise(py)?))
     }
 
@@ -108,6 +113,12 @@ impl Matcher {
     /// The diagonal is broken there, so that no gradient is summed and no sequence made across:
     /// ``fix.sequence`` is None until ``sequence_length`` queries have come. Frame numbers and the
     /// running floor go on. A gap before the first query, or right after another, changes nothing.
+    ///
+    /// Parameters
+    /// ----------
+    /// advance : float, optional
+    ///     The places that the robot moved meanwhile, by odometry: the track goes on from there.
+    ///     Without it, the robot may be anywhere.
     ///
     /// Examples
     /// --------
@@ -119,8 +130,14 @@ impl Matcher {
     /// >>> matcher.gap()
     /// >>> matcher.push(columns[3])
     /// Fix(frame=2, place=3, score=0, trusted=True, sequence=None)
-    fn gap(slf: &Bound<'_, Self>) -> PyResult<()> {
-        slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Matcher"))?.0.gap();
+    #[pyo3(signature = (advance=None))]
+    fn gap(slf: &Bound<'_, Self>, advance: Option<f64>) -> PyResult<()> {
+        let py = slf.py();
+        let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Matcher"))?;
+        if let Some(advance) = advance {
+            return this.0.gap_with_advance(advance).or_raise(py);
+        }
+        this.0.gap();
         Ok(())
     }
 
@@ -167,6 +184,14 @@ impl Matcher {
         let expected =
             options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
         Ok(Self(py.detach(|| surefix::Matcher::restore(blob, expected.as_ref())).or_raise(py)?))
+    }
+
+    /// The track's belief in each place after the newest query, a copy: shape (places,), float64. With
+    /// ``off_map`` of the track, it sums to 1. None without the option ``motion``.
+    #[getter]
+    fn belief<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let this = slf.try_borrow().map_err(|_| busy(slf.py(), "Matcher"))?;
+        Ok(this.0.belief().map(|belief| PyArray1::from_iter(slf.py(), belief)))
     }
 
     /// The number of places of the route.

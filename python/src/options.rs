@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyInt, PyList, PyString};
 use pythonize::{depythonize, pythonize};
-use surefix::{Config, Error, Floor};
+use surefix::{Config, Error, Floor, Given, Motion};
 
 use crate::error::{OrRaise as _, value};
 
@@ -41,6 +41,16 @@ fn in_serde<'py>(
         return each
             .map_or_else(|_| Ok(given.clone()), |each| Ok(PyList::new(py, each)?.into_any()));
     }
+    if name.eq("motion")? {
+        let named = match given.extract() {
+            Ok("steady") => Motion::steady(),
+            Ok("free") => Motion::free(),
+            Ok("any") => Motion::any(),
+            // `surefix.Motion`: its fields.
+            _ => return Ok(given.getattr_opt("__dict__")?.unwrap_or_else(|| given.clone())),
+        };
+        return Ok(pythonize(py, &named)?);
+    }
     if name.eq("floor")? && !given.is_instance_of::<PyString>() {
         let fixed = PyDict::new(py);
         fixed.set_item("fixed", given)?;
@@ -60,11 +70,19 @@ fn refuse(
         "gradient" => "\"halved\" or \"unhalved\"",
         "floor" => "\"running\", \"global\" or a number",
         "speeds" => "a sequence of numbers, in places a query",
+        "motion" => "\"steady\", \"free\", \"any\", a surefix.Motion or None",
         _ if default.is_instance_of::<PyInt>() => WHOLE,
         _ if default.is_instance_of::<PyFloat>() => "a number",
         _ => "another value",
     };
     Err(value(given.py(), format!("option `{name}`: expected {expected}, got {}", shown(given))))
+}
+
+/// What is known about a query.
+pub(crate) fn given(trusted: Option<bool>, advance: Option<f64>) -> Given {
+    let mut given = Given::default();
+    (given.trusted, given.advance) = (trusted, advance);
+    given
 }
 
 const WHOLE: &str = "a whole number of 0 or more";

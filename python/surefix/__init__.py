@@ -21,6 +21,7 @@ from surefix._core import (
     Sad,
     Sequence,
     Single,
+    Track,
     Trust,
     __version__,
     evaluate,
@@ -33,6 +34,7 @@ from surefix._core import (
 )
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.matches import Matches
+from surefix.motion import Motion
 
 __all__ = [
     "Evaluation",
@@ -42,6 +44,7 @@ __all__ = [
     "Map",
     "Matcher",
     "Matches",
+    "Motion",
     "Peak",
     "Run",
     "Sad",
@@ -50,6 +53,7 @@ __all__ = [
     "SurefixError",
     "SurefixFileError",
     "SurefixValueError",
+    "Track",
     "Trust",
     "__version__",
     "evaluate",

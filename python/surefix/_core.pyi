@@ -132,6 +132,30 @@ class Sequence:
     def __ne__(self, other: object, /) -> bool: ...
 
 @final
+class Track:
+    """Where the robot is by all queries so far: a Bayes filter over places, speeds and a state off the
+    map (method 1.9).
+
+    ``place`` is the most probable place; ``confidence`` the probability that the robot is within
+    ``tolerance`` places of it; ``off_map`` the belief that it is off the map, which ranks well and
+    is a lower bound as a probability; ``speed`` in places a query, or the advance if it is known;
+    ``interval`` the first and the last place of those that hold 95 % of the belief on the map.
+    """
+
+    @property
+    def place(self) -> int: ...
+    @property
+    def confidence(self) -> float: ...
+    @property
+    def off_map(self) -> float: ...
+    @property
+    def speed(self) -> float: ...
+    @property
+    def interval(self) -> tuple[int, int]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
 class Fix:
     """Where the robot is, as far as one query tells, and whether to believe it.
 
@@ -142,10 +166,11 @@ class Fix:
     trusted : bool
         Whether the single match is trusted (Eq. 3 of the paper), or an external predictor's word.
     place : int
-        The sequence's place once it is ready; before that, the single match's.
+        The track's place if there is motion; else the sequence's once it is ready, and before that
+        the single match's.
     score : float
-        The sequence's score once it is ready; before that, the single match's distance. Less is
-        better.
+        The score of that place: ``1 - confidence`` of the track, the sequence's score, or the
+        single match's distance. Less is better.
     single : Single
         The best match of this query alone: ``place`` and ``distance``.
     gradient : Peak
@@ -153,6 +178,9 @@ class Fix:
     sequence : Sequence or None
         The sequence's match: ``place``, ``score``, ``anchors``, ``speed``. None while the matcher
         warms up, for the first ``sequence_length - 1`` queries, and again after a gap.
+    track : Track or None
+        Where the robot is by all queries so far: ``place``, ``confidence``, ``off_map``, ``speed``,
+        ``interval``. None without the option ``motion``.
 
     Examples
     --------
@@ -171,10 +199,12 @@ class Fix:
         """Whether the single match is trusted."""
     @property
     def place(self) -> int:
-        """The sequence's place once it is ready, else the single match's."""
+        """The track's place, else the sequence's once it is ready, else the single match's."""
     @property
     def score(self) -> float:
-        """The sequence's score once it is ready, else the single match's distance. Less is better."""
+        """The score of that place: ``1 - confidence``, the sequence's score, or the single match's
+        distance. Less is better.
+        """
     @property
     def single(self) -> Single:
         """The best match of this query alone."""
@@ -184,6 +214,18 @@ class Fix:
     @property
     def sequence(self) -> Sequence | None:
         """The sequence's match; None while the matcher warms up."""
+    @property
+    def track(self) -> Track | None:
+        """Where the robot is by all queries so far; None without the option ``motion``."""
+    @property
+    def confidence(self) -> float | None:
+        """The track's confidence; None without the option ``motion``."""
+    @property
+    def off_map(self) -> float | None:
+        """The track's belief that the robot is off the map; None without the option ``motion``."""
+    @property
+    def speed(self) -> float | None:
+        """The track's speed, else the sequence's slope, in places a query; None in the warm-up."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -824,6 +866,8 @@ class Matcher:
         smaller still.
     speeds : sequence of float
         Slopes to try, in places a query; the best mean wins. Halves of a place round up.
+    motion : {"steady", "free"} or Motion, optional
+        How the robot moves, for the tracker: fixes then have a ``track``. None for the paper alone.
 
     Raises
     ------
@@ -846,7 +890,9 @@ class Matcher:
         places: SupportsIndex,
         **options: Unpack[Options],
     ) -> Matcher: ...
-    def push(self, distances: _Array, trusted: bool | None = None) -> Fix:
+    def push(
+        self, distances: _Array, trusted: bool | None = None, advance: float | None = None
+    ) -> Fix:
         """Takes the distances from the current query to every place, and says where the robot is.
 
         Parameters
@@ -855,6 +901,9 @@ class Matcher:
             Any technique's distances; less is more alike. Read without a copy if contiguous.
         trusted : bool, optional
             An external predictor's word in place of the consensus.
+        advance : float, optional
+            The places that the robot has moved since the query before, by odometry: 0 if it stands
+            still, negative if it reverses.
 
         Returns
         -------
@@ -863,15 +912,27 @@ class Matcher:
         Raises
         ------
         SurefixValueError
-            For a wrong length or type, a NaN or an infinity. The matcher is then as it was.
+            For a wrong length or type, a NaN or an infinity, or an advance that is not finite. The
+            matcher is then as it was.
         """
-    def gap(self) -> None:
+    @property
+    def belief(self) -> _Float64 | None:
+        """The track's belief in each place after the newest query, a copy: shape (places,), float64. With
+        ``off_map`` of the track, it sums to 1. None without the option ``motion``.
+        """
+    def gap(self, advance: float | None = None) -> None:
         """Says that the next query does not follow on the one before: frames were dropped, or the
         camera was away.
 
         The diagonal is broken there, so that no gradient is summed and no sequence made across:
         ``fix.sequence`` is None until ``sequence_length`` queries have come. Frame numbers and the
         running floor go on. A gap before the first query, or right after another, changes nothing.
+
+        Parameters
+        ----------
+        advance : float, optional
+            The places that the robot moved meanwhile, by odometry: the track goes on from there.
+            Without it, the robot may be anywhere.
 
         Examples
         --------
@@ -938,7 +999,8 @@ class Localizer:
         for every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to
         the last bit. A forked child has one.
     **options
-        As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds.
+        As for ``Matcher``: sequence_length, weight, tolerance, smoothing, gradient, floor, speeds,
+        motion.
 
     Raises
     ------
@@ -962,7 +1024,12 @@ class Localizer:
         threads: SupportsIndex | None = None,
         **options: Unpack[Options],
     ) -> Localizer: ...
-    def push(self, frame: _Array | _Path, trusted: bool | None = None) -> Fix:
+    def push(
+        self,
+        frame: _Array | _Path,
+        trusted: bool | None = None,
+        advance: float | None = None,
+    ) -> Fix:
         """Takes one camera frame, and says where the robot is.
 
         Parameters
@@ -973,6 +1040,9 @@ class Localizer:
             descriptors, as it is before post-processing.
         trusted : bool, optional
             An external predictor's word in place of the consensus.
+        advance : float, optional
+            The places that the robot has moved since the query before, by odometry: 0 if it stands
+            still, negative if it reverses.
 
         Returns
         -------
@@ -996,7 +1066,8 @@ class Localizer:
             ``surefix.frames.Frames``: an iterable of objects with an ``image`` to push, and ``gap``
             and ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
             before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
-            image is then refused.
+            image is then refused. An ``advance`` of theirs is pushed with the image, and bridges
+            the gap.
 
         Returns
         -------
@@ -1017,13 +1088,24 @@ class Localizer:
         >>> [(fix.place, fix.sequence is not None) for fix in localizer.stream(frames)]
         [(0, False), (1, True), (3, False), (4, True)]
         """
-    def gap(self) -> None:
+    @property
+    def belief(self) -> _Float64 | None:
+        """The track's belief in each place after the newest frame, a copy: shape (n,), float64. With
+        ``off_map`` of the track, it sums to 1. None without the option ``motion``.
+        """
+    def gap(self, advance: float | None = None) -> None:
         """Says that the next frame does not follow on the one before: frames were dropped, or the
         camera was away.
 
         As ``Matcher.gap``: ``fix.sequence`` is None until ``sequence_length`` frames have come;
         frame numbers, the running floor and a drive's statistics (``surefix.post.Standardize``) go
         on.
+
+        Parameters
+        ----------
+        advance : float, optional
+            The places that the robot moved meanwhile, by odometry: the track goes on from there.
+            Without it, the robot may be anywhere.
 
         Examples
         --------
@@ -1109,7 +1191,8 @@ class Run:
     """The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 
     ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the
-    warm-up, where ``anchors`` is 0 and ``speed`` is NaN.
+    warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
+    without the option ``motion``; with it, all queries are ready.
 
     Examples
     --------
@@ -1135,10 +1218,16 @@ class Run:
         """How many trusted matches lie on the winning diagonal: int64."""
     @property
     def ready(self) -> _Bool:
-        """Whether the window was full, so that place and score are the sequence's: bool."""
+        """Whether place and score are those of the track or of a full window: bool."""
     @property
     def speed(self) -> _Float64:
-        """The slope of the winning diagonal, in places a query: float64."""
+        """The track's speed, else the slope of the winning diagonal, in places a query: float64."""
+    @property
+    def confidence(self) -> _Float64 | None:
+        """The probability that the robot is within ``tolerance`` places of the track's place: float64."""
+    @property
+    def off_map(self) -> _Float64 | None:
+        """The belief that the robot is off the map: float64."""
     @property
     def single_place(self) -> _Int64:
         """The best match of each query alone: int64."""
@@ -1174,6 +1263,7 @@ def match_distances(
     distances: _Array,
     *,
     trusted: _Array | list[bool] | None = None,
+    advance: _Array | list[float] | None = None,
     gaps: _Array | list[int] | None = None,
     **options: Unpack[Options],
 ) -> Run:
@@ -1189,6 +1279,8 @@ def match_distances(
         matrix.
     trusted : array of bool, shape (m,), optional
         An external predictor's words in place of the consensus.
+    advance : array of float, shape (m,), optional
+        The places that the robot moved before each query, by odometry. Then gaps are bridged by it.
     gaps : array or list of int, optional
         The queries, in any order, before which there is a gap (``Matcher.gap``): one that does not
         follow on the one before.
@@ -1220,6 +1312,7 @@ def match(
     queries: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
     *,
     trusted: _Array | list[bool] | None = None,
+    advance: _Array | list[float] | None = None,
     gaps: _Array | list[int] | None = None,
     descriptor: _Descriptor | None = None,
     progress: _Progress = None,
@@ -1236,6 +1329,8 @@ def match(
         Descriptors are of the map's own type, or of float32 on a map of ready descriptors.
     trusted : array of bool, shape (m,), optional
         An external predictor's words in place of the consensus.
+    advance : array of float, shape (m,), optional
+        The places that the robot moved before each query, by odometry. Then gaps are bridged by it.
     gaps : array or list of int, optional
         The queries, in any order, before which there is a gap (``Localizer.gap``).
     descriptor : surefix.descriptors.Descriptor, optional

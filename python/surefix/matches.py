@@ -25,6 +25,9 @@ class Matches:
     accepted : array of bool, shape (m,), optional
         False if the method rejects the match at any score, as a mask does: such queries still count
         towards recall. All True by default.
+    confidence, off_map : arrays of float, shape (m,), optional
+        The probabilities, from 0 to 1, that the match is right and that the robot is off the map,
+        if the method says any.
 
     Examples
     --------
@@ -39,6 +42,8 @@ class Matches:
     score: npt.NDArray[np.float32]
     ready: npt.NDArray[np.bool_] | None = None
     accepted: npt.NDArray[np.bool_] | None = None
+    confidence: npt.NDArray[np.float64] | None = None
+    off_map: npt.NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         place, score = np.asarray(self.place), np.asarray(self.score)
@@ -53,6 +58,13 @@ class Matches:
             fields[name] = np.ones(len(place), bool) if flags is None else np.asarray(flags)
             if fields[name].dtype != np.bool_:
                 raise mismatch(name, "bool, one a query", fields[name].dtype)
+        for name in ("confidence", "off_map"):
+            said = getattr(self, name)
+            if said is not None:
+                # Sums of probabilities may pass 1 by a rounding error.
+                fields[name] = np.asarray(said, np.float64)
+                if not ((fields[name] >= 0) & (fields[name] <= 1 + 1e-6)).all():
+                    raise mismatch(name, "probabilities from 0 to 1", f"{fields[name]}")
         for name, array in fields.items():
             if array.shape != place.shape:
                 expected = f"one number a query, {place.shape}"

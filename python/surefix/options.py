@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal, SupportsFloat, SupportsIndex, TypeAlias, TypedDict
 
+from surefix.motion import Motion
+
 Gradient: TypeAlias = Literal["halved", "unhalved"]
 Floor: TypeAlias = Literal["running", "global"] | SupportsFloat
 
@@ -22,6 +24,7 @@ class Options(TypedDict, total=False):
     gradient: Gradient | str
     floor: Floor | str
     speeds: Iterable[SupportsFloat]
+    motion: Motion | str | None
 
 
 @dataclass(frozen=True)
@@ -79,5 +82,13 @@ OPTIONS: tuple[Option, ...] = (
         '"halved" or "unhalved"',
         "Eq. 1 as printed, or as in the authors' code.",
         choices=("halved", "unhalved"),
+    ),
+    Option(
+        "motion",
+        str,
+        None,
+        '"steady", "free" or "any"',
+        "Track the robot: at a steady pace, from 0 to twice it, or at any speed.",
+        choices=("steady", "free", "any"),
     ),
 )

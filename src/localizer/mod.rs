@@ -10,7 +10,7 @@ use crate::distance::Query;
 use crate::error::Error;
 use crate::image::ImageView;
 use crate::map::{Map, Recipe};
-use crate::method::{Column, Fix, Matcher, Owner, load};
+use crate::method::{Column, Fix, Given, Matcher, Owner, load};
 use crate::numbers::{Values, View};
 use crate::post::{ChainState, Running};
 use crate::scan::{Job, Pool, threads_for};
@@ -114,7 +114,8 @@ impl Localizer {
             Recipe::Ready => None,
         };
         let screening = match map.codes() {
-            Some(_) if map.dim() >= screening::SHORTEST => {
+            // The tracker needs all distances: bounds would only be work before them.
+            Some(_) if map.dim() >= screening::SHORTEST && matcher.config().motion.is_none() => {
                 Some(Box::new(Screening::new(&map, &mut matcher)?))
             }
             _ => None,
@@ -131,7 +132,7 @@ impl Localizer {
     /// [`Error::NoDescriptor`] if the map was made of ready descriptors. The localizer is then
     /// as it was.
     pub fn push_image<'a>(&mut self, image: impl Into<ImageView<'a>>) -> Result<Fix, Error> {
-        self.push_image_with_trust(image.into(), None)
+        self.push_image_with(image, Given::default())
     }
 
     /// Localizes by a descriptor: float32, or of the map's own type; on a map with post-processing
@@ -140,42 +141,42 @@ impl Localizer {
     /// # Errors
     /// As for [`Map::distances_into`]. The localizer is then as it was.
     pub fn push_descriptor<'a>(&mut self, descriptor: impl Into<View<'a>>) -> Result<Fix, Error> {
-        self.push_descriptor_with_trust(descriptor.into(), None)
+        self.push_descriptor_with(descriptor, Given::default())
     }
 
-    /// [`push_image`](Self::push_image), with an external predictor's flag in place of the
-    /// consensus if there is one.
+    /// [`push_image`](Self::push_image), with what else is known about the frame.
     ///
     /// # Errors
-    /// As for [`push_image`](Self::push_image).
-    pub fn push_image_with_trust(
+    /// As for [`push_image`](Self::push_image), and for an advance that is not finite.
+    pub fn push_image_with<'a>(
         &mut self,
-        image: ImageView<'_>,
-        trusted: Option<bool>,
+        image: impl Into<ImageView<'a>>,
+        given: Given,
     ) -> Result<Fix, Error> {
+        given.check()?;
         let Some((describer, values)) = &mut self.describer else {
             return Err(Error::NoDescriptor);
         };
-        describer.describe(image, values)?;
+        describer.describe(image.into(), values)?;
         let query = self.map.query(values.view())?;
         let scan = Scan { map: &self.map, pool: &mut self.pool, column: &mut self.column };
-        scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)
+        scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, given)
     }
 
-    /// [`push_descriptor`](Self::push_descriptor), with an external predictor's flag in place of
-    /// the consensus if there is one.
+    /// [`push_descriptor`](Self::push_descriptor), with what else is known about the frame.
     ///
     /// # Errors
-    /// As for [`push_descriptor`](Self::push_descriptor).
-    pub fn push_descriptor_with_trust(
+    /// As for [`push_descriptor`](Self::push_descriptor), and for an advance that is not finite.
+    pub fn push_descriptor_with<'a>(
         &mut self,
-        descriptor: View<'_>,
-        trusted: Option<bool>,
+        descriptor: impl Into<View<'a>>,
+        given: Given,
     ) -> Result<Fix, Error> {
-        let descriptor = self.map.passed(descriptor, self.through.as_mut())?;
+        given.check()?;
+        let descriptor = self.map.passed(descriptor.into(), self.through.as_mut())?;
         let query = self.map.query(descriptor)?;
         let scan = Scan { map: &self.map, pool: &mut self.pool, column: &mut self.column };
-        let fix = scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, trusted)?;
+        let fix = scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, given)?;
         if let Some(through) = &mut self.through {
             through.commit();
         }
@@ -203,6 +204,11 @@ impl Localizer {
             column.fill(0.0);
             column
         })
+    }
+
+    /// The track's belief in each place, as [`Matcher::belief`].
+    pub fn belief(&self) -> Option<impl Iterator<Item = f64>> {
+        self.matcher.belief()
     }
 
     /// How many of the map's rows the newest frame made the localizer look at: all of them, or, on
@@ -233,6 +239,20 @@ impl Localizer {
     /// ```
     pub fn gap(&mut self) {
         self.matcher.gap();
+        self.screening_gap();
+    }
+
+    /// A gap during which the robot moved, as [`Matcher::gap_with_advance`].
+    ///
+    /// # Errors
+    /// As for [`Matcher::gap_with_advance`].
+    pub fn gap_with_advance(&mut self, advance: f64) -> Result<(), Error> {
+        self.matcher.gap_with_advance(advance)?;
+        self.screening_gap();
+        Ok(())
+    }
+
+    fn screening_gap(&mut self) {
         if let Some(screening) = &mut self.screening {
             screening.gap();
         }
@@ -326,14 +346,14 @@ impl Scan<'_> {
         matcher: &mut Matcher,
         screening: Option<&mut Screening>,
         query: Query<'_>,
-        trusted: Option<bool>,
+        given: Given,
     ) -> Result<Fix, Error> {
         let Self { map, pool, column } = self;
         if let Some(screening) = screening {
-            return screening.push(matcher, map, pool, query, column, trusted);
+            return screening.push(matcher, map, pool, query, column, given);
         }
         Job::Distances(query).column(map, pool, column);
-        matcher.push_column(Column { lower: column, upper: None }, trusted, &mut ())
+        matcher.push_column(Column { lower: column, upper: None }, given, &mut ())
     }
 }
 

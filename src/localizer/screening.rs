@@ -7,7 +7,7 @@ use std::ops::Range;
 use crate::distance::Query;
 use crate::error::Error;
 use crate::map::Map;
-use crate::method::{Column, Exact, Fix, Matcher, Ring};
+use crate::method::{Column, Exact, Fix, Given, Matcher, Ring};
 use crate::numbers::{View, first_not_finite};
 use crate::preallocated::Preallocated;
 use crate::scan::{EncodedQuery, Job, MAX_SCREENED, Pool};
@@ -73,7 +73,7 @@ impl Screening {
         pool: &mut Option<Pool>,
         query: Query<'_>,
         lower: &mut [f32],
-        trusted: Option<bool>,
+        given: Given,
     ) -> Result<Fix, Error> {
         let tries = self.backoff.tries();
         let screened = tries && self.bounds(map, pool, query, lower);
@@ -83,8 +83,7 @@ impl Screening {
         self.remember(query);
         let Self { queries, lengths, upper, .. } = self;
         let column = Column { lower, upper: screened.then_some(upper) };
-        let fix =
-            matcher.push_column(column, trusted, &mut Rows { map, pool, queries, lengths })?;
+        let fix = matcher.push_column(column, given, &mut Rows { map, pool, queries, lengths })?;
         let scanned = if screened { 0 } else { map.places() };
         self.looked_at = scanned + matcher.window().asked();
         if tries {

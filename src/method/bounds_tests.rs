@@ -5,8 +5,9 @@ use std::ops::Range;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::{Column, Exact, Fix, Matcher};
+use super::{Column, Exact, Fix, Given, Matcher};
 use crate::config::{Config, Floor, Gradient};
+use crate::motion::Motion;
 use crate::random::SplitMix64;
 
 /// All distances, and where the newest query's are; and how many were asked for.
@@ -72,8 +73,9 @@ fn config(places: usize) -> impl Strategy<Value = Config> {
     let floor = prop_oneof![Just(Floor::Running), Just(Floor::Fixed(0.05))];
     let gradient = select(vec![Gradient::Halved, Gradient::Unhalved]);
     let weight = select(vec![0.0, 0.5, 0.99, 1.0]);
-    (length, weight, 0..3_usize, smoothing, gradient, floor, speeds).prop_map(
-        |(sequence_length, weight, tolerance, smoothing, gradient, floor, speeds)| Config {
+    let motion = select(vec![None, None, Some(Motion::steady()), Some(Motion::free())]);
+    (length, weight, 0..3_usize, smoothing, gradient, floor, speeds, motion).prop_map(
+        |(sequence_length, weight, tolerance, smoothing, gradient, floor, speeds, motion)| Config {
             sequence_length,
             weight,
             tolerance,
@@ -81,6 +83,7 @@ fn config(places: usize) -> impl Strategy<Value = Config> {
             gradient,
             floor,
             speeds,
+            motion,
         },
     )
 }
@@ -100,16 +103,19 @@ proptest! {
         let mut plain = Matcher::new(places, config.clone()).unwrap();
         let mut told = bounded(plain.clone());
         for (newest, column) in columns.iter().enumerate() {
-            let external = [None, None, None, Some(true), Some(false)][drive.0.below(5)];
+            let given = Given {
+                trusted: [None, None, None, Some(true), Some(false)][drive.0.below(5)],
+                advance: [None, None, Some(-0.75), Some(0.0), Some(1.25)][drive.0.below(5)],
+            };
             let exact = Column { lower: column, upper: None };
-            let expected = plain.push_column(exact, external, &mut ()).unwrap();
+            let expected = plain.push_column(exact, given, &mut ()).unwrap();
             let mut known = Known { columns: &columns, newest, asked: 0 };
             let got = if drive.0.below(6) == 0 {
-                told.push_column(exact, external, &mut known)
+                told.push_column(exact, given, &mut known)
             } else {
                 let (low, high) = drive.bounds(column, width);
                 let bounds = Column { lower: &low, upper: Some(&high) };
-                told.push_column(bounds, external, &mut known)
+                told.push_column(bounds, given, &mut known)
             }.unwrap();
             prop_assert_eq!(bits(&got), bits(&expected), "query {}", newest);
             prop_assert!(known.asked >= told.window().asked(), "counts the distances asked for");
@@ -150,7 +156,7 @@ fn few_places_are_looked_at_where_few_are_in_doubt() {
         let (low, high) = drive.bounds(column, 0.02);
         let mut known = Known { columns: &columns, newest, asked: 0 };
         let bounds = Column { lower: &low, upper: Some(&high) };
-        let fix = told.push_column(bounds, None, &mut known).unwrap();
+        let fix = told.push_column(bounds, Given::default(), &mut known).unwrap();
         let looked_at = told.window().asked();
         assert_eq!(fix.single.place, 200 + newest);
         assert_eq!(looked_at, known.asked);

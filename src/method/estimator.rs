@@ -36,7 +36,6 @@ pub(crate) enum Memory {
     /// The newest ones: a batch can begin this many queries early and be cut into pieces.
     Queries(usize),
     /// All since the start, as in a recursion: a batch runs in order, in one piece.
-    #[cfg_attr(not(test), expect(dead_code, reason = "the tracker's"))]
     Whole,
 }
 
@@ -48,4 +47,6 @@ pub(super) struct Seen<'a> {
     pub(super) anchors: &'a Anchors,
     /// The floor of trusted cells (Eq. 4).
     pub(super) floor: f64,
+    /// How many places the robot has moved since the query before, if that is known.
+    pub(super) advance: Option<f64>,
 }

@@ -10,6 +10,7 @@
 //! | Eq. 4 | weighted trusted cells | `sequence.rs` |
 //! | Eq. 5 | sums along diagonals | `sequence.rs` |
 //! | Eq. 6 | their minimum | `sequence.rs` |
+//! | 1.9 | the filter over all queries | `track/` |
 
 #![allow(
     clippy::inline_always,
@@ -26,12 +27,14 @@ mod single;
 mod snapshot;
 #[cfg(test)]
 mod tests;
+mod track;
 mod trust;
 mod window;
 
 use estimator::{Estimator, Seen};
 use gradient::Enhancement;
 use sequence::SequenceSearch;
+use track::Tracker;
 use trust::{Anchor, Anchors, consensus};
 use window::Window;
 
@@ -41,12 +44,16 @@ pub use sequence::Sequence;
 pub use single::Single;
 pub(crate) use single::minimum;
 pub(crate) use snapshot::{Owner, load};
+pub use track::Track;
 pub(crate) use window::{Column, Exact, Ring};
 
 use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::segments::Segments;
 use crate::simd::{Compiled, Isa};
+
+/// The longest advance that is accepted: longer than any route, in places.
+const MAX_ADVANCE: f64 = 1e12;
 
 /// Where the robot is, as far as one query tells, and whether to trust it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,10 +63,11 @@ pub struct Fix {
     pub frame: u64,
     /// Whether the single match is trusted (Eq. 3, or an external predictor's flag).
     pub trusted: bool,
-    /// The sequence's place once it is ready; before that, the single match's.
+    /// The track's place if there is motion; else the sequence's once it is ready, and before that
+    /// the single match's.
     pub place: usize,
-    /// The sequence's score once it is ready; before that, the single match's distance. Less is
-    /// better.
+    /// The score of that place: `1 - confidence` of the track, the sequence's score, or the single
+    /// match's distance. Less is better.
     pub score: f32,
     /// The best match of this query alone.
     pub single: Single,
@@ -68,6 +76,78 @@ pub struct Fix {
     /// The sequence's match; `None` for the first `L - 1` queries, and again after a gap, while the
     /// matcher warms up.
     pub sequence: Option<Sequence>,
+    /// Where the robot is by all queries so far (method 1.9); `None` without
+    /// [`Config::motion`](crate::Config::motion).
+    pub track: Option<Track>,
+}
+
+impl Fix {
+    /// Whether place and score are those of the track or the sequence, not of one query alone.
+    pub fn is_ready(&self) -> bool {
+        self.track.is_some() || self.sequence.is_some()
+    }
+
+    /// The track's speed, else the sequence's slope, in places a query.
+    pub fn speed(&self) -> Option<f64> {
+        self.track.map(|track| track.speed).or(self.sequence.map(|sequence| sequence.speed))
+    }
+
+    /// The probability that the robot is within `tolerance` places of the track's place.
+    pub fn confidence(&self) -> Option<f64> {
+        self.track.map(|track| track.confidence)
+    }
+
+    /// The track's belief that the robot is off the map.
+    pub fn off_map(&self) -> Option<f64> {
+        self.track.map(|track| track.off_map)
+    }
+}
+
+/// Facts about a query that the camera does not give.
+///
+/// ```
+/// use surefix::{Config, Given, Matcher, Motion};
+/// let mut config = Config::default();
+/// config.motion = Some(Motion::steady());
+/// let mut matcher = Matcher::new(4, config)?;
+/// matcher.push(&[0.1, 0.8, 0.9, 0.7])?;
+/// let fix = matcher.push_with(&[0.9, 0.8, 0.2, 0.9], Given::default().advance(1.8))?;
+/// assert_eq!(fix.place, 2);
+/// # Ok::<(), surefix::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Given {
+    /// An external predictor's flag in place of the consensus (Eq. 3).
+    pub trusted: Option<bool>,
+    /// The places that the robot has moved since the query before, by odometry: 0 if it stands
+    /// still, negative if it reverses.
+    pub advance: Option<f64>,
+}
+
+impl Given {
+    /// With an external predictor's flag.
+    #[must_use]
+    pub fn trusted(self, trusted: bool) -> Self {
+        Self { trusted: Some(trusted), ..self }
+    }
+
+    /// With the places that the robot has moved.
+    #[must_use]
+    pub fn advance(self, places: f64) -> Self {
+        Self { advance: Some(places), ..self }
+    }
+
+    /// # Errors
+    /// [`Error::Option`] for an advance that is not finite, or longer than any route.
+    pub(crate) fn check(self) -> Result<(), Error> {
+        let Some(advance) = self.advance.filter(|a| !(-MAX_ADVANCE..=MAX_ADVANCE).contains(a))
+        else {
+            return Ok(());
+        };
+        let expected = format!("a number of places from -{MAX_ADVANCE:e} to {MAX_ADVANCE:e}");
+        Err(Error::Option { name: "advance", expected, got: advance.to_string() })
+    }
 }
 
 /// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
@@ -97,6 +177,7 @@ pub struct Matcher {
     /// The single match and the trust of each of the newest `L` queries.
     anchors: Anchors,
     sequence: SequenceSearch,
+    tracker: Option<Tracker>,
     isa: Isa,
 }
 
@@ -132,6 +213,10 @@ impl Matcher {
             window: Window::new(columns, places)?,
             anchors: Anchors::new(config.sequence_length)?,
             sequence: SequenceSearch::new(&config)?,
+            tracker: {
+                let motion = config.motion.as_ref();
+                motion.map(|motion| Tracker::new(motion, config.tolerance, places)).transpose()?
+            },
             segments,
             isa: Isa::best(),
             frames: 0,
@@ -156,27 +241,27 @@ impl Matcher {
     /// [`Error::Length`] unless there is one distance a place, [`Error::NotFinite`] for a NaN or an
     /// infinity. The matcher is then as it was.
     pub fn push(&mut self, distances: &[f32]) -> Result<Fix, Error> {
-        self.push_column(Column { lower: distances, upper: None }, None, &mut ())
+        self.push_with(distances, Given::default())
     }
 
-    /// Like [`push`](Self::push), with an external predictor's flag in place of the consensus
-    /// (Eq. 3).
+    /// Like [`push`](Self::push), with what else is known about the query.
     ///
     /// # Errors
-    /// As for [`push`](Self::push).
-    pub fn push_with_trust(&mut self, distances: &[f32], trusted: bool) -> Result<Fix, Error> {
-        self.push_column(Column { lower: distances, upper: None }, Some(trusted), &mut ())
+    /// As for [`push`](Self::push), and [`Error::Option`] for an advance that is not finite.
+    pub fn push_with(&mut self, distances: &[f32], given: Given) -> Result<Fix, Error> {
+        self.push_column(Column { lower: distances, upper: None }, given, &mut ())
     }
 
-    /// [`push`](Self::push) of distances or of bounds, with an external predictor's flag if there
-    /// is one. The answer is that of the distances, to the last bit.
+    /// [`push_with`](Self::push_with), of distances or of bounds. The answer is that of the
+    /// distances, to the last bit.
     pub(crate) fn push_column<E: Exact>(
         &mut self,
         column: Column<'_>,
-        external: Option<bool>,
+        given: Given,
         ask: &mut E,
     ) -> Result<Fix, Error> {
-        self.isa.run(Push { matcher: self, column, external, ask })
+        given.check()?;
+        self.isa.run(Push { matcher: self, column, given, ask })
     }
 
     /// The method (docs/method.md), in its order. All that works on every place is compiled for the
@@ -185,10 +270,10 @@ impl Matcher {
     fn method<E: Exact>(
         &mut self,
         column: Column<'_>,
-        external: Option<bool>,
+        given: Given,
         ask: &mut E,
     ) -> Result<Fix, Error> {
-        let Self { config, segments, window, anchors, sequence, .. } = self;
+        let Self { config, segments, window, anchors, sequence, tracker, .. } = self;
 
         // The single match: the smallest distance. A refused column leaves everything as it was.
         let single = window.push(column, ask)?;
@@ -198,7 +283,8 @@ impl Matcher {
         let gradient = enhancement.peak(window, segments, ask);
 
         // 1.3 Whether to trust the single match (Eq. 3).
-        let trusted = external.unwrap_or_else(|| consensus(single, gradient, config.tolerance));
+        let trusted =
+            given.trusted.unwrap_or_else(|| consensus(single, gradient, config.tolerance));
 
         // 1.4 The trusted cells and what they are drawn towards (Eq. 4).
         anchors.push(Anchor { single, trusted });
@@ -206,14 +292,23 @@ impl Matcher {
         let floor = config.floor.value(self.lowest);
 
         // 1.5 The weighted sequence (Eqs. 5 and 6), once the window is full.
-        let seen = Seen { segments, anchors, floor };
+        let seen = Seen { segments, anchors, floor, advance: given.advance };
         let sequence = sequence.estimate(window, &seen, ask);
+
+        // 1.9 The track, by all queries so far.
+        let track = match tracker {
+            Some(tracker) => Some(tracker.estimate(window, &seen, ask)),
+            None => None,
+        };
 
         let frame = self.frames;
         self.frames += 1;
-        let (place, score) =
-            sequence.map_or((single.place, single.distance), |s| (s.place, s.score));
-        Ok(Fix { frame, trusted, place, score, single, gradient, sequence })
+        let (place, score) = match (track, sequence) {
+            (Some(track), _) => (track.place, (1.0 - track.confidence) as f32),
+            (None, Some(sequence)) => (sequence.place, sequence.score),
+            (None, None) => (single.place, single.distance),
+        };
+        Ok(Fix { frame, trusted, place, score, single, gradient, sequence, track })
     }
 
     /// Declares that the next query does not follow the one before: frames were dropped, or the
@@ -232,13 +327,38 @@ impl Matcher {
     /// # Ok::<(), surefix::Error>(())
     /// ```
     pub fn gap(&mut self) {
+        self.break_off();
+        if let Some(tracker) = &mut self.tracker {
+            tracker.clear();
+        }
+    }
+
+    /// A [`gap`](Self::gap) during which the robot moved by `advance` places: the track goes on
+    /// from there. An advance of the next query is added to it.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for an advance that is not finite. The matcher is then as it was.
+    pub fn gap_with_advance(&mut self, advance: f64) -> Result<(), Error> {
+        Given::default().advance(advance).check()?;
+        self.break_off();
+        if let Some(tracker) = &mut self.tracker {
+            tracker.moved(advance);
+        }
+        Ok(())
+    }
+
+    /// The columns before a gap do not lead up to the next query.
+    fn break_off(&mut self) {
         self.window.clear();
         self.sequence.clear();
     }
 
     /// Forgets all queries: the next one is frame 0. Nothing is allocated.
     pub fn reset(&mut self) {
-        self.gap();
+        self.break_off();
+        if let Some(tracker) = &mut self.tracker {
+            tracker.reset();
+        }
         self.frames = 0;
         self.lowest = f32::INFINITY;
     }
@@ -259,8 +379,8 @@ impl Matcher {
     /// How many queries a fix depends on: those of its estimators, whose trust flags depend on the
     /// queries of the smoothing before them.
     pub(crate) fn memory(&self) -> Memory {
-        let longest = [self.sequence.memory()].into_iter().max();
-        match longest.unwrap_or(Memory::Queries(1)) {
+        let tracker = self.tracker.as_ref().map_or(Memory::Queries(1), Tracker::memory);
+        match self.sequence.memory().max(tracker) {
             Memory::Queries(queries) => {
                 Memory::Queries(queries.saturating_add(self.config.smoothing - 1))
             }
@@ -279,6 +399,12 @@ impl Matcher {
     /// The columns of the newest queries.
     pub(crate) fn window(&mut self) -> &mut Window {
         &mut self.window
+    }
+
+    /// The track's belief in each place, after the newest query; `None` without
+    /// [`Config::motion`]. With [`Track::off_map`], it sums to 1.
+    pub fn belief(&self) -> Option<impl Iterator<Item = f64>> {
+        self.tracker.as_ref().map(Tracker::belief)
     }
 
     /// How many queries it has taken since the start or the last reset.
@@ -317,7 +443,7 @@ impl Floor {
 struct Push<'a, E> {
     matcher: &'a mut Matcher,
     column: Column<'a>,
-    external: Option<bool>,
+    given: Given,
     ask: &'a mut E,
 }
 
@@ -326,6 +452,6 @@ impl<E: Exact> Compiled for Push<'_, E> {
 
     #[inline(always)]
     fn run(self) -> Self::Out {
-        self.matcher.method(self.column, self.external, self.ask)
+        self.matcher.method(self.column, self.given, self.ask)
     }
 }

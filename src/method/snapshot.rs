@@ -4,9 +4,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Matcher;
 use super::single::minimum;
 use super::trust::Anchor;
+use super::{Matcher, track, track::Tracker};
 use crate::archive::{self, Format, Refusal, Tensors, Writer};
 use crate::config::Config;
 use crate::error::Error;
@@ -29,6 +29,9 @@ struct Entry {
     lowest: Option<f32>,
     /// The single match's place and trust of the newest queries, newest first.
     anchors: Vec<(usize, bool)>,
+    /// The tracker's state, if there is motion; its beliefs are tensors.
+    #[serde(default)]
+    track: Option<track::Saved>,
 }
 
 /// The contents of a snapshot.
@@ -80,10 +83,16 @@ impl Matcher {
                 .map(|age| self.anchors.get(age))
                 .map(|anchor| (anchor.single.place, anchor.trusted))
                 .collect(),
+            track: self.tracker.as_ref().map(Tracker::saved),
         };
         let mut writer = Writer::new();
         let newest_first = (0..columns.len()).map(|age| columns.column(age)).collect();
         writer.numbers("columns", vec![columns.len(), self.places()], newest_first);
+        if let Some(tracker) = &self.tracker {
+            for (name, numbers) in tracker.tensors() {
+                writer.numbers(name, vec![numbers.len()], vec![numbers]);
+            }
+        }
         for (index, bytes) in running.iter().enumerate() {
             writer.numbers(running_name(index), vec![bytes.len()], vec![bytes.as_slice()]);
         }
@@ -124,7 +133,7 @@ pub(crate) fn load(
 /// The matcher of a snapshot, whose numbers must fit together.
 fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Result<Saved, Refusal> {
     let refused = |reason: &str| Refusal::Foreign(reason.to_owned());
-    let Entry { places, config, frames, anchors, .. } = entry;
+    let Entry { places, config, frames, anchors, track, .. } = entry;
     config.validate(places)?;
     if frames > MAX_FRAMES {
         return Err(refused("an impossible number of frames"));
@@ -165,6 +174,14 @@ fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Resu
             matcher.anchors.push(Anchor { single, trusted });
         }
         matcher.window.cells.push(column, column, places);
+    }
+    if let Some(tracker) = &mut matcher.tracker {
+        let numbers = |name: &str, length: usize| {
+            let fits = |shape: &[usize]| shape == [length];
+            tensors.required::<f64>(name, &format!("({length})"), fits).map(|(_, numbers)| numbers)
+        };
+        let track = track.ok_or_else(|| refused("no state of the tracker"))?;
+        tracker.resume(track, numbers)?;
     }
     Ok(Saved { matcher, running })
 }

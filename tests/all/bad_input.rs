@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 use ndarray::Array2;
 use surefix::{
-    Channels, Config, Dtype, Error, Floor, Image, ImageView, Localizer, Map, Matcher, Metric,
-    Positions, Sad, Values, match_descriptors, match_distances,
+    Channels, Config, Drive, Dtype, Error, Floor, Given, Image, ImageView, Localizer, Map, Matcher,
+    Metric, Positions, Sad, Values, match_descriptors, match_distances,
 };
 
 /// The message holds all of these.
@@ -51,7 +51,7 @@ fn a_route_has_two_places_at_least() {
         let error = refused(Map::from_images(&images, Sad::default(), &mut go_on));
         assert!(matches!(error, Error::TooFewPlaces { what: "map", got } if got == places));
         let matrix = Array2::<f32>::zeros((places, 5));
-        let error = refused(match_distances(matrix.view(), &Config::default(), None, &[]));
+        let error = refused(match_distances(matrix.view(), &Config::default(), Drive::default()));
         assert!(matches!(error, Error::TooFewPlaces { got, .. } if got == places));
     }
 }
@@ -105,14 +105,14 @@ fn every_option_has_its_range() {
             error.to_string()
         );
         if config.floor != Floor::Global {
-            let batch = refused(match_distances(Array2::zeros((10, 3)).view(), &config, None, &[]));
+            let batch =
+                refused(match_distances(Array2::zeros((10, 3)).view(), &config, Drive::default()));
             assert_eq!(batch.to_string(), error.to_string());
             let batch = refused(match_descriptors(
                 &map,
                 &Values::U8(vec![]),
                 &config,
-                None,
-                &[],
+                Drive::default(),
                 &mut |_, _| ControlFlow::Continue(()),
             ));
             assert_eq!(batch.to_string(), error.to_string());
@@ -149,7 +149,8 @@ fn distances_are_as_many_as_places_and_finite() {
     let error = refused(matcher.push(&[0.5; 3]));
     assert_eq!(error.to_string(), "distances: expected 4 values, got 3");
     for (bad, name) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
-        let error = refused(matcher.push_with_trust(&[0.5, 0.5, bad, 0.5], true));
+        let error =
+            refused(matcher.push_with(&[0.5, 0.5, bad, 0.5], Given::default().trusted(true)));
         assert!(matches!(error, Error::NotFinite { row: None, index: 2, .. }));
         assert_eq!(
             error.to_string(),
@@ -230,8 +231,7 @@ fn a_descriptor_has_the_maps_dimension_and_type() {
         &map,
         &Values::U8(vec![1; 5]),
         &Config::default(),
-        None,
-        &[],
+        Drive::default(),
         &mut |_, _| ControlFlow::Continue(()),
     ));
     says(&error, &["queries", "rows of 2 numbers", "5 numbers"]);

@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use surefix::{Config, Dtype, Fix, Floor, Gradient, Matcher, Values};
+use surefix::{Config, Drive, Dtype, Fix, Floor, Given, Gradient, Matcher, Values};
 
 use crate::random::SplitMix64;
 
@@ -129,6 +129,20 @@ pub(crate) fn any_fix() -> Fix {
     Matcher::new(2, Config::default()).unwrap().push(&[0.0, 1.0]).unwrap()
 }
 
+/// What is known about a batch's queries.
+pub(crate) fn known<'a>(trusted: Option<&'a [bool]>, gaps: &'a [usize]) -> Drive<'a> {
+    let mut drive = Drive::default().gaps(gaps);
+    drive.trusted = trusted;
+    drive
+}
+
+/// What is known about a query.
+pub(crate) fn given(trusted: Option<bool>) -> Given {
+    let mut given = Given::default();
+    given.trusted = trusted;
+    given
+}
+
 /// The fixes of a stream.
 pub(crate) fn stream(
     places: usize,
@@ -138,7 +152,9 @@ pub(crate) fn stream(
 ) -> Vec<Fix> {
     let mut matcher = Matcher::new(places, config.clone()).unwrap();
     let push = |(query, column): (usize, &Vec<f32>)| match trusted {
-        Some(trusted) => matcher.push_with_trust(column, trusted[query]).unwrap(),
+        Some(trusted) => {
+            matcher.push_with(column, Given::default().trusted(trusted[query])).unwrap()
+        }
         None => matcher.push(column).unwrap(),
     };
     columns.iter().enumerate().map(push).collect()

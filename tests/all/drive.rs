@@ -7,7 +7,9 @@ use std::sync::Arc;
 use crate::cases::{cases, signed};
 use proptest::prelude::*;
 use surefix::Running;
-use surefix::{Config, Dtype, Error, Floor, Localizer, Map, Metric, Post, Step, match_descriptors};
+use surefix::{
+    Config, Drive, Dtype, Error, Floor, Localizer, Map, Metric, Post, Step, match_descriptors,
+};
 
 const TO: usize = 7;
 
@@ -64,7 +66,7 @@ proptest! {
             let expected: Vec<_> =
                 done.chunks_exact(TO).map(|query| other.push_descriptor(query).unwrap()).collect();
 
-            let batch = match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()));
+            let batch = match_descriptors(&map, &queries, &config, Drive::default(), &mut |_, _| ControlFlow::Continue(()));
             prop_assert_eq!(&batch.unwrap().fixes, &expected);
             let mut localizer = Localizer::new(Arc::clone(&map), config.clone()).unwrap();
             // A drive before, which a reset forgets.
@@ -171,8 +173,10 @@ fn in_a_batch_the_whole_of_the_route_can_be_the_floor() {
     let map = route(&raw, dim, Metric::Euclidean);
     let run = |floor| {
         let config = config! { floor };
-        match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()))
-            .unwrap()
+        match_descriptors(&map, &queries, &config, Drive::default(), &mut |_, _| {
+            ControlFlow::Continue(())
+        })
+        .unwrap()
     };
     let lowest = run(Floor::Running)
         .fixes

@@ -4,13 +4,13 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::cases::{all_bits, bits, cases, columns, kind, numbers, route};
+use crate::cases::{all_bits, bits, cases, columns, kind, known, numbers, route};
 use crate::random::SplitMix64;
 use ndarray::Array2;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Dtype, Error, Fix, Floor, Localizer, Map, Matcher, Metric, match_descriptors,
+    Config, Dtype, Error, Fix, Floor, Given, Localizer, Map, Matcher, Metric, match_descriptors,
     match_distances,
 };
 
@@ -36,7 +36,7 @@ fn words(queries: usize, seed: u64) -> Words {
 
 fn push(matcher: &mut Matcher, column: &[f32], word: Option<bool>) -> Fix {
     match word {
-        Some(trusted) => matcher.push_with_trust(column, trusted).unwrap(),
+        Some(trusted) => matcher.push_with(column, Given::default().trusted(trusted)).unwrap(),
         None => matcher.push(column).unwrap(),
     }
 }
@@ -152,7 +152,7 @@ proptest! {
             let live = if floor == Floor::Global { Floor::Fixed(f64::from(least)) } else { floor };
             let expected = stream(n, &config! { config.clone() => floor: live }, &d, &words, &gaps);
             let config = config! { config.clone() => floor };
-            let run = match_distances(matrix(&d).view(), &config, trusted.as_deref(), &gaps)?;
+            let run = match_distances(matrix(&d).view(), &config, known(trusted.as_deref(), &gaps))?;
             prop_assert_eq!(all_bits(&run.fixes), all_bits(&expected));
         }
     }
@@ -178,7 +178,7 @@ proptest! {
             prop_assert_eq!(localizer.distances(), distances.as_slice());
         }
         let config = config! { config => floor: whole };
-        let run = match_descriptors(&map, &queries, &config, None, &gaps, &mut |_, _| ControlFlow::Continue(()))?;
+        let run = match_descriptors(&map, &queries, &config, known(None, &gaps), &mut |_, _| ControlFlow::Continue(()))?;
         prop_assert_eq!(all_bits(&run.fixes), all_bits(&expected));
     }
 }
@@ -241,7 +241,7 @@ fn the_running_floor_outlives_a_gap() {
     let mut matcher = Matcher::new(2, config).unwrap();
     matcher.push(&[0.25, 1.0]).unwrap();
     matcher.gap();
-    assert_eq!(matcher.push_with_trust(&[0.5, 1.0], true).unwrap().score, 0.25);
+    assert_eq!(matcher.push_with(&[0.5, 1.0], Given::default().trusted(true)).unwrap().score, 0.25);
 }
 
 #[test]
@@ -251,8 +251,8 @@ fn a_gap_before_a_query_that_there_is_not_is_named() {
     let queries = numbers(Dtype::U8, 8, 2);
     for (gaps, named) in [(&[0, 4, 9][..], "4"), (&[usize::MAX, 0], "18446744073709551615")] {
         let refusals = [
-            match_distances(d.view(), &config, None, gaps),
-            match_descriptors(&map, &queries, &config, None, gaps, &mut |_, _| {
+            match_distances(d.view(), &config, known(None, gaps)),
+            match_descriptors(&map, &queries, &config, known(None, gaps), &mut |_, _| {
                 ControlFlow::Continue(())
             }),
         ];
@@ -265,7 +265,7 @@ fn a_gap_before_a_query_that_there_is_not_is_named() {
         }
     }
     let nothing = Array2::<f32>::zeros((5, 0));
-    let refused = match_distances(nothing.view(), &config, None, &[0]).unwrap_err();
+    let refused = match_distances(nothing.view(), &config, known(None, &[0])).unwrap_err();
     assert!(matches!(refused, Error::Option { name: "gaps", .. }), "{refused}");
     assert!(refused.to_string().contains("no query"), "{refused}");
 }

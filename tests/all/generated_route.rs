@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use surefix::describe_all;
 use surefix::evaluate::{Recall, Truth, evaluate};
-use surefix::{Config, Floor, Map, Run, Sad, match_descriptors};
+use surefix::{Config, Drive, Floor, Map, Run, Sad, match_descriptors};
 use surefix_simulate::{Conditions, Leg, Route, RouteConfig};
 
 /// A map of the reference drive, the revisit matched against it with each weight, and the truth.
@@ -20,8 +20,10 @@ fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec
     let queries = describe_all(&Sad::default(), &revisit, progress).unwrap();
     let runs = weights.map(|weight| {
         let config = config! { weight, floor: Floor::Global };
-        match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()))
-            .unwrap()
+        match_descriptors(&map, &queries, &config, Drive::default(), &mut |_, _| {
+            ControlFlow::Continue(())
+        })
+        .unwrap()
     });
     (runs, revisit.truth(&reference))
 }
@@ -91,8 +93,8 @@ fn off_the_map_no_place_is_near() {
         let conditions = Conditions { noise: 0.05, ..Conditions::reference() };
         let drive = route.drive(conditions, &legs).unwrap();
         let queries = describe_all(&Sad::default(), &drive, progress).unwrap();
-        let run =
-            match_descriptors(&map, &queries, &Config::default(), None, &[], progress).unwrap();
+        let run = match_descriptors(&map, &queries, &Config::default(), Drive::default(), progress)
+            .unwrap();
         let nearest = |on_map: bool| -> Vec<f32> {
             let frames =
                 (0..drive.len()).filter(|&index| drive.position(index).is_some() == on_map);

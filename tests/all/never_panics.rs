@@ -6,7 +6,7 @@ use crate::cases::{Kind, bits, cases, columns, kind, route};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use surefix::{Config, Error, Fix, Floor, Localizer, Map, Matcher, Metric};
+use surefix::{Config, Error, Fix, Floor, Given, Localizer, Map, Matcher, Metric};
 
 const ODD: [f32; 12] = [
     f32::NAN,
@@ -107,7 +107,7 @@ fn a_score_is_finite_whatever_floor_is_accepted() {
         let config = config! { floor: Floor::Fixed(floor) };
         let Ok(mut matcher) = Matcher::new(3, config) else { continue };
         for _ in 0..3 {
-            let fix = matcher.push_with_trust(&[0.5, 0.2, 0.4], true).unwrap();
+            let fix = matcher.push_with(&[0.5, 0.2, 0.4], Given::default().trusted(true)).unwrap();
             assert!(fix.score.is_finite(), "floor {floor}: {fix:?}");
         }
     }

@@ -11,7 +11,7 @@ use crate::cases::sealed;
 use crate::cases::{cases, signed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use surefix::{Config, Dtype, Error, Localizer, Map, Metric, Post, Step, match_descriptors};
+use surefix::{Config, Drive, Dtype, Error, Localizer, Map, Metric, Post, Step, match_descriptors};
 use tempfile::tempdir;
 
 const CHAINS: &[&[Step]] = &[
@@ -79,7 +79,7 @@ proptest! {
             let opened = Map::open(&path).unwrap();
             let mapped = open_mapped(&path).unwrap();
             for map in [map, opened, mapped] {
-                let batch = match_descriptors(&map, &queries, &config, None, &[], &mut |_, _| ControlFlow::Continue(()));
+                let batch = match_descriptors(&map, &queries, &config, Drive::default(), &mut |_, _| ControlFlow::Continue(()));
                 prop_assert_eq!(&batch.unwrap().fixes, &expected);
                 let map = Arc::new(map);
                 let mut localizer = Localizer::new(Arc::clone(&map), config.clone()).unwrap();
@@ -167,9 +167,10 @@ fn other_maps_have_no_post_processing() {
         "descriptor, when normalized: expected a vector that is not all zeros, which have no direction"
     );
     let queries = [&raw[..5], &[0.0; 5]].concat();
-    let batch = match_descriptors(&map, &queries, &Config::default(), None, &[], &mut |_, _| {
-        ControlFlow::Continue(())
-    });
+    let batch =
+        match_descriptors(&map, &queries, &Config::default(), Drive::default(), &mut |_, _| {
+            ControlFlow::Continue(())
+        });
     assert!(matches!(batch, Err(Error::NoDirection { row: Some(1), .. })));
     for recipe in ["", "[]", "{}", r#"{"name": 3}"#, "nonsense"] {
         assert!(map.clone().with_learned_recipe(recipe).is_err(), "{recipe}");

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::cases::{Kind, bits, cases, columns, kind, numbers, route};
 use proptest::prelude::*;
-use surefix::{Config, Dtype, Error, Floor, Gradient, Localizer, Map, Matcher, Metric};
+use surefix::{Config, Dtype, Error, Floor, Given, Gradient, Localizer, Map, Matcher, Metric};
 
 const DIM: usize = 6;
 
@@ -86,10 +86,10 @@ proptest! {
         for matcher in [&mut whole, &mut restored] {
             // Scrolls the minimum out of the window: only the header still knows it.
             for _ in 0..3 {
-                matcher.push_with_trust(&[f32::MAX; 2], true)?;
+                matcher.push_with(&[f32::MAX; 2], Given::default().trusted(true))?;
             }
         }
-        let [a, b] = [&mut whole, &mut restored].map(|m| m.push_with_trust(&[f32::MAX; 2], true));
+        let [a, b] = [&mut whole, &mut restored].map(|m| m.push_with(&[f32::MAX; 2], Given::default().trusted(true)));
         prop_assert_eq!(bits(&a?), bits(&b?));
     }
 

@@ -4,12 +4,15 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::cases::{DTYPES, Kind, all_bits, cases, columns, kind, numbers, route, stream};
+use crate::cases::{
+    DTYPES, Kind, all_bits, cases, columns, given, kind, known, numbers, route, stream,
+};
 use ndarray::{Array2, ArrayView2, ShapeBuilder, s};
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Error, Fix, Floor, Localizer, Map, Metric, Values, match_descriptors, match_distances,
+    Config, Drive, Error, Fix, Floor, Localizer, Map, Metric, Values, match_descriptors,
+    match_distances,
 };
 
 #[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
@@ -18,7 +21,7 @@ fn batch(
     config: &Config,
     trusted: Option<&[bool]>,
 ) -> Vec<[u64; 12]> {
-    all_bits(&match_distances(distances, config, trusted, &[]).unwrap().fixes)
+    all_bits(&match_distances(distances, config, known(trusted, &[])).unwrap().fixes)
 }
 
 fn matrix(columns: &[Vec<f32>]) -> Array2<f32> {
@@ -102,9 +105,9 @@ proptest! {
         let alone = |config: &Config| -> Result<Vec<Fix>, Error> {
             let mut localizer = Localizer::new(Arc::clone(&map), config.clone())?;
             let row = |j| queries.view().row(j, dim).unwrap();
-            (0..m).map(|j| localizer.push_descriptor_with_trust(row(j), trusted.map(|words| words[j]))).collect()
+            (0..m).map(|j| localizer.push_descriptor_with(row(j), given(trusted.map(|words| words[j])))).collect()
         };
-        let together = |config: &Config| match_descriptors(&map, &queries, config, trusted, &[], &mut |_, _| ControlFlow::Continue(()));
+        let together = |config: &Config| match_descriptors(&map, &queries, config, known(trusted, &[]), &mut |_, _| ControlFlow::Continue(()));
         prop_assert_eq!(all_bits(&together(&config)?.fixes), all_bits(&alone(&config)?));
 
         let distances = |j| map.distances(queries.view().row(j, dim).unwrap());
@@ -125,9 +128,11 @@ fn a_run_without_queries_is_empty() {
         Map::from_descriptors(numbers(surefix::Dtype::U8, 10, 1), 2, Metric::Manhattan).unwrap();
     for floor in [Floor::Running, Floor::Fixed(0.0), Floor::Global] {
         let config = config! { floor };
-        assert!(match_distances(nothing.view(), &config, None, &[]).unwrap().fixes.is_empty());
+        assert!(
+            match_distances(nothing.view(), &config, Drive::default()).unwrap().fixes.is_empty()
+        );
         let none = Values::U8(Vec::new());
-        let run = match_descriptors(&map, &none, &config, Some(&[]), &[], &mut |_, _| {
+        let run = match_descriptors(&map, &none, &config, known(Some(&[]), &[]), &mut |_, _| {
             ControlFlow::Continue(())
         });
         let run = run.unwrap();
@@ -145,7 +150,7 @@ fn what_is_not_finite_is_named_by_query_and_place() {
         // A later one must not be named instead, in whatever piece it lies.
         d[[0, 299]] = if query == 299 { 0.5 } else { f32::NAN };
         in_every_layout(&d, |layout, view| {
-            match match_distances(view, &Config::default(), None, &[]) {
+            match match_distances(view, &Config::default(), Drive::default()) {
                 Err(error @ Error::NotFinite { row: Some(row), index, .. }) => {
                     assert_eq!((row, index), (query, place), "{layout}");
                     assert!(
@@ -165,8 +170,7 @@ fn what_is_not_finite_is_named_by_query_and_place() {
         &map,
         &Values::F32(queries),
         &Config::default(),
-        None,
-        &[],
+        Drive::default(),
         &mut |_, _| ControlFlow::Continue(()),
     )
     .unwrap_err();
@@ -183,8 +187,7 @@ fn a_query_of_zeros_under_the_cosine_is_named_by_its_row() {
         &map,
         &Values::F32(queries),
         &Config::default(),
-        None,
-        &[],
+        Drive::default(),
         &mut |_, _| ControlFlow::Continue(()),
     )
     .unwrap_err();
@@ -200,13 +203,12 @@ fn a_word_too_few_or_too_many_is_refused() {
     for count in [0, 3, 5] {
         let words = vec![true; count];
         let refusals = [
-            match_distances(d.view(), &Config::default(), Some(&words), &[]),
+            match_distances(d.view(), &Config::default(), known(Some(&words), &[])),
             match_descriptors(
                 &map,
                 &queries,
                 &Config::default(),
-                Some(&words),
-                &[],
+                known(Some(&words), &[]),
                 &mut |_, _| ControlFlow::Continue(()),
             ),
         ];
@@ -220,8 +222,8 @@ fn a_word_too_few_or_too_many_is_refused() {
 #[test]
 fn the_csv_has_a_line_a_query_and_reads_back() {
     let d = columns(Kind::Smooth, 12, 9, 5);
-    let run =
-        match_distances(matrix(&d).view(), &config! { sequence_length: 3 }, None, &[]).unwrap();
+    let run = match_distances(matrix(&d).view(), &config! { sequence_length: 3 }, Drive::default())
+        .unwrap();
     let mut out = Vec::new();
     run.write_csv(&mut out).unwrap();
     let text = String::from_utf8(out).unwrap();

@@ -9,6 +9,7 @@ All raise ``SurefixValueError`` for distances of another shape or type, a NaN or
 error says at which place and query), fewer than two places, and an option outside its range.
 """
 
+from surefix.baselines.filters import topological, track
 from surefix.baselines.matching import (
     masked_single_frame,
     maximum_gradient,
@@ -41,5 +42,7 @@ __all__ = [
     "run_method",
     "single_frame",
     "spread",
+    "topological",
+    "track",
     "weighted_sequence",
 ]

@@ -6,7 +6,8 @@ from types import MappingProxyType
 
 import numpy.typing as npt
 
-from surefix.baselines.distances import Distances, Flags
+from surefix.baselines.distances import Distances, Flags, Floats
+from surefix.baselines.filters import topological, track
 from surefix.baselines.matching import (
     masked_single_frame,
     maximum_gradient,
@@ -54,6 +55,8 @@ class Context:
         That truth's, in places; in metres if it is positions.
     trusted : array of bool, shape (m,), optional
         Another predictor's flags in place of the consensus, for ``masked`` and ``weighted``.
+    advance : array of float64, shape (m,), optional
+        Places moved since the query before, by odometry, for ``track_odometry``.
     """
 
     sequence_length: int = 2
@@ -72,6 +75,7 @@ class Context:
     calibration: tuple[Distances, Truth] | None = None
     calibration_tolerance: int = 1
     trusted: Flags | None = None
+    advance: Floats | None = None
 
     @property
     def options(self) -> Options:
@@ -100,6 +104,7 @@ NEEDS = {
     "truth": "the truth of the queries: Context(truth=...)",
     "calibration": "a pair of drives with known truth to learn from: "
     "Context(calibration=(distances, truth))",
+    "advance": "odometry, the places moved since the query before: Context(advance=...)",
 }
 
 
@@ -160,6 +165,17 @@ def _seqslam(D: Distances, c: Context) -> Matches:
     return plain_sequence(D, sequence_length=c.sequence_length, contrast=c.contrast, speeds=speeds)
 
 
+def _longer(length: int) -> Callable[[Distances, Context], Matches]:
+    def sequence(D: Distances, c: Context) -> Matches:
+        return _sequence(D, replace(c, sequence_length=min(length, len(D))))
+
+    return sequence
+
+
+def _sequence(D: Distances, c: Context) -> Matches:
+    return weighted_sequence(D, **c.options | {"weight": 0.0})
+
+
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
         "single": Method("single frames by their distance", lambda D, _: single_frame(D)),
@@ -167,9 +183,9 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "gradient": Method(
             "single frames by the greatest gradient", lambda D, c: maximum_gradient(D, **c.options)
         ),
-        "sequence": Method(
-            "unweighted sequences", lambda D, c: weighted_sequence(D, **c.options | {"weight": 0.0})
-        ),
+        "sequence": Method("unweighted sequences", _sequence),
+        "sequence-10": Method("unweighted sequences of 10 queries", _longer(10)),
+        "sequence-20": Method("unweighted sequences of 20 queries", _longer(20)),
         "weighted": Method("sequences weighted by the prediction: the paper", _weighted),
         "supervised-masked": Method(
             "single frames, masked by a support vector machine that learned from another drive",
@@ -197,6 +213,23 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         ),
         "seqslam": Method(
             "unweighted sequences on enhanced contrast, over several speeds", _seqslam
+        ),
+        "topological": Method(
+            "a published Bayes filter over the places, at a place a query",
+            lambda D, _: topological(D),
+        ),
+        "track_steady": Method(
+            "the tracker, at a place a query",
+            lambda D, c: track(D, motion="steady", tolerance=c.tolerance),
+        ),
+        "track_free": Method(
+            "the tracker, at 0 to 2 places a query",
+            lambda D, c: track(D, motion="free", tolerance=c.tolerance),
+        ),
+        "track_odometry": Method(
+            "the tracker with odometry",
+            lambda D, c: track(D, motion="steady", advance=c.advance, tolerance=c.tolerance),
+            needs="advance",
         ),
     }
 )

@@ -85,13 +85,14 @@ def demo(
     demo_ = _localize(known, reference, revisit, seed, sequence_length)
     localized = time.perf_counter()
     run, right, sure = demo_.run, demo_.right, demo_.sure
+    off = int(demo_.study.off_map.sum())
     median, p99 = np.quantile(demo_.latency, (0.5, 0.99)) * 1000
     weighted, plain = (r.curve.auc(UPTO) for r in (demo_.study.shown, demo_.study.baseline))
     print(
         f"Localized on a winter afternoon: {len(right)} fixes, {median:.2f} ms each (median; p99 "
         f"{p99:.2f} ms)\n"
-        f"All fixes: {int(right.sum())} of {len(right)} right, and {int(demo_.off_map.sum())} were "
-        "taken off the map\n"
+        f"All fixes: {int(right.sum())} of {len(right)} right, and {off} were taken off the "
+        "map\n"
         f"Trusted fixes: {int((run.trusted & right).sum())} of {int(run.trusted.sum())} right, "
         f"{int((run.trusted & ~right).sum())} wrong\n"
         f"Sure fixes, of confidence {ACCEPT:g} or more: {int((sure & right).sum())} of "
@@ -133,6 +134,7 @@ def _localize(
                 view.update(image, fix, localizer, 1e6 * latency[query])
     # The same fixes again, to the bit, and beside them those of the sequence without a tracker.
     truth = revisit.truth(reference)
-    context = Context(sequence_length, floor="running", truth=truth, truth_tolerance=1)
-    run = match_distances(distances, motion=MOTION, advance=advance, **context.options)
-    return Demo(Study(distances, context), run, reference, revisit, advance, seed, latency)
+    context = Context(sequence_length, floor="running", truth=truth, advance=advance)
+    run = match_distances(distances, advance=advance, **context.options | {"motion": MOTION})
+    study = Study(distances, context, names=("sequence", "weighted", "track_odometry"))
+    return Demo(study, run, reference, revisit, seed, latency)

@@ -20,7 +20,7 @@ from surefix._progress import Bar, terminal_bar
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
-from surefix.cli import inputs
+from surefix.cli import inputs, scenarios
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import refuse
 from surefix.descriptors import Onnx, extract
@@ -29,6 +29,7 @@ from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
+from surefix.study.scenarios import RECORDED
 from surefix.study.study import Recall
 from surefix.tables.matrices import read_matrix
 from surefix.tables.positions import Positions, on_one_plane, read_positions
@@ -59,7 +60,8 @@ def eval_(
         list[str] | None,
         typer.Option(
             help=f"A method to compare, once each: {', '.join(METHODS)}. "
-            f"By default {', '.join(DEFAULT_METHODS)}."
+            f"By default {', '.join(DEFAULT_METHODS)}; with --scenario "
+            f"{', '.join(scenarios.METHODS_OF_DRIVES)}."
         ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("report"),
@@ -71,6 +73,12 @@ def eval_(
     calibration: Path | None = None,
     calibration_truth: str | None = None,
     calibration_tolerance: Annotated[int, typer.Option(min=0)] = 1,
+    scenario: Annotated[list[str] | None, "Scenarios"] = None,
+    speed_profile: Annotated[Path | None, "Scenarios"] = None,
+    spacing: Annotated[float | None, "Scenarios"] = None,
+    seed: Annotated[int, typer.Option(min=0, rich_help_panel="Scenarios")] = 0,
+    odometry_scale: Annotated[float, "Scenarios"] = 0.03,
+    odometry_noise: Annotated[float, typer.Option(min=0, rich_help_panel="Scenarios")] = 0.1,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
     every: inputs.Every = None,
@@ -100,10 +108,21 @@ def eval_(
     calibration: Another drive's .npy of distances, for the supervised methods to learn from.
     calibration_truth: That drive's truth, as for --truth, in places.
     calibration_tolerance: As --tolerance, for that truth, in places.
+    scenario: The methods on a drive made of this one too, once each: recorded, speeds, profile,
+        missing, kidnap, all (speeds, missing and kidnap at once), rate-1/3, rate-1/2, rate-2,
+        rate-3, rate-5; or every. Odometry is made of the truth.
+    speed_profile: For the scenario profile: a .csv of speeds in m/s, a row a second.
+    spacing: Metres from one place of the map to the next, for the scenario profile; by default a
+        query is taken once a second, and moves a place at the median speed.
+    seed: The same seed gives the same drives.
+    odometry_scale: The odometry says so much more than was driven, as a share.
+    odometry_noise: The deviation of a step of the odometry, as a share of it.
     """
     begin = time.perf_counter()
     is_matrix, by_position = Path(route).suffix == ".npy", query_positions is not None
-    methods, taught = method or DEFAULT_METHODS, calibration is not None
+    drives = scenarios.chosen(scenario or (), speed_profile)
+    usual = scenarios.METHODS_OF_DRIVES if drives else DEFAULT_METHODS
+    methods, taught = method or usual, calibration is not None
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     for name in methods:
@@ -129,11 +148,12 @@ def eval_(
     for name in methods:
         expected = "expected --calibration and --calibration-truth to learn from"
         refuse(METHODS[name].needs == "calibration" and not taught, f"--method {name}: {expected}")
+        scenarios.check_method(name, drives)
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
         from surefix.report.eval import write_report
         from surefix.report.figures import MISTAKES
-        from surefix.study import compare
+        from surefix.study import Study, compare
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
 
@@ -181,6 +201,7 @@ def eval_(
         learned = read_matrix(calibration, similarity)
         lesson = read_truth(calibration_truth, *learned.shape)
         context = replace(context, calibration=(learned, lesson))
+    speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
     pictures = None if references is None else _reference_images(references, places)
     _check_before(places, options, out)
 
@@ -200,8 +221,18 @@ def eval_(
         def say(result: "Result") -> None:
             status.update(f"Comparing the methods: {result.name} done")
 
+        how: dict[str, Any] = {"profile": speeds, "spacing": spacing}
+        how |= {"scale_error": odometry_scale, "noise": odometry_noise}
+        if drives:
+            context = Study(D, context).driven(RECORDED, seed, **how).context
         study = compare(D, methods, context, recall, say)
+        made = [study.driven(name, seed, **how) for name in drives if name != RECORDED]
+        for each in made:
+            status.update(f"Comparing the methods: {each.scenario}")
+            _ = each.results
     _print_results(study)
+    if drives:
+        scenarios.print_drives([study, *made])
 
     # Draw the report.
     place_names = None if place_map is None else place_map.names
@@ -217,6 +248,7 @@ def eval_(
                 query_names=None if frames is None or frames.ready is not None else names,
                 place_names=place_names if pictures is None else pictures.names,
                 along=along,
+                scenarios=made,
             )
     except SurefixError:
         raise

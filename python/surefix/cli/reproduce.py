@@ -61,7 +61,7 @@ def reproduce(
     paper: Annotated[
         Path | None,
         typer.Option(
-            help="The paper's own numbers, for the table: a CSV with "
+            help="Other numbers for the table than the paper's own: a CSV with "
             "dataset,technique,baseline,weighted; dataset as the table names it, or "
             "gardens_point, nordland, four_seasons, robotcar."
         ),

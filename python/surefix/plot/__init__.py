@@ -27,7 +27,13 @@ from surefix.plot.bars import (
     trust_table,
 )
 from surefix.plot.belief import confidence
-from surefix.plot.curves import ablation, execution_time, precision_recall, weight_sweep
+from surefix.plot.curves import (
+    ablation,
+    execution_time,
+    precision_recall,
+    reliability,
+    weight_sweep,
+)
 from surefix.plot.images import (
     Column,
     Example,
@@ -66,6 +72,7 @@ __all__ = [
     "outcomes",
     "png",
     "precision_recall",
+    "reliability",
     "route_strip",
     "trust_table",
     "weight_sweep",

@@ -1,6 +1,7 @@
 """What the tracker believes along a drive: its confidence, and whether the robot is off the map."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -37,14 +38,14 @@ def confidence(
         A confidence to mark by a dashed line.
     """
     m = len(confidence)
-    edges = np.arange(m + 1) - 0.5
+    edges = np.arange(m + 1, dtype=np.float64) - 0.5
     for name, queries in stretches:
         ax.axvspan(queries.start - 0.5, queries.stop - 0.5, color=theme.grid, linewidth=0)
         middle = (queries.start + queries.stop - 1) / 2
         ax.text(middle, 1.06, name, ha="center", va="bottom", fontsize=9, color=theme.ink)
     ax.plot(confidence, color=theme.trusted_right, linewidth=1.3, label="confidence", zorder=3)
     ax.fill_between(np.arange(m), confidence, color=theme.trusted_right, alpha=0.18, linewidth=0)
-    off = {"color": theme.trusted_wrong, "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
+    off: Any = {"color": theme.trusted_wrong, "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
     ax.plot(off_map, label="belief to be off the map", zorder=4, **off)
     ax.axhline(accept, color=theme.muted, linewidth=0.9, linestyle=(0, (1, 2)), zorder=2)
     for mask, low, colour in (

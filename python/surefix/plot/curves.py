@@ -9,8 +9,17 @@ from matplotlib.axes import Axes
 
 from surefix import Evaluation
 from surefix.plot.theme import LIGHT, Theme, looks
+from surefix.study.confidence import Reliability
 
-__all__ = ["Swept", "ablation", "execution_time", "finish", "precision_recall", "weight_sweep"]
+__all__ = [
+    "Swept",
+    "ablation",
+    "execution_time",
+    "finish",
+    "precision_recall",
+    "reliability",
+    "weight_sweep",
+]
 
 Swept = npt.ArrayLike | tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]
 """An area for each value of the option; or three: the areas, the low and the high ends of their
@@ -72,6 +81,31 @@ def precision_recall(
     ax.set_ylim(0, 1)
     ax.set_xlabel(f"recall ({share})")
     ax.set_ylabel("precision (share of the accepted that are correct)")
+    return finish(ax, handlelength=2.6)
+
+
+def reliability(ax: Axes, diagrams: Mapping[str, Reliability], *, theme: Theme = LIGHT) -> Axes:
+    """Draws the share of right matches against their confidence, a point a bin, the larger the more
+    queries are in it.
+
+    Parameters
+    ----------
+    diagrams : mapping of a name to a ``surefix.study.Reliability``
+        Up to eight.
+    """
+    ax.plot((0, 1), (0, 1), color=theme.muted, linewidth=1, zorder=2)
+    styles = looks(theme, len(diagrams))
+    for layer, ((name, each), look) in enumerate(zip(diagrams.items(), styles, strict=True)):
+        line = look.line(len(each.said), layer) | {"marker": ""}
+        ax.plot(each.said, each.right, label=f"{name}: off by {each.error:.3f}", **line)
+        sizes = 8 + 160 * each.count / max(1, each.count.sum())
+        points: Any = {"s": sizes, "color": look.colour, "marker": look.mark or "o"}
+        ax.scatter(each.said, each.right, zorder=line["zorder"], clip_on=False, **points)
+    ax.set_xlim(0, 1)
+    ax.set_ylim(0, 1)
+    ax.set_aspect("equal")
+    ax.set_xlabel("confidence (mean of a bin)")
+    ax.set_ylabel("share that is right")
     return finish(ax, handlelength=2.6)
 
 

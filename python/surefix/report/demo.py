@@ -54,13 +54,11 @@ class Demo:
     Attributes
     ----------
     study : Study
-        Of the distances that the localizer saw, with the truth in places.
+        Of the distances that the localizer saw, with the truth and the odometry in places.
     run : Run
         The fixes of the localizer, with its tracker.
     reference, revisit : Traverse
         The drive that was mapped, and the one that was localized.
-    advance : array of float64, shape (m,)
-        The places that the wheels counted from the frame before.
     seed : int
     latency : array of float64, shape (m,)
         Seconds that each push took.
@@ -70,14 +68,15 @@ class Demo:
     run: Run
     reference: Traverse
     revisit: Traverse
-    advance: Floats
     seed: int
     latency: Floats
 
     @cached_property
     def tracker(self) -> Result:
         """The fixes as matches, judged by the truth."""
-        return Result(self.study, "the tracker", Matches(self.run.place, self.run.score))
+        run = self.run
+        said = Matches(run.place, run.score, None, None, run.confidence, run.off_map)
+        return Result(self.study, "the tracker", said)
 
     @property
     def right(self) -> Flags:
@@ -91,14 +90,9 @@ class Demo:
         return np.greater_equal(self.run.confidence, ACCEPT)
 
     @property
-    def off_map(self) -> Flags:
-        """Which frames were taken off the map."""
-        return np.isnan(self.revisit.positions)
-
-    @property
     def standing(self) -> Flags:
         """Which frames were taken while the drive stood still."""
-        still = self.revisit.odometry() == 0
+        still: Flags = self.revisit.odometry() == 0
         still[0] = False
         return still
 
@@ -145,7 +139,7 @@ def write_report(
         The parts of the demo, and the time that each took.
     """
     kilometres = float(demo.reference.positions[-1]) / 1000
-    still, off = int(demo.standing.sum()), int(demo.off_map.sum())
+    still, off = int(demo.standing.sum()), int(demo.study.off_map.sum())
     lead = (
         f"A camera drove {kilometres:.1f} km on a summer noon, and surefix made a map of it: "
         f"{len(demo.study.distances)} places, in order. Then it drove there again on a winter "
@@ -173,7 +167,8 @@ def _write_tables(demo: Demo, folder: Path) -> None:
     plain = match_distances(study.distances, **study.context.options | {"weight": 0.0})
     plain.to_csv(folder / "baseline.csv")
     np.save(folder / "distances.npy", study.distances)
-    frames = zip(study.true_place, demo.revisit.positions, demo.advance, strict=True)
+    assert study.context.advance is not None
+    frames = zip(study.true_place, demo.revisit.positions, study.context.advance, strict=True)
     rows = (
         (frame, place, "" if np.isnan(at) else f"{at:.3f}", f"{moved:.6f}")
         for frame, (place, at, moved) in enumerate(frames)
@@ -194,7 +189,7 @@ def _hero(demo: Demo) -> Sequence[Picture]:
 
 
 def _tiles(demo: Demo) -> Sequence[Tile]:
-    m, sure, off_map = len(demo.study), demo.sure, demo.off_map
+    m, sure, off_map = len(demo.study), demo.sure, demo.study.off_map
     good, bad, *_ = demo.counts.values()
     sure_count, lost = int(sure.sum()), int((sure & off_map).sum())
     sure_right = int((sure & demo.right).sum())
@@ -225,11 +220,9 @@ def _sections(demo: Demo) -> Sequence[Section]:
         f"{verb(single_right)} right.",
         result=demo.tracker,
     )
-    everywhere = np.ones(m, np.bool_)
     bands = (
         ("weighted, trusted fixes only", study.shown.right, run.trusted),
-        ("tracker", demo.right, everywhere),
-        ("tracker, sure fixes only", demo.right, demo.sure),
+        ("track_odometry, sure fixes only", demo.right, demo.sure),
     )
     sure_wrong = int((demo.sure & ~demo.right).sum())
     modest, gap = int((demo.right & ~demo.sure).sum()), len(longest_gap(demo.sure & demo.right))
@@ -285,39 +278,41 @@ def _sections(demo: Demo) -> Sequence[Section]:
 
 def _confidence(demo: Demo) -> Section:
     """How sure the tracker was, and where it was not."""
-    belief, off = demo.run.confidence, np.flatnonzero(demo.off_map)
-    still = np.flatnonzero(demo.standing)
-    leaves, back = int(off[0]), int(off[-1]) + 1
-    fell = np.flatnonzero(belief[leaves:back] < 0.5)
-    rose = np.flatnonzero(demo.sure[back:] & demo.right[back:])
-    stretches = [
-        (name, range(int(frames[0]), int(frames[-1]) + 1))
-        for name, frames in (("standing still", still), ("off the map", off))
-    ]
+    said, noticed = demo.tracker.matches, demo.tracker.noticed
+    assert said.confidence is not None
+    assert said.off_map is not None
+    assert noticed is not None
+    still, off = np.flatnonzero(demo.standing), np.flatnonzero(demo.study.off_map)
     picture = drawn(
         (11, 3.5),
         "The confidence of each fix: it falls where the drive leaves the map, and returns with it.",
         confidence,
-        belief,
-        demo.run.off_map,
+        said.confidence,
+        said.off_map,
         demo.right,
-        stretches=stretches,
+        stretches=[
+            (name, range(int(frames[0]), int(frames[-1]) + 1))
+            for name, frames in (("standing still", still), ("off the map", off))
+        ],
         accept=ACCEPT,
     )
-    fall = f"{plural(int(fell[0]) + 1, 'frame')} after" if len(fell) else "at no frame after"
-    rise = f"{plural(int(rose[0]) + 1, 'frame')} after" if len(rose) else "at no frame after"
+    fall, rise = (
+        plural(int(first[0]) + 1, "frame") if np.isfinite(first[0]) else "no number of frames"
+        for first in (noticed, demo.tracker.relocalised)
+    )
+    before, after = said.confidence[still[0] - 1], said.confidence[still[-1]]
     return Section(
         "How sure it was",
         (
             "A tracker adds up the evidence of all frames so far, and the odometry between them. "
             "Its confidence is the share of its belief within one place of the fix; a fix is sure "
-            f"if that is {ACCEPT:g} or more. Nobody told it of the detour: {fall} the drive left "
-            f"the map, the confidence fell below 0.5, and {rise} it was back, there was a sure and "
-            "right fix again.",
+            f"if that is {ACCEPT:g} or more. Nobody told it of the detour: {fall} after the drive "
+            f"left the map, the confidence was below 0.5, and {rise} after it was back, the fixes "
+            "were right with more than that again.",
             "The odometry came from wheels that count 2 % too much, with a noise of 5 %. Frames "
             "that repeat each other prove little, so those of a stop hardly count: over the "
-            f"{plural(len(still), 'frame')} of it, the confidence went from "
-            f"{belief[still[0] - 1]:.2f} to {belief[still[-1]]:.2f}.",
+            f"{plural(len(still), 'frame')} of it, the confidence went from {before:.2f} to "
+            f"{after:.2f}.",
         ),
         {"confidence.png": picture},
     )

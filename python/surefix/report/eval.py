@@ -12,7 +12,7 @@ from surefix.baselines import METHODS
 from surefix.report import figures, sections
 from surefix.report.figures import Images
 from surefix.report.page import write
-from surefix.report.tables import write_tables
+from surefix.report.tables import write_drives, write_tables
 from surefix.study import Study
 
 __all__ = ["FILES", "write_report"]
@@ -32,8 +32,12 @@ FILES = {
     "fixes.csv": "a line for each query of each method",
 }
 
+SAID = {
+    "scenarios.csv": "a line for each method on each drive",
+    "reliability.csv": "confidence against the share that is right",
+}
 # Not every report has these, nor the mistakes.
-MORE = re.compile(r"precision_recall_\d+\.png")
+MORE = re.compile(r"(precision_recall_\d+|reliability(_.+)?)\.png|scenarios\.csv|reliability\.csv")
 
 
 def write_report(
@@ -46,6 +50,7 @@ def write_report(
     query_names: Sequence[str] | None = None,
     place_names: Sequence[str] | None = None,
     along: NDArray[np.float64] | None = None,
+    scenarios: Sequence[Study] = (),
 ) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page.
 
@@ -60,11 +65,18 @@ def write_report(
     query_names, place_names : sequences of str, optional
     along : array of float64, shape (m,), optional
         The way along the drive at which each query was taken, in metres, ascending.
+    scenarios : sequence of Study
+        The same methods on drives made of this one.
     """
+    says = any(result.matches.confidence is not None for result in study.results)
+    drives = [study, *scenarios] if says or scenarios else []
+    diagrams = figures.reliability(drives)
     curves, c = figures.curves(study), study.context
     mistakes = figures.mistakes(study, queries, references)
     extra = {name: "more of the curves" for name in curves if name not in FILES}
     extra |= dict.fromkeys(mistakes, "mistakes, as images side by side")
+    extra |= dict.fromkeys(diagrams, "confidence against the share that is right")
+    extra |= SAID if drives else {}
     n, m = study.distances.shape
     made = sections.made(
         ("Distances", f"{plural(n, 'place')} by {plural(m, 'query', 'queries')}, float32"),
@@ -83,6 +95,12 @@ def write_report(
         *(FILES | extra).items(),
         command=command,
     )
+
+    def write_all(inside: Path) -> None:
+        write_tables(study, inside, query_names)
+        if drives:
+            write_drives(drives, inside)
+
     # Left beside the new files, those of an earlier report would look new.
     old = filter(MORE.fullmatch, (path.name for path in folder.glob("*")))
     return write(
@@ -93,6 +111,7 @@ def write_report(
         sections.tiles(study),
         (
             *sections.methods(study, figures.numbers(study)),
+            *([sections.drives(drives, diagrams)] if drives else ()),
             sections.curves(study, curves),
             sections.trust(study),
             sections.matrix(study, figures.matrix(study)),
@@ -100,6 +119,6 @@ def write_report(
             sections.mistakes(study, mistakes, query_names, place_names),
             made,
         ),
-        lambda inside: write_tables(study, inside, query_names),
+        write_all,
         {*FILES, "mistakes.png", "trusted_mistakes.png", *old},
     )

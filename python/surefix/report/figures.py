@@ -9,14 +9,27 @@ from surefix import Evaluation
 from surefix._words import plural
 from surefix.plot.bars import Band, auc_intervals, false_positives, route_strip, trust_table
 from surefix.plot.curves import precision_recall
+from surefix.plot.curves import reliability as plot_reliability
 from surefix.plot.images import Example, Image, examples, examples_height
 from surefix.plot.matrix import busiest_window, distance_matrix
 from surefix.plot.outcome import longest_gap
 from surefix.plot.theme import LOOKS
 from surefix.report.page import Picture, drawn
-from surefix.study import UPTO, Result, Study
+from surefix.report.tables import stem
+from surefix.study import SCENARIOS, UPTO, Result, Study
+from surefix.study.scenarios import RECORDED
 
-__all__ = ["MISTAKES", "Images", "curves", "matrix", "mistakes", "numbers", "strip", "trust"]
+__all__ = [
+    "MISTAKES",
+    "Images",
+    "curves",
+    "matrix",
+    "mistakes",
+    "numbers",
+    "reliability",
+    "strip",
+    "trust",
+]
 
 # By their numbers; those of the mistakes are enough.
 Images = Sequence[Image] | Mapping[int, Image] | None
@@ -75,6 +88,25 @@ def numbers(study: Study) -> dict[str, Picture]:
     alt = f"Wrong matches accepted by recall {UPTO:g}: {text}."
     bars = drawn(size, alt, false_positives, counts, recall=UPTO)
     return {"auc.png": areas, "false_positives.png": bars}
+
+
+def reliability(studies: Sequence[Study]) -> dict[str, Picture]:
+    """A reliability diagram for each drive on which a method says a confidence."""
+    pictures = {}
+    for study in studies:
+        said = {r.name: r.reliability for r in study.results if r.reliability is not None}
+        if not said:
+            continue
+        errors = ", ".join(f"{name} off by {each.error:.2f}" for name, each in said.items())
+        name = "" if study.scenario == RECORDED else f"_{stem(study)}"
+        pictures[f"reliability{name}.png"] = drawn(
+            (5.4, 4.7 + 0.22 * len(said)),
+            f"What was said against what was right, {study.scenario}: {errors}.",
+            plot_reliability,
+            dict(list(said.items())[:LOOKS]),
+            caption=f"{study.scenario}: {SCENARIOS[study.scenario].description}",
+        )
+    return pictures
 
 
 def trust(study: Study) -> Picture:

@@ -11,8 +11,20 @@ from surefix.plot.outcome import longest_gap
 from surefix.report import figures, tables
 from surefix.report.page import Picture, Section, Tile
 from surefix.study import KS, UPTO, Result, Study, verdict
+from surefix.study.confidence import ALARM, HOLD, SURE
 
-__all__ = ["curves", "lead", "made", "matrix", "methods", "mistakes", "route", "share", "tiles"]
+__all__ = [
+    "curves",
+    "drives",
+    "lead",
+    "made",
+    "matrix",
+    "methods",
+    "mistakes",
+    "route",
+    "share",
+    "tiles",
+]
 
 RECALLS = {
     "correct": "accepted correct matches over all correct matches of the same method, the paper's "
@@ -80,6 +92,34 @@ def methods(study: Study, pictures: Mapping[str, Picture] | None = None) -> Sequ
     )
     words = ("Which methods win, which lose and which are level on this drive.",)
     return table, Section("In words", words, points=[verdict(each) for each in study.results])
+
+
+def drives(studies: Sequence[Study], pictures: Mapping[str, Picture]) -> Section:
+    """How sure each method is, and how it fares on every drive."""
+    return Section(
+        "How sure, and how soon it notices",
+        (
+            "A confidence is honest if, of the answers that are said to be right with 0.8, 0.8 are "
+            "right. Below the diagonal it promises too much. The number beside a name is the mean "
+            "distance from the diagonal (expected calibration error).",
+            "In the tables, \u201cright\u201d is a share of the queries on the map. The ROC area: "
+            "how well the others are told from them, by the method's own probability to be off the "
+            "map, or by its score if it has none. Frames to notice: from leaving the map until the "
+            f"confidence is {1 - ALARM:g} or less, or the probability to be off it {ALARM:g} or "
+            "more. Frames to find back: from a kidnap or the return until the answer is right for "
+            f"{HOLD} queries, with a confidence of at least {SURE:g} in the first if the method "
+            "says one. Both are medians, with how many of the events ended so.",
+            *_made_of(studies),
+        ),
+        pictures,
+        tables=[tables.drive(study) for study in studies],
+    )
+
+
+def _made_of(studies: Sequence[Study]) -> Sequence[str]:
+    if len(studies) == 1:
+        return ()
+    return ("The other drives are made of the recorded one: at rest its frame is repeated.",)
 
 
 def curves(study: Study, pictures: Mapping[str, Picture], *more: str) -> Section:

@@ -2,19 +2,39 @@
 
 import csv
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
+from typing import TypeAlias
 
+import numpy as np
+
+from surefix._words import plural
+from surefix.baselines.distances import Floats
 from surefix.report.page import Table
-from surefix.study import BASELINE, KS, UPTO, Result, Study
+from surefix.study import BASELINE, KS, SCENARIOS, UPTO, Result, Study
 
-__all__ = ["Names", "count", "methods", "worst", "write_csv", "write_tables"]
+__all__ = [
+    "Names",
+    "count",
+    "drive",
+    "methods",
+    "worst",
+    "write_csv",
+    "write_drives",
+    "write_tables",
+]
 
 Names = Sequence[str] | None
+Events: TypeAlias = tuple[float | None, int | None, int | None]
 
 METHOD_COLUMNS = (
     "method,recall_convention,auc,auc_low,auc_high,difference,difference_low,difference_high,"
     "verdict,max_recall,recall_at_full_precision,false_positives,best_f1,best_f1_threshold,"
     "correct,judged"
+)
+DRIVE_COLUMNS = (
+    "scenario,method,area,recall_at_full_precision,right,calibration_error,off_map_roc,"
+    "frames_to_notice,noticed,left,frames_to_relocalise,relocalised,lost"
 )
 FIX_COLUMNS = "method,query,name,place,score,ready,accepted,judged,right,true_place,trusted"
 
@@ -49,6 +69,70 @@ def methods(study: Study) -> Table:
         rows.append(row)
     caption = f'Recall is "{study.recall}". The plain sequence is the method "{BASELINE}".'
     return Table("methods", caption, header, rows)
+
+
+def drive(study: Study) -> Table:
+    """Every method on one drive: how good, how honest, and how soon it notices and finds back."""
+    header = (
+        "method", "area to 100 % recall", "recall at 100 % precision", "right", "confidence off by",
+        "off the map, ROC area", "frames to notice", "frames to find back",
+    )  # fmt: skip
+    rows = [
+        (name, *map(_shown, numbers), *map(_said, events))
+        for name, numbers, events in map(_tracked, study.results)
+    ]
+    what = SCENARIOS[study.scenario].description
+    size = (
+        f"{plural(len(study), 'query', 'queries')}, {int(study.off_map.sum())} of them off the map"
+    )
+    return Table(f"drive-{stem(study)}", f"{study.scenario}: {what}; {size}", header, rows)
+
+
+def stem(study: Study) -> str:
+    """The scenario's name as part of a file's."""
+    return study.scenario.replace("/", "-")
+
+
+def _tracked(result: Result) -> tuple[str, list[float | None], list[Events]]:
+    """The method, its numbers, and its events of both kinds."""
+    diagram, curve = result.reliability, result.curve
+    error = None if diagram is None else diagram.error
+    quality = curve.auc(1.0), curve.recall_at_precision(1.0), result.right_share, error
+    events = [_events(frames) for frames in (result.noticed, result.relocalised)]
+    return result.name, [*quality, result.off_map_area], events
+
+
+def _events(frames: Floats | None) -> Events:
+    """The median, infinity for never; how many ended; and how many there were."""
+    if frames is None or not len(frames):
+        return None, None, None
+    return float(np.median(frames)), int(np.isfinite(frames).sum()), len(frames)
+
+
+def _shown(number: float | None) -> str:
+    return "-" if number is None or np.isnan(number) else f"{number:.3f}"
+
+
+def _said(events: Events) -> str:
+    median, ended, every = events
+    if median is None:
+        return "-"
+    return f"{median:g} ({ended} of {every})" if median < np.inf else f"never ({ended} of {every})"
+
+
+def write_drives(drives: Sequence[Study], folder: Path) -> None:
+    """Writes scenarios.csv and reliability.csv."""
+    lines: list[Sequence[object]] = []
+    bins: list[Sequence[object]] = []
+    for study in drives:
+        for result in study.results:
+            name, numbers, events = _tracked(result)
+            lines.append((study.scenario, name, *numbers, *chain(*events)))
+            if (r := result.reliability) is not None:
+                points = zip(r.count, r.said, r.right, strict=True)
+                bins += [(study.scenario, name, *point) for point in points]
+    write_csv(folder / "scenarios.csv", DRIVE_COLUMNS, lines)
+    write_csv(folder / "reliability.csv", "scenario,method,queries,said,right", bins)
 
 
 def count(false: int | None) -> str:

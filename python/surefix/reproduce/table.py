@@ -9,29 +9,32 @@ from surefix.report.page import Picture, Table, drawn
 from surefix.report.tables import count
 from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
 from surefix.reproduce.exhibit import Cell, Exhibit, listed, shown
-from surefix.reproduce.paper import PaperRow
+from surefix.reproduce.paper import PUBLISHED, PaperRow
 from surefix.study import UPTO, Result
 
 __all__ = ["false_positives", "table_1"]
 
+TRACKERS = ("track_steady", "track_free")
 # Letters in a line of a label: a longer one leaves the picture no room.
 LABEL = 48
 
 
 def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: Settings) -> Exhibit:
-    """The table of all cases, beside the paper's own numbers if the user gave them."""
+    """The table of all cases, beside the paper's own numbers, or those that the user gave."""
+    published = PUBLISHED if paper is None else paper
     rows: list[Sequence[Cell]] = []
     lines: list[Sequence[str]] = []
     seen = []
     for case in cases:
         own = next(
-            (row for row in paper or () if row.is_for(case.technique, case.dataset, *case.aliases)),
+            (row for row in published if row.is_for(case.technique, case.dataset, *case.aliases)),
             None,
         )
         seen.append(own)
         both = case.study(settings).results
         names, weighted = (case.dataset, case.technique), both[1]
         curves, areas = [result.curve for result in both], [result.area[0] for result in both]
+        areas += [case.study(settings)[name].curve.auc(UPTO) for name in TRACKERS]
         correct, reached = [c.correct for c in curves], [c.max_recall for c in curves]
         numbers = *case.D.shape, *correct, *areas, *weighted.difference, *reached
         theirs = (None, None) if own is None else (own.baseline, own.weighted)
@@ -39,14 +42,14 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
         difference, low, high = weighted.difference
         apart = f"{difference:+.3f}", f"{low:+.3f}\u00a0to\u00a0{high:+.3f}", weighted.outcome
         lines.append((*names, str(case.D.shape[1]), *map(shown, areas), *apart, _pair(own)))
-    absent = [own for own in paper or () if own not in seen]
+    absent = [own for own in published if own not in seen]
     for own in absent:
         names = own.dataset, own.technique
-        rows.append((*names, *[None] * 11, "not run here", own.baseline, own.weighted))
-        lines.append((*names, *["\u2013"] * 5, "not run here", _pair(own)))
+        rows.append((*names, *[None] * 13, "not run here", own.baseline, own.weighted))
+        lines.append((*names, *["\u2013"] * 7, "not run here", _pair(own)))
     header = (
-        "data set", "technique", "queries", "baseline", "weighted", "difference", "95 % interval",
-        "weighting", "paper: baseline, weighted",
+        "data set", "technique", "queries", "baseline", "weighted", "tracker, steady",
+        "tracker, free", "difference", "95 % interval", "weighting", "paper: baseline, weighted",
     )  # fmt: skip
     caption = f"Area up to recall {UPTO:g}, L = {LENGTH}, w = {WEIGHT:g}"
     pictures = _pictures(
@@ -69,7 +72,7 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
         points=_points(cases, settings),
         name="table_1",
         header="dataset,technique,places,queries,correct_unweighted,correct_weighted,baseline,"
-        "weighted,difference,low,high,reached_recall_baseline,reached_recall_weighted,verdict,"
+        "weighted,track_steady,track_free,difference,low,high,reached_recall_baseline,reached_recall_weighted,verdict,"
         "paper_baseline,paper_weighted",
         rows=rows,
     )
@@ -111,9 +114,9 @@ def _paragraphs(
 ) -> Sequence[str]:
     if paper is None:
         own = (
-            "The column for the paper's own numbers is empty: surefix does not have them. They are "
-            "in Table I of arXiv 2307.01464; write them into a CSV file with the columns "
-            "dataset,technique,baseline,weighted and give it as --paper FILE."
+            f"The paper's column is its Table I (arXiv 2307.01464): {len(PUBLISHED)} rows, of "
+            f"which {len(absent)} were not run here. It does not publish the settings of its SAD, "
+            "and areas on other extracts of a data set need not agree with it."
         )
     else:
         own = (
@@ -131,7 +134,9 @@ def _paragraphs(
         f"The area under the precision-recall curve up to recall {UPTO:g}, divided by it: 1 is "
         f"flawless. Baseline: the unweighted sequence of L = {LENGTH} queries. Weighted: the same, "
         f"with trusted matches weighted, w = {WEIGHT:g}, the floor being the least distance of the "
-        f"whole matrix. Recall is \u201c{settings.recall}\u201d: see the end.",
+        "whole matrix. The tracker is a Bayes filter over the places, at one place a query or at 0 "
+        "to 2; differences are the weighting's. Recall is "
+        f"\u201c{settings.recall}\u201d: see the end.",
         "The interval is the middle 95 % of the difference (weighted minus baseline) when blocks "
         f"of consecutive queries are drawn anew {settings.samples} times. If it holds 0, the two "
         "are level: the data do not tell which is better. One interval in twenty misses by chance.",

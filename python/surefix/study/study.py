@@ -20,6 +20,14 @@ from surefix.baselines import Context, run_method
 from surefix.baselines.distances import Distances, Flags, Floats, Places
 from surefix.baselines.truth import Truth, by_metres, right_matches
 from surefix.matches import Matches
+from surefix.study.confidence import (
+    Reliability,
+    frames_to_notice,
+    frames_to_relocalise,
+    reliability,
+    roc_area,
+)
+from surefix.study.scenarios import RECORDED, scenario
 
 __all__ = ["BASELINE", "KS", "UPTO", "Estimate", "Recall", "Result", "Study", "compare"]
 
@@ -84,6 +92,41 @@ class Result:
         assert self.matches.accepted is not None
         return self.matches.accepted
 
+    @property
+    def right_share(self) -> float:
+        """The share of right matches among all queries on the map, those of a warm-up too."""
+        on = ~self.study.off_map
+        return float(self.right[on].mean()) if on.any() else float("nan")
+
+    @cached_property
+    def reliability(self) -> Reliability | None:
+        """The confidence against the share that is right, over the judged; None without one."""
+        said, judged = self.matches.confidence, self.judged
+        return None if said is None else reliability(said[judged], self.right[judged])
+
+    @cached_property
+    def off_map_area(self) -> float:
+        """The area under the ROC curve of the queries off the map, found by the probability that
+        the method gives, or else by its score.
+        """
+        by = self.matches.score if self.matches.off_map is None else self.matches.off_map
+        return roc_area(by[self.judged], self.study.off_map[self.judged])
+
+    @cached_property
+    def noticed(self) -> Floats | None:
+        """``frames_to_notice``, a number for each stretch off the map; None without confidence."""
+        said, off = self.matches.confidence, self.matches.off_map
+        if said is None:
+            return None
+        doubt = 1 - said if off is None else np.maximum(off, 1 - said)
+        return frames_to_notice(doubt, self.study.off_map)
+
+    @cached_property
+    def relocalised(self) -> Floats:
+        """``frames_to_relocalise``, a number for each kidnap and each return to the map."""
+        s, said = self.study, self.matches.confidence
+        return frames_to_relocalise(self.right, s.off_map, s.jumps, confidence=said)
+
 
 @dataclass(frozen=True, eq=False)
 class Study:
@@ -100,6 +143,10 @@ class Study:
         Bootstrap samples of an interval.
     names : sequence of str
         The methods, in the order of the table.
+    scenario : str
+        A key of ``SCENARIOS``: how the drive was made.
+    jumps : sequence of int
+        The first query after each kidnap.
 
     Examples
     --------
@@ -116,6 +163,8 @@ class Study:
     recall: Recall = "correct"
     samples: int = 1000
     names: Sequence[str] = (BASELINE, WEIGHTED)
+    scenario: str = RECORDED
+    jumps: Sequence[int] = ()
     _made: dict[str, Result] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
@@ -132,6 +181,28 @@ class Study:
     def at(self, **options: Any) -> "Study":
         """The same with other options of the context, as ``sequence_length`` or ``trusted``."""
         return replace(self, context=replace(self.context, **options))
+
+    def driven(self, name: str, seed: int = 0, **options: Any) -> "Study":
+        """The same methods on another drive, made of this one by ``surefix.study.scenario``."""
+        drive = scenario(name, self.distances, self.true_place, seed, **options)
+        truth: Truth = drive.truth
+        if by_metres(self.truth):
+            places, queries = self._positions
+            truth = places[drive.rows], queries[drive.columns]
+        elif (cells := np.asarray(self.truth)).ndim == 2:
+            truth = cells[np.ix_(drive.rows, drive.columns)]
+        where = self.context.positions
+        where = None if where is None else np.asarray(where)[drive.rows]
+        context = replace(self.context, truth=truth, positions=where, advance=drive.advance)
+        jumps = drive.jumps.tolist()
+        return replace(
+            self, distances=drive.distances, context=context, scenario=name, jumps=jumps
+        )  # fmt: skip
+
+    @property
+    def off_map(self) -> Flags:
+        """Which queries have no true place, shape (m,)."""
+        return self.true_place < 0
 
     @property
     def results(self) -> list[Result]:

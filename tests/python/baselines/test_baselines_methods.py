@@ -21,6 +21,8 @@ def test_the_names() -> None:
         "masked",
         "gradient",
         "sequence",
+        "sequence-10",
+        "sequence-20",
         "weighted",
         "supervised-masked",
         "supervised-weighted",
@@ -29,6 +31,10 @@ def test_the_names() -> None:
         "ratio",
         "spread",
         "seqslam",
+        "topological",
+        "track_steady",
+        "track_free",
+        "track_odometry",
     ]
     for method in METHODS.values():
         assert 10 < len(method.description) < 90
@@ -39,7 +45,8 @@ def test_the_names() -> None:
 
 def test_a_name_runs_its_method_with_what_the_context_says() -> None:
     (D, truth), calibration = route(1, 60), route(2, 60)
-    positions = np.random.default_rng(0).normal(size=(60, 2))
+    rng = np.random.default_rng(0)
+    positions, advance = rng.normal(size=(60, 2)), rng.uniform(0.5, 1.5, D.shape[1])
     context = Context(
         sequence_length=3,
         weight=0.5,
@@ -56,6 +63,7 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         truth_tolerance=0,
         calibration=calibration,
         calibration_tolerance=3,
+        advance=advance,
     )
     prediction: dict[str, Any] = {"tolerance": 2, "smoothing": 1, "gradient": "unhalved"}
     weighting: dict[str, Any] = {
@@ -72,6 +80,8 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         "masked": baselines.masked_single_frame(D, **prediction),
         "gradient": baselines.maximum_gradient(D, smoothing=1, gradient="unhalved"),
         "sequence": baselines.plain_sequence(D, sequence_length=3, speeds=(0.5, 1.0)),
+        "sequence-10": baselines.plain_sequence(D, sequence_length=10, speeds=(0.5, 1.0)),
+        "sequence-20": baselines.plain_sequence(D, sequence_length=20, speeds=(0.5, 1.0)),
         "weighted": baselines.weighted_sequence(D, **weighting),
         "supervised-masked": baselines.masked_single_frame(D, trusted=taught),
         "supervised-weighted": baselines.weighted_sequence(D, trusted=taught, **weighting),
@@ -80,6 +90,10 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         "ratio": baselines.ratio_test(D, exclude=4),
         "spread": baselines.spread(D, positions, top=5),
         "seqslam": baselines.plain_sequence(D, sequence_length=3, contrast=6, speeds=(0.5, 1.0)),
+        "topological": baselines.topological(D),
+        "track_steady": baselines.track(D, motion="steady", tolerance=2),
+        "track_free": baselines.track(D, tolerance=2),
+        "track_odometry": baselines.track(D, motion="steady", advance=advance, tolerance=2),
     }
     assert expected.keys() == METHODS.keys()
     answers = set()
@@ -109,7 +123,7 @@ def test_without_a_context_the_defaults_are_the_functions() -> None:
 @every_matrix
 def test_no_method_ever_says_nan_or_leaves_the_map(D: Array) -> None:
     n, m = D.shape
-    context = Context(exclude=0, truth=np.arange(m) % n, calibration=route(5))
+    context = Context(exclude=0, truth=np.arange(m) % n, calibration=route(5), advance=np.ones(m))
     for name in METHODS:
         matches = run_method(name, D, context)
         assert len(matches) == m
@@ -127,10 +141,13 @@ def test_a_perfect_mask_has_no_mistakes_and_misses_nothing() -> None:
 
 def test_what_is_missing_is_named() -> None:
     D = MATRICES["random 40 x 30"]
-    with pytest.raises(surefix.SurefixValueError, match=r"single, masked.*seqslam, got 'sinlge'"):
+    with pytest.raises(
+        surefix.SurefixValueError, match=r"single, masked.*track_odometry, got 'sinlge'"
+    ):
         run_method("sinlge", D)
     for name in METHODS:
-        needs = {"perfect": "truth", "supervised": "calibration"}.get(name.partition("-")[0])
+        of = {"perfect": "truth", "supervised": "calibration", "track_odometry": "advance"}
+        needs = of.get(name.partition("-")[0])
         assert METHODS[name].needs == needs
         if needs is not None:
             with pytest.raises(

@@ -24,6 +24,7 @@ from PIL import Image
 
 from surefix import plot
 from surefix.plot.theme import LOOKS, looks
+from surefix.study import reliability
 
 M, N = 60, 50
 
@@ -36,6 +37,10 @@ def curve(seed: int, right: float = 0.7) -> surefix.Evaluation:
 
 
 CURVES = {f"method {k}": curve(k) for k in range(LOOKS)}
+DIAGRAMS = {
+    "honest": reliability(np.arange(100) / 100, np.arange(100) % 10 >= 5),
+    "never asked": reliability([], []),
+}
 NEVER = surefix.evaluate(
     surefix.Matches(np.zeros(4, int), np.ones(4), accepted=np.zeros(4, bool)), np.arange(4)
 )
@@ -76,6 +81,7 @@ FIGURES: dict[str, Callable[[Axes, plot.Theme], Axes]] = {
     "precision_recall_of_nothing": lambda ax, t: plot.precision_recall(
         ax, {"never": NEVER}, theme=t
     ),
+    "reliability": lambda ax, t: plot.reliability(ax, DIAGRAMS, theme=t),
     "distance_matrix": lambda ax, t: matrix(ax, theme=t),
     "distance_matrix_close": lambda ax, t: matrix(ax, queries=(3, 12), places=(0, 12), theme=t),
     "route_strip": lambda ax, t: strip(ax, gap=(10, 40), theme=t),
@@ -152,6 +158,16 @@ def test_the_curve_drawn_is_the_curve_given() -> None:
         assert x[1:].tolist() == given.recall.tolist()
         assert y[1:].tolist() == given.precision.tolist()
         assert str(line.get_label()) == f"{name}: area up to recall 0.2 is {given.auc(0.2):.2f}"
+
+
+def test_the_diagram_drawn_is_the_diagram_given() -> None:
+    ax = plot.reliability(Figure().add_subplot(), DIAGRAMS)
+    honest = DIAGRAMS["honest"]
+    drawn = ax.lines[1].get_xydata()
+    np.testing.assert_allclose(drawn, np.c_[honest.said, honest.right])
+    assert ax.lines[1].get_label() == f"honest: off by {honest.error:.3f}"
+    sizes = ax.collections[0].get_sizes()
+    np.testing.assert_allclose(np.corrcoef(sizes, honest.count), 1)
 
 
 def test_a_curve_that_ends_early_says_so_and_one_of_nothing_keeps_its_name() -> None:

@@ -46,14 +46,18 @@ def demo(
     parts of what the tracker said.
     """
     truth, D = drives[1].truth(drives[0]), D.astype(np.float32)
-    context = Context(sequence_length=length, floor="running", truth=truth, trusted=trusted)
-    study, advance = Study(D, context), drives[1].odometry() / 3
-    run = surefix.match_distances(
-        D, motion="steady", advance=advance, trusted=trusted, **context.options
+    context = Context(
+        sequence_length=length,
+        floor="running",
+        truth=truth,
+        trusted=trusted,
+        advance=drives[1].odometry() / 3,
     )
+    options = context.options | {"motion": "steady"}
+    run = surefix.match_distances(D, advance=context.advance, trusted=trusted, **options)
     names = ["place", "score", "trusted", "confidence", "off_map", "single_place", "to_csv"]
     given = SimpleNamespace(**{name: getattr(run, name) for name in names} | fixes)
-    return Demo(study, given, *drives, advance, 1, np.full(21, 1e-3))
+    return Demo(Study(D, context), given, *drives, 1, np.full(21, 1e-3))
 
 
 def written(given: Demo, folder: Path) -> Reader:
@@ -93,7 +97,7 @@ def test_one_of_a_kind_is_in_the_singular(
     assert "acts on the sure fixes only, 1 time. The price: 1 right fix is held back, and" in text
     assert "stood still for 1 frame, took a detour of 2 frames off the map" in text
     assert (
-        "1 frame after the drive left the map, the confidence fell below 0.5, and 1 frame" in text
+        "1 frame after the drive left the map, the confidence was below 0.5, and 1 frame" in text
     )
     assert "1 of the 19 trusted fixes of this drive is wrong." in text
     assert "1 of the 2 untrusted ones is right." in text

@@ -1,0 +1,74 @@
+"""``surefix eval --scenario``: its options, and its tables in a terminal."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix.baselines import METHODS
+from surefix.cli.inputs import refuse
+from surefix.errors import mismatch
+from surefix.study.scenarios import SCENARIOS
+from surefix.tables.rows import decimal, rows
+
+if TYPE_CHECKING:
+    from surefix.study import Study
+
+__all__ = ["METHODS_OF_DRIVES", "check_method", "chosen", "print_drives", "read_speeds"]
+
+EVERY, PROFILE = "every", "profile"
+METHODS_OF_DRIVES = (
+    "sequence", "sequence-10", "sequence-20", "topological", "track_steady", "track_free",
+    "track_odometry",
+)  # fmt: skip
+
+
+def chosen(scenarios: Iterable[str], speeds: Path | None) -> Sequence[str]:
+    """The names of scenarios, once each; ``every`` is all for which there is data."""
+    names: list[str] = []
+    for name in scenarios:
+        expected = f"--scenario: expected {EVERY} or one of {', '.join(SCENARIOS)}, got {name!r}"
+        refuse(name != EVERY and name not in SCENARIOS, expected)
+        names += SCENARIOS if name == EVERY else [name]
+        expected = "--scenario profile: expected --speed-profile, a file of speeds"
+        refuse(name == PROFILE and speeds is None, expected)
+    refuse(speeds is not None and PROFILE not in names, "--speed-profile: expected --scenario too")
+    return [name for name in dict.fromkeys(names) if name != PROFILE or speeds is not None]
+
+
+def check_method(name: str, scenarios: Sequence[str]) -> None:
+    """Refuses a method that needs odometry if no drive has it."""
+    expected = f"--method {name}: expected --scenario, which makes odometry of the truth"
+    refuse(METHODS[name].needs == "advance" and not scenarios, expected)
+
+
+def read_speeds(path: Path) -> npt.NDArray[np.float64]:
+    """Speeds in m/s, a row a second; a first row that begins with no number is a heading."""
+    speeds = []
+    for count, (row, cells) in enumerate(rows(path, ",")):
+        try:
+            float(cells[0])
+        except ValueError:
+            if count == 0:
+                continue
+        if len(cells) != 1:
+            raise mismatch(f"{path}, row {row}", "one speed in m/s", f"{len(cells)} cells")
+        speeds.append(decimal(cells[0], path, row, "a speed in m/s"))
+    if not speeds:
+        raise mismatch(path, "speeds", "none")
+    return np.array(speeds)
+
+
+def print_drives(drives: Sequence["Study"]) -> None:
+    """A table for each drive, in plain columns."""
+    from surefix.report.tables import drive
+
+    for table in map(drive, drives):
+        lines = [table.header, *table.rows]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        print(f"\n{table.caption}")
+        for name, *cells in lines:
+            padded = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
+            print("  ".join((name.ljust(widths[0]), *padded)))

@@ -1,0 +1,178 @@
+//! The tracker's parts against one-line oracles, and the whole on every instruction set.
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use super::exp::exp;
+use super::steps::{Steps, Tap, arriving, lost};
+use super::{Track, sum};
+use crate::config::Config;
+use crate::method::{Given, Matcher};
+use crate::motion::Motion;
+use crate::segments::Segments;
+use crate::simd::Isa;
+
+fn cases() -> ProptestConfig {
+    ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+fn matcher(places: usize, motion: Motion) -> Matcher {
+    Matcher::new(places, Config { motion: Some(motion), ..Config::default() }).unwrap()
+}
+
+fn kinds() -> impl Strategy<Value = Motion> {
+    let gentle = Motion { restart: 0.0, leave: 0.0, ..Motion::free() };
+    let fast = Motion { pace: 3.0, ..Motion::free() };
+    select(vec![Motion::steady(), Motion::free(), gentle, fast])
+}
+
+fn advances() -> impl Strategy<Value = Option<f64>> {
+    prop_oneof![2 => Just(None), 2 => (-2.0..3.0_f64).prop_map(Some), 1 => select(vec![Some(0.0), Some(1e9), Some(-7.5)])]
+}
+
+/// Two segments, the second from `cut` on.
+fn segments(places: usize, cut: usize) -> Segments {
+    if cut == 0 || cut >= places {
+        return Segments::one(places);
+    }
+    Segments::of_lengths(&[cut, places - cut])
+}
+
+proptest! {
+    #![proptest_config(cases())]
+
+    #[test]
+    fn exp_is_within_its_error(x in -700.0..700.0_f64) {
+        prop_assert!((exp(x) / x.exp() - 1.0).abs() < 3e-13, "{x}");
+    }
+
+    #[test]
+    fn mass_moves_by_its_taps_and_never_across_the_end_of_a_segment(
+        source in vec(0.0..1.0_f64, 2..600),
+        cut in 0..40_usize,
+        shifts in vec((-3..6_isize, 0.0..1.0_f64), 1..6),
+        start in 0..600_usize,
+        factor in 0.1..2.0_f64,
+    ) {
+        let mut taps: Vec<Tap> = shifts.iter().map(|&(shift, weight)| Tap { shift, weight }).collect();
+        taps.sort_by_key(|tap| tap.shift);
+        let segments = segments(source.len(), cut);
+        let start = start % source.len();
+        let mut out = vec![f64::NAN; (source.len() - start).min(256)];
+        arriving(&source, &taps, &segments, factor, start, &mut out);
+        let arrives = |place: usize, tap: &Tap| {
+            let from = place.checked_add_signed(-tap.shift).filter(|&from| from < source.len());
+            from.filter(|&from| segments.of(from) == segments.of(place)).map_or(0.0, |from| tap.weight * source[from])
+        };
+        for (place, out) in (start..).zip(&out) {
+            let expected = factor * taps.iter().map(|tap| arrives(place, tap)).sum::<f64>();
+            prop_assert!((out - expected).abs() < 1e-12, "{place}: {out}, {expected}");
+        }
+        let all: f64 = taps.iter().map(|tap| tap.weight).sum::<f64>() * source.iter().sum::<f64>();
+        let kept: f64 = (0..source.len()).flat_map(|place| taps.iter().map(move |tap| (place, tap))).map(|(place, tap)| arrives(place, tap)).sum();
+        prop_assert!((lost(&source, &taps, &segments) - (all - kept)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_move_keeps_all_mass_and_covers_the_way_to_the_next_speed(motion in kinds(), pace in 0.1..9.0_f64) {
+        let motion = Motion { pace, ..motion };
+        let steps = Steps::new(&motion).unwrap();
+        prop_assert!((steps.shares.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        let mut reached = None;
+        for (speed, &of_pace) in motion.speeds.iter().enumerate() {
+            let taps = steps.of(speed);
+            let weight: f64 = taps.iter().map(|tap| tap.weight).sum();
+            let mean: f64 = taps.iter().map(|tap| tap.weight * tap.shift as f64).sum();
+            prop_assert!((weight - 1.0).abs() < 1e-12 && (mean - of_pace * pace).abs() < 1e-9);
+            // Every advance between two speeds is one of the shifts.
+            let (first, last) = (taps[0].shift, taps[taps.len() - 1].shift);
+            prop_assert!(reached.is_none_or(|reached: isize| reached + 1 >= first));
+            reached = Some(last);
+        }
+    }
+
+    #[test]
+    fn a_sum_is_that_of_its_lanes(numbers in vec(0.0..1.0_f64, 0..300)) {
+        prop_assert!((sum(&numbers) - numbers.iter().sum::<f64>()).abs() < 1e-12);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, ..cases() })]
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits(
+        motion in kinds(),
+        places in prop_oneof![2..40_usize, 250..270_usize, 4090..4110_usize],
+        queries in vec((any::<u64>(), advances()), 1..8),
+    ) {
+        let of = |isa: Isa| -> Vec<Track> {
+            let mut matcher = matcher(places, motion.clone()).with_isa(isa).unwrap();
+            let mut push = |&(seed, advance): &(u64, Option<f64>)| {
+                let mut random = crate::random::SplitMix64(seed);
+                let column: Vec<f32> = (0..places).map(|_| random.share()).collect();
+                let given = Given { advance, ..Given::default() };
+                matcher.push_with(&column, given).unwrap().track.unwrap()
+            };
+            queries.iter().map(&mut push).collect()
+        };
+        let scalar = of(Isa::Scalar);
+        for track in &scalar {
+            let Track { place, confidence, off_map, interval: (low, high), .. } = *track;
+            prop_assert!(low <= place && place <= high && high < places, "{track:?}");
+            prop_assert!((-1e-3..=1.0 + 1e-12).contains(&confidence), "{track:?}");
+            prop_assert!((0.0..=1.0).contains(&off_map), "{track:?}");
+        }
+        for isa in Isa::available() {
+            prop_assert_eq!(&of(isa), &scalar, "{}", isa);
+        }
+    }
+}
+
+/// After a million queries of two kinds of columns, the tracker is as a fresh one that was told the
+/// same means at once.
+#[test]
+fn a_million_queries_do_not_drift() {
+    let places = 16;
+    let columns: [Vec<f32>; 2] =
+        [0.1, 0.7].map(|phase: f32| (0..places).map(|i| (i as f32 * 0.9 + phase).sin()).collect());
+    let mut old = matcher(places, Motion::free());
+    for query in 0..1_000_000 {
+        old.push(&columns[query % 2]).unwrap();
+    }
+    let mut fresh = matcher(places, Motion::free());
+    for query in 0..1_000 {
+        fresh.push(&columns[query % 2]).unwrap();
+    }
+    let tracker = fresh.tracker.as_mut().unwrap();
+    tracker.hubness.columns *= 1_000;
+    tracker.hubness.sums.iter_mut().for_each(|sum| *sum *= 1_000.0);
+    for query in 0..400 {
+        let column = &columns[query % 2];
+        let [a, b] = [&mut old, &mut fresh].map(|m| m.push(column).unwrap().track.unwrap());
+        assert_eq!(a.place, b.place);
+        if query > 300 {
+            let differ = |a: f64, b: f64| (a - b).abs() > 1e-6;
+            assert!(
+                !differ(a.confidence, b.confidence) && !differ(a.off_map, b.off_map),
+                "{a:?} {b:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_constant_column_moves_the_belief_and_teaches_nothing() {
+    let mut matcher = matcher(30, Motion::steady());
+    for query in 0..8 {
+        let column: Vec<f32> = (0..30).map(|i| f32::from(i != 5 + query)).collect();
+        matcher.push(&column).unwrap();
+    }
+    let sums = matcher.tracker.as_ref().unwrap().hubness.sums.clone();
+    let before = matcher.push(&[0.5; 30]).unwrap().track.unwrap();
+    let after = matcher.push(&[0.5; 30]).unwrap().track.unwrap();
+    assert_eq!((before.place, after.place), (13, 14));
+    assert!(after.confidence < before.confidence);
+    assert_eq!(matcher.tracker.as_ref().unwrap().hubness.sums, sums);
+}
