@@ -21,6 +21,7 @@ mod argmin;
 #[cfg(test)]
 mod bounds_tests;
 mod estimator;
+mod fusion;
 mod gradient;
 mod sequence;
 mod single;
@@ -39,6 +40,7 @@ use trust::{Anchor, Anchors, consensus};
 use window::Window;
 
 pub(crate) use estimator::Memory;
+pub(crate) use fusion::Fusion;
 pub use gradient::Peak;
 pub use sequence::Sequence;
 pub use single::Single;
@@ -249,7 +251,7 @@ impl Matcher {
     /// # Errors
     /// As for [`push`](Self::push), and [`Error::Option`] for an advance that is not finite.
     pub fn push_with(&mut self, distances: &[f32], given: Given) -> Result<Fix, Error> {
-        self.push_column(Column { lower: distances, upper: None }, given, &mut ())
+        self.push_column(Column::exact(distances), given, &mut ())
     }
 
     /// [`push_with`](Self::push_with), of distances or of bounds. The answer is that of the
@@ -292,7 +294,8 @@ impl Matcher {
         let floor = config.floor.value(self.lowest);
 
         // 1.5 The weighted sequence (Eqs. 5 and 6), once the window is full.
-        let seen = Seen { segments, anchors, floor, advance: given.advance };
+        let seen =
+            Seen { segments, anchors, floor, advance: given.advance, evidence: column.evidence };
         let sequence = sequence.estimate(window, &seen, ask);
 
         // 1.9 The track, by all queries so far.
@@ -344,6 +347,15 @@ impl Matcher {
         if let Some(tracker) = &mut self.tracker {
             tracker.moved(advance);
         }
+        Ok(())
+    }
+
+    /// A gap, of a known advance if there is one.
+    pub(crate) fn gap_of(&mut self, advance: Option<f64>) -> Result<(), Error> {
+        if let Some(advance) = advance {
+            return self.gap_with_advance(advance);
+        }
+        self.gap();
         Ok(())
     }
 

@@ -12,41 +12,41 @@ const FLAT: f64 = 1e-12;
 /// The running mean of each place's distances. Some places are near everything (hubs): their
 /// small distances say little.
 #[derive(Clone, Debug)]
-pub(super) struct Hubness {
+pub(in crate::method) struct Hubness {
     /// `s`: the sum of each place's distances.
-    pub(super) sums: Vec<f64>,
+    pub(in crate::method) sums: Vec<f64>,
     /// `k`: how many columns were summed.
-    pub(super) columns: u64,
+    pub(in crate::method) columns: u64,
 }
 
 /// From a place's distance and the sum of its distances to its `z`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Standard {
+pub(in crate::method) struct Standard {
     /// `1 / (k + hubness)`.
-    pub(super) share: f64,
+    pub(in crate::method) share: f64,
     /// The mean of what is standardised.
-    pub(super) mean: f64,
+    pub(in crate::method) mean: f64,
     /// `1 / std`.
-    pub(super) inverse: f64,
+    pub(in crate::method) inverse: f64,
 }
 
 impl Hubness {
     /// # Errors
     /// [`Error::Memory`] if there is not enough.
-    pub(super) fn new(places: usize) -> Result<Self, Error> {
+    pub(in crate::method) fn new(places: usize) -> Result<Self, Error> {
         let mut sums = reserved(places)?;
         sums.resize(places, 0.0);
         Ok(Self { sums, columns: 0 })
     }
 
-    pub(super) fn clear(&mut self) {
+    pub(in crate::method) fn clear(&mut self) {
         self.sums.fill(0.0);
         self.columns = 0;
     }
 
     /// Adds a column; `None` if it says nothing, and then nothing has changed.
     #[inline(always)]
-    pub(super) fn learn(&mut self, column: &[f32], motion: &Motion) -> Option<Standard> {
+    pub(in crate::method) fn learn(&mut self, column: &[f32], motion: &Motion) -> Option<Standard> {
         let first = *column.first()?;
         if column.iter().all(|&d| d == first) {
             return None;
@@ -80,7 +80,7 @@ impl Hubness {
 impl Standard {
     /// `z`, not yet clipped.
     #[inline(always)]
-    pub(super) fn z(self, distance: f32, sum: f64) -> f64 {
+    pub(in crate::method) fn z(self, distance: f32, sum: f64) -> f64 {
         (f64::from(distance) - self.share * sum - self.mean) * self.inverse
     }
 }

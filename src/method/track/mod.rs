@@ -27,7 +27,8 @@ use crate::error::Error;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
 use crate::segments::Segments;
-use evidence::{Hubness, Standard};
+pub(super) use evidence::Hubness;
+use evidence::Standard;
 use exp::exp;
 use steps::{Steps, Tap, arriving, known, lost};
 
@@ -230,8 +231,15 @@ impl Estimator for Tracker {
         };
 
         // 1, 2 What the column says.
-        let standard = self.hubness.learn(column, &self.motion);
-        let evidence = Evidence::new(standard, &self.motion, self.state.weight(advance));
+        let says = match seen.evidence {
+            Some(z) => Says::Fused(z),
+            None => match self.hubness.learn(column, &self.motion) {
+                Some(standard) => Says::Column(standard),
+                None => Says::Nothing,
+            },
+        };
+        let weight = self.motion.evidence * self.state.weight(advance);
+        let evidence = Evidence { says, weight, clip: self.motion.clip };
 
         // 3, 4 Where the belief goes, and what it gives to the rest of the route and to the state
         // off the map.
@@ -269,26 +277,41 @@ struct Prediction {
 
 /// `e[i] = exp(-weight z[i])`.
 #[derive(Clone, Copy)]
-struct Evidence {
-    /// `None` if the column says nothing.
-    standard: Option<Standard>,
+struct Evidence<'a> {
+    says: Says<'a>,
     weight: f64,
     clip: f64,
 }
 
-impl Evidence {
-    fn new(standard: Option<Standard>, motion: &Motion, share: f64) -> Self {
-        Self { standard, weight: motion.evidence * share, clip: motion.clip }
-    }
+/// Where a query's `z` come from.
+#[derive(Clone, Copy)]
+enum Says<'a> {
+    Nothing,
+    /// From the column and the sums of the distances.
+    Column(Standard),
+    /// From several techniques together.
+    Fused(&'a [f64]),
+}
 
-    /// Writes that of some places.
+impl Evidence<'_> {
+    /// Writes that of the places from `start` on.
     #[inline(always)]
-    fn of(self, column: &[f32], sums: &[f64], out: &mut [f64]) {
-        let Some(standard) = self.standard else { return out.fill(1.0) };
-        let Self { weight, clip, .. } = self;
-        for (out, (&distance, &sum)) in out.iter_mut().zip(column.iter().zip(sums)) {
-            let z = standard.z(distance, sum).max(-clip).min(clip);
-            *out = exp(-weight * z);
+    fn of(self, column: &[f32], sums: &[f64], start: usize, out: &mut [f64]) {
+        let Self { says, weight, clip } = self;
+        let range = start..start + out.len();
+        match says {
+            Says::Nothing => out.fill(1.0),
+            Says::Column(standard) => {
+                let column = column[range.clone()].iter().zip(&sums[range]);
+                for (out, (&distance, &sum)) in out.iter_mut().zip(column) {
+                    *out = exp(-weight * standard.z(distance, sum).max(-clip).min(clip));
+                }
+            }
+            Says::Fused(z) => {
+                for (out, &z) in out.iter_mut().zip(&z[range]) {
+                    *out = exp(-weight * z);
+                }
+            }
         }
     }
 }
@@ -385,7 +408,7 @@ impl Tracker {
     fn update(
         &mut self,
         column: &[f32],
-        evidence: Evidence,
+        evidence: Evidence<'_>,
         step: Step,
         prediction: Prediction,
         segments: &Segments,
@@ -400,7 +423,7 @@ impl Tracker {
             for start in (block..places.min(block + BLOCK)).step_by(CHUNK) {
                 let range = start..places.min(start + CHUNK);
                 let e = &mut e[..range.len()];
-                evidence.of(&column[range.clone()], &hubness.sums[range.clone()], e);
+                evidence.of(column, &hubness.sums, start, e);
                 evidence_block += sum(e);
                 let one = match step {
                     Step::Known { shift, part } => {
