@@ -195,13 +195,12 @@ def _tiles(demo: Demo) -> Sequence[Tile]:
     sure_right = int((sure & demo.right).sum())
     median, p99 = np.quantile(demo.latency, (0.5, 0.99)) * 1000
     within = f"99 of 100 within {p99:.2f} ms"
-    sure_off = Tile("sure-off-map", str(lost), "sure fixes off the map", f"of {off_map.sum()} frames")
     return (
         sections.share("trusted-right", good, good + bad, "of the trusted fixes are right"),
         sections.share("sure-right", sure_right, sure_count, "of the sure fixes are right"),
         sections.share("right", int(demo.right.sum()), m, "of all fixes are right"),
         sections.share("sure", sure_count, m, f"are sure: confidence {ACCEPT:g} or more"),
-        sure_off,
+        Tile("sure-off-map", str(lost), "sure fixes off the map", f"of {off_map.sum()} frames"),
         Tile("latency", f"{median:.2f} ms", "for a fix, median", within),
     )
 
