@@ -96,9 +96,7 @@ def test_one_of_a_kind_is_in_the_singular(
     assert "is sent to a wrong place 2 times in 21. With it, 2 times; if" in text
     assert "acts on the sure fixes only, 1 time. The price: 1 right fix is held back, and" in text
     assert "stood still for 1 frame, took a detour of 2 frames off the map" in text
-    assert (
-        "1 frame after the drive left the map, the confidence was below 0.5, and 1 frame" in text
-    )
+    assert "1 frame after the drive left the map, the confidence was below 0.5, and 1 frame" in text
     assert "1 of the 19 trusted fixes of this drive is wrong." in text
     assert "1 of the 2 untrusted ones is right." in text
 
