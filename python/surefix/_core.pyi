@@ -144,15 +144,20 @@ class Track:
     """
 
     @property
-    def place(self) -> int: ...
+    def place(self) -> int:
+        """The most probable place."""
     @property
-    def confidence(self) -> float: ...
+    def confidence(self) -> float:
+        """The probability that the robot is within ``tolerance`` places of it."""
     @property
-    def off_map(self) -> float: ...
+    def off_map(self) -> float:
+        """The belief that the robot is off the map."""
     @property
-    def speed(self) -> float: ...
+    def speed(self) -> float:
+        """In places a query; the advance if it is known."""
     @property
-    def interval(self) -> tuple[int, int]: ...
+    def interval(self) -> tuple[int, int]:
+        """The first and the last place of those that hold 95 % of the belief on the map."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -725,6 +730,12 @@ class Map:
     @property
     def positions(self) -> _Float64 | None:
         """Where each place is, in planar metres: shape (n, 2) or (n, 3), or None."""
+    @property
+    def places_per_metre(self) -> float | None:
+        """How many places a robot passes in a metre, by the map's positions
+        (``surefix.datasets.places_per_metre``); None without positions. An odometry's metres times
+        this are the ``advance`` of ``Localizer.push``.
+        """
     @property
     def names(self) -> list[str] | None:
         """A name for each place, or None."""

@@ -97,11 +97,7 @@ impl Tracker {
     /// The belief in each place after the newest query.
     pub(super) fn belief(&self) -> impl Iterator<Item = f64> {
         let places = self.hubness.sums.len();
-        let (mass, scale) = match self.state {
-            State { fresh: true, on, .. } => (&self.mass[..places], on),
-            State { scale, .. } => (self.mass(places), scale),
-        };
-        mass.iter().map(move |mass| scale * mass)
+        self.mass(places).iter().map(|mass| self.state.scale * mass)
     }
 
     /// The robot has moved by `advance` places while there were no queries.
@@ -220,9 +216,7 @@ impl Tracker {
         let Self { motion, state, .. } = self;
         let mut lost_mass = 0.0;
         self.each_row(step, |row, taps, share| lost_mass += share * lost(row, taps, segments));
-        // At the start, the mass is 1 before the first evidence.
-        let held = if state.fresh { 1.0 } else { state.on };
-        let left = state.on - (held - state.scale * lost_mass);
+        let left = state.scale * lost_mass;
         let keep = (1.0 - motion.leave) * (1.0 - motion.restart);
         let anew = motion.rejoin * state.off
             + (1.0 - motion.leave) * motion.restart * state.on

@@ -40,7 +40,7 @@ pub(super) struct State {
 impl State {
     pub(super) const START: Self = Self {
         joint: true,
-        scale: 1.0,
+        scale: 1.0 - OFF,
         on: 1.0 - OFF,
         off: OFF,
         travelled: 0.0,
