@@ -48,6 +48,9 @@ pub struct Motion {
     pub clip: f64,
     /// The queries after which a place's mean distance is half believed. 0 believes it at once.
     pub hubness: f64,
+    /// Whether a known advance moves the belief by its fraction, too, in parts to both places. If
+    /// not, the belief moves by whole places of the way so far.
+    pub fractional: bool,
 }
 
 impl Motion {
@@ -66,6 +69,7 @@ impl Motion {
             evidence: 0.5,
             clip: 4.0,
             hubness: 10.0,
+            fractional: false,
         }
     }
 
@@ -73,6 +77,21 @@ impl Motion {
     #[must_use]
     pub fn free() -> Self {
         Self { speeds: vec![0.0, 0.5, 1.0, 1.5, 2.0], ..Self::steady() }
+    }
+
+    /// A robot of any speed up to five times the map's: for drives of which nothing is known.
+    /// Evidence weighs more than in the others and counts further, as there is less motion to rely
+    /// on.
+    #[must_use]
+    pub fn any() -> Self {
+        Self {
+            speeds: vec![0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0],
+            restart: 0.02,
+            evidence: 0.6,
+            clip: 6.0,
+            fractional: true,
+            ..Self::steady()
+        }
     }
 
     /// Checks every option against its range.

@@ -189,6 +189,14 @@ impl Localizer {
         Ok(PyArray1::from_slice(py, py.detach(|| localizer.distances())))
     }
 
+    /// The track's belief in each place after the newest frame, a copy: shape (n,), float64. With
+    /// ``off_map`` of the track, it sums to 1. None without the option ``motion``.
+    #[getter]
+    fn belief<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let this = shared(slf)?;
+        Ok(this.0.belief().map(|belief| PyArray1::from_iter(slf.py(), belief)))
+    }
+
     /// How many of the map's rows the newest frame made it look at: all of them, or, on a map with
     /// a screen, those that were left in doubt, for this query and for the ones before it in the
     /// window. 0 before the first frame.

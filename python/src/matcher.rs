@@ -1,5 +1,6 @@
 //! `surefix.Matcher`.
 
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use surefix::Floor;
@@ -183,6 +184,14 @@ impl Matcher {
         let expected =
             options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
         Ok(Self(py.detach(|| surefix::Matcher::restore(blob, expected.as_ref())).or_raise(py)?))
+    }
+
+    /// The track's belief in each place after the newest query, a copy: shape (places,), float64. With
+    /// ``off_map`` of the track, it sums to 1. None without the option ``motion``.
+    #[getter]
+    fn belief<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let this = slf.try_borrow().map_err(|_| busy(slf.py(), "Matcher"))?;
+        Ok(this.0.belief().map(|belief| PyArray1::from_iter(slf.py(), belief)))
     }
 
     /// The number of places of the route.

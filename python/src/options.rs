@@ -45,6 +45,7 @@ fn in_serde<'py>(
         let named = match given.extract() {
             Ok("steady") => Motion::steady(),
             Ok("free") => Motion::free(),
+            Ok("any") => Motion::any(),
             // `surefix.Motion`: its fields.
             _ => return Ok(given.getattr_opt("__dict__")?.unwrap_or_else(|| given.clone())),
         };
@@ -69,7 +70,7 @@ fn refuse(
         "gradient" => "\"halved\" or \"unhalved\"",
         "floor" => "\"running\", \"global\" or a number",
         "speeds" => "a sequence of numbers, in places a query",
-        "motion" => "\"steady\", \"free\", a surefix.Motion or None",
+        "motion" => "\"steady\", \"free\", \"any\", a surefix.Motion or None",
         _ if default.is_instance_of::<PyInt>() => WHOLE,
         _ if default.is_instance_of::<PyFloat>() => "a number",
         _ => "another value",

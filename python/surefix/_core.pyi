@@ -915,6 +915,11 @@ class Matcher:
             For a wrong length or type, a NaN or an infinity, or an advance that is not finite. The
             matcher is then as it was.
         """
+    @property
+    def belief(self) -> _Float64 | None:
+        """The track's belief in each place after the newest query, a copy: shape (places,), float64. With
+        ``off_map`` of the track, it sums to 1. None without the option ``motion``.
+        """
     def gap(self, advance: float | None = None) -> None:
         """Says that the next query does not follow on the one before: frames were dropped, or the
         camera was away.
@@ -1082,6 +1087,11 @@ class Localizer:
         >>> localizer = surefix.Localizer(surefix.Map.from_images(images))
         >>> [(fix.place, fix.sequence is not None) for fix in localizer.stream(frames)]
         [(0, False), (1, True), (3, False), (4, True)]
+        """
+    @property
+    def belief(self) -> _Float64 | None:
+        """The track's belief in each place after the newest frame, a copy: shape (n,), float64. With
+        ``off_map`` of the track, it sums to 1. None without the option ``motion``.
         """
     def gap(self, advance: float | None = None) -> None:
         """Says that the next frame does not follow on the one before: frames were dropped, or the

@@ -1,12 +1,23 @@
 """How a robot moves: the options of the tracker."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, fields
+from typing import Any, Literal
 
 from surefix.errors import mismatch
 
-SPEEDS = {"steady": (1.0,), "free": (0.0, 0.5, 1.0, 1.5, 2.0)}
+# How the kinds differ from each other; the rest is the same for all.
+KINDS: dict[str, dict[str, Any]] = {
+    "steady": {"speeds": (1.0,)},
+    "free": {"speeds": (0.0, 0.5, 1.0, 1.5, 2.0)},
+    "any": {
+        "speeds": (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0),
+        "restart": 0.02,
+        "evidence": 0.6,
+        "clip": 6.0,
+        "fractional": True,
+    },
+}
 
 
 @dataclass(frozen=True, init=False)
@@ -15,9 +26,10 @@ class Motion:
 
     Parameters
     ----------
-    kind : {"free", "steady"}
-        "steady" goes on at its pace; "free" stands, or goes at up to twice its pace. With odometry,
-        both are moved by it.
+    kind : {"free", "steady", "any"}
+        "steady" goes on at its pace; "free" stands, or goes at up to twice its pace; "any" goes at
+        up to five times the map's, and its evidence weighs more. With odometry, all are moved by
+        it. The other parameters are those of the kind by default.
     speeds : sequence of float, optional
         Speeds that the robot may have, ascending, in units of the pace; those of the kind by
         default.
@@ -37,6 +49,9 @@ class Motion:
         Evidence counts up to this many standard deviations.
     hubness : float
         The queries after which a place's mean distance is half believed.
+    fractional : bool
+        Whether a known advance moves the belief by its fraction, too, in parts to both places. If
+        not, the belief moves by whole places of the way so far.
 
     Raises
     ------
@@ -52,7 +67,7 @@ class Motion:
     [1, 2, 3, 4, 5]
     """
 
-    speeds: tuple[float, ...] = field(default=SPEEDS["free"])
+    speeds: tuple[float, ...]
     pace: float = 1.0
     switching: float = 0.05
     jitter: float = 0.01
@@ -62,25 +77,28 @@ class Motion:
     evidence: float = 0.5
     clip: float = 4.0
     hubness: float = 10.0
+    fractional: bool = False
 
     def __init__(
         self,
-        kind: Literal["free", "steady"] = "free",
+        kind: Literal["free", "steady", "any"] = "free",
         *,
         speeds: Sequence[float] | None = None,
-        pace: float = 1.0,
-        switching: float = 0.05,
-        jitter: float = 0.01,
-        restart: float = 0.01,
-        leave: float = 0.05,
-        rejoin: float = 0.1,
-        evidence: float = 0.5,
-        clip: float = 4.0,
-        hubness: float = 10.0,
+        pace: float | None = None,
+        switching: float | None = None,
+        jitter: float | None = None,
+        restart: float | None = None,
+        leave: float | None = None,
+        rejoin: float | None = None,
+        evidence: float | None = None,
+        clip: float | None = None,
+        hubness: float | None = None,
+        fractional: bool | None = None,
     ) -> None:
-        if kind not in SPEEDS:
-            raise mismatch("motion", '"steady" or "free"', repr(kind))
-        given = {name: value for name, value in locals().items() if name not in ("self", "kind")}
-        given["speeds"] = tuple(SPEEDS[kind] if speeds is None else speeds)
-        for name, value in given.items():
-            object.__setattr__(self, name, value)
+        if kind not in KINDS:
+            raise mismatch("motion", f"one of {', '.join(KINDS)}", repr(kind))
+        given = {name: value for name, value in locals().items() if value is not None}
+        for field in fields(self):
+            default = KINDS[kind].get(field.name, field.default)
+            object.__setattr__(self, field.name, given.get(field.name, default))
+        object.__setattr__(self, "speeds", tuple(self.speeds))

@@ -87,8 +87,8 @@ OPTIONS: tuple[Option, ...] = (
         "motion",
         str,
         None,
-        '"steady" or "free"',
-        "Track the robot by all frames so far: it goes on at its pace, or stands and goes freely.",
-        choices=("steady", "free"),
+        '"steady", "free" or "any"',
+        "Track the robot: at a steady pace, from 0 to twice it, or at any speed.",
+        choices=("steady", "free", "any"),
     ),
 )

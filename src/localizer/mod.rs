@@ -206,6 +206,11 @@ impl Localizer {
         })
     }
 
+    /// The track's belief in each place, as [`Matcher::belief`].
+    pub fn belief(&self) -> Option<impl Iterator<Item = f64>> {
+        self.matcher.belief()
+    }
+
     /// How many of the map's rows the newest frame made the localizer look at: all of them, or, on
     /// a map with a screen, those that were left in doubt, for this query and for the ones before
     /// it in the window. 0 before the first frame; right after a restart, all.

@@ -401,6 +401,12 @@ impl Matcher {
         &mut self.window
     }
 
+    /// The track's belief in each place, after the newest query; `None` without
+    /// [`Config::motion`]. With [`Track::off_map`], it sums to 1.
+    pub fn belief(&self) -> Option<impl Iterator<Item = f64>> {
+        self.tracker.as_ref().map(Tracker::belief)
+    }
+
     /// How many queries it has taken since the start or the last reset.
     pub fn frames(&self) -> u64 {
         self.frames

@@ -1,6 +1,6 @@
 """Videos and bags, made by the libraries that others make them with."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -126,32 +126,34 @@ class Bag:
             topic, self.make("sensor_msgs/msg/CompressedImage", self.header(time), form, flat), time
         )
 
-    def _pose(self, position: Iterable[float]) -> Any:
-        point = self.make("geometry_msgs/msg/Point", *map(float, position))
-        return self.make(
-            "geometry_msgs/msg/Pose",
-            point,
-            self.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
-        )
-
-    def pose(self, topic: str, kind: str, position: Sequence[float], time: float) -> None:
-        """A message of one of the kinds of pose."""
+    def pose(
+        self, topic: str, kind: str, position: Sequence[float], time: float,
+        orientation: Sequence[float] = (0, 0, 0, 1), ahead: float = 0.0,
+    ) -> None:  # fmt: skip
+        """A message of one of the kinds of pose; ``ahead`` is the speed of an Odometry."""
         none, header = np.zeros(36), self.header(time)
+        turned = self.make("geometry_msgs/msg/Quaternion", *map(float, orientation))
+        point = self.make("geometry_msgs/msg/Point", *map(float, position[:3]))
+        pose = self.make("geometry_msgs/msg/Pose", point, turned)
+        zero = self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
         if kind == "sensor_msgs/msg/NavSatFix":
             status = self.make("sensor_msgs/msg/NavSatStatus", int(position[3]), 1)
             self.write(topic, self.make(kind, header, status, *position[:3], np.zeros(9), 0), time)
             return
         if kind == "geometry_msgs/msg/PoseStamped":
-            self.write(topic, self.make(kind, header, self._pose(position)), time)
+            self.write(topic, self.make(kind, header, pose), time)
             return
-        with_covariance = self.make(
-            "geometry_msgs/msg/PoseWithCovariance", self._pose(position), none
-        )
+        if kind == "geometry_msgs/msg/TransformStamped":
+            moved = self.make("geometry_msgs/msg/Vector3", *map(float, position))
+            transform = self.make("geometry_msgs/msg/Transform", moved, turned)
+            self.write(topic, self.make(kind, header, "base", transform), time)
+            return
+        with_covariance = self.make("geometry_msgs/msg/PoseWithCovariance", pose, none)
         if kind == "geometry_msgs/msg/PoseWithCovarianceStamped":
             self.write(topic, self.make(kind, header, with_covariance), time)
             return
-        zero = self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-        twist = self.make("geometry_msgs/msg/Twist", zero, zero)
+        speed = self.make("geometry_msgs/msg/Vector3", float(ahead), 0.0, 0.0)
+        twist = self.make("geometry_msgs/msg/Twist", speed, zero)
         moving = self.make("geometry_msgs/msg/TwistWithCovariance", twist, none)
         self.write(
             topic, self.make("nav_msgs/msg/Odometry", header, "base", with_covariance, moving), time

@@ -22,12 +22,13 @@ Every = Annotated[
 ]
 Metres = Annotated[
     float | None,
-    typer.Option(help="A video or a bag: take a frame every this many metres, by --odometry."),
+    typer.Option(help="Take a frame every this many metres, by --odometry."),
 ]
 Odometry = Annotated[
     str | None,
     typer.Option(
-        help="A .csv with the columns time and x,y[,z] or distance, or a topic of poses of the bag."
+        help="A .csv with the columns time and x,y[,z] or distance, a trajectory of TUM, KITTI or "
+        "EuRoC, or a topic of poses of the bag."
     ),
 ]
 
@@ -50,10 +51,13 @@ def refuse(wrong: bool, message: str) -> None:
 
 
 def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.Frames:
-    """The frames of a video or a bag, sampled; or all those of images or an array."""
-    recording = is_recording(place)
+    """The frames of a video or a bag, or of images with odometry, sampled; or all those of images
+    or an array.
+    """
+    array = Path(place).suffix.lower() in ENDINGS
+    recording = is_recording(place) or (sampling.get("odometry") is not None and not array)
     refuse(key is not None and recording, f"--key: expected descriptors, got the recording {place}")
-    if key is not None and Path(place).suffix.lower() not in ENDINGS:
+    if key is not None and not array:
         raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
     if recording:
         return frames.open(place, **sampling)

@@ -1,5 +1,6 @@
 """``surefix run``: localize along a route, frame by frame, as a robot would."""
 
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -7,16 +8,20 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
+import numpy as np
+import numpy.typing as npt
 import typer
 
 from surefix import Localizer, Map, SurefixValueError, frames
+from surefix._words import plural
 from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import check_not_read, network_of, refuse
 from surefix.cli.views import open_views
 from surefix.errors import refusal
-from surefix.frames import Frame, Frames
+from surefix.frames import Advances, Frame, Frames
 from surefix.live import View
+from surefix.tables.metres import places_per_metre as places_per_metre_of
 
 # The headings in the help, of the options about frames and about seeing them.
 F = "Frames"
@@ -45,6 +50,8 @@ def run(
     every: Annotated[float | None, F] = None,
     metres: Annotated[float | None, F] = None,
     odometry: Annotated[str | None, F] = None,
+    spacing: Annotated[float | None, F] = None,
+    places_per_metre: Annotated[float | None, F] = None,
     gap: Annotated[float | None, F] = None,
     newest: Annotated[bool | None, F] = None,
     live: Annotated[bool, S] = False,
@@ -68,8 +75,13 @@ def run(
     stride: Take every n-th frame.
     every: Take a frame every this many seconds.
     metres: Take a frame every this many metres, by --odometry.
-    odometry: A .csv with the columns time and x,y[,z] or distance, or a topic of the bag: Odometry,
-        PoseStamped, PoseWithCovarianceStamped or NavSatFix.
+    odometry: How far the robot moves: a .csv with the columns time and x,y[,z] or distance; a
+        trajectory of TUM, KITTI or EuRoC; or a topic of the bag: Odometry, PoseStamped,
+        PoseWithCovarianceStamped, TransformStamped or NavSatFix.
+    spacing: With --odometry: the metres from one place of the map to the next; by default by the
+        map's positions.
+    places_per_metre: The same the other way round; below 0 if the robot's forward is the route's
+        backward.
     gap: Treat frames more than this many seconds apart as a break.
     newest: If matching is slow, drop frames and take the newest; the default of a camera.
     live: Open rerun's viewer; without rerun, the terminal's.
@@ -77,11 +89,19 @@ def run(
     references: The map's images, to be shown beside the queries.
     """
     places = Map.open(route)
-    for option, value in (("--every", every), ("--metres", metres), ("--gap", gap)):
+    above_0 = {"--every": every, "--metres": metres, "--gap": gap, "--spacing": spacing}
+    for option, value in above_0.items():
         low = value is not None and not value > 0
         refuse(low, f"{option}: expected a number above 0, got {value}")
-    refuse(metres is not None and odometry is None, "--metres: expected --odometry too")
-    refuse(odometry is not None and metres is None, "--odometry: expected --metres too")
+    by = {"--metres": metres, "--spacing": spacing, "--places-per-metre": places_per_metre}
+    for option, value in by.items():
+        refuse(value is not None and odometry is None, f"{option}: expected --odometry too")
+    motion = options.get("motion")
+    # For --metres alone there is nothing to say of advances.
+    where = None if odometry is None or (metres and not motion) else places.positions
+    scale, of = _scale(where, spacing, places_per_metre)
+    expected = "expected a map with positions, --spacing or --places-per-metre"
+    refuse(odometry is not None and scale is None and metres is None, f"--odometry: {expected}")
     source = frames.open(
         queries,
         topic=topic,
@@ -92,6 +112,7 @@ def run(
         every=every,
         metres=metres,
         odometry=odometry,
+        places_per_metre=scale,
         newest=newest,
     )
     network = None if model is None else network_of(places, route, model)
@@ -123,6 +144,8 @@ def run(
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
             print(summary.text(out), file=sys.stderr)
+            if isinstance(source, Advances):
+                print(_said(source, of, motion), file=sys.stderr)
 
 
 def localize(
@@ -138,10 +161,11 @@ def localize(
     with closing(source.frames()) as queries:
         for frame in queries:
             if frame.breaks:
-                localizer.gap()
+                # The advance, which counts from the frame before, bridges the gap.
+                localizer.gap(None if frame.advance is None else 0.0)
             start = time.perf_counter_ns()
             try:
-                fix = localizer.push(frame.image)
+                fix = localizer.push(frame.image, advance=frame.advance)
             except SurefixValueError as error:
                 raise _at(frame, before, error) from None
             latency = (time.perf_counter_ns() - start) / 1000
@@ -153,6 +177,33 @@ def localize(
             summary.add(row, latency)
             for view in views:
                 view.update(frame, fix, localizer, latency)
+
+
+def _scale(
+    where: npt.NDArray[np.float64] | None, spacing: float | None, rate: float | None
+) -> tuple[float | None, str]:
+    """Places per metre, None if unknown, and what they are known by."""
+    refuse(spacing is not None and rate is not None, "--spacing: not with --places-per-metre too")
+    zero = rate is not None and not (math.isfinite(rate) and rate)
+    refuse(zero, f"--places-per-metre: expected a number other than 0, got {rate}")
+    if rate is not None:
+        return rate, "--places-per-metre"
+    if spacing is not None:
+        return 1 / spacing, f"--spacing {spacing:g}"
+    if where is None or not np.ptp(where, axis=0).any():
+        return None, ""
+    return places_per_metre_of(where), "the map's positions"
+
+
+def _said(source: Advances, of: str, motion: object) -> str:
+    """The odometry that was used, in a line."""
+    track = source.odometry
+    parts = [f"odometry: {track.source}, {source.places_per_metre:.3g} places a metre ({of})"]
+    parts += [] if track.along is not None else ["no heading, so that reversing is not seen"]
+    outside = f"{plural(source.outside, 'frame')} before its first or after its last time"
+    parts += [outside] if source.outside else []
+    parts += ["unused without --motion"] if motion is None else []
+    return ", ".join(parts)
 
 
 def _at(frame: Frame, before: Size | None, error: SurefixValueError) -> SurefixValueError:

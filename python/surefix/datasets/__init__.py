@@ -27,7 +27,7 @@ from surefix.datasets.robotcar import ROBOTCAR, drives, robotcar
 from surefix.errors import mismatch
 from surefix.frames.bayer import demosaic
 from surefix.frames.images import BayerFiles, ImageArray, ImageFiles, Images
-from surefix.tables.metres import local_metres, pair_by_position, subsample
+from surefix.tables.metres import local_metres, pair_by_position, places_per_metre, subsample
 
 __all__ = [
     "DATASETS",
@@ -47,6 +47,7 @@ __all__ = [
     "local_metres",
     "nordland",
     "pair_by_position",
+    "places_per_metre",
     "robotcar",
     "subsample",
     "traverses",

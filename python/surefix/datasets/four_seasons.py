@@ -18,6 +18,7 @@ from surefix.datasets.tracks import (
 )
 from surefix.errors import mismatch
 from surefix.frames.images import ImageFiles
+from surefix.tables.poses import rotations
 from surefix.tables.rows import ascending, decimal, read_text, rows, whole
 
 FOLDERS = "recording_*"
@@ -153,13 +154,6 @@ def _transform(folder: Path, name: str) -> npt.NDArray[np.float64]:
     if abs(norm - 1) > 1e-3:
         raise mismatch(f"{path}, row {row}", f"a unit quaternion of {name}", f"norm {norm}")
     matrix = np.eye(4)
-    matrix[:3, :3] = _rotation(np.array(values[3:]) / norm)
+    matrix[:3, :3] = rotations([np.array(values[3:]) / norm])[0]
     matrix[:3, 3] = values[:3]
     return matrix
-
-
-def _rotation(quaternion: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """The matrix of a unit quaternion (x, y, z, w): I + 2 w [v] + 2 [v] [v]."""
-    x, y, z, w = quaternion
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross, dtype=np.float64)

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import replace
 from itertools import chain, islice
 from os import PathLike
 from pathlib import Path
@@ -143,7 +144,7 @@ def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
     source = frames if frames.parallel else IteratedFrames(frames.frames())
     with closing(source.shots()) as shots:
         for shot in shots:
-            seen.append(Shot(shot.time, shot.name, lambda: np.empty(0)))
+            seen.append(replace(shot, read=lambda: np.empty(0)))
             yield shot
 
 

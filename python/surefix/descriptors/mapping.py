@@ -1,5 +1,6 @@
 """Maps of frames: described by a network, or by SAD some at a time."""
 
+from collections.abc import Sequence
 from contextlib import closing
 from itertools import islice
 from os import PathLike
@@ -13,7 +14,7 @@ from surefix._progress import Bar, Progress, terminal_bar
 from surefix.descriptors.descriptor import recipe_of, same_vectors
 from surefix.descriptors.extraction import described
 from surefix.errors import SurefixValueError, mismatch
-from surefix.frames.frame import Frames
+from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
 from surefix.frames.sampling import EveryMetres
 
@@ -36,7 +37,7 @@ def map_of_images(
     _check_positions(frames, positions)
     rows, shots = described(frames, descriptor, cache=cache, progress=progress)
     if isinstance(images, Frames):
-        positions = _positions(images, [shot.time for shot in shots], positions)
+        positions = _positions(images, shots, positions)
     named = frames.count is not None or isinstance(images, Frames)
     names = [shot.name for shot in shots] if named else None
     recipe = recipe_of(descriptor)
@@ -81,7 +82,7 @@ def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
         while part := list(islice(source, AT_ONCE)):
             images = ImageArray([frame.image for frame in part], [frame.name for frame in part])
             if positions is None:
-                where = _positions(frames, [frame.time for frame in part], None)
+                where = _positions(frames, part, None)
             else:
                 # If they are too few, the error comes at the end, with the number of frames.
                 where = positions[count : count + len(part)]
@@ -98,14 +99,15 @@ def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
     return route
 
 
-def _positions(frames: Frames, times: list[float | None], positions: Any) -> Any:
-    """The positions of frames at these times: the given ones, or the odometry's."""
+def _positions(frames: Frames, taken: Sequence[Frame | Shot], positions: Any) -> Any:
+    """The positions of the frames that were taken: the given ones, or the odometry's."""
     if positions is not None:
-        if len(positions) != len(times):
-            raise _not_each(frames, len(positions), len(times))
+        if len(positions) != len(taken):
+            raise _not_each(frames, len(positions), len(taken))
         return positions
     if not isinstance(frames, EveryMetres) or frames.odometry.positions.shape[1] < 2:
         return None
+    times = [frame.time if frame.clock is None else frame.clock for frame in taken]
     where = [frames.odometry.at(time) for time in times if time is not None]
     return np.stack([position for position in where if position is not None])
 

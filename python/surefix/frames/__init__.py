@@ -9,6 +9,7 @@
 ``surefix[video]``, ``surefix[bags]`` and ``surefix[camera]``.
 """
 
+from surefix.frames.advances import Advances
 from surefix.frames.bag import BagFrames
 from surefix.frames.camera import CameraFrames
 from surefix.frames.follow import FollowFrames
@@ -22,6 +23,7 @@ from surefix.frames.sampling import Every, EveryMetres, Gaps, Selection, Stride
 from surefix.frames.video import VideoFrames
 
 __all__ = [
+    "Advances",
     "BagFrames",
     "CameraFrames",
     "Every",

@@ -28,8 +28,13 @@ class Frame:
         The number of frames lost between the one before and this one.
     gap : bool
         Whether time is missing before this frame.
+    advance : float or None
+        The number of places that the robot has moved since the frame before, negative backwards,
+        by its odometry; None if that is unknown.
+    clock : float or None
+        Its time by the odometry's clock, if that is not ``time``.
     breaks : bool
-        Either of the two: the matcher must be told, by ``Localizer.gap``.
+        A gap, or dropped frames: the matcher must be told, by ``Localizer.gap``.
 
     Examples
     --------
@@ -44,6 +49,8 @@ class Frame:
     name: str
     dropped: int = 0
     gap: bool = False
+    advance: float | None = None
+    clock: float | None = None
 
     @property
     def breaks(self) -> bool:
@@ -55,6 +62,7 @@ class Frame:
         parts += [] if self.time is None else [f"time={self.time}"]
         parts += [f"dropped={self.dropped}"] if self.dropped else []
         parts += ["gap=True"] if self.gap else []
+        parts += [] if self.advance is None else [f"advance={self.advance:.4g}"]
         return f"Frame({', '.join(parts)})"
 
 
@@ -62,8 +70,8 @@ class Frame:
 class Shot:
     """A frame before it is decoded: most of a 30 Hz camera's frames are passed over.
 
-    ``read`` decodes it; ``time``, ``name``, ``dropped`` and ``gap`` are those of the ``Frame``;
-    ``path`` is the image file, if it has one of its own.
+    ``read`` decodes it; ``path`` is the image file, if it has one of its own; ``time``, ``name``,
+    ``dropped``, ``gap``, ``advance`` and ``clock`` are those of the ``Frame``.
     """
 
     time: float | None
@@ -72,10 +80,14 @@ class Shot:
     dropped: int = 0
     gap: bool = False
     path: str | None = None
+    advance: float | None = None
+    clock: float | None = None
 
     def frame(self) -> Frame:
         """The frame, decoded. Call it before taking the next shot."""
-        return Frame(self.read(), self.time, self.name, self.dropped, self.gap)
+        image = self.read()
+        dropped, gap, advance = self.dropped, self.gap, self.advance
+        return Frame(image, self.time, self.name, dropped, gap, advance, self.clock)
 
 
 class Frames(ABC):
@@ -164,4 +176,5 @@ class IteratedFrames(Frames):
         """Each frame, which is decoded already."""
         for frame in self.source:
             image = partial(getattr, frame, "image")
-            yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap)
+            given = frame.advance, frame.clock
+            yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap, None, *given)

@@ -1,5 +1,7 @@
 """Positions of the robot at times, by its own account."""
 
+import math
+from copy import copy
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Self
@@ -9,15 +11,15 @@ import numpy.typing as npt
 
 from surefix.errors import mismatch
 from surefix.frames.bag import messages, open_bag
+from surefix.frames.trajectories import Trajectory, along_of, read_csv, read_trajectory
 from surefix.tables.metres import local_metres
-from surefix.tables.rows import columns
 
 Float64 = npt.NDArray[np.float64]
 
-COLUMNS = "time in seconds, and x,y[,z] or distance in metres"
-CHOICES = (("time", "x", "y", "z"), ("time", "x", "y"), ("time", "distance"))
-POSE, NAV_SAT_FIX = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/NavSatFix"
-TOPICS = ("nav_msgs/msg/Odometry", POSE, "geometry_msgs/msg/PoseWithCovarianceStamped", NAV_SAT_FIX)
+ODOMETRY, NAV_SAT_FIX = "nav_msgs/msg/Odometry", "sensor_msgs/msg/NavSatFix"
+POSE, TRANSFORM = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped"
+WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TOPICS = (ODOMETRY, POSE, WITH_COVARIANCE, TRANSFORM, NAV_SAT_FIX)
 
 
 class Odometry:
@@ -31,6 +33,14 @@ class Odometry:
         Metres: (x, y) or (x, y, z); or (n, 1), the distance driven so far.
     source : str
         Its name in an error.
+    along : array, shape (n,), optional
+        The distance driven so far, which decreases if the robot reverses, if it is known. Positions
+        (n, 1) are that themselves.
+
+    Attributes
+    ----------
+    by_frame : bool
+        Whether row k is of frame k, as in KITTI's files; ``timed``: whether it has a time too.
 
     Raises
     ------
@@ -46,10 +56,20 @@ class Odometry:
     [2.0, 2.0]
     >>> wheels.at(9.0) is None
     True
+    >>> wheels.moved(1.0, 1.5)
+    2.0
+    >>> Odometry([0, 1, 2], [[0.0], [2.0], [1.5]]).moved(1, 2)
+    -0.5
     """
 
+    by_frame, timed = False, True
+
     def __init__(
-        self, times: npt.ArrayLike, positions: npt.ArrayLike, source: str = "odometry"
+        self,
+        times: npt.ArrayLike,
+        positions: npt.ArrayLike,
+        source: str = "odometry",
+        along: npt.ArrayLike | None = None,
     ) -> None:
         self.source = source
         self.times: Float64 = np.asarray(times, np.float64)
@@ -71,24 +91,86 @@ class Odometry:
             row = int(late[0]) + 1
             got = f"{self.times[row]} after {self.times[row - 1]}"
             raise mismatch(source, "ascending times", f"{got} in row {row}")
+        if along is None and self.positions.shape[1] == 1:
+            along = self.positions[:, 0]
+        self.along: Float64 | None = None if along is None else np.asarray(along, np.float64)
+        if self.along is not None:
+            if self.along.shape != self.times.shape:
+                expected = f"along of the shape {self.times.shape}"
+                raise mismatch(source, expected, self.along.shape)
+            if not np.isfinite(self.along).all():
+                row = int(np.argmin(np.isfinite(self.along)))
+                raise mismatch(source, "finite metres along", f"{self.along[row]} in row {row}")
 
     def at(self, time: float) -> Float64 | None:
         """The position at a time, shape (d,); None before the first and after the last."""
+        return self._at(time, self.positions)
+
+    def moved(self, start: float, end: float) -> float | None:
+        """The metres driven from one time to another, negative backwards; None if the position is
+        unknown at one of them. Without ``along`` it is the straight distance, never negative.
+        """
+        along = None if self.along is None else self.along[:, None]
+        values = self.positions if along is None else along
+        before, after = self._at(start, values), self._at(end, values)
+        if before is None or after is None:
+            return None
+        return math.dist(before, after) if along is None else float(after[0] - before[0])
+
+    def numbered(self) -> Self:
+        """The same with row numbers as times, for frames that have none: see ``by_frame``."""
+        other = copy(self)
+        other.times = np.arange(len(self.times), dtype=np.float64)
+        other.timed = False
+        return other
+
+    def _at(self, time: float, values: Float64) -> Float64 | None:
         if not self.times[0] <= time <= self.times[-1]:
             return None
         after = int(np.searchsorted(self.times, time))
         if self.times[after] == time:
-            return np.asarray(self.positions[after])
+            return np.asarray(values[after])
         fraction = (time - self.times[after - 1]) / (self.times[after] - self.times[after - 1])
-        before, step = self.positions[after - 1], self.positions[after] - self.positions[after - 1]
-        return np.asarray(before + fraction * step)
+        return np.asarray(values[after - 1] + fraction * (values[after] - values[after - 1]))
+
+    @classmethod
+    def from_file(cls, path: str | PathLike[str]) -> Self:
+        """From a file; its first lines tell which of these it is:
+
+        - a table with a header, as for ``from_csv``;
+        - TUM: ``timestamp tx ty tz qx qy qz qw``, in seconds and metres;
+        - KITTI: the 12 numbers of a 3 x 4 pose; row k belongs to frame k. A ``times.txt`` beside
+          it, or KITTI's own ``sequences/00/times.txt`` for ``poses/00.txt``, has the times;
+        - EuRoC: ``#timestamp [ns],p_RS_R_x [m],...,q_RS_w [],...``, in nanoseconds and metres.
+
+        Orientations tell driving from reversing if the robot drives along one of its axes: x of a
+        robot, z of a camera. One that is the same all the time, or does not fit the way, is left
+        out.
+
+        Raises
+        ------
+        SurefixFileError
+            If the file cannot be read.
+        SurefixValueError
+            If it is none of these: the error names the row.
+        """
+        return cls._of(read_trajectory(Path(path)), fspath(path))
+
+    @classmethod
+    def _of(cls, found: Trajectory, source: str) -> Self:
+        times = np.arange(len(found.positions)) if found.times is None else found.times
+        made = cls(times, found.positions, source, found.along)
+        made.by_frame, made.timed = found.by_frame, found.times is not None
+        return made
 
     @classmethod
     def from_csv(cls, path: str | PathLike[str]) -> Self:
         """From a table with a header: ``time`` in seconds, and ``x,y``, ``x,y,z`` or ``distance``
         in metres.
 
-        Other columns are passed over.
+        A ``distance`` beside ``x,y`` is what was driven so far: it decreases if the robot reverses.
+        So does a ``yaw`` tell it, the heading in radians from x to y. Other columns are passed
+        over.
 
         Raises
         ------
@@ -97,23 +179,18 @@ class Odometry:
         SurefixValueError
             If it lacks a column, or as ``Odometry`` does: the error names the row.
         """
-        file = Path(path)
-        _, values, rows, _ = columns(file, CHOICES, COLUMNS)
-        late = np.flatnonzero(np.diff(values[:, 0]) <= 0)
-        if len(late):
-            row = int(late[0]) + 1
-            got = f"{values[row, 0]} after {values[row - 1, 0]}"
-            raise mismatch(f"{file}, row {rows[row]}", "ascending times", got)
-        return cls(values[:, 0], values[:, 1:], str(file))
+        return cls._of(read_csv(Path(path)), fspath(path))
 
     @classmethod
-    def from_bag(cls, path: str | PathLike[str], topic: str) -> Self:
-        """From a topic of nav_msgs Odometry, geometry_msgs PoseStamped or
-        PoseWithCovarianceStamped, or NavSatFix.
+    def from_bag(cls, path: str | PathLike[str], topic: str | None = None) -> Self:
+        """From a topic of nav_msgs Odometry; of geometry_msgs PoseStamped,
+        PoseWithCovarianceStamped or TransformStamped; or of NavSatFix. It may be left out if there
+        is only one.
 
         Times are those of the messages' stamps, as with ``BagFrames``. Latitude and longitude of a
         NavSatFix become metres about their mean; those without a fix are left out, as are messages
-        no later than the one before.
+        no later than the one before. Orientations tell driving from reversing as in ``from_file``;
+        without them, the sign of ``twist.linear.x`` of an Odometry does.
 
         Raises
         ------
@@ -124,33 +201,52 @@ class Odometry:
         place = fspath(path)
         with open_bag(place) as bag:
             kinds = {name: info.msgtype for name, info in bag.topics.items()}
-            kind = kinds.get(topic)
-            if kind not in TOPICS:
-                fitting = [name for name in kinds if kinds[name] in TOPICS]
-                listed = ", ".join(f"{name} ({kinds[name]})" for name in sorted(fitting or kinds))
-                got = f"{topic!r} ({kind or 'not there'}); there are {listed or 'no topics'}"
+            fitting = [name for name in sorted(kinds) if kinds[name] in TOPICS]
+            if topic is None and len(fitting) == 1:
+                topic = fitting[0]
+            kind = None if topic is None else kinds.get(topic)
+            if topic is None or kind not in TOPICS:
+                listed = ", ".join(f"{name} ({kinds[name]})" for name in fitting or sorted(kinds))
+                named = "no topic named" if topic is None else f"{topic!r} ({kind or 'not there'})"
+                got = f"{named}; there are {listed or 'no topics'}"
                 raise mismatch(place, f"a topic of poses ({', '.join(TOPICS)})", got)
             times: list[float] = []
-            positions: list[tuple[float, ...]] = []
+            poses: list[tuple[float, ...]] = []
             for time, message, where in messages(bag, place, topic):
-                position = _position(kind, message)
-                if position is None or (times and time <= times[-1]):
+                pose = _pose(kind, message)
+                if pose is None or (times and time <= times[-1]):
                     continue
-                if not np.isfinite(position).all():
-                    raise mismatch(where, "finite numbers", position)
+                if not np.isfinite(pose[:3]).all():
+                    raise mismatch(where, "finite numbers", pose[:3])
                 times.append(time)
-                positions.append(position)
+                poses.append(pose)
         source = f"{place}, {topic}"
         if not times:
             raise mismatch(source, "positions", "none")
+        values = np.array(poses)
         if kind == NAV_SAT_FIX:
-            return cls(times, local_metres(*np.array(positions).T), source)
-        return cls(times, np.array(positions), source)
+            return cls(times, local_metres(*values.T), source)
+        positions = values[:, :3]
+        # Some nodes leave NaN or zeros in the fields that they do not know.
+        known = np.nan_to_num(values[:, 3:])
+        along, _ = along_of(positions, known[:, :4])
+        ahead = np.sign(known[1:, 4] + known[:-1, 4])
+        if along is None and ahead.any():
+            steps = ahead * np.linalg.norm(np.diff(positions, axis=0), axis=1)
+            along = np.concatenate([[0.0], np.cumsum(steps)])
+        return cls(times, positions, source, along)
 
 
-def _position(kind: str, message: Any) -> tuple[float, ...] | None:
-    """Metres, or degrees of latitude and longitude; None if a receiver has no fix."""
+def _pose(kind: str, message: Any) -> tuple[float, ...] | None:
+    """Degrees of latitude and longitude, None if a receiver has no fix; or a position in metres,
+    a quaternion (x, y, z, w), and the speed ahead, 0 if it is unknown.
+    """
     if kind == NAV_SAT_FIX:
         return None if message.status.status < 0 else (message.latitude, message.longitude)
-    pose = message.pose if kind == POSE else message.pose.pose
-    return (pose.position.x, pose.position.y, pose.position.z)
+    if kind == TRANSFORM:
+        at, q = message.transform.translation, message.transform.rotation
+    else:
+        pose = message.pose if kind == POSE else message.pose.pose
+        at, q = pose.position, pose.orientation
+    speed = message.twist.twist.linear.x if kind == ODOMETRY else 0.0
+    return (at.x, at.y, at.z, q.x, q.y, q.z, q.w, speed)

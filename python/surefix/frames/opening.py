@@ -5,6 +5,7 @@ from os import PathLike, fspath
 from pathlib import Path
 
 from surefix.errors import SurefixValueError, mismatch
+from surefix.frames.advances import Advances, on_clock
 from surefix.frames.bag import BAG_ENDINGS, BagFrames, is_bag
 from surefix.frames.camera import CameraFrames, is_camera
 from surefix.frames.follow import FollowFrames
@@ -30,6 +31,7 @@ def open(
     every: float | None = None,
     metres: float | None = None,
     odometry: Odometry | Place | None = None,
+    places_per_metre: float | None = None,
     newest: bool | int | None = None,
 ) -> Frames:
     """The frames of images, a folder that grows, a video, a bag, a camera or an array.
@@ -55,8 +57,13 @@ def open(
     metres : float, optional
         Take a frame every this many metres, by ``odometry``.
     odometry : Odometry, str or path, optional
-        For ``metres``: a ``.csv`` (``Odometry.from_csv``), or a bag's topic of poses
-        (``Odometry.from_bag``).
+        For ``metres``, ``places_per_metre`` or both: a ``.csv`` or a trajectory of TUM, KITTI or
+        EuRoC (``Odometry.from_file``), a topic of poses of the bag that the images are in, or
+        another bag with one such topic (``Odometry.from_bag``). Images without times need files
+        named by them, or KITTI's rows, one a frame.
+    places_per_metre : float, optional
+        Give each frame its ``advance`` by ``odometry`` (``Advances``);
+        ``surefix.datasets.places_per_metre`` has the number for a map with positions.
     newest : bool or int, optional
         Read in a thread, and keep the newest frame, or this many, for a slow reader
         (``KeepNewest``). By default for a camera only: the frames of a folder wait.
@@ -80,7 +87,17 @@ def open(
     >>> bag = surefix.frames.open("drive.bag", metres=3, odometry="/odom")       # doctest: +SKIP
     """
     source = _source(place, topic, follow, idle)
-    frames = source
+    for option, value in (("gap", gap), ("every", every)):
+        if value is not None and not source.timed:
+            raise mismatch(option, "frames with times, as of a video or a bag", place)
+    for option, value in (("metres", metres), ("places_per_metre", places_per_metre)):
+        if value is not None and odometry is None:
+            raise mismatch(option, "odometry too", "none")
+    frames, track = source, None
+    if odometry is not None:
+        if metres is None and places_per_metre is None:
+            raise mismatch("odometry", "metres or places_per_metre too", "none")
+        frames, track = on_clock(source, _odometry(odometry, source))
     # Gaps are between the source's frames, not between those that are left (see Gaps).
     if gap is not None:
         frames = Gaps(frames, gap)
@@ -89,17 +106,16 @@ def open(
         frames = Stride(frames, stride)
     if every is not None:
         frames = Every(frames, every)
-    for option, value in (("gap", gap), ("every", every), ("metres", metres)):
-        if value is not None and not source.timed:
-            raise mismatch(option, "frames with times, as of a video or a bag", place)
-    if (metres is None) != (odometry is None):
-        given, lacking = ("metres", "odometry") if odometry is None else ("odometry", "metres")
-        raise mismatch(given, f"{lacking} too", "none")
-    if metres is not None and odometry is not None:
-        frames = EveryMetres(frames, _odometry(odometry, source), metres)
+    if metres is not None and track is not None:
+        frames = EveryMetres(frames, track, metres)
     if newest is None:
         newest = isinstance(source, CameraFrames)
-    return KeepNewest(frames, int(newest)) if newest else frames
+    if newest:
+        frames = KeepNewest(frames, int(newest))
+    # The last: of the frames that are left.
+    if places_per_metre is not None and track is not None:
+        frames = Advances(frames, track, places_per_metre)
+    return frames
 
 
 def is_recording(place: str) -> bool:
@@ -150,8 +166,11 @@ def _odometry(given: Odometry | Place, source: Frames) -> Odometry:
     if isinstance(given, Odometry):
         return given
     name = fspath(given)
+    if is_bag(Path(name)):
+        return Odometry.from_bag(name)
     if not name.startswith("/") or Path(name).is_file():
-        return Odometry.from_csv(name)
+        return Odometry.from_file(name)
     if not isinstance(source, BagFrames):
-        raise mismatch("odometry", "a .csv, or a topic of the bag that the images are in", name)
+        expected = "a .csv or a trajectory's file, or a topic of the bag that the images are in"
+        raise mismatch("odometry", expected, name)
     return Odometry.from_bag(source.path, name)

@@ -33,7 +33,7 @@ class Derived(Frames):
 
 class Selection(Derived):
     """Some of the frames of another source. A gap, or dropped frames, before a frame that is passed
-    over count before the next.
+    over count before the next, and so does its advance.
     """
 
     @abstractmethod
@@ -44,12 +44,14 @@ class Selection(Derived):
         """The chosen ones."""
         chooser = self.chooser()
         dropped, gap = 0, False
+        moved: float | None = 0.0
         with closing(self.source.shots()) as shots:
             for shot in shots:
                 dropped, gap = dropped + shot.dropped, gap or shot.gap
+                moved = added(moved, shot.advance)
                 if chooser(shot):
-                    yield replace(shot, dropped=dropped, gap=gap)
-                    dropped, gap = 0, False
+                    yield replace(shot, dropped=dropped, gap=gap, advance=moved)
+                    dropped, gap, moved = 0, False, 0.0
 
 
 class Stride(Selection):
@@ -104,7 +106,7 @@ class Every(Selection):
 
     def __init__(self, source: Iterable[Frame], seconds: float) -> None:
         super().__init__(source)
-        self.seconds = _above_0("every", "seconds", seconds)
+        self.seconds = above_0("every", "seconds", seconds)
 
     def chooser(self) -> Callable[[Shot], bool]:
         """Looks at the clock."""
@@ -112,7 +114,7 @@ class Every(Selection):
 
         def choose(shot: Shot) -> bool:
             nonlocal start, period, last
-            time = _time_of(shot, "every")
+            time = time_of(shot, "every")
             if period < 0 or time < last:
                 start, period = time, -1
             last = time
@@ -123,6 +125,31 @@ class Every(Selection):
             return True
 
         return choose
+
+
+class Placed:
+    """The times of an iteration's frames by an odometry's clock."""
+
+    def __init__(self, odometry: Odometry) -> None:
+        self.odometry = odometry
+        self.inside = self.outside = 0
+        self._low, self._high = math.inf, -math.inf
+
+    def time_of(self, shot: Shot, option: str) -> float:
+        """The time of the next frame."""
+        time = time_of(shot, option) if shot.clock is None else shot.clock
+        covered = self.odometry.times[0] <= time <= self.odometry.times[-1]
+        self.inside, self.outside = self.inside + covered, self.outside + (not covered)
+        self._low, self._high = min(self._low, time), max(self._high, time)
+        return time
+
+    def check(self) -> None:
+        """Refuses an odometry that knows the position of no frame."""
+        if self.outside and not self.inside:
+            times = self.odometry.times
+            expected = f"positions at the times of the frames, {self._low} s to {self._high} s"
+            got = f"those of {times[0]} s to {times[-1]} s: are the clocks the same?"
+            raise mismatch(self.odometry.source, expected, got)
 
 
 class EveryMetres(Selection):
@@ -161,24 +188,20 @@ class EveryMetres(Selection):
     def __init__(self, source: Iterable[Frame], odometry: Odometry, metres: float) -> None:
         super().__init__(source)
         self.odometry = odometry
-        self.metres = _above_0("metres", "a distance", metres)
-        # The first and last time of the frames, while none of them has a position.
-        self._unplaced: tuple[float, float] | None = None
+        self.metres = above_0("metres", "a distance", metres)
+        self._placed = Placed(odometry)
 
     def chooser(self) -> Callable[[Shot], bool]:
         """Looks at the odometry."""
         last: Float64 | None = None
         over = 0.0
-        self._unplaced = None
+        placed = self._placed = Placed(self.odometry)
 
         def choose(shot: Shot) -> bool:
             nonlocal last, over
-            time = _time_of(shot, "metres")
+            time = placed.time_of(shot, "metres")
             here = self.odometry.at(time)
             if here is None:
-                if last is None:
-                    low, high = self._unplaced or (time, time)
-                    self._unplaced = min(low, time), max(high, time)
                 return False
             driven = over if last is None else math.dist(here, last) + over
             # Short of it by a rounding error counts as there.
@@ -187,7 +210,6 @@ class EveryMetres(Selection):
                 return False
             over = math.fmod(driven, self.metres)
             last, over = here, 0.0 if self.metres - over < nearly else over
-            self._unplaced = None
             return True
 
         return choose
@@ -195,11 +217,7 @@ class EveryMetres(Selection):
     def shots(self) -> Generator[Shot, None, None]:
         """The chosen ones."""
         yield from super().shots()
-        if self._unplaced is not None:
-            times, (first, last) = self.odometry.times, self._unplaced
-            expected = f"positions at the times of the frames, {first} s to {last} s"
-            got = f"those of {times[0]} s to {times[-1]} s: are the clocks the same?"
-            raise mismatch(self.odometry.source, expected, got)
+        self._placed.check()
 
 
 class Gaps(Derived):
@@ -226,7 +244,7 @@ class Gaps(Derived):
 
     def __init__(self, source: Iterable[Frame], seconds: float) -> None:
         super().__init__(source)
-        self.seconds = _above_0("gap", "seconds", seconds)
+        self.seconds = above_0("gap", "seconds", seconds)
         self._count, self._estimate = self.source.count, self.source.estimate
 
     def shots(self) -> Generator[Shot, None, None]:
@@ -234,10 +252,15 @@ class Gaps(Derived):
         before: float | None = None
         with closing(self.source.shots()) as shots:
             for shot in shots:
-                time = _time_of(shot, "gap")
+                time = time_of(shot, "gap")
                 broken = before is not None and not 0 <= time - before <= self.seconds
                 yield replace(shot, gap=shot.gap or broken)
                 before = time
+
+
+def added(moved: float | None, more: float | None) -> float | None:
+    """The sum of two advances; None if one is unknown."""
+    return None if moved is None or more is None else moved + more
 
 
 def check_stride(stride: object) -> int:
@@ -247,13 +270,13 @@ def check_stride(stride: object) -> int:
     return int(stride)
 
 
-def _above_0(option: str, what: str, value: float) -> float:
+def above_0(option: str, what: str, value: float) -> float:
     if not (math.isfinite(value) and value > 0):
         raise mismatch(option, f"{what} above 0", value)
     return value
 
 
-def _time_of(shot: Shot, option: str) -> float:
+def time_of(shot: Shot, option: str) -> float:
     if shot.time is None:
         expected = "expected frames with times, as those of a video or a bag"
         raise SurefixValueError(f"{option}: {expected}; {shot.name} has none")

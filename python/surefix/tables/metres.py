@@ -106,6 +106,33 @@ def subsample(positions: npt.ArrayLike, metres: float) -> Int64:
     return np.array(kept, dtype=np.int64)
 
 
+def places_per_metre(positions: npt.ArrayLike) -> float:
+    """The number of places that a robot passes in a metre: 1 / the median distance from one place
+    to the next. Places at the same position as the one before are left out.
+
+    Parameters
+    ----------
+    positions : array, shape (n, 2) or (n, 3)
+        Of the places in route order, in planar metres, as of ``Map.positions``.
+
+    Raises
+    ------
+    SurefixValueError
+        For positions of another shape or not finite, or if all are the same.
+
+    Examples
+    --------
+    >>> from surefix.datasets import places_per_metre
+    >>> places_per_metre([[0, 0], [2, 0], [4, 0], [4, 2]])
+    0.5
+    """
+    points = _points(positions, "positions")
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if not steps.any():
+        raise mismatch("positions", "two places or more at different positions", len(points))
+    return 1 / float(np.median(steps[steps > 0]))
+
+
 def pair_by_position(
     reference_positions: npt.ArrayLike, query_positions: npt.ArrayLike, tolerance: float
 ) -> Int64:

@@ -144,6 +144,16 @@ impl Tracker {
         Ok(tracker)
     }
 
+    /// The belief in each place after the newest query.
+    pub(super) fn belief(&self) -> impl Iterator<Item = f64> {
+        let places = self.hubness.sums.len();
+        let (mass, scale) = match self.state {
+            State { fresh: true, on, .. } => (&self.mass[..places], on),
+            State { scale, .. } => (self.mass(places), scale),
+        };
+        mass.iter().map(move |mass| scale * mass)
+    }
+
     /// The state beside its tensors.
     pub(super) fn saved(&self) -> Saved {
         Saved { columns: self.hubness.columns, state: self.state }
@@ -236,10 +246,13 @@ impl Estimator for Tracker {
     }
 }
 
-/// How the belief moves: by a known advance, in whole places, or as the speeds say.
+/// How the belief moves: by a known advance, in places and a part of one, or as the speeds say.
 #[derive(Clone, Copy)]
 enum Step {
-    Known(isize),
+    Known {
+        shift: isize,
+        part: f64,
+    },
     /// Whether the rows before are `joint`.
     Speeds {
         joint: bool,
@@ -305,7 +318,7 @@ impl Tracker {
     /// enough.
     #[inline(always)]
     fn step(&mut self, advance: Option<f64>, places: usize) -> Step {
-        let Self { mass, before, state, .. } = self;
+        let Self { motion, mass, before, state, .. } = self;
         std::mem::swap(mass, before);
         let Some(advance) = advance else { return Step::Speeds { joint: state.joint } };
         if !state.joint {
@@ -318,11 +331,15 @@ impl Tracker {
         }
         state.joint = true;
         let travelled = state.travelled + advance;
-        let shift = travelled.round_ties_even() - state.travelled.round_ties_even();
+        let (whole, part) = if motion.fractional {
+            (advance.floor(), advance - advance.floor())
+        } else {
+            (travelled.round_ties_even() - state.travelled.round_ties_even(), 0.0)
+        };
         state.travelled = travelled;
         // Beyond the route, jitter included, is as far as any further.
-        let end = places as f64 + 1.0;
-        Step::Known(shift.clamp(-end, end) as isize)
+        let end = places as f64 + 2.0;
+        Step::Known { shift: whole.clamp(-end, end) as isize, part }
     }
 
     fn predict(&self, step: Step, segments: &Segments) -> Prediction {
@@ -336,7 +353,7 @@ impl Tracker {
         let anew = motion.rejoin * state.off
             + (1.0 - motion.leave) * motion.restart * state.on
             + keep * left;
-        let rows = if matches!(step, Step::Known(_)) { 1 } else { motion.speeds.len() };
+        let rows = if matches!(step, Step::Known { .. }) { 1 } else { motion.speeds.len() };
         Prediction {
             keep: keep * state.scale,
             anew: anew / (rows * segments.places()) as f64,
@@ -352,7 +369,9 @@ impl Tracker {
         let speeds = motion.speeds.len();
         let places = before.len() / speeds;
         match step {
-            Step::Known(shift) => visit(&before[..places], &known(shift, motion.jitter), 1.0),
+            Step::Known { shift, part } => {
+                visit(&before[..places], &known(shift, part, motion.jitter), 1.0);
+            }
             Step::Speeds { joint } => {
                 for speed in 0..speeds {
                     let (row, share) = steps.row(before, speed, joint);
@@ -384,8 +403,8 @@ impl Tracker {
                 evidence.of(&column[range.clone()], &hubness.sums[range.clone()], e);
                 evidence_block += sum(e);
                 let one = match step {
-                    Step::Known(shift) => {
-                        Some((&before[..places], &known(shift, motion.jitter)[..]))
+                    Step::Known { shift, part } => {
+                        Some((&before[..places], &known(shift, part, motion.jitter)[..]))
                     }
                     Step::Speeds { .. } if speeds == 1 => Some((&before[..], steps.of(0))),
                     Step::Speeds { .. } => None,
@@ -424,7 +443,7 @@ impl Tracker {
         state.scale = 1.0 / total;
         (state.on, state.off) = (on / total, off / total);
         state.fresh = false;
-        state.joint = matches!(step, Step::Known(_)) || speeds == 1;
+        state.joint = matches!(step, Step::Known { .. }) || speeds == 1;
     }
 
     #[inline(always)]

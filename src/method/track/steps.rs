@@ -99,9 +99,12 @@ impl Steps {
     }
 }
 
-/// Those of a known advance: its whole places, and jitter.
-pub(super) fn known(shift: isize, jitter: f64) -> [Tap; 3] {
-    [-1, 0, 1].map(|off| Tap { shift: shift + off, weight: jittered(off, 1, jitter) })
+/// Those of a known advance: by `shift` places and `part` of one more, and jitter.
+pub(super) fn known(shift: isize, part: f64, jitter: f64) -> [Tap; 4] {
+    [-1, 0, 1, 2].map(|off| {
+        let weight = (1.0 - part) * jittered(off, 1, jitter) + part * jittered(off - 1, 1, jitter);
+        Tap { shift: shift + off, weight }
+    })
 }
 
 /// The probability to land `off` places from the target, if jitter reaches `reach` places: at most

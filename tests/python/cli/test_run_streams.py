@@ -294,10 +294,30 @@ MISTAKES = {
         2,
         "--metres: expected --odometry too",
     ),
-    "odometry without metres": (
+    "odometry without a scale": (
         ["@drive.bag", "--odometry", "/odom"],
         2,
-        "--odometry: expected --metres too",
+        "--odometry: expected a map with positions, --spacing or --places-per-metre",
+    ),
+    "a scale without odometry": (
+        ["@drive.bag", "--spacing", 2],
+        2,
+        "--spacing: expected --odometry too",
+    ),
+    "two scales": (
+        ["@drive.bag", "--odometry", "/odom", "--spacing", 2, "--places-per-metre", 0.5],
+        2,
+        "--spacing: not with --places-per-metre too",
+    ),
+    "a scale of 0": (
+        ["@drive.bag", "--odometry", "/odom", "--places-per-metre", 0],
+        2,
+        "--places-per-metre: expected a number other than 0, got 0.0",
+    ),
+    "odometry for images without times": (
+        ["@images", "--odometry", "@wheels.csv", "--spacing", 2],
+        1,
+        "wheels.csv: expected frames with times, as of a video or a bag, or files named by",
     ),
     "no seconds": (["@drive.bag", "--every", 0], 2, "--every: expected a number above 0, got 0"),
     "no number as seconds": (
@@ -371,6 +391,86 @@ def test_a_map_of_a_video_or_a_bag_is_that_of_its_images(drive: Path, tmp_path: 
     assert route.positions is not None
     assert route.positions.tolist() == [[2.0 * index, 0, 0] for index in range(0, PLACES, 2)]
     assert route.names == [str(index) for index in range(0, PLACES, 2)]
+
+
+def test_a_map_of_images_named_by_their_times_gets_positions_of_a_trajectory(
+    drive: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "cam0").mkdir()
+    lines = ["#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m]"]
+    for index in range(PLACES):
+        stamp = 1_700_000_000_000_000_000 + index * 10**8
+        (tmp_path / f"cam0/{stamp}.png").symlink_to(drive / f"images/{index}.png")
+        lines.append(f"{stamp},{3 * index},{4 * index},0")
+    (tmp_path / "data.csv").write_text("\n".join(lines))
+    out = tmp_path / "route.safetensors"
+    sampled = ["--metres", 10, "--odometry", tmp_path / "data.csv"]
+    surefix_("map", "build", tmp_path / "cam0", "-o", out, *sampled)
+    route = surefix.Map.open(out)
+    assert route.positions is not None
+    assert route.positions.tolist() == [[3 * i, 4 * i, 0] for i in range(0, PLACES, 2)]
+    assert route.names is not None
+    assert route.names[1] == "1700000000200000000.png"
+
+
+def by_odometry(drive: Path, folder: Path) -> dict[str, list[Any]]:
+    """Arguments that all give an advance of a place a frame, and all but the last no gap."""
+    positions = np.stack([2.0 * np.arange(PLACES), np.zeros(PLACES)], axis=1)
+    images = drive / "images"
+    with_positions, bare = folder / "with.safetensors", drive / "route.safetensors"
+    summer = Route(places=PLACES, size=(96, 48)).reference()
+    surefix.Map.from_images(summer, positions=positions, progress=False).save(with_positions)
+    poses = folder / "poses.txt"
+    poses.write_text("".join(f"1 0 0 0 0 1 0 0 0 0 1 {2 * i}\n" for i in range(PLACES)))
+    bag, video, wheels = drive / "drive.bag", drive / "drive.mkv", drive / "wheels.csv"
+    return {
+        "the map's positions": [with_positions, bag, "--odometry", "/odom"],
+        "--spacing 2": [bare, bag, "--odometry", "/odom", "--spacing", 2],
+        "--spacing 3": [bare, video, "--odometry", wheels, "--spacing", 3],
+        "--places-per-metre": [bare, images, "--odometry", poses, "--places-per-metre", 0.5],
+        "over a gap": [with_positions, bag, "--odometry", "/odom", "--gap", 1],
+    }
+
+
+@pytest.mark.parametrize("motion", ["steady", "free"])
+def test_odometry_moves_the_track(motion: Any, drive: Path, tmp_path: Path) -> None:
+    route = surefix.Map.open(drive / "route.safetensors")
+    images = [surefix.read_image(drive / f"images/{index}.png") for index in range(PLACES)]
+    cases = by_odometry(drive, tmp_path)
+    for of, arguments in cases.items():
+        localizer = surefix.Localizer(route, motion=motion)
+        expected = []
+        for index, image in enumerate(images):
+            if of == "over a gap" and index == 20:
+                localizer.gap(0.0)
+            expected.append(localizer.push(image, advance=1.0 if index else None))
+        done = surefix_("run", *arguments, "--motion", motion, "--format", "json")
+        found = [json.loads(line) for line in done.stdout.splitlines()]
+        assert [(row["place"], row["ready"]) for row in found] == [
+            (fix.place, fix.sequence is not None) for fix in expected
+        ]
+        assert [row["score"] for row in found] == pytest.approx([fix.score for fix in expected])
+        scale = "0.333" if of == "--spacing 3" else "0.5"
+        by = "the map's positions" if of == "over a gap" else of
+        assert f", {scale} places a metre ({by})\n" in done.stderr
+    assert "odometry: " + str(drive / "drive.bag, /odom") in done.stderr
+
+
+def test_what_odometry_lacks_is_said(drive: Path, tmp_path: Path) -> None:
+    (tmp_path / "gps.csv").write_text("time,x,y\n0.5,0,0\n3,9,0\n3.5,9,2\n")
+    options = ["--odometry", tmp_path / "gps.csv", "--places-per-metre", -0.5]
+    said = surefix_("run", drive / "route.safetensors", drive / "drive.mkv", *options).stderr
+    line = said.splitlines()[-1]
+    assert line == (
+        f"odometry: {tmp_path / 'gps.csv'}, -0.5 places a metre (--places-per-metre), no heading, "
+        "so that reversing is not seen, 9 frames before its first or after its last time, "
+        "unused without --motion"
+    )
+    # Frames by distance need no places, and no word about them.
+    route = by_odometry(drive, tmp_path)["the map's positions"][0]
+    sampled = ["run", route, drive / "drive.bag", "--metres", 4, "--odometry", "/odom"]
+    assert "odometry:" not in surefix_(*sampled).stderr
+    assert "odometry:" in surefix_(*sampled, "--motion", "steady").stderr
 
 
 def test_a_long_recording_is_described_piece_by_piece(
