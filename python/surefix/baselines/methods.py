@@ -232,7 +232,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         ),
         "track_odometry": Method(
             "the tracker with odometry",
-            lambda D, c: track(D, motion="steady", advance=c.advance, tolerance=c.tolerance),
+            lambda D, c: track(D, motion="any", advance=c.advance, tolerance=c.tolerance),
             needs="advance",
         ),
     }
