@@ -4,9 +4,10 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use super::Track;
 use super::exp::exp;
 use super::steps::{Steps, Tap, arriving, lost};
-use super::{Track, sum};
+use super::sums::sum;
 use crate::config::Config;
 use crate::method::{Given, Matcher};
 use crate::motion::Motion;
