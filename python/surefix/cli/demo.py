@@ -23,7 +23,7 @@ __all__ = ["demo"]
 # The odometry of the second drive: its scale, and the noise of a step.
 WHEELS = {"scale": 1.02, "noise": 0.05}
 # With odometry there is one speed: that of the wheels.
-MOTION: Final = "steady"
+MOTION: Final = "any"
 SPACING = 3.0
 
 
