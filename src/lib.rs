@@ -84,13 +84,15 @@ pub mod evaluate;
 pub use crate::image::{Channels, Image, ImageSource, ImageView, Progress};
 #[cfg(feature = "image")]
 pub use crate::image::{ImageFiles, decode_image, read_image};
-pub use batch::{Drive, Run, match_descriptors, match_distances};
+pub use batch::{
+    Drive, Run, match_descriptors, match_distances, match_fused, match_fused_distances,
+};
 pub use config::{Config, Floor, Gradient};
 pub use descriptor::{Describer, Sad, describe_all};
 pub use distance::Metric;
 pub use dtype::Dtype;
 pub use error::Error;
-pub use localizer::Localizer;
+pub use localizer::{Input, Localizer};
 pub use map::{Map, Positions, Recipe};
 pub use method::{Fix, Given, Matcher, Peak, Sequence, Single, Track};
 pub use motion::Motion;

@@ -8,17 +8,17 @@ use numpy::{Element, PyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::{PyIndexError, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use surefix::{Drive, Floor, Recipe, View, match_descriptors};
-use surefix::{Progress, describe_all};
+use surefix::{Drive, Floor, Recipe, Values, View, describe_all, match_descriptors};
 
 use crate::arrays::{
-    as_array, dtype_of, flags, matrix, numbers, query, sequence_or_array, shape_of, whole_numbers,
+    Numbers, as_array, dtype_of, flags, matrix, numbers, query, sequence_or_array, shape_of,
+    whole_numbers,
 };
 use crate::error::{OrRaise as _, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
+use crate::inputs::{descriptors, listed, maps};
 use crate::learned;
-use crate::map::Map;
 use crate::options::config;
 use crate::simulate::Traverse;
 
@@ -193,8 +193,9 @@ impl Run {
 ///
 /// Parameters
 /// ----------
-/// distances : array of float32, shape (n, m), in any memory layout
-///     ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
+/// distances : array of float32, shape (n, m), in any memory layout; or a list of such
+///     ``distances[i, j]`` is the distance between place ``i`` and query ``j``. Those of several
+///     techniques are fused, as by ``Localizer``.
 /// floor : {"global", "running"} or float
 ///     What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole
 ///     matrix.
@@ -239,15 +240,23 @@ pub(crate) fn match_distances(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Run> {
     let config = config(py, options, Floor::Global)?;
-    let matrix = matrix(distances, "distances")?;
+    let matrices = match listed(distances) {
+        Some(each) if is_matrices(&each) => {
+            each.iter().map(|each| matrix(each, "distances")).collect::<PyResult<Vec<_>>>()?
+        }
+        _ => vec![matrix(distances, "distances")?],
+    };
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
     let advance = advance.map(|advance| numbers(advance, "advance")).transpose()?;
     let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
     let mut drive = Drive::default().gaps(&gaps);
     (drive.trusted, drive.advance) = (trusted.as_deref(), advance.as_deref());
-    let view = matrix.as_array();
-    let view = view.into_dimensionality().map_err(|e| crate::error::value(py, e.to_string()))?;
-    let run = py.detach(|| surefix::match_distances(view, &config, drive));
+    let views = matrices.iter().map(|matrix| matrix.as_array().into_dimensionality());
+    let views = views.collect::<Result<Vec<_>, _>>().map_err(|e| value(py, e.to_string()))?;
+    let run = py.detach(|| match views[..] {
+        [view] => surefix::match_distances(view, &config, drive),
+        _ => surefix::match_fused_distances(&views, &config, drive),
+    });
     Ok(Run(run.or_raise(py)?))
 }
 
@@ -256,10 +265,11 @@ pub(crate) fn match_distances(
 ///
 /// Parameters
 /// ----------
-/// map : Map
-///     The known route.
+/// map : Map or list of Map
+///     The known route. Several maps are fused, as by ``Localizer``.
 /// queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
-///     Descriptors are of the map's own type, or of float32 on a map of ready descriptors.
+///     Descriptors are of the map's own type, or of float32 on a map of ready descriptors. On
+///     several maps, images, or a list of such arrays, one for each map.
 /// trusted : array of bool, shape (m,), optional
 ///     An external predictor's words in place of the consensus.
 /// advance : array of float, shape (m,), optional
@@ -299,7 +309,7 @@ pub(crate) fn match_distances(
 #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
 pub(crate) fn match_(
     py: Python<'_>,
-    map: &Map,
+    map: &Bound<'_, PyAny>,
     queries: &Bound<'_, PyAny>,
     trusted: Option<&Bound<'_, PyAny>>,
     advance: Option<&Bound<'_, PyAny>>,
@@ -314,60 +324,98 @@ pub(crate) fn match_(
     let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
     let mut drive = Drive::default().gaps(&gaps);
     (drive.trusted, drive.advance) = (trusted.as_deref(), advance.as_deref());
-    let map = &map.0;
-    let matched = |queries: View<'_>, progress: Progress<'_>| {
-        match_descriptors(map, queries, &config, drive, progress)
-    };
+    let maps = maps(map)?;
+    let descriptors = descriptors(descriptor, &maps)?;
     let stacked = stacked(queries)?;
     let queries = stacked.as_ref().unwrap_or(queries);
-    let array = if is_images(queries) { None } else { as_array(queries, "queries").ok() };
-    let are_rows = array.as_ref().is_some_and(|array| array.ndim() == 2);
-    let extracted = match descriptor.filter(|_| !are_rows) {
-        None => None,
-        Some(descriptor) => {
-            learned::checked(descriptor, map)?;
-            Some(learned::extracted(queries, descriptor, progress)?)
-        }
-    };
-    let array = match &extracted {
-        Some(extracted) => Some(as_array(extracted, "queries")?),
-        None => array,
-    };
-    if let Some(array) = array.as_ref().filter(|array| array.ndim() == 2) {
-        if array.shape()[1] != map.input_dim() {
-            let (expected, got) = (map.input_dim(), array.shape()[1]);
-            return Err(to_py(
-                py,
-                &surefix::Error::Length { what: "queries: each row", expected, got },
-            ));
-        }
-        let numbers = query(array, "queries", map)?;
-        let view = numbers.view()?;
-        let callback = progress_callback(py, progress, "Matching")?;
-        let run = with_progress(py, callback.as_ref(), |progress| {
-            Ok(py.detach(|| matched(view, progress)))
-        });
-        return Ok(Run(run?));
-    }
-    let Recipe::Sad(sad) = map.recipe() else {
-        let dim = map.input_dim();
-        let expected =
-            format!("descriptors (m, {dim}), as this map was made of ready ones, or descriptor=");
-        let got = match (&array, path_of(queries)) {
-            (Some(array), _) => shape_of(array),
-            (None, Some(path)) => format!("the path {}", path.display()),
-            (None, None) => "images".to_owned(),
-        };
-        return Err(value(py, format!("queries: expected {expected}, got {got}")));
-    };
-    let images = Images::new(queries)?;
-    let callback = progress_callback(py, progress, "Describing")?;
-    let values = with_progress(py, callback.as_ref(), |progress| {
-        images.with_source(py, |source| describe_all(&sad, source, progress))
-    })?;
-    let run =
-        with_progress(py, None, |progress| Ok(py.detach(|| matched(values.view(), progress))));
+    // Images for all maps, or a list of descriptors for each.
+    let each = listed(queries)
+        .filter(|each| maps.len() > 1 && each.len() == maps.len() && is_matrices(each));
+    let rows = maps.iter().zip(&descriptors).enumerate().map(|(index, (map, descriptor))| {
+        let queries = each.as_ref().map_or(queries, |each| &each[index]);
+        Rows::new(queries, map, descriptor.as_ref().map(|given| given.bind(py)), progress)
+    });
+    let rows = rows.collect::<PyResult<Vec<_>>>()?;
+    let views = rows.iter().map(Rows::view).collect::<PyResult<Vec<_>>>()?;
+    // Describing has shown its own progress.
+    let described = rows.iter().any(|rows| matches!(rows, Rows::Described(_)));
+    let progress = if described { None } else { progress_callback(py, progress, "Matching")? };
+    let run = with_progress(py, progress.as_ref(), |progress| {
+        Ok(py.detach(|| match (&maps[..], &views[..]) {
+            ([map], [queries]) => match_descriptors(map, *queries, &config, drive, progress),
+            _ => surefix::match_fused(&maps, &views, &config, drive, progress),
+        }))
+    });
     Ok(Run(run?))
+}
+
+/// The descriptors of all queries, for one map.
+enum Rows<'py> {
+    Given(Numbers<'py>),
+    Described(Values),
+}
+
+impl<'py> Rows<'py> {
+    fn new(
+        queries: &Bound<'py, PyAny>,
+        map: &surefix::Map,
+        descriptor: Option<&Bound<'py, PyAny>>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        let py = queries.py();
+        let array = if is_images(queries) { None } else { as_array(queries, "queries").ok() };
+        let are_rows = array.as_ref().is_some_and(|array| array.ndim() == 2);
+        let extracted = match descriptor.filter(|_| !are_rows) {
+            None => None,
+            Some(descriptor) => Some(learned::extracted(queries, descriptor, progress)?),
+        };
+        let array = match &extracted {
+            Some(extracted) => Some(as_array(extracted, "queries")?),
+            None => array,
+        };
+        if let Some(array) = array.as_ref().filter(|array| array.ndim() == 2) {
+            if array.shape()[1] != map.input_dim() {
+                let (expected, got) = (map.input_dim(), array.shape()[1]);
+                let what = "queries: each row";
+                return Err(to_py(py, &surefix::Error::Length { what, expected, got }));
+            }
+            return query(array, "queries", map).map(Self::Given);
+        }
+        let Recipe::Sad(sad) = map.recipe() else {
+            let dim = map.input_dim();
+            let expected = format!(
+                "descriptors (m, {dim}), as this map was made of ready ones, or descriptor="
+            );
+            let got = match (&array, path_of(queries)) {
+                (Some(array), _) => shape_of(array),
+                (None, Some(path)) => format!("the path {}", path.display()),
+                (None, None) => "images".to_owned(),
+            };
+            return Err(value(py, format!("queries: expected {expected}, got {got}")));
+        };
+        let images = Images::new(queries)?;
+        let callback = progress_callback(py, progress, "Describing")?;
+        let values = with_progress(py, callback.as_ref(), |progress| {
+            images.with_source(py, |source| describe_all(&sad, source, progress))
+        })?;
+        Ok(Self::Described(values))
+    }
+
+    fn view(&self) -> PyResult<View<'_>> {
+        match self {
+            Self::Given(numbers) => numbers.view(),
+            Self::Described(values) => Ok(values.view()),
+        }
+    }
+}
+
+/// Whether these are arrays of two axes, and no images: floats, or rows of bytes of a list.
+fn is_matrices(each: &[Bound<'_, PyAny>]) -> bool {
+    !each.is_empty()
+        && each.iter().all(|each| {
+            as_array(each, "queries")
+                .is_ok_and(|array| array.ndim() == 2 && path_of(each).is_none())
+        })
 }
 
 /// The queries before which there is a gap; whether there are such queries is for the crate to say.

@@ -202,22 +202,27 @@ pub(crate) struct Track(surefix::Track);
 
 #[pymethods]
 impl Track {
+    /// The most probable place.
     #[getter]
     fn place(&self) -> usize {
         self.0.place
     }
+    /// The probability that the robot is within ``tolerance`` places of it.
     #[getter]
     fn confidence(&self) -> f64 {
         self.0.confidence
     }
+    /// The belief that the robot is off the map.
     #[getter]
     fn off_map(&self) -> f64 {
         self.0.off_map
     }
+    /// In places a query; the advance if it is known.
     #[getter]
     fn speed(&self) -> f64 {
         self.0.speed
     }
+    /// The first and the last place of those that hold 95 % of the belief on the map.
     #[getter]
     fn interval(&self) -> (usize, usize) {
         self.0.interval

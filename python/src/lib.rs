@@ -8,6 +8,7 @@ mod error;
 mod evaluate;
 mod fix;
 mod images;
+mod inputs;
 mod learned;
 mod localizer;
 mod map;

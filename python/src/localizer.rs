@@ -1,15 +1,14 @@
 //! `surefix.Localizer`.
 
-use numpy::{PyArray1, PyUntypedArray, PyUntypedArrayMethods as _};
+use numpy::{PyArray1, PyUntypedArray};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyInt, PyIterator};
 use surefix::Floor;
 
-use crate::arrays::{as_array, query};
 use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
-use crate::images::{Pixels, find_images, path_of};
-use crate::learned;
+use crate::images::{find_images, path_of, read_image};
+use crate::inputs::{Input, descriptors, listed, maps};
 use crate::map::Map;
 use crate::options::{config, given, whole};
 
@@ -17,9 +16,11 @@ use crate::options::{config, given, whole};
 ///
 /// Parameters
 /// ----------
-/// map : Map
-///     The known route. Many localizers can share one.
-/// descriptor : surefix.descriptors.Descriptor, optional
+/// map : Map or list of Map
+///     The known route. Many localizers can share one. Several maps of the same places, each of
+///     another technique, are fused: the single match and the sequence run on the mean of their
+///     standardised distances, the track on the evidence of all.
+/// descriptor : surefix.descriptors.Descriptor, or a list with one or None for each map, optional
 ///     On a map of learned descriptors: it describes the images that are pushed. Its name is the
 ///     one in the map's recipe.
 /// threads : int, optional
@@ -43,7 +44,7 @@ use crate::options::{config, given, whole};
 /// >>> [fix.place for fix in localizer.stream(frames)]
 /// [0, 1, 2, 3, 4]
 #[pyclass(module = "surefix")]
-pub(crate) struct Localizer(surefix::Localizer, Option<Py<PyAny>>);
+pub(crate) struct Localizer(surefix::Localizer, Vec<Option<Py<PyAny>>>);
 
 #[pymethods]
 impl Localizer {
@@ -53,18 +54,19 @@ impl Localizer {
     )]
     fn new(
         py: Python<'_>,
-        map: &Map,
+        map: &Bound<'_, PyAny>,
         descriptor: Option<&Bound<'_, PyAny>>,
         threads: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let config = config(py, options, Floor::Running)?;
         let threads = threads.map(|given| whole("threads", given)).transpose()?;
-        let descriptor = descriptor.map(|given| learned::checked(given, &map.0)).transpose()?;
-        let localizer = surefix::Localizer::new(map.0.clone(), config);
+        let maps = maps(map)?;
+        let descriptors = descriptors(descriptor, &maps)?;
+        let localizer = surefix::Localizer::fused(maps, config);
         let localizer =
             localizer.and_then(|localizer| localizer.with_threads(threads)).or_raise(py)?;
-        Ok(Self(localizer, descriptor))
+        Ok(Self(localizer, descriptors))
     }
 
     /// Takes one camera frame, and says where the robot is.
@@ -74,7 +76,8 @@ impl Localizer {
     /// frame : array or path
     ///     A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images
     ///     were; or a descriptor, (input_dim,), of the map's own type, or float32 on a map of ready
-    ///     descriptors, as it is before post-processing.
+    ///     descriptors, as it is before post-processing. On several maps, an image for all of them,
+    ///     or a list with one of these for each map.
     /// trusted : bool, optional
     ///     An external predictor's word in place of the consensus.
     /// advance : float, optional
@@ -99,36 +102,33 @@ impl Localizer {
     ) -> PyResult<Fix> {
         let given = given(trusted, advance);
         let py = slf.py();
-        let locked = || slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"));
-        let described = {
+        let inputs = {
             let this = shared(slf)?;
-            learned::described(frame, this.0.map(), this.1.as_ref().map(|given| given.bind(py)))?
+            let several = this.1.len() > 1;
+            // A list has an input for each map.
+            let each = listed(frame).filter(|_| several);
+            if let Some(each) = each.as_ref().filter(|each| each.len() != this.1.len()) {
+                let (expected, got) = (this.1.len(), each.len());
+                let message =
+                    format!("frame: expected one input for each of {expected} maps, got {got}");
+                return Err(value(py, message));
+            }
+            let image = match path_of(frame) {
+                Some(path) if several => Some(read_image(py, path)?),
+                _ => None,
+            };
+            let frame = image.as_ref().unwrap_or(frame);
+            let inputs =
+                this.0.maps().zip(&this.1).enumerate().map(|(index, (map, descriptor))| {
+                    let frame = each.as_ref().map_or(frame, |each| &each[index]);
+                    Input::new(frame, map, descriptor.as_ref().map(|given| given.bind(py)))
+                });
+            inputs.collect::<PyResult<Vec<_>>>()?
         };
-        let frame = described.as_ref().unwrap_or(frame);
-        if let Some(path) = path_of(frame) {
-            let mut this = locked()?;
-            let localizer = &mut this.0;
-            let fix = py.detach(|| {
-                let image = surefix::read_image(path)?;
-                localizer.push_image_with(image.view(), given)
-            });
-            return Ok(Fix(fix.or_raise(py)?));
-        }
-        let array = as_array(frame, "frame")?;
-        let fix = if array.ndim() == 1 {
-            let numbers = query(&array, "descriptor", shared(slf)?.0.map())?;
-            let view = numbers.view()?;
-            let mut this = locked()?;
-            let localizer = &mut this.0;
-            py.detach(|| localizer.push_descriptor_with(view, given))
-        } else {
-            let pixels = Pixels::new(&array, "image")?;
-            let view = pixels.view(py)?;
-            let mut this = locked()?;
-            let localizer = &mut this.0;
-            py.detach(|| localizer.push_image_with(view, given))
-        };
-        Ok(Fix(fix.or_raise(py)?))
+        let views = inputs.iter().map(|input| input.view(py)).collect::<PyResult<Vec<_>>>()?;
+        let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"))?;
+        let localizer = &mut this.0;
+        Ok(Fix(py.detach(|| localizer.push_inputs(&views, given)).or_raise(py)?))
     }
 
     /// A fix for each frame, as it comes.
@@ -287,7 +287,7 @@ impl Localizer {
     )]
     fn restore(
         py: Python<'_>,
-        map: &Map,
+        map: &Bound<'_, PyAny>,
         blob: &[u8],
         descriptor: Option<&Bound<'_, PyAny>>,
         threads: Option<&Bound<'_, PyAny>>,
@@ -296,18 +296,24 @@ impl Localizer {
         let threads = threads.map(|given| whole("threads", given)).transpose()?;
         let expected =
             options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
-        let descriptor = descriptor.map(|given| learned::checked(given, &map.0)).transpose()?;
-        let map = map.0.clone();
+        let maps = maps(map)?;
+        let descriptors = descriptors(descriptor, &maps)?;
         let localizer = py.detach(|| {
-            surefix::Localizer::restore(map, blob, expected.as_ref())?.with_threads(threads)
+            surefix::Localizer::restore_fused(maps, blob, expected.as_ref())?.with_threads(threads)
         });
-        Ok(Self(localizer.or_raise(py)?, descriptor))
+        Ok(Self(localizer.or_raise(py)?, descriptors))
     }
 
-    /// The map that it localizes on.
+    /// The map that it localizes on, the first if there are several.
     #[getter]
     fn map(slf: &Bound<'_, Self>) -> PyResult<Map> {
         Ok(Map(shared(slf)?.0.map().clone()))
+    }
+
+    /// The maps, one for each technique.
+    #[getter]
+    fn maps(slf: &Bound<'_, Self>) -> PyResult<Vec<Map>> {
+        Ok(shared(slf)?.0.maps().cloned().map(Map).collect())
     }
 
     /// How many threads scan the map, the caller's own among them.
@@ -318,8 +324,8 @@ impl Localizer {
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
         let this = shared(slf)?;
-        let map = Map(this.0.map().clone());
-        Ok(format!("Localizer({}, frames={})", map.__repr__(), this.0.frames()))
+        let maps: Vec<String> = this.0.maps().cloned().map(|map| Map(map).__repr__()).collect();
+        Ok(format!("Localizer({}, frames={})", maps.join(" + "), this.0.frames()))
     }
 }
 

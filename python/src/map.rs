@@ -646,6 +646,16 @@ impl Map {
         Ok(Some(array.reshape([positions.len(), positions.axes()])?.into_any()))
     }
 
+    /// How many places a robot passes in a metre, by the map's positions
+    /// (``surefix.datasets.places_per_metre``); None without positions. An odometry's metres times
+    /// this are the ``advance`` of ``Localizer.push``.
+    #[getter]
+    fn places_per_metre<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(positions) = self.positions(py)? else { return Ok(None) };
+        let metres = py.import("surefix.tables.metres")?;
+        metres.call_method1("places_per_metre", (positions,)).map(Some)
+    }
+
     /// A name for each place, or None.
     #[getter]
     fn names(&self) -> Option<Vec<String>> {

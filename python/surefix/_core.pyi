@@ -29,6 +29,7 @@ __all__ = [
     "Sad",
     "Sequence",
     "Single",
+    "Track",
     "Traverse",
     "Trust",
     "__version__",
@@ -143,15 +144,20 @@ class Track:
     """
 
     @property
-    def place(self) -> int: ...
+    def place(self) -> int:
+        """The most probable place."""
     @property
-    def confidence(self) -> float: ...
+    def confidence(self) -> float:
+        """The probability that the robot is within ``tolerance`` places of it."""
     @property
-    def off_map(self) -> float: ...
+    def off_map(self) -> float:
+        """The belief that the robot is off the map."""
     @property
-    def speed(self) -> float: ...
+    def speed(self) -> float:
+        """In places a query; the advance if it is known."""
     @property
-    def interval(self) -> tuple[int, int]: ...
+    def interval(self) -> tuple[int, int]:
+        """The first and the last place of those that hold 95 % of the belief on the map."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -725,6 +731,12 @@ class Map:
     def positions(self) -> _Float64 | None:
         """Where each place is, in planar metres: shape (n, 2) or (n, 3), or None."""
     @property
+    def places_per_metre(self) -> float | None:
+        """How many places a robot passes in a metre, by the map's positions
+        (``surefix.datasets.places_per_metre``); None without positions. An odometry's metres times
+        this are the ``advance`` of ``Localizer.push``.
+        """
+    @property
     def names(self) -> list[str] | None:
         """A name for each place, or None."""
 
@@ -989,9 +1001,11 @@ class Localizer:
 
     Parameters
     ----------
-    map : Map
-        The known route. Many localizers can share one.
-    descriptor : surefix.descriptors.Descriptor, optional
+    map : Map or list of Map
+        The known route. Many localizers can share one. Several maps of the same places, each of
+        another technique, are fused: the single match and the sequence run on the mean of their
+        standardised distances, the track on the evidence of all.
+    descriptor : surefix.descriptors.Descriptor, or a list with one or None for each map, optional
         On a map of learned descriptors: it describes the images that are pushed. Its name is the
         one in the map's recipe.
     threads : int, optional
@@ -1018,15 +1032,15 @@ class Localizer:
 
     def __new__(
         cls,
-        map: Map,
+        map: Map | _Sequence[Map],
         *,
-        descriptor: _Descriptor | None = None,
+        descriptor: _Descriptor | _Sequence[_Descriptor | None] | None = None,
         threads: SupportsIndex | None = None,
         **options: Unpack[Options],
     ) -> Localizer: ...
     def push(
         self,
-        frame: _Array | _Path,
+        frame: _Array | _Path | _Sequence[_Array | _Path],
         trusted: bool | None = None,
         advance: float | None = None,
     ) -> Fix:
@@ -1037,7 +1051,8 @@ class Localizer:
         frame : array or path
             A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images
             were; or a descriptor, (input_dim,), of the map's own type, or float32 on a map of ready
-            descriptors, as it is before post-processing.
+            descriptors, as it is before post-processing. On several maps, an image for all of them,
+            or a list with one of these for each map.
         trusted : bool, optional
             An external predictor's word in place of the consensus.
         advance : float, optional
@@ -1126,10 +1141,10 @@ class Localizer:
         """
     @staticmethod
     def restore(
-        map: Map,
+        map: Map | _Sequence[Map],
         blob: bytes,
         *,
-        descriptor: _Descriptor | None = None,
+        descriptor: _Descriptor | _Sequence[_Descriptor | None] | None = None,
         threads: SupportsIndex | None = None,
         **options: Unpack[Options],
     ) -> Localizer:
@@ -1173,8 +1188,11 @@ class Localizer:
         window. 0 before the first frame.
         """
     @property
+    def maps(self) -> list[Map]:
+        """The maps, one for each technique."""
+    @property
     def map(self) -> Map:
-        """The map that it localizes on."""
+        """The map that it localizes on, the first if there are several."""
     @property
     def threads(self) -> int:
         """How many threads scan the map, the caller's own among them."""
@@ -1260,7 +1278,7 @@ class Run:
     def __getitem__(self, key: SupportsIndex, /) -> Fix: ...
 
 def match_distances(
-    distances: _Array,
+    distances: _Array | _Sequence[_Array],
     *,
     trusted: _Array | list[bool] | None = None,
     advance: _Array | list[float] | None = None,
@@ -1272,8 +1290,9 @@ def match_distances(
 
     Parameters
     ----------
-    distances : array of float32, shape (n, m), in any memory layout
-        ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
+    distances : array of float32, shape (n, m), in any memory layout; or a list of such
+        ``distances[i, j]`` is the distance between place ``i`` and query ``j``. Those of several
+        techniques are fused, as by ``Localizer``.
     floor : {"global", "running"} or float
         What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole
         matrix.
@@ -1308,13 +1327,13 @@ def match_distances(
     """
 
 def match(
-    map: Map,
+    map: Map | _Sequence[Map],
     queries: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
     *,
     trusted: _Array | list[bool] | None = None,
     advance: _Array | list[float] | None = None,
     gaps: _Array | list[int] | None = None,
-    descriptor: _Descriptor | None = None,
+    descriptor: _Descriptor | _Sequence[_Descriptor | None] | None = None,
     progress: _Progress = None,
     **options: Unpack[Options],
 ) -> Run:
@@ -1323,10 +1342,11 @@ def match(
 
     Parameters
     ----------
-    map : Map
-        The known route.
+    map : Map or list of Map
+        The known route. Several maps are fused, as by ``Localizer``.
     queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
-        Descriptors are of the map's own type, or of float32 on a map of ready descriptors.
+        Descriptors are of the map's own type, or of float32 on a map of ready descriptors. On
+        several maps, images, or a list of such arrays, one for each map.
     trusted : array of bool, shape (m,), optional
         An external predictor's words in place of the consensus.
     advance : array of float, shape (m,), optional
@@ -1704,6 +1724,8 @@ class Route:
     def revisit(
         self,
         *,
+        legs: _Sequence[tuple[str, int] | tuple[str, int, float]] | None = None,
+        speed: float = 1.0,
         light: float = ...,
         season: float = ...,
         lateral_offset: float = ...,
@@ -1717,12 +1739,16 @@ class Route:
 
         Parameters
         ----------
+        legs, speed
+            As for ``traverse``.
         **conditions
             As for ``traverse``, over the defaults of the second drive.
         """
     def traverse(
         self,
         *,
+        legs: _Sequence[tuple[str, int] | tuple[str, int, float]] | None = None,
+        speed: float = 1.0,
         light: float = 0.0,
         season: float = 0.0,
         lateral_offset: float = 0.0,
@@ -1736,12 +1762,47 @@ class Route:
 
         Parameters
         ----------
+        legs : sequence of (str, int) or (str, int, float), optional
+            What the drive does from place 0 on: the kind of a leg, its frames, and its speed if it
+            is not ``speed``. By default it drives the whole route.
+
+            "drive"
+                On along the route.
+            "stop"
+                Standing still, on the street of the leg before.
+            "reverse"
+                Backwards along the route.
+            "detour"
+                Off the map along a parallel street, and back as far ahead as if the drive had
+                stayed on the route.
+            "loop"
+                Off the map, around and back: as far behind as the drive went meanwhile, so that it
+                comes to earlier places once more.
+        speed : float
+            Places of the route a frame.
         light, season, speed_jitter, occluders, noise : float
             From 0 (as in the reference drive) to 1.
         lateral_offset : float
             How far to the side the camera drives, in metres.
         seed : int
-            Another seed has other traffic and noise.
+            Another seed has other traffic and noise, and other errors of the wheels.
+
+        Raises
+        ------
+        SurefixValueError
+            For a condition outside its range; for a leg of another kind, without frames, with a
+            speed of 0 or less, or with an end that is not on the route.
+
+        Examples
+        --------
+        >>> from surefix.simulate import Route
+        >>> route = Route(places=100, size=(64, 32))
+        >>> legs = [("drive", 40), ("stop", 10), ("detour", 20), ("drive", 30, 0.5)]
+        >>> drive = route.revisit(legs=legs)
+        >>> truth = drive.truth(route.reference())
+        >>> truth[40:50].tolist() == [int(truth[39])] * 10, truth[50:70].max()
+        (True, np.int64(-1))
+        >>> advance = drive.odometry(scale=1.02, noise=0.05) / 3.0  # metres to places
         """
 
 @final
@@ -1761,7 +1822,37 @@ class Traverse:
     def __getitem__(self, key: SupportsIndex, /) -> _UInt8: ...
     @property
     def positions(self) -> _Float64:
-        """How far along the route each frame was taken, in metres: shape (n,), float64."""
+        """How far along the route each frame was taken, in metres: shape (n,), float64, NaN off the
+        map.
+        """
+    def odometry(self, *, scale: float = 1.0, noise: float = 0.0) -> _Float64:
+        """The metres that the wheels count from each frame to the next, on the map and off it.
+
+        Parameters
+        ----------
+        scale : float
+            1 for wheels that count right.
+        noise : float
+            The standard deviation of a step's error, as a share of the step.
+
+        Returns
+        -------
+        array of float64, shape (n,)
+            From the frame before to each frame: 0 for the first one and while standing, negative
+            backwards. The same for the same seed of the conditions.
+
+        Raises
+        ------
+        SurefixValueError
+            If a number is not finite, or the noise is negative.
+
+        Examples
+        --------
+        >>> from surefix.simulate import Route
+        >>> drive = Route(places=10, size=(64, 32)).traverse(legs=[("drive", 3), ("reverse", 1)])
+        >>> drive.odometry(scale=1.5)
+        array([ 0. ,  4.5,  4.5, -4.5])
+        """
     def truth(self, reference: Traverse) -> _Int64:
         """The true place of each frame on a map of the drive ``reference``: shape (n,), int64, -1 off
         the map.

@@ -1,20 +1,21 @@
 //! A map and a matcher: the loop that a robot runs.
 
 mod screening;
+mod technique;
 
 use std::sync::Arc;
 
 use crate::config::Config;
-use crate::descriptor::Describer;
-use crate::distance::Query;
 use crate::error::Error;
 use crate::image::ImageView;
-use crate::map::{Map, Recipe};
-use crate::method::{Column, Fix, Given, Matcher, Owner, load};
-use crate::numbers::{Values, View};
-use crate::post::{ChainState, Running};
-use crate::scan::{Job, Pool, threads_for};
+use crate::map::Map;
+use crate::method::{Fix, Fusion, Given, Matcher, Owner, load};
+use crate::numbers::View;
+use crate::post::Running;
+use crate::scan::{Pool, threads_for};
 use screening::Screening;
+pub use technique::Input;
+use technique::{Scan, Technique};
 
 /// The most threads that are accepted.
 const MAX_THREADS: usize = 1024;
@@ -48,18 +49,13 @@ const MAX_THREADS: usize = 1024;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Localizer {
-    map: Arc<Map>,
+    /// One or several maps of the same route.
+    techniques: Vec<Technique>,
+    /// Makes one column of those of several techniques.
+    fusion: Option<Fusion>,
     matcher: Matcher,
-    /// The newest frame's distances, or lower bounds of them.
-    column: Vec<f32>,
     /// The bounds of a map with a screen.
     screening: Option<Box<Screening>>,
-    /// The threads that scan the map; `None` if the caller scans alone.
-    pool: Option<Pool>,
-    /// Describes images the map's own way, if the map has one.
-    describer: Option<(Describer, Values)>,
-    /// The state of the map's post-processing: scratch memory, and running statistics of the drive.
-    through: Option<ChainState>,
 }
 
 impl Localizer {
@@ -68,8 +64,31 @@ impl Localizer {
     /// # Errors
     /// As for [`Matcher::new`].
     pub fn new(map: Arc<Map>, config: Config) -> Result<Self, Error> {
-        let matcher = Matcher::along(map.route().segments().clone(), config)?;
-        Self::with_matcher(map, matcher)
+        Self::fused(vec![map], config)
+    }
+
+    /// A localizer on several maps of the same places, each of another technique. The single match
+    /// and the sequence run on the mean of the techniques' standardised distances, and the track on
+    /// the evidence of all (method 1.9): nobody has to know which technique is best on a route.
+    ///
+    /// ```
+    /// use std::sync::Arc;
+    /// use surefix::{Config, Input, Given, Localizer, Map, Metric, View};
+    /// let map = |rows: Vec<f32>| Map::from_descriptors(rows, 2, Metric::Euclidean).map(Arc::new);
+    /// let maps = vec![map(vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0])?, map(vec![5.0, 5.0, 1.0, 0.0, 0.0, 1.0])?];
+    /// let mut localizer = Localizer::fused(maps, Config::default())?;
+    /// let query = [Input::Descriptor(View::F32(&[0.1, 0.9])), Input::Descriptor(View::F32(&[1.0, 0.1]))];
+    /// assert_eq!(localizer.push_inputs(&query, Given::default())?.place, 1);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As for [`Matcher::new`]; [`Error::Option`] for no map or more than 32, and
+    /// [`Error::Length`] unless all have one number of places.
+    pub fn fused(maps: Vec<Arc<Map>>, config: Config) -> Result<Self, Error> {
+        let Some(first) = maps.first() else { return Err(wrong_number(0)) };
+        let matcher = Matcher::along(first.route().segments().clone(), config)?;
+        Self::with_matcher(maps, matcher)
     }
 
     /// The same localizer with `threads` threads to scan the map, the caller's own among them;
@@ -91,39 +110,52 @@ impl Localizer {
             let expected = format!("from 1 to {MAX_THREADS}, and no more than the system starts");
             Error::Option { name: "threads", expected, got }
         };
-        self.pool = match threads {
-            None => automatic(&self.map),
-            Some(1) => None,
-            Some(threads) if (2..=MAX_THREADS).contains(&threads) => {
-                let pool = Pool::new(&self.map, threads);
-                Some(pool.map_err(|why| refused(format!("{threads} ({why})")))?)
-            }
-            Some(other) => return Err(refused(other.to_string())),
-        };
+        for Technique { map, pool, .. } in &mut self.techniques {
+            *pool = match threads {
+                None => automatic(map),
+                Some(1) => None,
+                Some(threads) if (2..=MAX_THREADS).contains(&threads) => {
+                    let pool = Pool::new(map, threads);
+                    Some(pool.map_err(|why| refused(format!("{threads} ({why})")))?)
+                }
+                Some(other) => return Err(refused(other.to_string())),
+            };
+        }
         Ok(self)
     }
 
     /// How many threads scan the map, the caller's own among them.
     pub fn threads(&self) -> usize {
-        self.pool.as_ref().map_or(1, Pool::threads)
+        let threads = |technique: &Technique| technique.pool.as_ref().map_or(1, Pool::threads);
+        self.techniques.iter().map(threads).max().unwrap_or(1)
     }
 
-    fn with_matcher(map: Arc<Map>, mut matcher: Matcher) -> Result<Self, Error> {
-        let describer = match map.recipe() {
-            Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
-            Recipe::Ready => None,
+    fn with_matcher(maps: Vec<Arc<Map>>, mut matcher: Matcher) -> Result<Self, Error> {
+        let places = matcher.places();
+        if !(1..=MAX_MAPS).contains(&maps.len()) {
+            return Err(wrong_number(maps.len()));
+        }
+        if let Some(other) = maps.iter().find(|map| map.places() != places) {
+            let what = "places of a map, as of the first";
+            return Err(Error::Length { what, expected: places, got: other.places() });
+        }
+        let fusion = match maps.len() {
+            1 => None,
+            count => Some(Fusion::new(count, places, matcher.config())?),
         };
-        let screening = match map.codes() {
-            // The tracker needs all distances: bounds would only be work before them.
-            Some(_) if map.dim() >= screening::SHORTEST && matcher.config().motion.is_none() => {
-                Some(Box::new(Screening::new(&map, &mut matcher)?))
+        let screening = match &maps[..] {
+            // The tracker and the fusion need all distances: bounds would only be work before them.
+            [map]
+                if map.codes().is_some()
+                    && map.dim() >= screening::SHORTEST
+                    && matcher.config().motion.is_none() =>
+            {
+                Some(Box::new(Screening::new(map, &mut matcher)?))
             }
             _ => None,
         };
-        let column = vec![0.0; map.places()];
-        let pool = automatic(&map);
-        let through = map.post().map(ChainState::of_drive);
-        Ok(Self { map, matcher, column, screening, pool, describer, through })
+        let techniques = maps.into_iter().map(Technique::new).collect();
+        Ok(Self { techniques, fusion, matcher, screening })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -153,32 +185,66 @@ impl Localizer {
         image: impl Into<ImageView<'a>>,
         given: Given,
     ) -> Result<Fix, Error> {
-        given.check()?;
-        let Some((describer, values)) = &mut self.describer else {
-            return Err(Error::NoDescriptor);
-        };
-        describer.describe(image.into(), values)?;
-        let query = self.map.query(values.view())?;
-        let scan = Scan { map: &self.map, pool: &mut self.pool, column: &mut self.column };
-        scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, given)
+        let image = Input::Image(image.into());
+        self.push_each(|_| image, given)
     }
 
     /// [`push_descriptor`](Self::push_descriptor), with what else is known about the frame.
     ///
     /// # Errors
-    /// As for [`push_descriptor`](Self::push_descriptor), and for an advance that is not finite.
+    /// As for [`push_descriptor`](Self::push_descriptor), and for an advance that is not finite;
+    /// [`Error::Length`] if there are several maps.
     pub fn push_descriptor_with<'a>(
         &mut self,
         descriptor: impl Into<View<'a>>,
         given: Given,
     ) -> Result<Fix, Error> {
+        self.push_inputs(&[Input::Descriptor(descriptor.into())], given)
+    }
+
+    /// Localizes by an image or a descriptor for each map, in their order.
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless there is one for each map, and those of
+    /// [`push_image`](Self::push_image) and [`push_descriptor`](Self::push_descriptor). The
+    /// localizer is then as it was.
+    pub fn push_inputs(&mut self, inputs: &[Input<'_>], given: Given) -> Result<Fix, Error> {
+        let (expected, got) = (self.techniques.len(), inputs.len());
+        if expected != got {
+            return Err(Error::Length { what: "inputs, one for each map", expected, got });
+        }
+        self.push_each(|technique| inputs[technique], given)
+    }
+
+    fn push_each<'a>(
+        &mut self,
+        input: impl Fn(usize) -> Input<'a>,
+        given: Given,
+    ) -> Result<Fix, Error> {
         given.check()?;
-        let descriptor = self.map.passed(descriptor.into(), self.through.as_mut())?;
-        let query = self.map.query(descriptor)?;
-        let scan = Scan { map: &self.map, pool: &mut self.pool, column: &mut self.column };
-        let fix = scan.push(&mut self.matcher, self.screening.as_deref_mut(), query, given)?;
-        if let Some(through) = &mut self.through {
-            through.commit();
+        let Self { techniques, fusion, matcher, screening } = self;
+        let fix = match (fusion, &mut techniques[..], screening) {
+            (None, [one], Some(screening)) => {
+                let (query, Scan { map, pool, column }) = one.query(input(0))?;
+                screening.push(matcher, map, pool, query, column, given)
+            }
+            (None, [one], None) => {
+                let (query, mut scan) = one.query(input(0))?;
+                scan.run(query);
+                matcher.push_with(scan.column, given)
+            }
+            (fusion, techniques, _) => {
+                for (index, technique) in techniques.iter_mut().enumerate() {
+                    let (query, mut scan) = technique.query(input(index))?;
+                    scan.run(query);
+                }
+                let Some(fusion) = fusion else { return Err(wrong_number(techniques.len())) };
+                fusion.fuse(|technique| &techniques[technique].column[..])?;
+                matcher.push_column(fusion.column(), given, &mut ())
+            }
+        }?;
+        for (index, technique) in self.techniques.iter_mut().enumerate() {
+            technique.commit(input(index));
         }
         Ok(fix)
     }
@@ -193,9 +259,11 @@ impl Localizer {
     }
 
     /// The distances from the newest frame to every place; zeros before the first, and right after
-    /// a gap. On a map with a screen, those that were not needed for the fix are computed now.
+    /// a gap. On a map with a screen, those that were not needed for the fix are computed now. Of
+    /// several maps, the mean of their standardised distances.
     pub fn distances(&mut self) -> &[f32] {
-        let Self { map, matcher, column, screening, pool, .. } = self;
+        let Self { techniques, matcher, screening, .. } = self;
+        let Technique { map, column, pool, .. } = &mut techniques[0];
         let newest = match screening {
             Some(screening) => screening.newest(matcher, map, pool),
             None => matcher.window().newest(&mut ()),
@@ -218,7 +286,7 @@ impl Localizer {
         match &self.screening {
             Some(screening) => screening.looked_at(),
             None if self.frames() == 0 => 0,
-            None => self.map.places(),
+            None => self.techniques.iter().map(|technique| technique.map.places()).sum(),
         }
     }
 
@@ -252,6 +320,15 @@ impl Localizer {
         Ok(())
     }
 
+    /// A gap, of a known advance if there is one.
+    pub(crate) fn gap_of(&mut self, advance: Option<f64>) -> Result<(), Error> {
+        if let Some(advance) = advance {
+            return self.gap_with_advance(advance);
+        }
+        self.gap();
+        Ok(())
+    }
+
     fn screening_gap(&mut self) {
         if let Some(screening) = &mut self.screening {
             screening.gap();
@@ -264,8 +341,9 @@ impl Localizer {
         if let Some(screening) = &mut self.screening {
             screening.reset();
         }
-        if let (Some(through), Some(post)) = (&mut self.through, self.map.post()) {
-            through.reset(post);
+        self.techniques.iter_mut().for_each(Technique::reset);
+        if let Some(fusion) = &mut self.fusion {
+            fusion.reset();
         }
     }
 
@@ -276,15 +354,15 @@ impl Localizer {
     /// # Errors
     /// As for [`Matcher::snapshot`].
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
-        let map = Some(self.map.fingerprint());
-        let running = self.through.iter().flat_map(ChainState::running);
+        let running = self.techniques.iter().flat_map(Technique::running);
         let running = running.map(Running::snapshot).collect::<Result<Vec<_>, _>>()?;
+        let map = Some(fingerprint(self.techniques.iter().map(|technique| &technique.map)));
         match &self.screening {
-            None => self.matcher.save(map, &running),
+            None => self.matcher.save(map, &running, self.fusion.as_ref()),
             Some(screening) => {
                 let mut matcher = self.matcher.clone();
-                screening.resolve(&mut matcher, &self.map, &mut None);
-                matcher.save(map, &running)
+                screening.resolve(&mut matcher, &self.techniques[0].map, &mut None);
+                matcher.save(map, &running, None)
             }
         }
     }
@@ -300,25 +378,45 @@ impl Localizer {
         snapshot: &[u8],
         expected: Option<&Config>,
     ) -> Result<Self, Error> {
-        let owner = Owner { fingerprint: map.fingerprint(), segments: map.route().segments() };
+        Self::restore_fused(vec![map], snapshot, expected)
+    }
+
+    /// [`restore`](Self::restore), of a localizer on several maps.
+    ///
+    /// # Errors
+    /// As for [`restore`](Self::restore) and [`fused`](Self::fused).
+    pub fn restore_fused(
+        maps: Vec<Arc<Map>>,
+        snapshot: &[u8],
+        expected: Option<&Config>,
+    ) -> Result<Self, Error> {
+        let Some(first) = maps.first() else { return Err(wrong_number(0)) };
+        let segments = first.route().segments();
+        let owner = Owner { fingerprint: fingerprint(&maps), segments };
         let saved = load(snapshot, expected, Some(&owner))?;
         let running = saved.running.iter().map(|running| Running::restore(running));
-        let running = running.collect::<Result<Vec<_>, _>>()?;
-        let mut localizer = Self::with_matcher(map, saved.matcher)?;
-        let fits = match &mut localizer.through {
-            Some(through) => through.resume(running),
-            None => running.is_empty(),
+        let mut running = running.collect::<Result<Vec<_>, _>>()?.into_iter();
+        let mut localizer = Self::with_matcher(maps, saved.matcher)?;
+        let whole = localizer.techniques.iter_mut().all(|technique| technique.resume(&mut running));
+        let fused = match &mut localizer.fusion {
+            Some(fusion) => fusion.resume(saved.techniques),
+            None => saved.techniques.is_empty(),
         };
-        if !fits {
-            let reason = "damaged: statistics of another chain than the map's".to_owned();
+        if !(whole && fused && running.next().is_none()) {
+            let reason = "damaged: statistics of another drive than the map's".to_owned();
             return Err(Error::Snapshot { reason });
         }
         Ok(localizer)
     }
 
-    /// The map.
+    /// The map, the first if there are several.
     pub fn map(&self) -> &Arc<Map> {
-        &self.map
+        &self.techniques[0].map
+    }
+
+    /// The maps, one for each technique.
+    pub fn maps(&self) -> impl ExactSizeIterator<Item = &Arc<Map>> {
+        self.techniques.iter().map(|technique| &technique.map)
     }
 
     /// Its options.
@@ -332,29 +430,17 @@ impl Localizer {
     }
 }
 
-/// One query's scan: the map, the threads, and memory for the column.
-struct Scan<'a> {
-    map: &'a Map,
-    pool: &'a mut Option<Pool>,
-    column: &'a mut [f32],
+/// The most maps that are fused: far more than techniques that a robot has time for.
+const MAX_MAPS: usize = 32;
+
+fn wrong_number(got: usize) -> Error {
+    let expected = format!("1 to {MAX_MAPS} maps");
+    Error::Option { name: "maps", expected, got: got.to_string() }
 }
 
-impl Scan<'_> {
-    /// A query becomes a column, by the screen if there is one, and the column a fix.
-    fn push(
-        self,
-        matcher: &mut Matcher,
-        screening: Option<&mut Screening>,
-        query: Query<'_>,
-        given: Given,
-    ) -> Result<Fix, Error> {
-        let Self { map, pool, column } = self;
-        if let Some(screening) = screening {
-            return screening.push(matcher, map, pool, query, column, given);
-        }
-        Job::Distances(query).column(map, pool, column);
-        matcher.push_column(Column { lower: column, upper: None }, given, &mut ())
-    }
+/// What identifies the maps of a snapshot.
+fn fingerprint<'a>(maps: impl IntoIterator<Item = &'a Arc<Map>>) -> u64 {
+    maps.into_iter().fold(0, |all, map| all.rotate_left(1) ^ map.fingerprint())
 }
 
 /// The pool that suits the map's size; `None` for one thread.

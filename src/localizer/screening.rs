@@ -82,7 +82,7 @@ impl Screening {
         }
         self.remember(query);
         let Self { queries, lengths, upper, .. } = self;
-        let column = Column { lower, upper: screened.then_some(upper) };
+        let column = if screened { Column::bounds(lower, upper) } else { Column::exact(lower) };
         let fix = matcher.push_column(column, given, &mut Rows { map, pool, queries, lengths })?;
         let scanned = if screened { 0 } else { map.places() };
         self.looked_at = scanned + matcher.window().asked();

@@ -73,7 +73,8 @@ fn config(places: usize) -> impl Strategy<Value = Config> {
     let floor = prop_oneof![Just(Floor::Running), Just(Floor::Fixed(0.05))];
     let gradient = select(vec![Gradient::Halved, Gradient::Unhalved]);
     let weight = select(vec![0.0, 0.5, 0.99, 1.0]);
-    let motion = select(vec![None, None, Some(Motion::steady()), Some(Motion::free())]);
+    let kinds = [Motion::steady(), Motion::free(), Motion::any()].map(Some);
+    let motion = prop_oneof![Just(None), select(kinds.to_vec())];
     (length, weight, 0..3_usize, smoothing, gradient, floor, speeds, motion).prop_map(
         |(sequence_length, weight, tolerance, smoothing, gradient, floor, speeds, motion)| Config {
             sequence_length,
@@ -107,14 +108,14 @@ proptest! {
                 trusted: [None, None, None, Some(true), Some(false)][drive.0.below(5)],
                 advance: [None, None, Some(-0.75), Some(0.0), Some(1.25)][drive.0.below(5)],
             };
-            let exact = Column { lower: column, upper: None };
+            let exact = Column::exact(column);
             let expected = plain.push_column(exact, given, &mut ()).unwrap();
             let mut known = Known { columns: &columns, newest, asked: 0 };
             let got = if drive.0.below(6) == 0 {
                 told.push_column(exact, given, &mut known)
             } else {
                 let (low, high) = drive.bounds(column, width);
-                let bounds = Column { lower: &low, upper: Some(&high) };
+                let bounds = Column::bounds(&low, &high);
                 told.push_column(bounds, given, &mut known)
             }.unwrap();
             prop_assert_eq!(bits(&got), bits(&expected), "query {}", newest);
@@ -155,7 +156,7 @@ fn few_places_are_looked_at_where_few_are_in_doubt() {
     for (newest, column) in columns.iter().enumerate() {
         let (low, high) = drive.bounds(column, 0.02);
         let mut known = Known { columns: &columns, newest, asked: 0 };
-        let bounds = Column { lower: &low, upper: Some(&high) };
+        let bounds = Column::bounds(&low, &high);
         let fix = told.push_column(bounds, Given::default(), &mut known).unwrap();
         let looked_at = told.window().asked();
         assert_eq!(fix.single.place, 200 + newest);

@@ -49,4 +49,6 @@ pub(super) struct Seen<'a> {
     pub(super) floor: f64,
     /// How many places the robot has moved since the query before, if that is known.
     pub(super) advance: Option<f64>,
+    /// What several techniques say together for each place, if there are several.
+    pub(super) evidence: Option<&'a [f64]>,
 }

@@ -21,6 +21,8 @@ mod argmin;
 #[cfg(test)]
 mod bounds_tests;
 mod estimator;
+mod fix;
+mod fusion;
 mod gradient;
 mod sequence;
 mod single;
@@ -39,6 +41,8 @@ use trust::{Anchor, Anchors, consensus};
 use window::Window;
 
 pub(crate) use estimator::Memory;
+pub use fix::{Fix, Given};
+pub(crate) use fusion::Fusion;
 pub use gradient::Peak;
 pub use sequence::Sequence;
 pub use single::Single;
@@ -51,104 +55,6 @@ use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::segments::Segments;
 use crate::simd::{Compiled, Isa};
-
-/// The longest advance that is accepted: longer than any route, in places.
-const MAX_ADVANCE: f64 = 1e12;
-
-/// Where the robot is, as far as one query tells, and whether to trust it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Fix {
-    /// The number of this query, from 0 since the start or the last reset.
-    pub frame: u64,
-    /// Whether the single match is trusted (Eq. 3, or an external predictor's flag).
-    pub trusted: bool,
-    /// The track's place if there is motion; else the sequence's once it is ready, and before that
-    /// the single match's.
-    pub place: usize,
-    /// The score of that place: `1 - confidence` of the track, the sequence's score, or the single
-    /// match's distance. Less is better.
-    pub score: f32,
-    /// The best match of this query alone.
-    pub single: Single,
-    /// Where the enhanced gradient peaks (Eq. 2).
-    pub gradient: Peak,
-    /// The sequence's match; `None` for the first `L - 1` queries, and again after a gap, while the
-    /// matcher warms up.
-    pub sequence: Option<Sequence>,
-    /// Where the robot is by all queries so far (method 1.9); `None` without
-    /// [`Config::motion`](crate::Config::motion).
-    pub track: Option<Track>,
-}
-
-impl Fix {
-    /// Whether place and score are those of the track or the sequence, not of one query alone.
-    pub fn is_ready(&self) -> bool {
-        self.track.is_some() || self.sequence.is_some()
-    }
-
-    /// The track's speed, else the sequence's slope, in places a query.
-    pub fn speed(&self) -> Option<f64> {
-        self.track.map(|track| track.speed).or(self.sequence.map(|sequence| sequence.speed))
-    }
-
-    /// The probability that the robot is within `tolerance` places of the track's place.
-    pub fn confidence(&self) -> Option<f64> {
-        self.track.map(|track| track.confidence)
-    }
-
-    /// The track's belief that the robot is off the map.
-    pub fn off_map(&self) -> Option<f64> {
-        self.track.map(|track| track.off_map)
-    }
-}
-
-/// Facts about a query that the camera does not give.
-///
-/// ```
-/// use surefix::{Config, Given, Matcher, Motion};
-/// let mut config = Config::default();
-/// config.motion = Some(Motion::steady());
-/// let mut matcher = Matcher::new(4, config)?;
-/// matcher.push(&[0.1, 0.8, 0.9, 0.7])?;
-/// let fix = matcher.push_with(&[0.9, 0.8, 0.2, 0.9], Given::default().advance(1.8))?;
-/// assert_eq!(fix.place, 2);
-/// # Ok::<(), surefix::Error>(())
-/// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[non_exhaustive]
-pub struct Given {
-    /// An external predictor's flag in place of the consensus (Eq. 3).
-    pub trusted: Option<bool>,
-    /// The places that the robot has moved since the query before, by odometry: 0 if it stands
-    /// still, negative if it reverses.
-    pub advance: Option<f64>,
-}
-
-impl Given {
-    /// With an external predictor's flag.
-    #[must_use]
-    pub fn trusted(self, trusted: bool) -> Self {
-        Self { trusted: Some(trusted), ..self }
-    }
-
-    /// With the places that the robot has moved.
-    #[must_use]
-    pub fn advance(self, places: f64) -> Self {
-        Self { advance: Some(places), ..self }
-    }
-
-    /// # Errors
-    /// [`Error::Option`] for an advance that is not finite, or longer than any route.
-    pub(crate) fn check(self) -> Result<(), Error> {
-        let Some(advance) = self.advance.filter(|a| !(-MAX_ADVANCE..=MAX_ADVANCE).contains(a))
-        else {
-            return Ok(());
-        };
-        let expected = format!("a number of places from -{MAX_ADVANCE:e} to {MAX_ADVANCE:e}");
-        Err(Error::Option { name: "advance", expected, got: advance.to_string() })
-    }
-}
 
 /// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
 /// yields distances.
@@ -249,7 +155,7 @@ impl Matcher {
     /// # Errors
     /// As for [`push`](Self::push), and [`Error::Option`] for an advance that is not finite.
     pub fn push_with(&mut self, distances: &[f32], given: Given) -> Result<Fix, Error> {
-        self.push_column(Column { lower: distances, upper: None }, given, &mut ())
+        self.push_column(Column::exact(distances), given, &mut ())
     }
 
     /// [`push_with`](Self::push_with), of distances or of bounds. The answer is that of the
@@ -292,7 +198,8 @@ impl Matcher {
         let floor = config.floor.value(self.lowest);
 
         // 1.5 The weighted sequence (Eqs. 5 and 6), once the window is full.
-        let seen = Seen { segments, anchors, floor, advance: given.advance };
+        let seen =
+            Seen { segments, anchors, floor, advance: given.advance, evidence: column.evidence };
         let sequence = sequence.estimate(window, &seen, ask);
 
         // 1.9 The track, by all queries so far.
@@ -344,6 +251,15 @@ impl Matcher {
         if let Some(tracker) = &mut self.tracker {
             tracker.moved(advance);
         }
+        Ok(())
+    }
+
+    /// A gap, of a known advance if there is one.
+    pub(crate) fn gap_of(&mut self, advance: Option<f64>) -> Result<(), Error> {
+        if let Some(advance) = advance {
+            return self.gap_with_advance(advance);
+        }
+        self.gap();
         Ok(())
     }
 

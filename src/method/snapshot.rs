@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::single::minimum;
 use super::trust::Anchor;
-use super::{Matcher, track, track::Tracker};
+use super::{Fusion, Matcher, track, track::Tracker};
 use crate::archive::{self, Format, Refusal, Tensors, Writer};
 use crate::config::Config;
 use crate::error::Error;
@@ -25,6 +25,9 @@ struct Entry {
     frames: u64,
     /// How many statistics of the drive there are.
     running: usize,
+    /// How many columns each of several techniques has seen; their sums are tensors.
+    #[serde(default)]
+    techniques: Vec<u64>,
     /// The smallest distance so far; `None` before the first query.
     lowest: Option<f32>,
     /// The single match's place and trust of the newest queries, newest first.
@@ -39,6 +42,8 @@ pub(crate) struct Saved {
     pub(crate) matcher: Matcher,
     /// A localizer's statistics of the drive.
     pub(crate) running: Vec<Vec<u8>>,
+    /// The columns and the sums of distances of each of several techniques.
+    pub(crate) techniques: Vec<(u64, Vec<f64>)>,
 }
 
 /// The map that a snapshot must belong to.
@@ -54,7 +59,7 @@ impl Matcher {
     /// # Errors
     /// [`Error::Snapshot`] if the state is too large for the format (over 8 MiB of header).
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
-        self.save(None, &[])
+        self.save(None, &[], None)
     }
 
     /// A matcher that goes on where the snapshot was taken. If `expected` is given, the snapshot
@@ -69,7 +74,13 @@ impl Matcher {
 
     /// The state as bytes, marked with the fingerprint of the map that it belongs to, and with
     /// snapshots of a drive's statistics.
-    pub(crate) fn save(&self, map: Option<u64>, running: &[Vec<u8>]) -> Result<Vec<u8>, Error> {
+    pub(crate) fn save(
+        &self,
+        map: Option<u64>,
+        running: &[Vec<u8>],
+        fusion: Option<&Fusion>,
+    ) -> Result<Vec<u8>, Error> {
+        let techniques = || fusion.into_iter().flat_map(Fusion::statistics);
         let columns = &self.window.cells.lower;
         let held = columns.len().min(self.config.sequence_length);
         let entry = Entry {
@@ -78,6 +89,7 @@ impl Matcher {
             config: self.config.clone(),
             frames: self.frames,
             running: running.len(),
+            techniques: techniques().map(|(columns, _)| columns).collect(),
             lowest: self.lowest.is_finite().then_some(self.lowest),
             anchors: (0..held)
                 .map(|age| self.anchors.get(age))
@@ -92,6 +104,9 @@ impl Matcher {
             for (name, numbers) in tracker.tensors() {
                 writer.numbers(name, vec![numbers.len()], vec![numbers]);
             }
+        }
+        for (index, (_, sums)) in techniques().enumerate() {
+            writer.numbers(technique_name(index), vec![sums.len()], vec![sums]);
         }
         for (index, bytes) in running.iter().enumerate() {
             writer.numbers(running_name(index), vec![bytes.len()], vec![bytes.as_slice()]);
@@ -134,6 +149,7 @@ pub(crate) fn load(
 fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Result<Saved, Refusal> {
     let refused = |reason: &str| Refusal::Foreign(reason.to_owned());
     let Entry { places, config, frames, anchors, track, .. } = entry;
+    let places_of = format!("({places})");
     config.validate(places)?;
     if frames > MAX_FRAMES {
         return Err(refused("an impossible number of frames"));
@@ -183,7 +199,21 @@ fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Resu
         let track = track.ok_or_else(|| refused("no state of the tracker"))?;
         tracker.resume(track, numbers)?;
     }
-    Ok(Saved { matcher, running })
+    let technique = |(index, &columns): (usize, &u64)| {
+        let name = technique_name(index);
+        let (_, sums) = tensors.required::<f64>(&name, &places_of, |shape| shape == [places])?;
+        if columns > MAX_FRAMES || sums.iter().any(|sum| !sum.is_finite()) {
+            return Err(refused("impossible statistics of a technique"));
+        }
+        Ok((columns, sums))
+    };
+    let techniques = entry.techniques.iter().enumerate().map(technique);
+    let techniques = techniques.collect::<Result<Vec<_>, Refusal>>()?;
+    Ok(Saved { matcher, running, techniques })
+}
+
+fn technique_name(index: usize) -> String {
+    format!("technique.{index}")
 }
 
 fn running_name(index: usize) -> String {

@@ -257,7 +257,7 @@ proptest! {
         let config = Config { sequence_length: length, weight, speeds, ..Config::default() };
         let mut search = SequenceSearch::new(&config).unwrap();
         prop_assert_eq!(search.memory(), Memory::Queries(length));
-        let seen = Seen { segments: &segments, anchors: &ring, floor, advance: None };
+        let seen = Seen { segments: &segments, anchors: &ring, floor, advance: None, evidence: None };
         let isa = isa.get(&Isa::available().collect::<Vec<_>>()).to_owned();
         let got = isa.run(Estimate(&mut search, &mut window, &seen)).unwrap();
         prop_assert_eq!((got.place, got.speed, got.anchors), (place, speed, anchors));

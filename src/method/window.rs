@@ -41,6 +41,20 @@ pub(crate) struct Column<'a> {
     pub(crate) lower: &'a [f32],
     /// Upper bounds, likewise; `None` if `lower` is the distances.
     pub(crate) upper: Option<&'a [f32]>,
+    /// What several techniques say together for each place, in place of the distances (method 1.9).
+    pub(crate) evidence: Option<&'a [f64]>,
+}
+
+impl<'a> Column<'a> {
+    /// The distances themselves.
+    pub(crate) fn exact(distances: &'a [f32]) -> Self {
+        Self { lower: distances, upper: None, evidence: None }
+    }
+
+    /// Bounds of them.
+    pub(crate) fn bounds(lower: &'a [f32], upper: &'a [f32]) -> Self {
+        Self { lower, upper: Some(upper), evidence: None }
+    }
 }
 
 /// The newest columns since the last gap, raw.

@@ -8,6 +8,7 @@ mod bad_input;
 mod cases;
 mod drive;
 mod evaluate;
+mod fused;
 mod gaps;
 // On one core the drives take minutes.
 #[cfg(feature = "rayon")]

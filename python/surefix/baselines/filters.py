@@ -73,7 +73,7 @@ def track(
     Parameters
     ----------
     D : array of float32, shape (n, m)
-    motion : {"steady", "free"} or surefix.Motion
+    motion : {"steady", "free", "any"} or surefix.Motion
     advance : array of float64, shape (m,), optional
         Places moved since the query before, by odometry.
     tolerance : int
@@ -91,9 +91,8 @@ def track(
     >>> baselines.track(1 - np.eye(30, dtype=np.float32)).place[5:9]
     array([5, 6, 7, 8])
     """
-    run = match_distances(
-        D, motion=motion, advance=advance, tolerance=tolerance, sequence_length=1
-    )  # fmt: skip
+    options: Any = {"tolerance": tolerance, "sequence_length": 1}
+    run = match_distances(D, motion=motion, advance=advance, **options)
     return _matches(run.place, run.confidence, run.off_map)
 
 

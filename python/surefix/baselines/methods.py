@@ -226,9 +226,13 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "the tracker, at 0 to 2 places a query",
             lambda D, c: track(D, motion="free", tolerance=c.tolerance),
         ),
+        "track_any": Method(
+            "the tracker, at 0 to 5 places a query",
+            lambda D, c: track(D, motion="any", tolerance=c.tolerance),
+        ),
         "track_odometry": Method(
             "the tracker with odometry",
-            lambda D, c: track(D, motion="steady", advance=c.advance, tolerance=c.tolerance),
+            lambda D, c: track(D, motion="any", advance=c.advance, tolerance=c.tolerance),
             needs="advance",
         ),
     }

@@ -84,6 +84,9 @@ def eval_(
     every: inputs.Every = None,
     metres: inputs.Metres = None,
     odometry: inputs.Odometry = None,
+    places_per_metre: Annotated[
+        float | None, typer.Option(help="--odometry: places of the map in a metre, or --spacing.")
+    ] = None,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
     report.
@@ -112,8 +115,9 @@ def eval_(
         missing, kidnap, all (speeds, missing and kidnap at once), rate-1/3, rate-1/2, rate-2,
         rate-3, rate-5; or every. Odometry is made of the truth.
     speed_profile: For the scenario profile: a .csv of speeds in m/s, a row a second.
-    spacing: Metres from one place of the map to the next, for the scenario profile; by default a
-        query is taken once a second, and moves a place at the median speed.
+    spacing: Metres from one place of the map to the next: for --odometry, by default by the map's
+        positions; for the scenario profile, by default a query is taken once a second, and moves a
+        place at the median speed.
     seed: The same seed gives the same drives.
     odometry_scale: The odometry says so much more than was driven, as a share.
     odometry_noise: The deviation of a step of the odometry, as a share of it.
@@ -122,6 +126,8 @@ def eval_(
     is_matrix, by_position = Path(route).suffix == ".npy", query_positions is not None
     drives = scenarios.chosen(scenario or (), speed_profile)
     usual = scenarios.METHODS_OF_DRIVES if drives else DEFAULT_METHODS
+    if odometry is not None and metres is None and not drives:
+        usual = (*usual, "track_odometry")
     methods, taught = method or usual, calibration is not None
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
@@ -148,7 +154,11 @@ def eval_(
     for name in methods:
         expected = "expected --calibration and --calibration-truth to learn from"
         refuse(METHODS[name].needs == "calibration" and not taught, f"--method {name}: {expected}")
-        scenarios.check_method(name, drives)
+        scenarios.check_method(name, drives, odometry)
+    # The advances of a scenario are made of its truth.
+    moved = not drives and any(METHODS[name].needs == "advance" for name in methods)
+    alone = places_per_metre is not None and odometry is None
+    refuse(alone, "--places-per-metre: expected --odometry too")
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
         from surefix.report.eval import write_report
@@ -166,8 +176,12 @@ def eval_(
     else:
         place_map = _open_map(route)
         network = None if model is None else inputs.network_of(place_map, route, model)
+    if moved:
+        of_map = None if place_map is None else place_map.positions
+        sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
+        refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
     frames = None if queries is None else inputs.open_frames(queries, **sampling)
-    names = [] if frames is None else _names(frames)
+    names, advance = ([], []) if frames is None else _names(frames)
     if D is not None:
         places, count = D.shape
         if isinstance(frames, ImageFrames):
@@ -201,6 +215,11 @@ def eval_(
         learned = read_matrix(calibration, similarity)
         lesson = read_truth(calibration_truth, *learned.shape)
         context = replace(context, calibration=(learned, lesson))
+    if moved:
+        unknown = advance[1:].count(None)
+        got = f"none for {plural(unknown, 'frame')}"
+        refuse(unknown > 0, f"--odometry: expected positions at the times of all frames, got {got}")
+        context = replace(context, advance=np.array([0.0, *advance[1:]], np.float64))
     speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
     pictures = None if references is None else _reference_images(references, places)
     _check_before(places, options, out)
@@ -295,20 +314,22 @@ def _check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None
         )
 
 
-def _names(frames: Frames) -> list[str]:
-    """The name of each frame; a recording is read for them."""
+def _names(frames: Frames) -> tuple[list[str], list[float | None]]:
+    """The name and the advance of each frame; a recording is read for them."""
     if isinstance(frames, ImageFrames):
-        return frames.images.names
+        return frames.images.names, []
     names: list[str] = []
+    advance: list[float | None] = []
     bar = Bar(terminal_bar("Counting"), None, frames.estimate)
     with closing(frames.shots()) as shots:
         for shot in shots:
             names.append(shot.name)
+            advance.append(shot.advance)
             bar.show(len(names))
     bar.end(len(names))
     if not names:
         raise mismatch(frames.files[0], "frames", "none")
-    return names
+    return names, advance
 
 
 def _pictures(frames: Frames, wanted: Collection[int]) -> Pictures | None:

@@ -1,9 +1,12 @@
 """Inputs that several commands take: images or recordings, and the network of a map."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+import numpy.typing as npt
 import typer
 
 from surefix import Map, SurefixValueError, frames
@@ -11,6 +14,7 @@ from surefix.descriptors import Onnx
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.frames.opening import is_recording
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
+from surefix.tables.metres import places_per_metre
 from surefix.tables.vectors import ENDINGS
 
 Topic = Annotated[
@@ -31,6 +35,8 @@ Odometry = Annotated[
         "EuRoC, or a topic of poses of the bag."
     ),
 ]
+
+NO_SCALE = "--odometry: expected a map with positions, --spacing or --places-per-metre"
 
 Model = Annotated[
     Path | None,
@@ -63,6 +69,22 @@ def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.F
         return frames.open(place, **sampling)
     check_sampling(place, **sampling)
     return frames.ImageFrames(place, key)
+
+
+def scale_of(
+    where: npt.NDArray[np.float64] | None, spacing: float | None, rate: float | None
+) -> tuple[float | None, str]:
+    """Places per metre, None if unknown, and what they are known by."""
+    refuse(spacing is not None and rate is not None, "--spacing: not with --places-per-metre too")
+    zero = rate is not None and not (math.isfinite(rate) and rate)
+    refuse(zero, f"--places-per-metre: expected a number other than 0, got {rate}")
+    if rate is not None:
+        return rate, "--places-per-metre"
+    if spacing is not None:
+        return 1 / spacing, f"--spacing {spacing:g}"
+    if where is None or not np.ptp(where, axis=0).any():
+        return None, ""
+    return places_per_metre(where), "the map's positions"
 
 
 def check_sampling(got: object, stride: int = 1, **sampling: Any) -> None:

@@ -1,6 +1,5 @@
 """``surefix run``: localize along a route, frame by frame, as a robot would."""
 
-import math
 import sys
 import time
 from collections.abc import Sequence
@@ -8,20 +7,17 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
-import numpy as np
-import numpy.typing as npt
 import typer
 
 from surefix import Localizer, Map, SurefixValueError, frames
 from surefix._words import plural
 from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
-from surefix.cli.inputs import check_not_read, network_of, refuse
+from surefix.cli.inputs import NO_SCALE, check_not_read, network_of, refuse, scale_of
 from surefix.cli.views import open_views
 from surefix.errors import refusal
 from surefix.frames import Advances, Frame, Frames
 from surefix.live import View
-from surefix.tables.metres import places_per_metre as places_per_metre_of
 
 # The headings in the help, of the options about frames and about seeing them.
 F = "Frames"
@@ -99,9 +95,8 @@ def run(
     motion = options.get("motion")
     # For --metres alone there is nothing to say of advances.
     where = None if odometry is None or (metres and not motion) else places.positions
-    scale, of = _scale(where, spacing, places_per_metre)
-    expected = "expected a map with positions, --spacing or --places-per-metre"
-    refuse(odometry is not None and scale is None and metres is None, f"--odometry: {expected}")
+    scale, of = scale_of(where, spacing, places_per_metre)
+    refuse(odometry is not None and scale is None and metres is None, NO_SCALE)
     source = frames.open(
         queries,
         topic=topic,
@@ -177,22 +172,6 @@ def localize(
             summary.add(row, latency)
             for view in views:
                 view.update(frame, fix, localizer, latency)
-
-
-def _scale(
-    where: npt.NDArray[np.float64] | None, spacing: float | None, rate: float | None
-) -> tuple[float | None, str]:
-    """Places per metre, None if unknown, and what they are known by."""
-    refuse(spacing is not None and rate is not None, "--spacing: not with --places-per-metre too")
-    zero = rate is not None and not (math.isfinite(rate) and rate)
-    refuse(zero, f"--places-per-metre: expected a number other than 0, got {rate}")
-    if rate is not None:
-        return rate, "--places-per-metre"
-    if spacing is not None:
-        return 1 / spacing, f"--spacing {spacing:g}"
-    if where is None or not np.ptp(where, axis=0).any():
-        return None, ""
-    return places_per_metre_of(where), "the map's positions"
 
 
 def _said(source: Advances, of: str, motion: object) -> str:

@@ -21,7 +21,7 @@ __all__ = ["METHODS_OF_DRIVES", "check_method", "chosen", "print_drives", "read_
 EVERY, PROFILE = "every", "profile"
 METHODS_OF_DRIVES = (
     "sequence", "sequence-10", "sequence-20", "topological", "track_steady", "track_free",
-    "track_odometry",
+    "track_any", "track_odometry",
 )  # fmt: skip
 
 
@@ -38,10 +38,10 @@ def chosen(scenarios: Iterable[str], speeds: Path | None) -> Sequence[str]:
     return [name for name in dict.fromkeys(names) if name != PROFILE or speeds is not None]
 
 
-def check_method(name: str, scenarios: Sequence[str]) -> None:
+def check_method(name: str, scenarios: Sequence[str], odometry: str | None) -> None:
     """Refuses a method that needs odometry if no drive has it."""
-    expected = f"--method {name}: expected --scenario, which makes odometry of the truth"
-    refuse(METHODS[name].needs == "advance" and not scenarios, expected)
+    expected = f"--method {name}: expected --odometry, or --scenario, which makes it of the truth"
+    refuse(METHODS[name].needs == "advance" and not scenarios and odometry is None, expected)
 
 
 def read_speeds(path: Path) -> npt.NDArray[np.float64]:

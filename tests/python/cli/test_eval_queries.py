@@ -121,6 +121,35 @@ def test_a_map_by_a_network_is_judged_by_the_fixes_of_a_run(
     assert cache.exists()
 
 
+def test_odometry_moves_the_track(drives: Path, tmp_path: Path, run: Run) -> None:
+    # The third map's places are 9 m apart, and the drive goes on 3 m a frame, but for a stop.
+    driven = 3 * np.minimum(np.arange(PLACES), 30)
+    lines = [f"{index / 10},{metres}" for index, metres in enumerate(driven)]
+    (tmp_path / "wheels.csv").write_text("\n".join(["time,distance", *lines]))
+    np.save(tmp_path / "truth.npy", np.arange(PLACES) // 3)
+    route = surefix.Map.open(drives / "third.safetensors")
+    D = np.stack([route.distances(route.descriptor.describe(surefix.read_image(path))) for path in sorted((drives / "winter").iterdir())], axis=1)  # type: ignore[union-attr]  # fmt: skip
+    advance = np.diff(driven, prepend=0) / 9
+    expected = surefix.match_distances(D, motion="steady", advance=advance, sequence_length=1)
+    given = ["third.safetensors", "winter.mkv", "--truth", tmp_path / "truth.npy"]
+    given += ["--odometry", tmp_path / "wheels.csv", "-o", tmp_path / "out"]
+    for scale in (["--spacing", 9], ["--places-per-metre", 1 / 9]):
+        assert run(*given, *scale) == (0, "")
+        rows = fixes(tmp_path / "out", "track_odometry")
+        assert [int(row["place"]) for row in rows] == expected.place.tolist()
+        assert len(fixes(tmp_path / "out", "sequence")) == PLACES
+    code, said = run(*given)
+    assert (code, "expected a map with positions, --spacing or" in said) == (2, True)
+    (tmp_path / "wheels.csv").write_text("\n".join(["time,distance", *lines[:-2]]))
+    code, said = run(*given, "--spacing", 9)
+    assert (code, "positions at the times of all frames, got none for 2 frames" in said) == (
+        2,
+        True,
+    )
+    code, said = run(*given[:4], "--places-per-metre", 1)
+    assert (code, "--places-per-metre: expected --odometry too" in said) == (2, True)
+
+
 @pytest.mark.slow
 def test_a_recording_is_evaluated_as_its_frames_in_a_folder_are(
     drives: Path, tmp_path: Path, run: Run

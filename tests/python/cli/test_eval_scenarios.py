@@ -102,7 +102,11 @@ MISTAKES: dict[str, tuple[list[str], int, str]] = {
     "an unknown scenario": (["--scenario", "slow"], 2, "expected every or one of recorded"),
     "no speeds": (["--scenario", "profile"], 2, "expected --speed-profile"),
     "speeds for nothing": (["--speed-profile", "train.csv"], 2, "expected --scenario"),
-    "odometry of nothing": (["--method", "track_odometry"], 2, "expected --scenario, which makes"),
+    "odometry of nothing": (
+        ["--method", "track_odometry"],
+        2,
+        "expected --odometry, or --scenario",
+    ),
     "two columns": (
         ["--scenario", "profile", "--speed-profile", "two.csv"],
         1,

@@ -1,5 +1,8 @@
 //! Whole runs at once: the same answers as the stream, on all cores.
 
+mod drive;
+mod fused;
+
 use std::io::{self, Write};
 
 use ndarray::ArrayView2;
@@ -8,10 +11,15 @@ use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
 use crate::map::Map;
-use crate::method::{Fix, Given, Matcher, Memory, minimum};
+use crate::method::{Fix, Matcher, Memory, minimum};
 use crate::numbers::{View, first_not_finite};
 use crate::parallel::each;
 use crate::post::ChainState;
+
+pub use drive::Drive;
+pub use fused::{match_fused, match_fused_distances};
+
+use drive::Flags;
 
 /// How many queries are matched between two reports of progress.
 const REPORTED: usize = 64;
@@ -223,7 +231,7 @@ fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
 }
 
 /// Matches many descriptors, one after the other in `queries`, against a map: the distances on all
-/// cores, the answers those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map
+/// cores, the answers those of a [`Localizer`]. `floor: Global` scans the map
 /// twice, so that no matrix need be held. `drive` is what else is
 /// known about the queries. `progress` is told how many queries are done and to do; `Break`
 /// from it stops the work.
@@ -255,16 +263,10 @@ pub fn match_descriptors<'a>(
     progress: Progress<'_>,
 ) -> Result<Run, Error> {
     let queries = queries.into();
-    let dim = map.input_dim();
-    if !queries.len().is_multiple_of(dim) {
-        let (expected, got) =
-            (format!("rows of {dim} numbers"), format!("{} numbers", queries.len()));
-        return Err(Error::Shape { what: "queries", expected, got });
-    }
-    let count = queries.len() / dim;
+    let count = count(map, queries)?;
     let flags = Flags::new(drive, count)?;
     config.validate(map.places())?;
-    queries.check_finite("queries", dim)?;
+    queries.check_finite("queries", map.input_dim())?;
     let mut config = config.clone();
     let total = if config.floor == Floor::Global { 2 * count } else { count };
     let mut report = |done: usize| {
@@ -298,6 +300,16 @@ pub fn match_descriptors<'a>(
     })?;
     report(total)?;
     Ok(Run { fixes, places: map.places() })
+}
+
+/// The number of queries in a list of descriptors.
+fn count(map: &Map, queries: View<'_>) -> Result<usize, Error> {
+    let dim = map.input_dim();
+    if queries.len().is_multiple_of(dim) {
+        return Ok(queries.len() / dim);
+    }
+    let (expected, got) = (format!("rows of {dim} numbers"), format!("{} numbers", queries.len()));
+    Err(Error::Shape { what: "queries", expected, got })
 }
 
 /// The distances of each query in turn, computed a few queries at a time on all cores.
@@ -362,99 +374,6 @@ fn of_query(error: Error, query: usize) -> Error {
             Error::NotFinite { what: "distances (row: query)", row: Some(query), index, value }
         }
         other => other,
-    }
-}
-
-/// What is known about the queries of a batch beside their distances.
-///
-/// ```
-/// use surefix::Drive;
-/// let drive = Drive::default().advance(&[0.0, 1.1, 0.9]).gaps(&[2]);
-/// assert_eq!(drive.trusted, None);
-/// ```
-#[derive(Clone, Copy, Debug, Default)]
-#[non_exhaustive]
-pub struct Drive<'a> {
-    /// An external predictor's flag for each query ([`Given::trusted`]).
-    pub trusted: Option<&'a [bool]>,
-    /// The places that the robot moved before each query ([`Given::advance`]). Then gaps are
-    /// [bridged](Matcher::gap_with_advance).
-    pub advance: Option<&'a [f64]>,
-    /// The queries, in any order, before which there is a gap ([`Matcher::gap`]).
-    pub gaps: &'a [usize],
-}
-
-impl<'a> Drive<'a> {
-    /// With an external predictor's flags.
-    #[must_use]
-    pub fn trusted(self, trusted: &'a [bool]) -> Self {
-        Self { trusted: Some(trusted), ..self }
-    }
-
-    /// With odometry.
-    #[must_use]
-    pub fn advance(self, advance: &'a [f64]) -> Self {
-        Self { advance: Some(advance), ..self }
-    }
-
-    /// With gaps.
-    #[must_use]
-    pub fn gaps(self, gaps: &'a [usize]) -> Self {
-        Self { gaps, ..self }
-    }
-}
-
-/// [`Drive`], checked.
-struct Flags<'a> {
-    trusted: Option<&'a [bool]>,
-    advance: Option<&'a [f64]>,
-    /// For each query, whether there is a gap before it.
-    gaps: Vec<bool>,
-}
-
-impl<'a> Flags<'a> {
-    fn new(drive: Drive<'a>, queries: usize) -> Result<Self, Error> {
-        let Drive { trusted, advance, gaps } = drive;
-        let lengths = [("trusted", trusted.map(<[_]>::len)), ("advance", advance.map(<[_]>::len))];
-        for (what, length) in lengths {
-            if let Some(got) = length.filter(|&got| got != queries) {
-                return Err(Error::Length { what, expected: queries, got });
-            }
-        }
-        for (query, &advance) in advance.unwrap_or_default().iter().enumerate() {
-            Given::default().advance(advance).check().map_err(|error| match error {
-                Error::Option { name, expected, got } => {
-                    Error::Option { name, expected, got: format!("{got} for query {query}") }
-                }
-                other => other,
-            })?;
-        }
-        let mut cut = vec![false; queries];
-        for &query in gaps {
-            *cut.get_mut(query).ok_or_else(|| Error::Option {
-                name: "gaps",
-                expected: match queries.checked_sub(1) {
-                    Some(last) => format!("indices of queries, from 0 to {last}"),
-                    None => "none, as there is no query".to_owned(),
-                },
-                got: query.to_string(),
-            })? = true;
-        }
-        Ok(Self { trusted, advance, gaps: cut })
-    }
-
-    /// Pushes a query's distances, after its gap if there is one.
-    fn push(&self, matcher: &mut Matcher, query: usize, distances: &[f32]) -> Result<Fix, Error> {
-        let given = Given {
-            trusted: self.trusted.map(|trusted| trusted[query]),
-            advance: self.advance.map(|advance| advance[query]),
-        };
-        match given.advance {
-            _ if !self.gaps[query] => {}
-            None => matcher.gap(),
-            Some(_) => matcher.gap_with_advance(0.0)?,
-        }
-        matcher.push_with(distances, given)
     }
 }
 

@@ -1,0 +1,132 @@
+//! Batches of several techniques, fused.
+
+use std::sync::Arc;
+
+use ndarray::ArrayView2;
+
+use super::drive::{Drive, Flags};
+use super::{REPORTED, Run, count, of_query};
+use crate::config::{Config, Floor};
+use crate::error::Error;
+use crate::image::Progress;
+use crate::localizer::{Input, Localizer};
+use crate::map::Map;
+use crate::method::{Fix, Fusion, Matcher};
+use crate::numbers::View;
+
+/// Matches the distance matrices of several techniques, of one shape, as
+/// [`Localizer::fused`] fuses their columns. One core works, in order.
+///
+/// # Errors
+/// As for [`match_distances`]; [`Error::Option`] for no matrix, and [`Error::Shape`] for matrices of
+/// different shapes.
+pub fn match_fused_distances(
+    distances: &[ArrayView2<'_, f32>],
+    config: &Config,
+    drive: Drive<'_>,
+) -> Result<Run, Error> {
+    let Some(first) = distances.first() else {
+        let expected = "one matrix or more".to_owned();
+        return Err(Error::Option { name: "distances", expected, got: "none".to_owned() });
+    };
+    let (places, queries) = first.dim();
+    if let Some(other) = distances.iter().find(|other| other.dim() != first.dim()) {
+        let (expected, got) = (format!("{:?}", first.dim()), format!("{:?}", other.dim()));
+        return Err(Error::Shape { what: "distances of several techniques", expected, got });
+    }
+    config.validate(places)?;
+    let flags = Flags::new(drive, queries)?;
+    let fixes = twice_if_global(config, |config| {
+        let mut matcher = Matcher::new(places, config.clone())?;
+        let mut fusion = Fusion::new(distances.len(), places, config)?;
+        let mut columns = vec![vec![0.0; places]; distances.len()];
+        let push = |query: usize| {
+            for (column, distances) in columns.iter_mut().zip(distances) {
+                for (number, &distance) in column.iter_mut().zip(distances.column(query)) {
+                    *number = distance;
+                }
+            }
+            fusion.fuse(|technique| &columns[technique]).map_err(|error| of_query(error, query))?;
+            let given = flags.before(query, |advance| matcher.gap_of(advance))?;
+            matcher.push_column(fusion.column(), given, &mut ())
+        };
+        (0..queries).map(push).collect()
+    })?;
+    Ok(Run { fixes, places })
+}
+
+/// Matches descriptors of several techniques, one list of rows for each map: the answers are those
+/// of a [`Localizer::fused`]. One query is matched after the other; large maps are
+/// scanned on all cores. `progress` is as for [`match_descriptors`].
+///
+/// # Errors
+/// As for [`match_descriptors`] and [`Localizer::fused`]; [`Error::Length`] unless
+/// there is one list for each map, all with one number of rows.
+pub fn match_fused(
+    maps: &[Arc<Map>],
+    queries: &[View<'_>],
+    config: &Config,
+    drive: Drive<'_>,
+    progress: Progress<'_>,
+) -> Result<Run, Error> {
+    let (expected, got) = (maps.len(), queries.len());
+    if expected != got {
+        return Err(Error::Length { what: "queries, one list for each map", expected, got });
+    }
+    let counts = maps.iter().zip(queries).map(|(map, queries)| count(map, *queries));
+    let counts = counts.collect::<Result<Vec<_>, _>>()?;
+    let (places, total) = match (maps.first(), counts.first()) {
+        (Some(map), Some(&count)) => (map.places(), count),
+        _ => (0, 0),
+    };
+    if let Some(&got) = counts.iter().find(|&&count| count != total) {
+        return Err(Error::Length {
+            what: "queries of a map, as of the first",
+            expected: total,
+            got,
+        });
+    }
+    let flags = Flags::new(drive, total)?;
+    let mut report = |done: usize| {
+        if done.is_multiple_of(REPORTED) && progress(done, total).is_break() {
+            return Err(Error::Interrupted { done, total });
+        }
+        Ok(())
+    };
+    let fixes = twice_if_global(config, |config| {
+        let mut localizer = Localizer::fused(maps.to_vec(), config.clone())?;
+        let mut inputs = Vec::with_capacity(maps.len());
+        let mut push = |query: usize| {
+            report(query)?;
+            inputs.clear();
+            for (map, queries) in maps.iter().zip(queries) {
+                inputs.extend(queries.row(query, map.input_dim()).map(Input::Descriptor));
+            }
+            let given = flags.before(query, |advance| localizer.gap_of(advance))?;
+            localizer.push_inputs(&inputs, given).map_err(|error| of_query(error, query))
+        };
+        (0..total).map(&mut push).collect()
+    })?;
+    if progress(total, total).is_break() {
+        return Err(Error::Interrupted { done: total, total });
+    }
+    Ok(Run { fixes, places })
+}
+
+/// The fixes of a run in order; for the floor of the whole matrix, of two runs: the first finds it.
+fn twice_if_global(
+    config: &Config,
+    mut run: impl FnMut(&Config) -> Result<Vec<Fix>, Error>,
+) -> Result<Vec<Fix>, Error> {
+    if config.floor != Floor::Global {
+        return run(config);
+    }
+    let mut config = Config { floor: Floor::Running, ..config.clone() };
+    let first = run(&config)?;
+    let lowest = first.iter().map(|fix| fix.single.distance).fold(f32::INFINITY, f32::min);
+    if first.is_empty() {
+        return Ok(first);
+    }
+    config.floor = Floor::Fixed(f64::from(lowest));
+    run(&config)
+}

@@ -1,0 +1,125 @@
+//! Several techniques' columns of one query as one (method 1.9): which technique is best on a route
+//! need not be known.
+
+use super::single::checked_minimum;
+use super::track::Hubness;
+use super::window::Column;
+use crate::config::Config;
+use crate::error::Error;
+use crate::motion::Motion;
+use crate::preallocated::reserved;
+use crate::simd::{Compiled, Isa};
+
+/// The techniques' statistics, and memory for the fused column.
+#[derive(Clone, Debug)]
+pub(crate) struct Fusion {
+    techniques: Vec<Hubness>,
+    motion: Motion,
+    isa: Isa,
+    /// The mean of the techniques' `z`: the column of the paper's steps.
+    column: Vec<f32>,
+    /// The sum of their clipped `z`, divided by the square root of their number.
+    evidence: Vec<f64>,
+}
+
+impl Fusion {
+    /// For `count` techniques, which is at least 1.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] if there is not enough.
+    pub(crate) fn new(count: usize, places: usize, config: &Config) -> Result<Self, Error> {
+        let (mut column, mut evidence) = (reserved(places)?, reserved(places)?);
+        column.resize(places, 0.0);
+        evidence.resize(places, 0.0);
+        let techniques = (0..count).map(|_| Hubness::new(places)).collect::<Result<_, _>>()?;
+        let motion = config.motion.clone().unwrap_or_default();
+        Ok(Self { techniques, motion, isa: Isa::best(), column, evidence })
+    }
+
+    /// Fuses the techniques' columns of a query; `column` gives one. The result is
+    /// [`column`](Self::column).
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless each has one distance a place, [`Error::NotFinite`] for a NaN or an
+    /// infinity (row: the technique). Nothing is learned then.
+    pub(crate) fn fuse<'a>(&mut self, column: impl Fn(usize) -> &'a [f32]) -> Result<(), Error> {
+        for technique in 0..self.techniques.len() {
+            let checked = checked_minimum(column(technique), self.column.len());
+            checked.map_err(|error| match error {
+                Error::NotFinite { index, value, .. } => Error::NotFinite {
+                    what: "distances (row: technique)",
+                    row: Some(technique),
+                    index,
+                    value,
+                },
+                other => other,
+            })?;
+        }
+        self.column.fill(0.0);
+        self.evidence.fill(0.0);
+        let count = self.techniques.len() as f64;
+        let (share, weight) = (1.0 / count, 1.0 / count.sqrt());
+        for (index, hubness) in self.techniques.iter_mut().enumerate() {
+            let (fused, evidence) = (&mut self.column[..], &mut self.evidence[..]);
+            let (motion, column) = (&self.motion, column(index));
+            self.isa.run(Add { hubness, motion, column, share, weight, fused, evidence });
+        }
+        Ok(())
+    }
+
+    /// The fused column.
+    pub(crate) fn column(&self) -> Column<'_> {
+        Column { lower: &self.column, upper: None, evidence: Some(&self.evidence) }
+    }
+
+    /// Forgets the statistics of the drive.
+    pub(crate) fn reset(&mut self) {
+        self.techniques.iter_mut().for_each(Hubness::clear);
+    }
+
+    /// The statistics of each technique: how many columns, and the sum of each place's distances.
+    pub(crate) fn statistics(&self) -> impl Iterator<Item = (u64, &[f64])> {
+        self.techniques.iter().map(|hubness| (hubness.columns, &hubness.sums[..]))
+    }
+
+    /// Goes on with known statistics; false if they do not fit.
+    pub(crate) fn resume(&mut self, known: Vec<(u64, Vec<f64>)>) -> bool {
+        let places = self.column.len();
+        let fits = known.len() == self.techniques.len()
+            && known.iter().all(|(_, sums)| sums.len() == places);
+        if fits {
+            let hubness = |(columns, sums)| Hubness { sums, columns };
+            self.techniques = known.into_iter().map(hubness).collect();
+        }
+        fits
+    }
+}
+
+/// One technique's part of the fused column, compiled for each instruction set.
+struct Add<'a> {
+    hubness: &'a mut Hubness,
+    motion: &'a Motion,
+    column: &'a [f32],
+    share: f64,
+    weight: f64,
+    fused: &'a mut [f32],
+    evidence: &'a mut [f64],
+}
+
+impl Compiled for Add<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { hubness, motion, column, share, weight, fused, evidence } = self;
+        // A column that says nothing adds nothing.
+        let Some(standard) = hubness.learn(column, motion) else { return };
+        let clip = motion.clip;
+        let outs = fused.iter_mut().zip(evidence);
+        for ((&distance, &sum), (fused, evidence)) in column.iter().zip(&hubness.sums).zip(outs) {
+            let z = standard.z(distance, sum);
+            *fused += (share * z) as f32;
+            *evidence += weight * z.max(-clip).min(clip);
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! The answer (method 1.9, 6): the most probable place, and how sure it is.
+
+use super::steps::arriving;
+use super::sums::{CHUNK, LANES, sum};
+use super::{Prediction, Step, Tracker};
+use crate::method::argmin::first_better;
+use crate::segments::Segments;
+
+/// The share of the belief on either side of [`Track::interval`].
+const TAIL: f64 = 0.025;
+
+/// Where the robot is by all queries so far (method 1.9).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Track {
+    /// The most probable place, from 0.
+    pub place: usize,
+    /// The probability that the robot is within `tolerance` places of it.
+    pub confidence: f64,
+    /// The belief that the robot is off the map. It ranks well; as a probability it is a lower
+    /// bound, as places that the map lacks have no evidence of their own.
+    pub off_map: f64,
+    /// The speed in places a query, or the advance if it is known.
+    pub speed: f64,
+    /// The first and the last place of the interval that holds 95 % of the belief on the map.
+    pub interval: (usize, usize),
+}
+
+impl Tracker {
+    #[inline(always)]
+    pub(super) fn answer(
+        &self,
+        advance: Option<f64>,
+        step: Step,
+        prediction: Prediction,
+        segments: &Segments,
+    ) -> Track {
+        let mass = self.mass(segments.places());
+        let mut best = (0, f64::NEG_INFINITY);
+        for (index, chunk) in mass.chunks(CHUNK).enumerate() {
+            if let Some((at, mass)) = first_better(chunk, best.1, |a, b| a > b) {
+                best = (index * CHUNK + at, mass);
+            }
+        }
+        let (place, segment) = (best.0, segments.of(best.0));
+        let near = place.saturating_sub(self.tolerance).max(segment.start)
+            ..place.saturating_add(self.tolerance + 1).min(segment.end);
+        let confidence = self.state.scale * mass[near].iter().sum::<f64>();
+        let interval = self.interval(mass);
+        Track {
+            place,
+            confidence,
+            off_map: self.state.off,
+            speed: advance.unwrap_or_else(|| self.speed(step, prediction, place, segments)),
+            interval: (interval.0.min(place), interval.1.max(place)),
+        }
+    }
+
+    /// The mass in each place.
+    pub(super) fn mass(&self, places: usize) -> &[f64] {
+        if self.state.joint { &self.mass[..places] } else { &self.scratch.places }
+    }
+
+    /// The mean speed of the belief in a place, in places a query.
+    fn speed(&self, step: Step, prediction: Prediction, place: usize, segments: &Segments) -> f64 {
+        let (mut total, mut sum, mut speeds) = (0.0, 0.0, self.motion.speeds.iter());
+        let moved = step.moved();
+        self.each_row(step, |row, taps, share| {
+            let keep = prediction.keep * share;
+            let mut arrived = [0.0];
+            arriving(row, taps, segments, keep * moved, place, &mut arrived);
+            let moving = arrived[0] + prediction.anew;
+            total += moving + keep * (1.0 - moved) * row[place];
+            sum += moving * speeds.next().copied().unwrap_or(0.0);
+        });
+        self.motion.pace * sum / total
+    }
+
+    /// The places beside which [`TAIL`] of the mass lies on either side.
+    fn interval(&self, mass: &[f64]) -> (usize, usize) {
+        let tail = TAIL * self.state.on / self.state.scale;
+        let sums = &self.scratch.sums;
+        let (mut below, mut chunk) = (0.0, 0);
+        while chunk + 1 < sums.len() && below + sums[chunk] <= tail {
+            below += sums[chunk];
+            chunk += 1;
+        }
+        let mut low = chunk * CHUNK;
+        while low + LANES < mass.len() && below + sum(&mass[low..low + LANES]) <= tail {
+            below += sum(&mass[low..low + LANES]);
+            low += LANES;
+        }
+        while low + 1 < mass.len() && below + mass[low] <= tail {
+            below += mass[low];
+            low += 1;
+        }
+        let (mut above, mut chunk) = (0.0, sums.len());
+        while chunk > 1 && above + sums[chunk - 1] <= tail {
+            above += sums[chunk - 1];
+            chunk -= 1;
+        }
+        let mut high = mass.len().min(chunk * CHUNK);
+        while high > LANES && above + sum(&mass[high - LANES..high]) <= tail {
+            above += sum(&mass[high - LANES..high]);
+            high -= LANES;
+        }
+        while high > 1 && above + mass[high - 1] <= tail {
+            above += mass[high - 1];
+            high -= 1;
+        }
+        (low, high - 1)
+    }
+}

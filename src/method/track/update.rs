@@ -1,0 +1,123 @@
+//! The update (method 1.9, 5): the belief moves, is weighed by the evidence and summed, a chunk of
+//! places at a time.
+
+use super::evidence::Evidence;
+use super::steps::{Steps, arriving, known};
+use super::sums::{BLOCK, CHUNK, sum};
+use super::{Prediction, Step, Tracker};
+use crate::segments::Segments;
+
+impl Tracker {
+    #[inline(always)]
+    pub(super) fn update(
+        &mut self,
+        column: &[f32],
+        evidence: Evidence<'_>,
+        step: Step,
+        prediction: Prediction,
+        segments: &Segments,
+    ) {
+        let Self { motion, steps, hubness, mass, before, state, scratch, .. } = self;
+        let (places, speeds) = (column.len(), motion.speeds.len());
+        let Prediction { keep, anew, off } = prediction;
+        let moved = step.moved();
+        let mut e = [0.0; CHUNK];
+        let (mut on, mut evidence_sum) = (0.0, 0.0);
+        for block in (0..places).step_by(BLOCK) {
+            let (mut on_block, mut evidence_block) = (0.0, 0.0);
+            for start in (block..places.min(block + BLOCK)).step_by(CHUNK) {
+                let range = start..places.min(start + CHUNK);
+                let e = &mut e[..range.len()];
+                evidence.of(column, &hubness.sums, start, e);
+                evidence_block += sum(e);
+                let one = match step {
+                    Step::Known { shift, part, jitter } => {
+                        Some((&before[..places], &known(shift, part, jitter)[..]))
+                    }
+                    Step::Speeds { .. } if speeds == 1 => Some((&before[..], steps.of(0))),
+                    Step::Speeds { .. } => None,
+                };
+                let of_places = if let Some((row, taps)) = one {
+                    let out = &mut mass[range];
+                    arriving(row, taps, segments, keep * moved, start, out);
+                    stay(row, keep * (1.0 - moved), start, out);
+                    weigh(out, anew, e);
+                    &*out
+                } else {
+                    let joint = matches!(step, Step::Speeds { joint: true, .. });
+                    let chunk = &mut scratch.chunk[..];
+                    for (speed, out) in chunk.chunks_exact_mut(CHUNK).enumerate() {
+                        let out = &mut out[..range.len()];
+                        let (row, share) = steps.row(before, speed, joint);
+                        let keep = keep * share;
+                        arriving(row, steps.of(speed), segments, keep * moved, start, out);
+                        stay(row, keep * (1.0 - moved), start, out);
+                        weigh(out, anew, e);
+                    }
+                    let of_places = &mut scratch.places[range.clone()];
+                    add_up(chunk, of_places);
+                    for speed in 0..speeds {
+                        let out = &mut mass[speed * places + start..][..range.len()];
+                        switched(chunk, speed, steps, out);
+                    }
+                    &*of_places
+                };
+                let total = sum(of_places);
+                scratch.sums[start / CHUNK] = total;
+                on_block += total;
+            }
+            on += on_block;
+            evidence_sum += evidence_block;
+        }
+        let off = off * (evidence_sum / places as f64);
+        let total = on + off;
+        state.scale = 1.0 / total;
+        (state.on, state.off) = (on / total, off / total);
+        state.fresh = false;
+        state.joint = matches!(step, Step::Known { .. }) || speeds == 1;
+    }
+}
+
+/// Adds the mass that has not moved.
+#[inline(always)]
+fn stay(row: &[f64], factor: f64, start: usize, out: &mut [f64]) {
+    if factor == 0.0 {
+        return;
+    }
+    for (out, &mass) in out.iter_mut().zip(&row[start..]) {
+        *out += factor * mass;
+    }
+}
+
+/// The arriving mass becomes the prediction, and that is weighed by the evidence.
+#[inline(always)]
+fn weigh(mass: &mut [f64], anew: f64, e: &[f64]) {
+    for (mass, &e) in mass.iter_mut().zip(e) {
+        *mass = (*mass + anew) * e;
+    }
+}
+
+/// The sum over the speeds.
+#[inline(always)]
+fn add_up(chunk: &[f64], out: &mut [f64]) {
+    out.fill(0.0);
+    for row in chunk.chunks_exact(CHUNK) {
+        for (out, &mass) in out.iter_mut().zip(row) {
+            *out += mass;
+        }
+    }
+}
+
+/// The mass of a speed after the change of speed.
+#[inline(always)]
+fn switched(chunk: &[f64], speed: usize, steps: &Steps, out: &mut [f64]) {
+    let last = steps.shares.len() - 1;
+    let (below, above) = (speed.saturating_sub(1), (speed + 1).min(last));
+    let [a, b, c] = steps.switches(speed);
+    let count = out.len();
+    let row = |speed: usize| &chunk[speed * CHUNK..][..count];
+    let rows = row(below).iter().zip(row(speed)).zip(row(above));
+    for (out, ((&below, &own), &above)) in out.iter_mut().zip(rows) {
+        *out = a * below + b * own + c * above;
+    }
+}
