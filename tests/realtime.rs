@@ -139,7 +139,7 @@ fn a_tracker_allocates_nothing_after_construction() {
     const PLACES: usize = 5000;
     let queries = columns(Kind::Smooth, PLACES, 12, 1);
     let mut custom = Motion::free();
-    (custom.pace, custom.fractional) = (7.0, true);
+    (custom.pace, custom.by_distance, custom.repeat) = (7.0, true, 0.5);
     for motion in [Motion::steady(), Motion::free(), Motion::any(), custom] {
         let config = config! { motion: Some(motion.clone()) };
         let mut matcher = Matcher::new(PLACES, config).unwrap();

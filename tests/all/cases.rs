@@ -83,11 +83,13 @@ pub(crate) fn motion() -> impl Strategy<Value = Option<Motion>> {
     let jitter = select(vec![0.0, 0.01, 0.1, 0.25]);
     let pace = prop_oneof![select(vec![0.01, 0.3, 1.0, 1000.0]), 0.1..20.0];
     let words = (0.0..2.0, 0.0..6.0, select(vec![0.0, 1.0, 10.0]));
-    let custom = (speeds, chances, jitter, pace, words, any::<bool>()).prop_map(
-        |(speeds, chances, jitter, pace, (evidence, clip, hubness), fractional)| {
+    let still = (any::<bool>(), select(vec![0.0, 0.9, 1.0]));
+    let custom = (speeds, chances, jitter, pace, words, still).prop_map(
+        |(speeds, chances, jitter, pace, (evidence, clip, hubness), (by_distance, repeat))| {
             let mut motion = Motion::steady();
             motion.speeds = speeds.into_iter().map(|quarters| f64::from(quarters) / 4.0).collect();
-            (motion.jitter, motion.pace, motion.fractional) = (jitter, pace, fractional);
+            (motion.jitter, motion.pace) = (jitter, pace);
+            (motion.by_distance, motion.repeat) = (by_distance, repeat);
             (motion.switching, motion.restart, motion.leave, motion.rejoin) = chances;
             (motion.evidence, motion.clip, motion.hubness) = (evidence, clip, hubness);
             Some(motion)

@@ -16,7 +16,7 @@ import numpy as np
 from oracle import Array
 
 OFF = 0.05
-STANDING = 0.05
+BY_WAY, BY_VIEW = 0.05, 0.1  # what a robot that stands still learns
 TAIL = 0.025
 
 
@@ -53,8 +53,8 @@ class Tracked:
         )
 
 
-def evidence(D: Array, motion: Any) -> Array:
-    """1.9, 1 and 2: `z` of each place and query, (n, m)."""
+def evidence(D: Array, motion: Any) -> tuple[Array, Array]:
+    """1.9, 1 and 2: `z` of each place and query, (n, m), and which queries say anything, (m,)."""
     says = np.ptp(D, axis=0) > 0
     sums = np.cumsum(np.where(says, D, 0.0), axis=1)
     k = np.cumsum(says)
@@ -64,7 +64,7 @@ def evidence(D: Array, motion: Any) -> Array:
     size = np.abs(D.mean(axis=0)) + np.abs(hubs.mean(axis=0))
     clear = says & (deviation > 1e-12 * size)
     z = (x - x.mean(axis=0)) / np.where(clear, deviation, 1.0)
-    return np.where(clear, np.clip(z, -motion.clip, motion.clip), 0.0)
+    return np.where(clear, z, 0.0), says
 
 
 def transition(n: int, move: float, jitter: float, reach: int = 1) -> Array:
@@ -100,51 +100,77 @@ def switching(count: int, probability: float) -> Array:
     return (1 - probability) * np.eye(count) + probability * beside / beside.sum(1, keepdims=True)
 
 
+def steps(z: Array, a: float, before: int | None, now: int, motion: Any) -> tuple[float, ...]:
+    """The shares of a whole step that the query `now` is after the query `before`: of evidence, of
+    the motion, and of all that may happen.
+    """
+    if not np.isnan(a):
+        way = float(np.clip(abs(a), BY_WAY, 1.0))
+        return way, 1.0, way if motion.by_distance else 1.0
+    if before is None or motion.repeat == 1 or not (z[:, now].any() and z[:, before].any()):
+        return 1.0, 1.0, 1.0
+    new = (1 - np.corrcoef(z[:, before], z[:, now])[0, 1]) / (1 - motion.repeat)
+    moved = float(np.clip(2 * new, 0.0, 1.0))
+    return float(np.clip(new, BY_VIEW, 1.0)), moved, max(moved, BY_VIEW)
+
+
 def track(
-    D: Array, motion: Any, advance: Array | None = None, gaps: Mapping[int, float | None] = {}
+    D: Array,
+    motion: Any,
+    advance: Array | None = None,
+    gaps: Mapping[int, float | None] = {},
+    total: float = 1 - OFF,
 ) -> Tracked:
     """1.9 for distances (n, m). `advance` (m,) is NaN if it is not known; `gaps` are before these
-    queries, with the advance in them if it is known.
+    queries, with the advance in them if it is known. `total` is the sum of the beliefs at the
+    start.
     """
     D = np.asarray(D, np.float64)
     n, m = D.shape
     V = len(motion.speeds)
-    z = evidence(D, motion)
+    z, says = evidence(D, motion)
     advance = np.full(m, np.nan) if advance is None else np.asarray(advance, float)
     of_speeds, change = speed_transitions(n, motion), switching(V, motion.switching)
-    stays_on, keep = 1 - motion.leave, (1 - motion.leave) * (1 - motion.restart)
-    travelled, fresh = 0.0, True
-    b, on, off = np.full((n, V), 1 / (n * V)), 1 - OFF, OFF
+    start = np.full((n, V), total / (n * V)), 1 - OFF, OFF
+    b, on, off = start
+    travelled, fresh, viewed = 0.0, True, None
     belief, offs, mean_speeds = np.empty((n, m)), np.empty(m), np.empty((n, m))
     for j in range(m):
         a = advance[j]
         if j in gaps:
             bridge = gaps[j]
             if bridge is None:
-                b, on, off, fresh = np.full((n, V), 1 / (n * V)), 1 - OFF, OFF, True
+                (b, on, off), fresh, viewed = start, True, None
             else:
                 a = bridge + (0.0 if np.isnan(a) else a)
-        share = 1.0
+        learnt, moves, happens = (1.0,) * 3 if fresh else steps(z, a, viewed, j, motion)
+        viewed = j if says[j] else viewed
+        leave, restart, rejoin = (
+            rate * happens for rate in (motion.leave, motion.restart, motion.rejoin)
+        )
+        keep = (1 - leave) * (1 - restart)
         if np.isnan(a):
-            moved = np.stack([T @ row for T, row in zip(of_speeds, (b @ change).T, strict=True)], 1)
+            changed = b @ change
+            moved = np.stack([T @ row for T, row in zip(of_speeds, changed.T, strict=True)], axis=1)
+            stayed = (1 - moves) * changed
             speeds = np.array(motion.speeds) * motion.pace
         else:
             to = travelled + a
-            by = a if motion.fractional else np.rint(to) - np.rint(travelled)
+            by = a if motion.by_distance else np.rint(to) - np.rint(travelled)
             travelled = to
-            moved = (transition(n, by, motion.jitter) @ b.sum(axis=1))[:, None]
-            speeds = np.array([a])
-            if not fresh:
-                share = np.clip(abs(a), STANDING, 1.0)
-        anew = motion.rejoin * off + stays_on * motion.restart * on + keep * (on - moved.sum())
-        predicted = keep * moved + anew / moved.size
-        e = np.exp(-motion.evidence * share * z[:, j])
-        off = ((1 - motion.rejoin) * off + motion.leave * on) * e.mean()
+            moved = (transition(n, by, motion.jitter * happens) @ b.sum(axis=1))[:, None]
+            stayed, speeds = np.zeros((n, 1)), np.array([a])
+        left = moves * (on - moved.sum())
+        anew = rejoin * off + (1 - leave) * restart * on + keep * left
+        moving = keep * moves * moved + anew / moved.size
+        predicted = moving + keep * stayed
+        e = np.exp(-motion.evidence * learnt * np.clip(z[:, j], -motion.clip, motion.clip))
+        off = ((1 - rejoin) * off + leave * on) * e.mean()
         b = predicted * e[:, None]
         on = b.sum()
         b, on, off, fresh = b / (on + off), on / (on + off), off / (on + off), False
         belief[:, j], offs[j] = b.sum(axis=1), off
-        mean_speeds[:, j] = predicted @ speeds / predicted.sum(axis=1)
+        mean_speeds[:, j] = moving @ speeds / predicted.sum(axis=1)
         if b.shape[1] != V:  # all speeds are as likely after a known advance
             b = np.repeat(b / V, V, axis=1)
     return Tracked(belief, offs, mean_speeds)
