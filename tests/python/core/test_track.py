@@ -270,3 +270,12 @@ def test_a_restored_matcher_tells_its_belief(kind: Any) -> None:
     live.push(np.float32([0.5, 0.1, 0.5, 0.7]))
     restored = surefix.Matcher.restore(live.snapshot())
     np.testing.assert_allclose(restored.belief, live.belief, rtol=1e-12)
+
+
+@pytest.mark.xfail(strict=True, reason="0 / 0 if there is no belief on the map at all")
+def test_a_robot_that_never_comes_back_has_a_speed() -> None:
+    live = surefix.Matcher(places=4, motion=surefix.Motion("steady", leave=1.0, rejoin=0.0))
+    for _ in range(3):
+        fix = live.push(np.float32([0.5, 0.1, 0.5, 0.7]))
+    assert fix.off_map == 1
+    assert np.isfinite(fix.speed)
