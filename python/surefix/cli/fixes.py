@@ -86,7 +86,7 @@ def json_writer(file: TextIO) -> Writer:
 
 
 class Summary:
-    """Counts fixes as they come; a drive of days fits in memory. Its parameters are ``Tracked``'s."""
+    """Counts fixes as they come; a drive of days fits in memory. It takes what ``Tracked`` does."""
 
     def __init__(
         self, motion: object = None, accept: float | None = None, tolerance: int = 1

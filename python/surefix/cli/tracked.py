@@ -6,7 +6,7 @@ from collections import deque
 import numpy as np
 
 from surefix import Fix
-from surefix._words import plural
+from surefix.motion import PERHAPS_OFF
 
 __all__ = ["Agreement", "Tracked"]
 
@@ -87,7 +87,7 @@ class Tracked:
         self.motion, self.accept = motion, accept
         self.agreement = Agreement(tolerance)
         self.confidence, self.speed = array("f"), array("f")
-        self.accepted = self.off = 0
+        self.accepted = self.unsure = self.off = 0
         self.odometry = False
 
     def add(self, fix: Fix, advance: float | None, breaks: bool) -> None:
@@ -99,7 +99,8 @@ class Tracked:
         self.confidence.append(track.confidence)
         self.speed.append(track.speed)
         self.accepted += self.accept is not None and track.confidence >= self.accept
-        self.off += track.off_map > 0.5
+        self.unsure += track.confidence < 0.5
+        self.off += track.off_map > PERHAPS_OFF
         self.agreement.add(fix, breaks and advance is None)
 
     def lines(self) -> list[str]:
@@ -112,7 +113,7 @@ class Tracked:
         if self.accept is not None:
             share = f"{self.accepted / count:.0%}"
             parts.append(f"{self.accepted} accepted at {self.accept:g} ({share})")
-        parts.append(f"{plural(self.off, 'fix', 'fixes')} probably off the map")
+        parts += [f"{self.unsure} below 0.5", f"{self.off} perhaps off the map"]
         parts.append(f"usual pace {pace:.2g} places a frame")
         lines = [", ".join(parts)]
         if disagreeing := self.agreement.disagreeing():

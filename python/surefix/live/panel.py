@@ -17,6 +17,7 @@ from rich.text import Text
 from surefix import Fix
 from surefix.live.binning import Bins
 from surefix.live.view import HERE, MINIMUM, PEAK, TRUSTED, Image
+from surefix.motion import PERHAPS_OFF
 
 __all__ = ["HalfBlocks", "RouteBar", "Row", "Scene", "panel"]
 
@@ -187,10 +188,10 @@ def _sure(fix: Fix) -> str:
 
 
 def _state(fix: Fix) -> list[str]:
-    """A word for a fix that is less than a place: no sequence yet, or none on the map."""
+    """A word for a fix that may be no place: without a sequence yet, or off the map."""
     if fix.track is None:
         return ["warming up"] if fix.sequence is None else []
-    return ["probably off the map"] if fix.track.off_map > 0.5 else []
+    return ["perhaps off the map"] if fix.track.off_map > PERHAPS_OFF else []
 
 
 def _trust(fix: Fix, unicode: bool) -> tuple[str, str, str]:
