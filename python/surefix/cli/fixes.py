@@ -47,6 +47,8 @@ def row_of(
         # In microseconds.
         "latency_us": round(latency, 1),
     }
+    if timed:
+        row |= {"time": frame.time, "dropped": frame.dropped, "gap": frame.gap}
     if track is not None:
         low, high = track.interval
         row |= {"confidence": track.confidence, "off_map": track.off_map}
@@ -55,8 +57,6 @@ def row_of(
         # The paper's own answer, since place and score are the track's.
         row["sequence_place"] = None if sequence is None else sequence.place
         row["sequence_score"] = None if sequence is None else sequence.score
-    if timed:
-        row |= {"time": frame.time, "dropped": frame.dropped, "gap": frame.gap}
     return row
 
 

@@ -82,7 +82,7 @@ def test_a_video_and_a_bag_give_the_fixes_of_their_images(drive: Path) -> None:
     for place, start in (("drive.mkv", 0), ("drive.bag", 1_700_000_000)):
         done = surefix_("run", route, drive / place)
         found = rows(done.stdout)
-        assert list(found[0]) == [*COLUMNS, *TRACK, "time", "dropped", "gap"]
+        assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap", *TRACK]
         assert same(found, expected)
         assert [row["query"] for row in found] == [str(index) for index in range(PLACES)]
         assert float(found[0]["time"]) == start
@@ -124,7 +124,7 @@ def test_a_gap_breaks_the_diagonal_and_is_said(drive: Path) -> None:
 def test_dropped_frames_are_counted_in_the_rows_and_in_the_summary(drive: Path) -> None:
     done = surefix_("run", drive / "route.safetensors", drive / "images", "--newest")
     found = rows(done.stdout)
-    assert list(found[0]) == [*COLUMNS, *TRACK, "time", "dropped", "gap"]
+    assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap", *TRACK]
     dropped = sum(int(row["dropped"]) for row in found)
     assert len(found) + dropped == PLACES
     assert found[-1]["query"] == "39.png"
