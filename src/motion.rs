@@ -48,9 +48,13 @@ pub struct Motion {
     pub clip: f64,
     /// The queries after which a place's mean distance is half believed. 0 believes it at once.
     pub hubness: f64,
-    /// Whether a known advance moves the belief by its fraction, too, in parts to both places. If
-    /// not, the belief moves by whole places of the way so far.
-    pub fractional: bool,
+    /// Whether a known advance counts by its length. If so, the belief moves by its fraction, too,
+    /// and jitter, restart, leave and rejoin are as much less likely as it is shorter than a place.
+    /// If not, the belief moves by whole places of the way so far.
+    pub by_distance: bool,
+    /// The correlation from which on two queries in a row count less and less as two: the view
+    /// repeats, so that the robot stands. It is asked if the advance is not known. 1 for never.
+    pub repeat: f64,
 }
 
 impl Motion {
@@ -69,7 +73,8 @@ impl Motion {
             evidence: 0.5,
             clip: 4.0,
             hubness: 10.0,
-            fractional: false,
+            by_distance: false,
+            repeat: 1.0,
         }
     }
 
@@ -89,7 +94,8 @@ impl Motion {
             restart: 0.02,
             evidence: 0.6,
             clip: 6.0,
-            fractional: true,
+            by_distance: true,
+            repeat: 0.9,
             ..Self::steady()
         }
     }
@@ -125,6 +131,7 @@ impl Motion {
         in_range("motion.evidence", 0.0..=MAX_EVIDENCE, self.evidence)?;
         in_range("motion.clip", 0.0..=MAX_EVIDENCE, self.clip)?;
         in_range("motion.hubness", 0.0..=1e9, self.hubness)?;
+        in_range("motion.repeat", 0.0..=1.0, self.repeat)?;
         in_range("motion.evidence x motion.clip", 0.0..=MAX_EVIDENCE, self.evidence * self.clip)
     }
 }

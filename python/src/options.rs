@@ -105,7 +105,12 @@ pub(crate) fn size(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<(us
     }
 }
 
-fn wrong<T>(name: &'static str, expected: &str, given: &Bound<'_, PyAny>) -> PyResult<T> {
+/// The error for a value that is not `expected`.
+pub(crate) fn wrong<T>(
+    name: &'static str,
+    expected: &str,
+    given: &Bound<'_, PyAny>,
+) -> PyResult<T> {
     let expected = expected.to_owned();
     Err(Error::Option { name, expected, got: shown(given) }).or_raise(given.py())
 }

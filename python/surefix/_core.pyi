@@ -1724,6 +1724,8 @@ class Route:
     def revisit(
         self,
         *,
+        legs: _Sequence[tuple[str, int] | tuple[str, int, float]] | None = None,
+        speed: float = 1.0,
         light: float = ...,
         season: float = ...,
         lateral_offset: float = ...,
@@ -1737,12 +1739,16 @@ class Route:
 
         Parameters
         ----------
+        legs, speed
+            As for ``traverse``.
         **conditions
             As for ``traverse``, over the defaults of the second drive.
         """
     def traverse(
         self,
         *,
+        legs: _Sequence[tuple[str, int] | tuple[str, int, float]] | None = None,
+        speed: float = 1.0,
         light: float = 0.0,
         season: float = 0.0,
         lateral_offset: float = 0.0,
@@ -1756,12 +1762,47 @@ class Route:
 
         Parameters
         ----------
+        legs : sequence of (str, int) or (str, int, float), optional
+            What the drive does from place 0 on: the kind of a leg, its frames, and its speed if it
+            is not ``speed``. By default it drives the whole route.
+
+            "drive"
+                On along the route.
+            "stop"
+                Standing still, on the street of the leg before.
+            "reverse"
+                Backwards along the route.
+            "detour"
+                Off the map along a parallel street, and back as far ahead as if the drive had
+                stayed on the route.
+            "loop"
+                Off the map, around and back: as far behind as the drive went meanwhile, so that it
+                comes to earlier places once more.
+        speed : float
+            Places of the route a frame.
         light, season, speed_jitter, occluders, noise : float
             From 0 (as in the reference drive) to 1.
         lateral_offset : float
             How far to the side the camera drives, in metres.
         seed : int
-            Another seed has other traffic and noise.
+            Another seed has other traffic and noise, and other errors of the wheels.
+
+        Raises
+        ------
+        SurefixValueError
+            For a condition outside its range; for a leg of another kind, without frames, with a
+            speed of 0 or less, or with an end that is not on the route.
+
+        Examples
+        --------
+        >>> from surefix.simulate import Route
+        >>> route = Route(places=100, size=(64, 32))
+        >>> legs = [("drive", 40), ("stop", 10), ("detour", 20), ("drive", 30, 0.5)]
+        >>> drive = route.revisit(legs=legs)
+        >>> truth = drive.truth(route.reference())
+        >>> truth[40:50].tolist() == [int(truth[39])] * 10, truth[50:70].max()
+        (True, np.int64(-1))
+        >>> advance = drive.odometry(scale=1.02, noise=0.05) / 3.0  # metres to places
         """
 
 @final
@@ -1781,7 +1822,37 @@ class Traverse:
     def __getitem__(self, key: SupportsIndex, /) -> _UInt8: ...
     @property
     def positions(self) -> _Float64:
-        """How far along the route each frame was taken, in metres: shape (n,), float64."""
+        """How far along the route each frame was taken, in metres: shape (n,), float64, NaN off the
+        map.
+        """
+    def odometry(self, *, scale: float = 1.0, noise: float = 0.0) -> _Float64:
+        """The metres that the wheels count from each frame to the next, on the map and off it.
+
+        Parameters
+        ----------
+        scale : float
+            1 for wheels that count right.
+        noise : float
+            The standard deviation of a step's error, as a share of the step.
+
+        Returns
+        -------
+        array of float64, shape (n,)
+            From the frame before to each frame: 0 for the first one and while standing, negative
+            backwards. The same for the same seed of the conditions.
+
+        Raises
+        ------
+        SurefixValueError
+            If a number is not finite, or the noise is negative.
+
+        Examples
+        --------
+        >>> from surefix.simulate import Route
+        >>> drive = Route(places=10, size=(64, 32)).traverse(legs=[("drive", 3), ("reverse", 1)])
+        >>> drive.odometry(scale=1.5)
+        array([ 0. ,  4.5,  4.5, -4.5])
+        """
     def truth(self, reference: Traverse) -> _Int64:
         """The true place of each frame on a map of the drive ``reference``: shape (n,), int64, -1 off
         the map.

@@ -63,8 +63,11 @@ class Matches:
             if said is not None:
                 # Sums of probabilities may pass 1 by a rounding error.
                 fields[name] = np.asarray(said, np.float64)
-                if not ((fields[name] >= 0) & (fields[name] <= 1 + 1e-6)).all():
-                    raise mismatch(name, "probabilities from 0 to 1", f"{fields[name]}")
+                bad = ~((fields[name] >= 0) & (fields[name] <= 1 + 1e-6))
+                if bad.any():
+                    query = int(np.argmax(bad))
+                    got = f"{fields[name][query]} at query {query}"
+                    raise mismatch(name, "probabilities from 0 to 1", got)
         for name, array in fields.items():
             if array.shape != place.shape:
                 expected = f"one number a query, {place.shape}"

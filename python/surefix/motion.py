@@ -19,7 +19,8 @@ KINDS: dict[str, dict[str, Any]] = {
         "restart": 0.02,
         "evidence": 0.6,
         "clip": 6.0,
-        "fractional": True,
+        "by_distance": True,
+        "repeat": 0.9,
     },
 }
 
@@ -53,9 +54,13 @@ class Motion:
         Evidence counts up to this many standard deviations.
     hubness : float
         The queries after which a place's mean distance is half believed.
-    fractional : bool
-        Whether a known advance moves the belief by its fraction, too, in parts to both places. If
-        not, the belief moves by whole places of the way so far.
+    by_distance : bool
+        Whether a known advance counts by its length. If so, the belief moves by its fraction, too,
+        and jitter, restart, leave and rejoin are as much less likely as it is shorter than a place.
+        If not, the belief moves by whole places of the way so far.
+    repeat : float
+        The correlation from which on two queries in a row count less and less as two: the view
+        repeats, so that the robot stands. It is asked if the advance is not known. 1 for never.
 
     Raises
     ------
@@ -81,7 +86,8 @@ class Motion:
     evidence: float = 0.5
     clip: float = 4.0
     hubness: float = 10.0
-    fractional: bool = False
+    by_distance: bool = False
+    repeat: float = 1.0
 
     def __init__(
         self,
@@ -97,7 +103,8 @@ class Motion:
         evidence: float | None = None,
         clip: float | None = None,
         hubness: float | None = None,
-        fractional: bool | None = None,
+        by_distance: bool | None = None,
+        repeat: float | None = None,
     ) -> None:
         if kind not in KINDS:
             raise mismatch("motion", f"one of {', '.join(KINDS)}", repr(kind))

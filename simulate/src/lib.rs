@@ -3,7 +3,8 @@
 //! It stands in for real data in the demo, the tests and the scale runs: structured scenery along a
 //! winding road, frames that change smoothly, and places that look alike because blocks of houses
 //! come back all along the route. A second traverse differs in light, season, lane, speed, traffic
-//! and sensor noise, each adjustable.
+//! and sensor noise, each adjustable; and it can stop, reverse, leave the map and come back
+//! ([`Leg`]).
 //!
 //! Every frame is a pure function of the options and its index, so a route of a million places
 //! takes no memory, and the same options give the same bits on every machine.
@@ -33,6 +34,7 @@ mod camera;
 mod canvas;
 mod conditions;
 mod ground;
+mod legs;
 mod look;
 mod noise;
 mod paint;
@@ -48,6 +50,7 @@ mod traverse;
 mod tests;
 
 pub use conditions::Conditions;
+pub use legs::Leg;
 pub use traverse::Traverse;
 
 use surefix::Error;
@@ -114,14 +117,37 @@ impl Route {
         Ok(Self { config })
     }
 
-    /// A drive along the route.
+    /// A drive along the route, a frame a place.
     ///
     /// # Errors
     ///
     /// [`Error::Option`] if one of the `conditions` is out of its range.
     pub fn traverse(&self, conditions: Conditions) -> Result<Traverse, Error> {
+        self.drive(conditions, &[Leg::Drive(self.config.places, 1.0)])
+    }
+
+    /// A drive of these `legs`, which begins at place 0.
+    ///
+    /// ```
+    /// use surefix_simulate::{Conditions, Leg, Route, RouteConfig};
+    ///
+    /// let route = Route::new(RouteConfig { places: 100, ..RouteConfig::default() })?;
+    /// let legs = [Leg::Drive(40, 1.0), Leg::Stop(10), Leg::Detour(20, 1.0), Leg::Drive(30, 0.5)];
+    /// let drive = route.drive(Conditions::reference(), &legs)?;
+    /// assert_eq!(drive.position(45), Some(39.0 * 3.0));
+    /// assert_eq!(drive.position(60), None);
+    /// assert_eq!(drive.odometry(60, 1.0, 0.0), 3.0);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] if one of the `conditions` is out of its range; if there is no leg, or one
+    /// without frames, or a speed of 0 or less, or one that ends before place 0 or past the last
+    /// place.
+    pub fn drive(&self, conditions: Conditions, legs: &[Leg]) -> Result<Traverse, Error> {
         conditions.validate()?;
-        Ok(Traverse::new(self.config.clone(), conditions))
+        Traverse::new(self.config.clone(), conditions, legs)
     }
 
     /// The options that the route was made from.

@@ -6,8 +6,9 @@ use super::RouteConfig;
 use super::camera::Camera;
 use super::canvas::Canvas;
 use super::conditions::Conditions;
+use super::legs::{Itinerary, Leg, Stand};
 use super::look::Look;
-use super::noise::{hash, mix, smoothstep, wave};
+use super::noise::{Dice, hash, mix, smoothstep, wave};
 use super::paint::paint;
 use super::scene::Scene;
 use super::traffic::Traffic;
@@ -25,23 +26,29 @@ pub struct Traverse {
     config: RouteConfig,
     conditions: Conditions,
     look: Look,
+    itinerary: Itinerary,
 }
 
 impl Traverse {
-    pub(super) fn new(config: RouteConfig, conditions: Conditions) -> Self {
-        Self { look: Look::new(&conditions), config, conditions }
+    pub(super) fn new(
+        config: RouteConfig,
+        conditions: Conditions,
+        legs: &[Leg],
+    ) -> Result<Self, Error> {
+        let itinerary = Itinerary::new(legs, config.places)?;
+        Ok(Self { look: Look::new(&conditions), config, conditions, itinerary })
     }
 
     /// The number of frames.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.config.places
+        self.itinerary.frames()
     }
 
-    /// Never true: a route has at least two places.
+    /// Never true: a drive has at least one frame.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.config.places == 0
+        self.len() == 0
     }
 
     /// The conditions of the drive.
@@ -50,20 +57,41 @@ impl Traverse {
         &self.conditions
     }
 
-    /// Where frame `index` was taken, in metres along the route; an index past the end means the
-    /// last frame.
+    /// Where frame `index` was taken, in metres along the route, or `None` off the map; an index
+    /// past the end means the last frame.
     ///
-    /// Positions grow strictly with the index. The first and the last frame are at the ends of the
-    /// route.
+    /// A drive from end to end begins and ends at the ends of the route, and its positions grow
+    /// strictly.
     #[must_use]
-    pub fn position(&self, index: usize) -> f64 {
-        let last = self.len().saturating_sub(1);
-        let index = index.min(last);
-        (index as f64 + self.lead(index, last)) * self.config.spacing
+    pub fn position(&self, index: usize) -> Option<f64> {
+        let stand = self.itinerary.stand(index);
+        (stand.street == 0).then(|| self.metres(stand))
     }
 
-    /// The frames by which frame `index` is ahead of an even drive.
-    fn lead(&self, index: usize, last: usize) -> f64 {
+    /// The metres that the wheels count from the frame before to frame `index`, on the map and off
+    /// it: 0 for the first frame and while standing, negative backwards.
+    ///
+    /// `scale` is 1 for wheels that count right, `noise` the standard deviation of a step's error
+    /// as a share of the step; the errors follow from the seed of the conditions.
+    #[must_use]
+    pub fn odometry(&self, index: usize, scale: f64, noise: f64) -> f64 {
+        let index = index.min(self.len().saturating_sub(1));
+        let here = self.itinerary.stand(index);
+        let before = self.itinerary.stand(index.saturating_sub(1));
+        let metres = here.ahead * (self.metres(here) - self.metres(before));
+        // The sum of 12 numbers from 0 to 1: nearly a bell curve, with a standard deviation of 1.
+        let mut dice = Dice::new(hash(self.conditions.seed ^ 0x0D0, index as i64));
+        let bell: f64 = (0..12).map(|_| f64::from(dice.unit()) - 0.5).sum();
+        metres * (scale + noise * bell)
+    }
+
+    /// The metres along the route, or along the street beside it.
+    fn metres(&self, stand: Stand) -> f64 {
+        (stand.place + self.lead(stand.place)) * self.config.spacing
+    }
+
+    /// The places by which the drive is ahead of an even one.
+    fn lead(&self, place: f64) -> f64 {
         let jitter = f64::from(self.conditions.speed_jitter);
         if jitter == 0.0 {
             return 0.0;
@@ -73,10 +101,10 @@ impl Traverse {
             // Bounded noise whose steepest slope is 0.15: two of them vary the speed by 30 %.
             let seed = hash(self.conditions.seed ^ 0x5BEE, number);
             let swing = 0.15 * knots / STEEPEST;
-            lead += swing * f64::from(wave(seed, index as f64 / knots));
+            lead += swing * f64::from(wave(seed, place / knots));
         }
         // Drives begin and end together.
-        let from_end = index.min(last - index) as f32;
+        let from_end = place.min((self.config.places - 1) as f64 - place) as f32;
         jitter * lead * f64::from(smoothstep(0.0, SPEED_KNOTS[0] as f32, from_end))
     }
 
@@ -102,20 +130,21 @@ impl Traverse {
     pub fn render(&self, index: usize, pixels: &mut [u8]) {
         let index = index.min(self.len().saturating_sub(1));
         let (config, conditions) = (&self.config, &self.conditions);
+        let stand = self.itinerary.stand(index);
+        // Another street is the same stretch of another world.
+        let seed = match stand.street {
+            0 => config.seed,
+            street => hash(config.seed ^ 0x0FF, street as i64),
+        };
         // A driver who keeps aside does not keep aside evenly.
-        let sway = wave(mix(conditions.seed ^ 0x5A1), index as f64 / 23.0);
+        let sway = wave(mix(conditions.seed ^ 0x5A1), stand.place / 23.0);
         let offset = conditions.lateral_offset * (1.0 + 0.35 * sway);
+        let along = stand.ahead * self.metres(stand);
         let mut scene = Scene {
             canvas: Canvas::new(pixels, config.width, config.height),
-            camera: Camera::new(
-                config.width,
-                config.height,
-                config.seed,
-                self.position(index),
-                offset,
-            ),
+            camera: Camera::new(config.width, config.height, seed, along, offset),
             look: &self.look,
-            seed: config.seed,
+            seed,
         };
         let traffic = Traffic::new(conditions.occluders, mix(conditions.seed), index);
         paint(&mut scene, &traffic);
@@ -125,25 +154,28 @@ impl Traverse {
         }
     }
 
-    /// For each frame of this drive the nearest frame of `reference`, the earlier one of two
-    /// equally near ones; `None` where `reference` never was: farther than one of its frame
-    /// spacings, or in another world.
+    /// For each frame of this drive the nearest frame of `reference`, the earliest one of equally
+    /// near ones; `None` where `reference` never was: farther than one of its frame spacings, off
+    /// the map, or in another world.
     #[must_use]
     pub fn truth(&self, reference: &Self) -> Vec<Option<usize>> {
-        let last = reference.len().saturating_sub(1);
         let same_world = self.config.seed == reference.config.seed;
-        let mut nearest = 0;
-        (0..self.len())
-            .map(|index| {
-                let here = self.position(index);
-                let away = |place: usize| (reference.position(place) - here).abs();
-                // Both drives only go forward, so the nearest frame does too.
-                while nearest < last && away(nearest + 1) < away(nearest) {
-                    nearest += 1;
-                }
-                (same_world && away(nearest) <= reference.config.spacing).then_some(nearest)
-            })
-            .collect()
+        let mut map: Vec<(f64, usize)> = (0..reference.len())
+            .filter_map(|place| Some((reference.position(place)?, place)))
+            .filter(|_| same_world)
+            .collect();
+        // Stable, so the earliest of those that stood at one position is kept.
+        map.sort_by(|a, b| a.0.total_cmp(&b.0));
+        map.dedup_by_key(|frame| frame.0);
+        let nearest = |here: f64| {
+            let after = map.partition_point(|frame| frame.0 < here);
+            let around = map.get(after.saturating_sub(1)..map.len().min(after + 1))?;
+            let away = |frame: &(f64, usize)| ((frame.0 - here).abs(), frame.1);
+            let (metres, place) =
+                around.iter().map(away).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
+            (metres <= reference.config.spacing).then_some(place)
+        };
+        (0..self.len()).map(|index| nearest(self.position(index)?)).collect()
     }
 }
 

@@ -73,7 +73,8 @@ fn config(places: usize) -> impl Strategy<Value = Config> {
     let floor = prop_oneof![Just(Floor::Running), Just(Floor::Fixed(0.05))];
     let gradient = select(vec![Gradient::Halved, Gradient::Unhalved]);
     let weight = select(vec![0.0, 0.5, 0.99, 1.0]);
-    let motion = select(vec![None, None, Some(Motion::steady()), Some(Motion::free())]);
+    let kinds = [Motion::steady(), Motion::free(), Motion::any()].map(Some);
+    let motion = prop_oneof![Just(None), select(kinds.to_vec())];
     (length, weight, 0..3_usize, smoothing, gradient, floor, speeds, motion).prop_map(
         |(sequence_length, weight, tolerance, smoothing, gradient, floor, speeds, motion)| Config {
             sequence_length,

@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 
 use surefix::describe_all;
 use surefix::evaluate::{Recall, Truth, evaluate};
-use surefix::{Drive, Floor, Map, Run, Sad, match_descriptors};
-use surefix_simulate::{Conditions, Route, RouteConfig};
+use surefix::{Config, Drive, Floor, Map, Run, Sad, match_descriptors};
+use surefix_simulate::{Conditions, Leg, Route, RouteConfig};
 
 /// A map of the reference drive, the revisit matched against it with each weight, and the truth.
 fn drive(seed: u64, conditions: Conditions, weights: [f64; 2]) -> ([Run; 2], Vec<Option<usize>>) {
@@ -74,4 +74,37 @@ fn frames_of_a_route_of_a_million_places_need_no_others() {
     assert_eq!(long.len(), 1_000_000);
     assert_eq!(long.frame(500), short.frame(500));
     assert_ne!(long.frame(999_999), long.frame(999_990));
+}
+
+#[test]
+fn off_the_map_no_place_is_near() {
+    for seed in 1..=3 {
+        let config = RouteConfig { places: 400, width: 64, height: 32, seed, ..Default::default() };
+        let route = Route::new(config).unwrap();
+        let progress = &mut |_, _| ControlFlow::Continue(());
+        let reference = route.traverse(Conditions::reference()).unwrap();
+        let map = Map::from_images(&reference, Sad::default(), progress).unwrap();
+        let legs = [
+            Leg::Drive(150, 1.0),
+            Leg::Detour(100, 1.0),
+            Leg::Loop(100, 1.0),
+            Leg::Drive(150, 1.0),
+        ];
+        let conditions = Conditions { noise: 0.05, ..Conditions::reference() };
+        let drive = route.drive(conditions, &legs).unwrap();
+        let queries = describe_all(&Sad::default(), &drive, progress).unwrap();
+        let run = match_descriptors(&map, &queries, &Config::default(), Drive::default(), progress)
+            .unwrap();
+        let nearest = |on_map: bool| -> Vec<f32> {
+            let frames =
+                (0..drive.len()).filter(|&index| drive.position(index).is_some() == on_map);
+            let mut nearest: Vec<f32> =
+                frames.map(|index| run.fixes[index].single.distance).collect();
+            nearest.sort_by(f32::total_cmp);
+            nearest
+        };
+        let (on, off) = (nearest(true), nearest(false));
+        assert_eq!((on.len(), off.len()), (300, 200));
+        assert!(2.0 * on[299] < off[0], "seed {seed}: {} on the map, {} off it", on[299], off[0]);
+    }
 }

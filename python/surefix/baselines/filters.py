@@ -1,5 +1,6 @@
 """Recursive filters over the places: surefix's tracker, and a published topological filter."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -66,14 +67,19 @@ def topological(D: Distances, *, reach: int = 6) -> Matches:
 
 
 def track(
-    D: Distances, *, motion: Any = "free", advance: Floats | None = None, tolerance: int = 1
+    D: Distances | Sequence[Distances],
+    *,
+    motion: Any = "free",
+    advance: Floats | None = None,
+    tolerance: int = 1,
 ) -> Matches:
     """The place of greatest belief of surefix's tracker.
 
     Parameters
     ----------
-    D : array of float32, shape (n, m)
-    motion : {"steady", "free"} or surefix.Motion
+    D : array of float32, shape (n, m), or a list of such
+        Those of several techniques are fused.
+    motion : {"steady", "free", "any"} or surefix.Motion
     advance : array of float64, shape (m,), optional
         Places moved since the query before, by odometry.
     tolerance : int
@@ -91,9 +97,8 @@ def track(
     >>> baselines.track(1 - np.eye(30, dtype=np.float32)).place[5:9]
     array([5, 6, 7, 8])
     """
-    run = match_distances(
-        D, motion=motion, advance=advance, tolerance=tolerance, sequence_length=1
-    )  # fmt: skip
+    options: Any = {"tolerance": tolerance, "sequence_length": 1}
+    run = match_distances(D, motion=motion, advance=advance, **options)
     return _matches(run.place, run.confidence, run.off_map)
 
 

@@ -3,13 +3,13 @@
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 import typer
 from rich.console import Console
 
-from surefix import Localizer, Map, Sad, SurefixError
+from surefix import Localizer, Map, Sad, SurefixError, match_distances
 from surefix.baselines import Context
 from surefix.live import TerminalView
 from surefix.simulate import Route, Traverse
@@ -20,6 +20,26 @@ if TYPE_CHECKING:
 
 __all__ = ["demo"]
 
+# The odometry of the second drive: its scale, and the noise of a step.
+WHEELS = {"scale": 1.02, "noise": 0.05}
+# With odometry there is one speed: that of the wheels.
+MOTION: Final = "any"
+SPACING = 3.0
+
+
+def legs(places: int) -> list[tuple[str, int]]:
+    """On along the whole route, but for a stop and a detour."""
+    first, second, detour = (round(share * places) for share in (0.35, 0.15, 0.12))
+    stop = max(1, places // 25)
+    rest = places - first - second - detour
+    return [
+        ("drive", first),
+        ("stop", stop),
+        ("drive", second),
+        ("detour", detour),
+        ("drive", rest),
+    ]
+
 
 def demo(
     out: Annotated[
@@ -29,7 +49,7 @@ def demo(
         ),
     ] = Path("out/demo"),
     places: Annotated[
-        int, typer.Option(min=20, max=5000, help="Frames of each drive, 3 m apart.")
+        int, typer.Option(min=20, max=5000, help="Places of the route, 3 m apart.")
     ] = 1000,
     width: Annotated[
         int, typer.Option(min=32, max=1920, help="Width of a frame, in pixels.")
@@ -46,13 +66,13 @@ def demo(
     begin = time.perf_counter()
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.demo import write_report
+        from surefix.report.demo import ACCEPT, write_report
         from surefix.report.page import output_folder
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
     output_folder(out)
-    route = Route(places=places, size=(width, height), seed=seed)
-    reference, revisit = route.reference(), route.revisit()
+    route = Route(places=places, size=(width, height), spacing=SPACING, seed=seed)
+    reference, revisit = route.reference(), route.revisit(legs=legs(places))
     kilometres = float(reference.positions[-1]) / 1000
     size = f"{width} x {height} pixels"
     print(f"Route: {places} places along {kilometres:.1f} km, generated (seed {seed}), {size}")
@@ -64,17 +84,21 @@ def demo(
     print(f"Mapped on a summer noon: {rows}, in {mapped - start:.1f} s")
     demo_ = _localize(known, reference, revisit, seed, sequence_length)
     localized = time.perf_counter()
-    study, trusted, right = demo_.study, demo_.study.run.trusted, demo_.right
+    run, right, sure = demo_.run, demo_.right, demo_.sure
+    off = int(demo_.study.off_map.sum())
     median, p99 = np.quantile(demo_.latency, (0.5, 0.99)) * 1000
-    weighted, plain = (result.curve.auc(UPTO) for result in (study.shown, study.baseline))
+    weighted, plain = (r.curve.auc(UPTO) for r in (demo_.study.shown, demo_.study.baseline))
     print(
-        f"Localized on a winter afternoon: {len(study)} fixes, {median:.2f} ms each (median; p99 "
+        f"Localized on a winter afternoon: {len(right)} fixes, {median:.2f} ms each (median; p99 "
         f"{p99:.2f} ms)\n"
-        f"All fixes: {int(right.sum())} of {len(study)} right\n"
-        f"Trusted fixes: {int((trusted & right).sum())} of {int(trusted.sum())} right, "
-        f"{int((trusted & ~right).sum())} wrong\n"
-        f"Area under the precision-recall curve up to recall {UPTO:g}: {weighted:.2f}, without "
-        f"weighting {plain:.2f}"
+        f"All fixes: {int(right.sum())} of {len(right)} right, and {off} were taken off the "
+        "map\n"
+        f"Trusted fixes: {int((run.trusted & right).sum())} of {int(run.trusted.sum())} right, "
+        f"{int((run.trusted & ~right).sum())} wrong\n"
+        f"Sure fixes, of confidence {ACCEPT:g} or more: {int((sure & right).sum())} of "
+        f"{int(sure.sum())} right, {int((sure & ~right).sum())} wrong\n"
+        f"The paper's sequence, area under the precision-recall curve up to recall {UPTO:g}: "
+        f"{weighted:.2f}, without weighting {plain:.2f}"
     )
 
     options = f"--places {places} --width {width} --height {height} --seed {seed}"
@@ -93,7 +117,8 @@ def _localize(
     """Drives a second time: pushes each frame when it is there, as a robot would."""
     from surefix.report.demo import Demo
 
-    localizer = Localizer(known, sequence_length=sequence_length)
+    localizer = Localizer(known, sequence_length=sequence_length, motion=MOTION)
+    advance = revisit.odometry(**WHEELS) / SPACING
     distances = np.empty((len(known), len(revisit)), np.float32, order="F")
     latency = np.empty(len(revisit))
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
@@ -101,13 +126,15 @@ def _localize(
         for query in range(len(revisit)):
             image = revisit[query]
             start = time.perf_counter()
-            fix = localizer.push(image)
+            fix = localizer.push(image, advance=advance[query])
             latency[query] = time.perf_counter() - start
             distances[:, query] = localizer.distances
             # Drawn on a terminal only: a line a fix would bury the demo's own.
             if console.is_terminal:
                 view.update(image, fix, localizer, 1e6 * latency[query])
-    # The same fixes again, to the bit, and beside them those without weighting.
+    # The same fixes again, to the bit, and beside them those of the sequence without a tracker.
     truth = revisit.truth(reference)
-    context = Context(sequence_length, floor="running", truth=truth, truth_tolerance=1)
-    return Demo(Study(distances, context), reference, revisit, seed, latency)
+    context = Context(sequence_length, floor="running", truth=truth, advance=advance)
+    run = match_distances(distances, advance=advance, **context.options | {"motion": MOTION})
+    study = Study(distances, context, names=("sequence", "weighted", "track_odometry"))
+    return Demo(study, run, reference, revisit, seed, latency)

@@ -21,7 +21,7 @@ __all__ = ["METHODS_OF_DRIVES", "check_method", "chosen", "print_drives", "read_
 EVERY, PROFILE = "every", "profile"
 METHODS_OF_DRIVES = (
     "sequence", "sequence-10", "sequence-20", "topological", "track_steady", "track_free",
-    "track_odometry",
+    "track_any", "track_odometry",
 )  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from surefix.plot.bars import (
     route_strip,
     trust_table,
 )
+from surefix.plot.belief import confidence
 from surefix.plot.curves import (
     ablation,
     execution_time,
@@ -59,6 +60,7 @@ __all__ = [
     "ablation",
     "auc_intervals",
     "busiest_window",
+    "confidence",
     "distance_matrix",
     "examples",
     "examples_height",

@@ -173,7 +173,7 @@ def route_strip(
             (right & shown, 0.36, theme.trusted_right),
             (~right & shown, -0.36, theme.trusted_wrong),
         ):
-            bars = _spans(edges, mask), (middle, height)
+            bars = spans(edges, mask), (middle, height)
             ax.broken_barh(*bars, facecolors=colour, linewidth=0)
         ax.axhline(middle, color=theme.muted, linewidth=0.7)
         wrong = int((~right & shown).sum())
@@ -197,7 +197,7 @@ def route_strip(
     return ax
 
 
-def _spans(edges: NDArray[np.float64], mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
+def spans(edges: NDArray[np.float64], mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """Start and length of each run of set queries: in one piece no seam looks like a gap."""
     turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     return [(float(edges[a]), float(edges[b] - edges[a])) for a, b in turns.reshape(-1, 2)]

@@ -1,4 +1,6 @@
-"""The report of ``surefix demo``: a study with and without weights, and the drive in pictures."""
+"""The report of ``surefix demo``: the tracker and its confidence, a study of the sequence with and
+without weights, and the drive in pictures.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,30 +9,37 @@ from pathlib import Path
 
 import numpy as np
 
-from surefix import match_distances
+from surefix import Run, match_distances
 from surefix._words import plural, verb
 from surefix.baselines.distances import Flags, Floats
 from surefix.machine import machine
+from surefix.matches import Matches
+from surefix.plot.belief import confidence
 from surefix.plot.images import Column, Pair, montage, montage_height, spread
 from surefix.plot.outcome import Outcome, longest_gap, outcomes
 from surefix.report import figures, sections
 from surefix.report.page import Picture, Section, Tile, drawn, photograph, write
 from surefix.report.tables import write_csv
 from surefix.simulate import Traverse
-from surefix.study import UPTO, Study
+from surefix.study import UPTO, Result, Study
 
-__all__ = ["FILES", "Demo", "write_report"]
+__all__ = ["ACCEPT", "FILES", "Demo", "write_report"]
+
+# A fix of this confidence or more is sure.
+ACCEPT = 0.95
 
 FILES = {
     "report.html": "this page, with its pictures inside",
+    "confidence.png": "how sure the tracker was, frame by frame",
     "distance_matrix.png": "the matrix with every match",
     "close_up.png": "a part of it, cell by cell",
     "route.png": "right and wrong along the route",
     "precision_recall.png": "the curves",
     "montage.png": "queries and the places they were matched to",
-    "fixes.csv": "every fix of the weighted sequence",
+    "fixes.csv": "every fix of the drive, by the tracker",
+    "weighted.csv": "every fix of the weighted sequence",
     "baseline.csv": "every fix of the unweighted sequence",
-    "truth.csv": "each frame's true place, and its position in metres",
+    "truth.csv": "each frame's true place, its position in metres, and the odometry in places",
     "distances.npy": "the distance matrix, float32 (places, queries)",
 }
 
@@ -45,7 +54,9 @@ class Demo:
     Attributes
     ----------
     study : Study
-        Of the distances that the localizer saw, with the truth in places.
+        Of the distances that the localizer saw, with the truth and the odometry in places.
+    run : Run
+        The fixes of the localizer, with its tracker.
     reference, revisit : Traverse
         The drive that was mapped, and the one that was localized.
     seed : int
@@ -54,20 +65,41 @@ class Demo:
     """
 
     study: Study
+    run: Run
     reference: Traverse
     revisit: Traverse
     seed: int
     latency: Floats
 
+    @cached_property
+    def tracker(self) -> Result:
+        """The fixes as matches, judged by the truth."""
+        run = self.run
+        said = Matches(run.place, run.score, None, None, run.confidence, run.off_map)
+        return Result(self.study, "the tracker", said)
+
     @property
     def right(self) -> Flags:
         """Which fixes are right."""
-        return self.study.shown.right
+        return self.tracker.right
+
+    @property
+    def sure(self) -> Flags:
+        """Which fixes are sure."""
+        assert self.run.confidence is not None
+        return np.greater_equal(self.run.confidence, ACCEPT)
+
+    @property
+    def standing(self) -> Flags:
+        """Which frames were taken while the drive stood still."""
+        still: Flags = self.revisit.odometry() == 0
+        still[0] = False
+        return still
 
     @cached_property
     def masks(self) -> dict[Outcome, Flags]:
         """Which fixes had each outcome."""
-        return outcomes(self.right, self.study.run.trusted)
+        return outcomes(self.right, self.run.trusted)
 
     @cached_property
     def counts(self) -> dict[Outcome, int]:
@@ -76,24 +108,20 @@ class Demo:
 
     @property
     def trusted_point(self) -> tuple[float, float] | None:
-        """Recall and precision of the trusted fixes, as the curves count; None without any."""
-        ready, trusted = self.study.run.ready, self.study.run.trusted
+        """Recall and precision of the trusted fixes of the weighted sequence, as the curves count;
+        None without any.
+        """
+        weighted, ready, trusted = self.study.shown.right, self.study.run.ready, self.run.trusted
         accepted = int((ready & trusted).sum())
-        found = int((ready & trusted & self.right).sum())
-        correct = max(1, int((ready & self.right).sum()))
+        found = int((ready & trusted & weighted).sum())
+        correct = max(1, int((ready & weighted).sum()))
         return (found / correct, found / accepted) if accepted else None
 
-    @cached_property
-    def metres_off(self) -> Floats:
-        """The distance along the road between each fix and the camera."""
-        return np.abs(self.reference.positions[self.study.run.place] - self.revisit.positions)
-
-    @property
-    def gap_metres(self) -> float:
-        """The longest stretch between two fixes that are trusted and right, or an end."""
-        positions, gap = self.revisit.positions, longest_gap(self.masks[Outcome.TRUSTED_RIGHT])
-        stop = min(gap.stop, len(positions) - 1)
-        return float(positions[stop] - positions[max(gap.start - 1, 0)])
+    def off(self, query: int) -> str:
+        """The distance along the road between a fix and the camera, in words."""
+        place = self.reference.positions[self.run.place[query]]
+        metres = abs(place - self.revisit.positions[query])
+        return "not on the map" if np.isnan(metres) else f"{metres:.0f} m off"
 
 
 def write_report(
@@ -111,12 +139,14 @@ def write_report(
         The parts of the demo, and the time that each took.
     """
     kilometres = float(demo.reference.positions[-1]) / 1000
+    still, off = int(demo.standing.sum()), int(demo.study.off_map.sum())
     lead = (
         f"A camera drove {kilometres:.1f} km on a summer noon, and surefix made a map of it: "
         f"{len(demo.study.distances)} places, in order. Then it drove there again on a winter "
-        "afternoon, among other cars, not quite in its old lane. Frame by frame, surefix said "
-        "where it was, and which of these answers to trust. Nothing was trained, and the truth "
-        "was not used.",
+        f"afternoon, among other cars, not quite in its old lane. It stood still for "
+        f"{plural(still, 'frame')}, took a detour of {plural(off, 'frame')} off the map, and came "
+        "back. Frame by frame, surefix said where it was, how sure it was of that, and whether to "
+        "trust the frame's own match. Nothing was trained, and the truth was not used.",
         "Both drives are generated, so the truth is known, and every answer can be checked.",
     )
     return write(
@@ -132,19 +162,24 @@ def write_report(
 
 def _write_tables(demo: Demo, folder: Path) -> None:
     study = demo.study
-    study.run.to_csv(folder / "fixes.csv")
+    demo.run.to_csv(folder / "fixes.csv")
+    study.run.to_csv(folder / "weighted.csv")
     plain = match_distances(study.distances, **study.context.options | {"weight": 0.0})
     plain.to_csv(folder / "baseline.csv")
     np.save(folder / "distances.npy", study.distances)
-    places = zip(study.true_place, demo.revisit.positions, strict=True)
-    rows = ((frame, place, f"{at:.3f}") for frame, (place, at) in enumerate(places))
-    write_csv(folder / "truth.csv", "frame,place,position", rows)
+    assert study.context.advance is not None
+    frames = zip(study.true_place, demo.revisit.positions, study.context.advance, strict=True)
+    rows = (
+        (frame, place, "" if np.isnan(at) else f"{at:.3f}", f"{moved:.6f}")
+        for frame, (place, at, moved) in enumerate(frames)
+    )
+    write_csv(folder / "truth.csv", "frame,place,position,advance", rows)
 
 
 def _hero(demo: Demo) -> Sequence[Picture]:
     outcome = next(outcome for outcome in Outcome if demo.counts[outcome])
-    query = spread(np.flatnonzero(demo.masks[outcome]), 1)[0]
-    place = int(demo.study.run.place[query])
+    query = spread(np.flatnonzero(demo.masks[outcome]), PAIRS)[0]
+    place = int(demo.run.place[query])
     view = f"The second drive, frame {query}: the camera's view."
     answer = f"The map, place {place}: surefix's answer. {outcome.value.capitalize()}."
     return (
@@ -154,56 +189,54 @@ def _hero(demo: Demo) -> Sequence[Picture]:
 
 
 def _tiles(demo: Demo) -> Sequence[Tile]:
-    m, bad = len(demo.study), demo.counts[Outcome.TRUSTED_WRONG]
-    good = demo.counts[Outcome.TRUSTED_RIGHT]
+    m, sure, off_map = len(demo.study), demo.sure, demo.study.off_map
+    good, bad, *_ = demo.counts.values()
+    sure_count, lost = int(sure.sum()), int((sure & off_map).sum())
+    sure_right = int((sure & demo.right).sum())
     median, p99 = np.quantile(demo.latency, (0.5, 0.99)) * 1000
     within = f"99 of 100 within {p99:.2f} ms"
-    weighted, plain = (result.area[0] for result in (demo.study.shown, demo.study.baseline))
-    area, unweighted = (
-        f"area under the curve up to recall {UPTO:g}",
-        f"unweighted sequence: {plain:.2f}",
-    )
-    off = demo.metres_off[demo.masks[Outcome.TRUSTED_WRONG]]
-    how_far = "on this drive"
-    if len(off):
-        to = f" to {off.max():.0f}" if len(off) > 1 else ""
-        how_far = f"{off.min():.0f}{to} m off"
     return (
         sections.share("trusted-right", good, good + bad, "of the trusted fixes are right"),
+        sections.share("sure-right", sure_right, sure_count, "of the sure fixes are right"),
         sections.share("right", int(demo.right.sum()), m, "of all fixes are right"),
-        sections.share("trusted", good + bad, m, "of the frames got a trusted fix"),
-        Tile("trusted-wrong", str(bad), "trusted, and wrong all the same", how_far),
-        Tile("area", f"{weighted:.2f}", area, unweighted),
+        sections.share("sure", sure_count, m, f"are sure: confidence {ACCEPT:g} or more"),
+        Tile("sure-off-map", str(lost), "sure fixes off the map", f"of {off_map.sum()} frames"),
         Tile("latency", f"{median:.2f} ms", "for a fix, median", within),
     )
 
 
 def _sections(demo: Demo) -> Sequence[Section]:
-    """The page from the matrix on, in its order."""
-    study, run, m = demo.study, demo.study.run, len(demo.study)
+    """The page from the confidence on, in its order."""
+    study, run, m = demo.study, demo.run, len(demo.study)
     _, bad, held_right, held = demo.counts.values()
     trusted, single_right = int(run.trusted.sum()), int(study.single_right.sum())
     matrix = sections.matrix(
         study,
-        figures.matrix(study, every=True, label=LABEL),
-        "The true path runs from corner to corner; season, dusk and traffic have all but wiped it "
-        "out, and many other places look just as near. By the nearest place alone, "
-        f"{single_right} of {m} frames {verb(single_right)} right.",
+        figures.matrix(study, every=True, label=LABEL, result=demo.tracker),
+        "The true path runs from corner to corner, level while the drive stands still, with a gap "
+        "for the detour; season, dusk and traffic have all but wiped it out, and many other places "
+        f"look just as near. By the nearest place alone, {single_right} of {m} frames "
+        f"{verb(single_right)} right.",
+        result=demo.tracker,
     )
-    strip = figures.strip(
-        study, demo.revisit.positions, ("weighted, trusted fixes only", demo.right, run.trusted)
+    bands = (
+        ("weighted, trusted fixes only", study.shown.right, run.trusted),
+        ("track_odometry, sure fixes only", demo.right, demo.sure),
     )
+    sure_wrong = int((demo.sure & ~demo.right).sum())
+    modest, gap = int((demo.right & ~demo.sure).sum()), len(longest_gap(demo.sure & demo.right))
     route = Section(
         "Along the route",
         (
-            "A robot that acts on every fix is sent to a wrong place "
-            f"{plural(bad + held, 'time')} in {m}. One that acts on the trusted fixes only, "
-            f"{plural(bad, 'time')}. The price: {plural(held_right, 'right fix', 'right fixes')} "
-            f"{verb(held_right)} held back together with the {plural(held, 'wrong one')}, and the "
-            "longest stretch without a fix that is both trusted and right is "
-            f"{demo.gap_metres:.0f} m. Odometry has to bridge it.",
+            "Without the tracker, a robot that acts on every match of a sequence is sent to a "
+            f"wrong place {plural(int((~study.shown.right).sum()), 'time')} in {m}. With it, "
+            f"{plural(bad + held, 'time')}; if it acts on the sure fixes only, "
+            f"{plural(sure_wrong, 'time')}. The price: "
+            f"{plural(modest, 'right fix', 'right fixes')} {verb(modest)} held back, and the "
+            f"longest stretch without a fix that is both sure and right is {plural(gap, 'frame')}. "
+            "Odometry alone has to bridge it.",
         ),
-        {"route.png": strip},
+        {"route.png": figures.strip(study, more=bands)},
     )
     see = Section(
         "See for yourself",
@@ -232,14 +265,56 @@ def _sections(demo: Demo) -> Sequence[Section]:
             "stretches of road truly look the same, both questions are fooled together. And it "
             "needs a map in the order of the route.",
             f"The trust flag is about a frame's own match, which is right in {single} of the "
-            f"{plural(trusted, 'trusted case')}. The fix is the place of the sequence, and in "
+            f"{plural(trusted, 'trusted case')}. The fix is the place of the tracker, and in "
             f"{differ} of them that is another place.",
             "This is a drawn world, in conditions set so that plain image matching fares about as "
             "it does on real roads. It shows what the method does; how well it does it, only your "
             "own route can tell.",
         ),
     )
-    return matrix, route, _curves(demo), *sections.methods(study), see, meaning
+    return _confidence(demo), matrix, route, _curves(demo), *sections.methods(study), see, meaning
+
+
+def _confidence(demo: Demo) -> Section:
+    """How sure the tracker was, and where it was not."""
+    said, noticed = demo.tracker.matches, demo.tracker.noticed
+    assert said.confidence is not None
+    assert said.off_map is not None
+    assert noticed is not None
+    still, off = np.flatnonzero(demo.standing), np.flatnonzero(demo.study.off_map)
+    picture = drawn(
+        (11, 3.5),
+        "The confidence of each fix: it falls where the drive leaves the map, and returns with it.",
+        confidence,
+        said.confidence,
+        said.off_map,
+        demo.right,
+        stretches=[
+            (name, range(int(frames[0]), int(frames[-1]) + 1))
+            for name, frames in (("standing still", still), ("off the map", off))
+        ],
+        accept=ACCEPT,
+    )
+    fall, rise = (
+        plural(int(first[0]) + 1, "frame") if np.isfinite(first[0]) else "no number of frames"
+        for first in (noticed, demo.tracker.relocalised)
+    )
+    before, after = said.confidence[still[0] - 1], said.confidence[still[-1]]
+    return Section(
+        "How sure it was",
+        (
+            "A tracker adds up the evidence of all frames so far, and the odometry between them. "
+            "Its confidence is the share of its belief within one place of the fix; a fix is sure "
+            f"if that is {ACCEPT:g} or more. Nobody told it of the detour: {fall} after the drive "
+            f"left the map, the confidence was below 0.5, and {rise} after it was back, the fixes "
+            "were right with more than that again.",
+            "The odometry came from wheels that count 2 % too much, with a noise of 5 %. Frames "
+            "that repeat each other prove little, so those of a stop hardly count: over the "
+            f"{plural(len(still), 'frame')} of it, the confidence went from {before:.2f} to "
+            f"{after:.2f}.",
+        ),
+        {"confidence.png": picture},
+    )
 
 
 def _curves(demo: Demo) -> Section:
@@ -263,17 +338,17 @@ def _curves(demo: Demo) -> Section:
         more.append(
             f"Curves and star leave out {plural(int(early.sum()), 'fix', 'fixes')} at the start, "
             f"whose window is not full yet: {int(trusted.sum())} trusted, "
-            f"{int((trusted & ~demo.right).sum())} trusted and wrong."
+            f"{int((trusted & ~demo.study.shown.right).sum())} trusted and wrong."
         )
     return sections.curves(demo.study, figures.curves(demo.study, demo.trusted_point, star), *more)
 
 
 def _montage(demo: Demo) -> Picture:
     """Queries and the places they were matched to, by outcome."""
-    place = demo.study.run.place
+    place = demo.run.place
 
     def pair(query: int) -> Pair:
-        caption = f"frame {query} to place {place[query]}\n{demo.metres_off[query]:.0f} m off"
+        caption = f"frame {query} to place {place[query]}\n{demo.off(query)}"
         return Pair(demo.revisit[query], demo.reference[int(place[query])], caption)
 
     columns = [
@@ -307,7 +382,7 @@ def _made(demo: Demo, command: str, seconds: Sequence[tuple[str, float]]) -> Sec
         (
             "Matching",
             f"sequence length {c.sequence_length}, weight {c.weight:g}, floor: the smallest "
-            "distance so far",
+            "distance so far; tracker with odometry",
         ),
         ("Right means", f"{demo.study.correct_means} of the true one"),
         (

@@ -16,7 +16,7 @@ from surefix.plot.outcome import longest_gap
 from surefix.plot.theme import LOOKS
 from surefix.report.page import Picture, drawn
 from surefix.report.tables import stem
-from surefix.study import SCENARIOS, UPTO, Study
+from surefix.study import SCENARIOS, UPTO, Result, Study
 from surefix.study.scenarios import RECORDED
 
 __all__ = [
@@ -119,12 +119,14 @@ def trust(study: Study) -> Picture:
     return drawn((8.0, 3.0), alt, trust_table, t)
 
 
-def matrix(study: Study, every: bool = False, label: str = "distance") -> dict[str, Picture]:
-    """The whole distance matrix, with the judged matches of the shown method or every match; and
-    the part of it with the rarest outcomes.
+def matrix(
+    study: Study, every: bool = False, label: str = "distance", result: Result | None = None
+) -> dict[str, Picture]:
+    """The whole distance matrix, with the judged matches of a result (by default the shown
+    method's) or every match; and the part of it with the rarest outcomes.
     """
     n, m = study.distances.shape
-    shown, size = study.shown, (5.4, 5.9)
+    shown, size = result or study.shown, (5.4, 5.9)
     matches = shown.matches.place, study.run.trusted, shown.right
     window = busiest_window(*matches, study.true_place, count=max(12, min(44, m // 6)))
     judged = None if every else shown.judged
@@ -160,19 +162,19 @@ def matrix(study: Study, every: bool = False, label: str = "distance") -> dict[s
 
 
 def strip(
-    study: Study, along: NDArray[np.float64] | None = None, trusted: Band | None = None
+    study: Study, along: NDArray[np.float64] | None = None, more: Sequence[Band] = ()
 ) -> Picture:
-    """The route, with a band for each method, right and wrong, and one of the trusted matches: by
-    default the single ones. With ``trusted``, every match is shown, not only those that were
-    judged. The bracket is the longest stretch without a trusted and right one.
+    """The route, with a band for each method, right and wrong, and ``more``: by default one of the
+    trusted single matches. With ``more``, every match is shown, not only those that were judged.
+    The bracket is the longest stretch without a right one in the last band.
     """
     all_ = np.ones(len(study), np.bool_)
     bands: list[Band] = [
-        (result.name, result.right, all_ if trusted else result.judged & result.accepted)
+        (result.name, result.right, all_ if more else result.judged & result.accepted)
         for result in study.results
     ]
     judged = study.run.trusted & study.single_judged
-    bands.append(trusted or ("trusted single matches", study.single_right, judged))
+    bands += more or [("trusted single matches", study.single_right, judged)]
     gap = longest_gap(bands[-1][1] & bands[-1][2])
     if along is None:
         positions = np.arange(len(study), dtype=np.float64)

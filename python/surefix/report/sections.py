@@ -10,7 +10,7 @@ from surefix.baselines.distances import Places
 from surefix.plot.outcome import longest_gap
 from surefix.report import figures, tables
 from surefix.report.page import Picture, Section, Tile
-from surefix.study import KS, UPTO, Study, verdict
+from surefix.study import KS, UPTO, Result, Study, verdict
 from surefix.study.confidence import ALARM, HOLD, SURE
 
 __all__ = [
@@ -154,14 +154,16 @@ def trust(study: Study) -> Section:
     )
 
 
-def matrix(study: Study, pictures: Mapping[str, Picture], *more: str) -> Section:
-    """The distance matrix."""
+def matrix(
+    study: Study, pictures: Mapping[str, Picture], *more: str, result: Result | None = None
+) -> Section:
+    """The distance matrix, with the matches of a result or the shown method."""
     return Section(
         "The distances, and the answers",
         (
             "Each column is a query, each row a place of the map, and a strong tone means that the "
-            f"two look alike. A mark is the match of {study.shown.name}: round is right, a cross "
-            "is wrong; bold is trusted, thin is not.",
+            f"two look alike. A mark is the match of {(result or study.shown).name}: round is "
+            "right, a cross is wrong; bold is trusted, thin is not.",
             *more,
         ),
         pictures,

@@ -36,8 +36,8 @@ class Reliability:
 
     @property
     def error(self) -> float:
-        """The expected calibration error: the mean over queries of |said - right| of their bin; NaN
-        without queries.
+        """The expected calibration error: by how much ``said`` and ``right`` differ, as a mean over
+        queries; NaN without queries.
         """
         if not len(self.count):
             return float("nan")

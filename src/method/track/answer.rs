@@ -64,12 +64,14 @@ impl Tracker {
     /// The mean speed of the belief in a place, in places a query.
     fn speed(&self, step: Step, prediction: Prediction, place: usize, segments: &Segments) -> f64 {
         let (mut total, mut sum, mut speeds) = (0.0, 0.0, self.motion.speeds.iter());
+        let moved = step.moved();
         self.each_row(step, |row, taps, share| {
+            let keep = prediction.keep * share;
             let mut arrived = [0.0];
-            arriving(row, taps, segments, prediction.keep * share, place, &mut arrived);
-            let mass = arrived[0] + prediction.anew;
-            total += mass;
-            sum += mass * speeds.next().copied().unwrap_or(0.0);
+            arriving(row, taps, segments, keep * moved, place, &mut arrived);
+            let moving = arrived[0] + prediction.anew;
+            total += moving + keep * (1.0 - moved) * row[place];
+            sum += moving * speeds.next().copied().unwrap_or(0.0);
         });
         self.motion.pace * sum / total
     }

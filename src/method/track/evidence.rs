@@ -17,8 +17,26 @@ pub(super) enum Says<'a> {
     Nothing,
     /// From the column and the sums of the distances.
     Column(Standard),
-    /// From several techniques together.
+    /// From several techniques together, clipped by each.
     Fused(&'a [f64]),
+}
+
+impl Says<'_> {
+    /// Writes the `z` of the places from `start` on, not yet clipped.
+    #[inline(always)]
+    pub(super) fn z(self, column: &[f32], sums: &[f64], start: usize, out: &mut [f64]) {
+        let range = start..start + out.len();
+        match self {
+            Says::Nothing => out.fill(0.0),
+            Says::Column(standard) => {
+                let column = column[range.clone()].iter().zip(&sums[range]);
+                for (out, (&distance, &sum)) in out.iter_mut().zip(column) {
+                    *out = standard.z(distance, sum);
+                }
+            }
+            Says::Fused(z) => out.copy_from_slice(&z[range]),
+        }
+    }
 }
 
 impl Evidence<'_> {
@@ -26,20 +44,10 @@ impl Evidence<'_> {
     #[inline(always)]
     pub(super) fn of(self, column: &[f32], sums: &[f64], start: usize, out: &mut [f64]) {
         let Self { says, weight, clip } = self;
-        let range = start..start + out.len();
-        match says {
-            Says::Nothing => out.fill(1.0),
-            Says::Column(standard) => {
-                let column = column[range.clone()].iter().zip(&sums[range]);
-                for (out, (&distance, &sum)) in out.iter_mut().zip(column) {
-                    *out = exp(-weight * standard.z(distance, sum).max(-clip).min(clip));
-                }
-            }
-            Says::Fused(z) => {
-                for (out, &z) in out.iter_mut().zip(&z[range]) {
-                    *out = exp(-weight * z);
-                }
-            }
+        says.z(column, sums, start, out);
+        let clip = if matches!(says, Says::Fused(_)) { f64::INFINITY } else { clip };
+        for out in out {
+            *out = exp(-weight * out.max(-clip).min(clip));
         }
     }
 }

@@ -17,6 +17,7 @@ mod answer;
 mod evidence;
 mod exp;
 mod hubness;
+mod novelty;
 mod state;
 mod steps;
 mod sums;
@@ -33,6 +34,7 @@ use crate::segments::Segments;
 pub use answer::Track;
 use evidence::{Evidence, Says};
 pub(super) use hubness::Hubness;
+use novelty::{Novelty, View};
 pub(super) use state::Saved;
 use state::State;
 use steps::{Steps, Tap, known, lost};
@@ -51,6 +53,7 @@ pub(super) struct Tracker {
     /// That of the query before; then memory for the next.
     before: Vec<f64>,
     state: State,
+    view: View,
     scratch: Scratch,
 }
 
@@ -84,6 +87,7 @@ impl Tracker {
             mass: zeros(places.checked_mul(speeds))?,
             before: zeros(places.checked_mul(speeds))?,
             state: State::START,
+            view: View::new(places, motion)?,
             scratch: Scratch {
                 chunk: zeros(Some(speeds * CHUNK))?,
                 places: zeros(Some(several))?,
@@ -123,7 +127,8 @@ impl Estimator for Tracker {
 
     /// The robot may be anywhere. What the drive has taught about the places stays.
     fn clear(&mut self) {
-        let Self { mass, state, .. } = self;
+        let Self { mass, state, view, .. } = self;
+        view.known = false;
         let places = self.hubness.sums.len();
         mass[..places].fill(1.0 / places as f64);
         let travelled = state.travelled;
@@ -146,13 +151,15 @@ impl Estimator for Tracker {
                 None => Says::Nothing,
             },
         };
-        let weight = self.motion.evidence * self.state.weight(advance);
+        let correlation = self.view.correlation(says, column, &self.hubness);
+        let novelty = Novelty::new(advance, correlation, self.state.fresh, &self.motion);
+        let weight = self.motion.evidence * novelty.evidence;
         let evidence = Evidence { says, weight, clip: self.motion.clip };
 
         // 3, 4 Where the belief goes, and what it gives to the rest of the route and to the state
         // off the map.
-        let step = self.step(advance, column.len());
-        let prediction = self.predict(step, seen.segments);
+        let step = self.step(advance, novelty, column.len());
+        let prediction = self.predict(step, novelty, seen.segments);
 
         // 5 What is believed now.
         self.update(column, evidence, step, prediction, seen.segments);
@@ -162,17 +169,23 @@ impl Estimator for Tracker {
     }
 }
 
-/// How the belief moves: by a known advance, in places and a part of one, or as the speeds say.
+/// How the belief moves.
 #[derive(Clone, Copy)]
 enum Step {
-    Known {
-        shift: isize,
-        part: f64,
-    },
-    /// Whether the rows before are `joint`.
-    Speeds {
-        joint: bool,
-    },
+    /// By a known advance, in places and a part of one.
+    Known { shift: isize, part: f64, jitter: f64 },
+    /// As the speeds say, with the probability `moved`; `joint` if the rows before are.
+    Speeds { joint: bool, moved: f64 },
+}
+
+impl Step {
+    /// The probability that the robot has moved as this says, and not stayed.
+    fn moved(self) -> f64 {
+        match self {
+            Self::Known { .. } => 1.0,
+            Self::Speeds { moved, .. } => moved,
+        }
+    }
 }
 
 /// The prediction for each place and speed is `keep` times the arriving mass, and `anew`.
@@ -187,10 +200,12 @@ impl Tracker {
     /// Takes the advance, if it is known. The speeds are equally likely then, so that their sum is
     /// enough.
     #[inline(always)]
-    fn step(&mut self, advance: Option<f64>, places: usize) -> Step {
+    fn step(&mut self, advance: Option<f64>, novelty: Novelty, places: usize) -> Step {
         let Self { motion, mass, before, state, .. } = self;
         std::mem::swap(mass, before);
-        let Some(advance) = advance else { return Step::Speeds { joint: state.joint } };
+        let Some(advance) = advance else {
+            return Step::Speeds { joint: state.joint, moved: novelty.moved };
+        };
         if !state.joint {
             let (sum, others) = before.split_at_mut(places);
             for other in others.chunks_exact(places) {
@@ -201,7 +216,7 @@ impl Tracker {
         }
         state.joint = true;
         let travelled = state.travelled + advance;
-        let (whole, part) = if motion.fractional {
+        let (whole, part) = if motion.by_distance {
             (advance.floor(), advance - advance.floor())
         } else {
             (travelled.round_ties_even() - state.travelled.round_ties_even(), 0.0)
@@ -209,23 +224,24 @@ impl Tracker {
         state.travelled = travelled;
         // Beyond the route, jitter included, is as far as any further.
         let end = places as f64 + 2.0;
-        Step::Known { shift: whole.clamp(-end, end) as isize, part }
+        let jitter = motion.jitter * novelty.happens;
+        Step::Known { shift: whole.clamp(-end, end) as isize, part, jitter }
     }
 
-    fn predict(&self, step: Step, segments: &Segments) -> Prediction {
+    fn predict(&self, step: Step, novelty: Novelty, segments: &Segments) -> Prediction {
         let Self { motion, state, .. } = self;
         let mut lost_mass = 0.0;
         self.each_row(step, |row, taps, share| lost_mass += share * lost(row, taps, segments));
-        let left = state.scale * lost_mass;
-        let keep = (1.0 - motion.leave) * (1.0 - motion.restart);
-        let anew = motion.rejoin * state.off
-            + (1.0 - motion.leave) * motion.restart * state.on
-            + keep * left;
+        let left = step.moved() * state.scale * lost_mass;
+        let [leave, restart, rejoin] =
+            [motion.leave, motion.restart, motion.rejoin].map(|rate| rate * novelty.happens);
+        let keep = (1.0 - leave) * (1.0 - restart);
+        let anew = rejoin * state.off + (1.0 - leave) * restart * state.on + keep * left;
         let rows = if matches!(step, Step::Known { .. }) { 1 } else { motion.speeds.len() };
         Prediction {
             keep: keep * state.scale,
             anew: anew / (rows * segments.places()) as f64,
-            off: (1.0 - motion.rejoin) * state.off + motion.leave * state.on,
+            off: (1.0 - rejoin) * state.off + leave * state.on,
         }
     }
 
@@ -237,10 +253,10 @@ impl Tracker {
         let speeds = motion.speeds.len();
         let places = before.len() / speeds;
         match step {
-            Step::Known { shift, part } => {
-                visit(&before[..places], &known(shift, part, motion.jitter), 1.0);
+            Step::Known { shift, part, jitter } => {
+                visit(&before[..places], &known(shift, part, jitter), 1.0);
             }
-            Step::Speeds { joint } => {
+            Step::Speeds { joint, .. } => {
                 for speed in 0..speeds {
                     let (row, share) = steps.row(before, speed, joint);
                     visit(row, steps.of(speed), share);

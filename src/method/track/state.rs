@@ -3,20 +3,21 @@
 use serde::{Deserialize, Serialize};
 
 use super::Tracker;
+use super::novelty::View;
 use crate::archive::Refusal;
 
 /// More columns than any camera has sent.
 const MAX_COLUMNS: u64 = 1 << 60;
 /// The belief off the map at the start.
 const OFF: f64 = 0.05;
-/// A robot with odometry that stands still learns this share of the evidence.
-const LEAST_NEW: f64 = 0.05;
 
 /// The state of a tracker beside its tensors.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(in crate::method) struct Saved {
     columns: u64,
     state: State,
+    /// Whether there is a view to compare with, a tensor.
+    viewed: bool,
 }
 
 /// The rest of the state.
@@ -47,27 +48,19 @@ impl State {
         pending: None,
         fresh: true,
     };
-
-    /// A robot that stands still learns nothing new: how much evidence counts, by the advance.
-    pub(super) fn weight(&self, advance: Option<f64>) -> f64 {
-        match advance {
-            Some(advance) if !self.fresh => advance.abs().clamp(LEAST_NEW, 1.0),
-            _ => 1.0,
-        }
-    }
 }
 
 impl Tracker {
     /// The state beside its tensors.
     pub(in crate::method) fn saved(&self) -> Saved {
-        Saved { columns: self.hubness.columns, state: self.state }
+        Saved { columns: self.hubness.columns, state: self.state, viewed: self.view.known }
     }
 
     /// The tensors of its state: the sums of the distances, and the beliefs that count.
-    pub(in crate::method) fn tensors(&self) -> [(&'static str, &[f64]); 2] {
-        let Self { hubness, mass, state, .. } = self;
+    pub(in crate::method) fn tensors(&self) -> [(&'static str, &[f64]); 3] {
+        let Self { hubness, mass, state, view, .. } = self;
         let count = if state.joint { hubness.sums.len() } else { mass.len() };
-        [("track.sums", &hubness.sums), ("track.mass", &mass[..count])]
+        [("track.sums", &hubness.sums), ("track.mass", &mass[..count]), ("track.view", &view.z)]
     }
 
     /// Goes on from a state; `tensor` gives one of its tensors by the name and the length.
@@ -76,7 +69,7 @@ impl Tracker {
         saved: Saved,
         tensor: impl Fn(&str, usize) -> Result<Vec<f64>, Refusal>,
     ) -> Result<(), Refusal> {
-        let Saved { columns, state } = saved;
+        let Saved { columns, state, viewed } = saved;
         let State { joint, scale, on, off, travelled, pending, .. } = state;
         let shares = [on, off].iter().all(|share| (0.0..=1.0).contains(share));
         let advances = [travelled, pending.unwrap_or(0.0)].iter().all(|a| a.is_finite());
@@ -84,13 +77,15 @@ impl Tracker {
         let places = self.hubness.sums.len();
         let sums = tensor(tensors[0], places)?;
         let mass = tensor(tensors[1], if joint { places } else { self.mass.len() })?;
-        let finite = sums.iter().chain(&mass).all(|number| number.is_finite());
+        let view = tensor(tensors[2], self.view.z.len())?;
+        let finite = sums.iter().chain(&mass).chain(&view).all(|number| number.is_finite());
         if !(shares && advances && finite && scale.is_normal() && columns <= MAX_COLUMNS) {
             return Err(Refusal::Foreign("an impossible belief".to_owned()));
         }
         self.hubness.sums.copy_from_slice(&sums);
         self.hubness.columns = columns;
         self.mass[..mass.len()].copy_from_slice(&mass);
+        self.view = View { z: view, known: viewed };
         self.state = state;
         Ok(())
     }

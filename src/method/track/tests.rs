@@ -5,7 +5,10 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 use super::Track;
+use super::evidence::Says;
 use super::exp::exp;
+use super::hubness::Hubness;
+use super::novelty::View;
 use super::steps::{Steps, Tap, arriving, lost};
 use super::sums::sum;
 use crate::config::Config;
@@ -25,11 +28,21 @@ fn matcher(places: usize, motion: Motion) -> Matcher {
 fn kinds() -> impl Strategy<Value = Motion> {
     let gentle = Motion { restart: 0.0, leave: 0.0, ..Motion::free() };
     let fast = Motion { pace: 3.0, ..Motion::free() };
-    select(vec![Motion::steady(), Motion::free(), gentle, fast])
+    select(vec![Motion::steady(), Motion::free(), Motion::any(), gentle, fast])
 }
 
 fn advances() -> impl Strategy<Value = Option<f64>> {
     prop_oneof![2 => Just(None), 2 => (-2.0..3.0_f64).prop_map(Some), 1 => select(vec![Some(0.0), Some(1e9), Some(-7.5)])]
+}
+
+fn pearson(a: &[f64], b: &[f64]) -> f64 {
+    let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+    let (mean_a, mean_b) = (mean(a), mean(b));
+    let product = |a: &[f64], mean_a: f64, b: &[f64], mean_b: f64| {
+        a.iter().zip(b).map(|(a, b)| (a - mean_a) * (b - mean_b)).sum::<f64>()
+    };
+    let spread = product(a, mean_a, a, mean_a) * product(b, mean_b, b, mean_b);
+    product(a, mean_a, b, mean_b) / spread.sqrt()
 }
 
 /// Two segments, the second from `cut` on.
@@ -90,6 +103,23 @@ proptest! {
             let (first, last) = (taps[0].shift, taps[taps.len() - 1].shift);
             prop_assert!(reached.is_none_or(|reached: isize| reached + 1 >= first));
             reached = Some(last);
+        }
+    }
+
+    #[test]
+    fn views_are_compared_by_their_correlation(
+        views in (2..700_usize).prop_flat_map(|places| vec(vec(-3.0..3.0_f64, places), 2..4)),
+    ) {
+        let places = views[0].len();
+        let mut view = View::new(places, &Motion::any()).unwrap();
+        let hubness = Hubness::new(places).unwrap();
+        let mut before: Option<&Vec<f64>> = None;
+        for z in &views {
+            let got = view.correlation(Says::Fused(z), &[], &hubness);
+            let expected = before.map(|before| pearson(z, before));
+            prop_assert_eq!(got.is_some(), expected.is_some());
+            prop_assert!((got.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-9, "{got:?} {expected:?}");
+            before = Some(z);
         }
     }
 
@@ -176,4 +206,27 @@ fn a_constant_column_moves_the_belief_and_teaches_nothing() {
     assert_eq!((before.place, after.place), (13, 14));
     assert!(after.confidence < before.confidence);
     assert_eq!(matcher.tracker.as_ref().unwrap().hubness.sums, sums);
+}
+
+/// Without odometry, a camera that sees the same again is one that stands: the belief stays where
+/// it is, and does not grow sure of it.
+#[test]
+fn a_view_that_repeats_is_a_robot_that_stands() {
+    let places = 60;
+    let column = |at: usize| -> Vec<f32> {
+        let away = |place: usize| (place as f32 - at as f32).abs().min(6.0);
+        (0..places).map(|place| away(place) + 0.3 * (place * place % 7) as f32).collect()
+    };
+    let mut matcher = matcher(places, Motion::any());
+    for at in 10..25 {
+        matcher.push(&column(at)).unwrap();
+    }
+    let before = matcher.push(&column(24)).unwrap().track.unwrap();
+    let mut after = before;
+    for _ in 0..40 {
+        after = matcher.push(&column(24)).unwrap().track.unwrap();
+    }
+    assert_eq!((before.place, after.place), (24, 24));
+    assert!(after.speed < 0.2, "{after:?}");
+    assert!((after.confidence - before.confidence).abs() < 0.25, "{before:?} {after:?}");
 }

@@ -20,6 +20,7 @@ impl Tracker {
         let Self { motion, steps, hubness, mass, before, state, scratch, .. } = self;
         let (places, speeds) = (column.len(), motion.speeds.len());
         let Prediction { keep, anew, off } = prediction;
+        let moved = step.moved();
         let mut e = [0.0; CHUNK];
         let (mut on, mut evidence_sum) = (0.0, 0.0);
         for block in (0..places).step_by(BLOCK) {
@@ -30,24 +31,27 @@ impl Tracker {
                 evidence.of(column, &hubness.sums, start, e);
                 evidence_block += sum(e);
                 let one = match step {
-                    Step::Known { shift, part } => {
-                        Some((&before[..places], &known(shift, part, motion.jitter)[..]))
+                    Step::Known { shift, part, jitter } => {
+                        Some((&before[..places], &known(shift, part, jitter)[..]))
                     }
                     Step::Speeds { .. } if speeds == 1 => Some((&before[..], steps.of(0))),
                     Step::Speeds { .. } => None,
                 };
                 let of_places = if let Some((row, taps)) = one {
                     let out = &mut mass[range];
-                    arriving(row, taps, segments, keep, start, out);
+                    arriving(row, taps, segments, keep * moved, start, out);
+                    stay(row, keep * (1.0 - moved), start, out);
                     weigh(out, anew, e);
                     &*out
                 } else {
-                    let joint = matches!(step, Step::Speeds { joint: true });
+                    let joint = matches!(step, Step::Speeds { joint: true, .. });
                     let chunk = &mut scratch.chunk[..];
                     for (speed, out) in chunk.chunks_exact_mut(CHUNK).enumerate() {
                         let out = &mut out[..range.len()];
                         let (row, share) = steps.row(before, speed, joint);
-                        arriving(row, steps.of(speed), segments, keep * share, start, out);
+                        let keep = keep * share;
+                        arriving(row, steps.of(speed), segments, keep * moved, start, out);
+                        stay(row, keep * (1.0 - moved), start, out);
                         weigh(out, anew, e);
                     }
                     let of_places = &mut scratch.places[range.clone()];
@@ -71,6 +75,17 @@ impl Tracker {
         (state.on, state.off) = (on / total, off / total);
         state.fresh = false;
         state.joint = matches!(step, Step::Known { .. }) || speeds == 1;
+    }
+}
+
+/// Adds the mass that has not moved.
+#[inline(always)]
+fn stay(row: &[f64], factor: f64, start: usize, out: &mut [f64]) {
+    if factor == 0.0 {
+        return;
+    }
+    for (out, &mass) in out.iter_mut().zip(&row[start..]) {
+        *out += factor * mass;
     }
 }
 

@@ -67,7 +67,7 @@ def test_the_topological_filter_lives_through_columns_that_say_nothing_or_far_to
     assert len(baselines.topological(np.ones((40, 0), np.float32))) == 0
 
 
-@pytest.mark.parametrize("method", ["topological", "track_steady", "track_free"])
+@pytest.mark.parametrize("method", ["topological", "track_steady", "track_free", "track_any"])
 def test_a_filter_finds_what_single_frames_do_not(method: str) -> None:
     single = right = 0
     for seed in range(10):

@@ -34,6 +34,7 @@ def test_the_names() -> None:
         "topological",
         "track_steady",
         "track_free",
+        "track_any",
         "track_odometry",
     ]
     for method in METHODS.values():
@@ -93,7 +94,8 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         "topological": baselines.topological(D),
         "track_steady": baselines.track(D, motion="steady", tolerance=2),
         "track_free": baselines.track(D, tolerance=2),
-        "track_odometry": baselines.track(D, motion="steady", advance=advance, tolerance=2),
+        "track_any": baselines.track(D, motion="any", tolerance=2),
+        "track_odometry": baselines.track(D, motion="any", advance=advance, tolerance=2),
     }
     assert expected.keys() == METHODS.keys()
     answers = set()

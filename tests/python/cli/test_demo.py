@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -21,12 +22,15 @@ from PIL import Image
 
 from commands import surefix_, surefix_process
 from html_reader import read
-from surefix.report.demo import FILES
+from surefix.cli.demo import WHEELS, legs
+from surefix.report.demo import ACCEPT, FILES
 
 # The fixtures draw whole reports.
 pytestmark = pytest.mark.slow
 
 PLACES, SIZE, SEED = 120, (96, 48), 3
+# A stop of 4 frames is all that the second drive has beside a frame a place.
+FRAMES = PLACES + 4
 PICTURES = [name for name in FILES if name.endswith(".png")]
 
 
@@ -44,11 +48,20 @@ class Demo:
 
     @property
     def right(self) -> np.ndarray:
-        return np.abs(self.column("fixes.csv", "place") - self.column("truth.csv", "place")) <= 1
+        off = np.abs(self.column("fixes.csv", "place") - self.column("truth.csv", "place"))
+        return (off <= 1) & ~self.off_map
 
     @property
     def trusted(self) -> np.ndarray:
         return np.array([row["trusted"] == "true" for row in self.table("fixes.csv")])
+
+    @property
+    def sure(self) -> np.ndarray:
+        return self.column("fixes.csv", "confidence") >= ACCEPT
+
+    @property
+    def off_map(self) -> np.ndarray:
+        return self.column("truth.csv", "place") < 0
 
 
 @pytest.fixture(scope="module")
@@ -87,37 +100,69 @@ def test_a_picture_has_something_on_it_and_nothing_is_cut_off(demo: Demo, name: 
 
 def test_the_fixes_in_the_file_are_those_of_the_live_drive(demo: Demo) -> None:
     route = Route(places=PLACES, size=SIZE, seed=SEED)
-    reference, revisit = route.reference(), route.revisit()
-    localizer = surefix.Localizer(surefix.Map.from_images(reference, surefix.Sad()))
-    fixes = list(localizer.stream(revisit))
+    reference, revisit = route.reference(), route.revisit(legs=legs(PLACES))
+    known = surefix.Map.from_images(reference, surefix.Sad())
+    localizer = surefix.Localizer(known, motion="steady")
+    advance = revisit.odometry(**WHEELS) / 3.0
+    fixes = [
+        localizer.push(image, advance=moved) for image, moved in zip(revisit, advance, strict=True)
+    ]
     rows = demo.table("fixes.csv")
     assert [int(row["place"]) for row in rows] == [fix.place for fix in fixes]
     assert [float(row["score"]) for row in rows] == pytest.approx(
         [fix.score for fix in fixes], rel=1e-6
     )
     assert demo.trusted.tolist() == [fix.trusted for fix in fixes]
+    assert demo.column("fixes.csv", "confidence").tolist() == pytest.approx(
+        [fix.confidence for fix in fixes]
+    )
     assert demo.column("truth.csv", "place").tolist() == revisit.truth(reference).tolist()
+    assert demo.column("truth.csv", "advance").tolist() == pytest.approx(advance, abs=1e-6)
+
+
+def test_the_drive_stops_and_leaves_the_map_and_confidence_falls_and_returns(demo: Demo) -> None:
+    place, advance = demo.column("truth.csv", "place"), demo.column("truth.csv", "advance")
+    first = PLACES * 35 // 100
+    assert len(place) == FRAMES
+    assert (np.flatnonzero(advance == 0)[1:] == np.arange(first, first + 4)).all()
+    assert (np.diff(place[first - 1 : first + 4]) == 0).all()
+    off = np.flatnonzero(demo.off_map)
+    assert 10 < len(off) == off[-1] - off[0] + 1 < PLACES / 5
+    confidence = demo.column("fixes.csv", "confidence")
+    assert confidence[off].mean() < 0.6 * confidence[~demo.off_map].mean()
+    assert confidence[off].min() < 0.5
+    assert demo.sure[off[-1] + 1 :].any()
+    assert not demo.sure[off].any()
 
 
 def test_the_baseline_is_the_sequence_without_weights(demo: Demo) -> None:
     # In the other words of NumPy, at the default length 2.
     D = np.load(demo.folder / "distances.npy").astype(np.float64)
-    assert D.shape == (PLACES, PLACES)
+    assert D.shape == (PLACES, FRAMES)
     best = np.argmin(D[1:, 1:] + D[:-1, :-1], axis=0) + 1
     assert demo.column("baseline.csv", "place")[1:].tolist() == best.tolist()
 
 
 def test_the_numbers_on_the_page_are_those_of_the_fixes(demo: Demo) -> None:
-    right, trusted = demo.right, demo.trusted
+    right, trusted, sure, off = demo.right, demo.trusted, demo.sure, demo.off_map
+    assert not (right & off).any()
     shown = read((demo.folder / "report.html").read_text(encoding="utf-8")).ids
     assert shown["right"] == f"{100 * right.mean():.1f} %"
-    assert shown["trusted"] == f"{100 * trusted.mean():.1f} %"
+    assert shown["sure"] == f"{100 * sure.mean():.1f} %"
     assert shown["trusted-right"] == f"{100 * right[trusted].mean():.1f} %"
-    assert shown["trusted-wrong"] == str((trusted & ~right).sum())
-    assert float(shown["area"]) == pytest.approx(area_upto(demo, "fixes.csv"), abs=0.0051)
-    assert f"All fixes: {right.sum()} of {PLACES} right\n" in demo.said.stdout
-    counts = f"{(trusted & right).sum()} of {trusted.sum()} right, {(trusted & ~right).sum()} wrong"
-    assert f"Trusted fixes: {counts}\n" in demo.said.stdout
+    assert shown["sure-right"] == f"{100 * right[sure].mean():.1f} %"
+    assert shown["sure-off-map"] == str((sure & off).sum())
+    said = demo.said.stdout
+    assert f"All fixes: {right.sum()} of {FRAMES} right, and {off.sum()} were taken off" in said
+    for name, of in (("Trusted fixes", trusted), (f"Sure fixes, of confidence {ACCEPT:g}", sure)):
+        counts = f"{(of & right).sum()} of {of.sum()} right, {(of & ~right).sum()} wrong\n"
+        assert any(
+            line.startswith(name) and line.endswith(counts) for line in said.splitlines(True)
+        )
+    areas = [area_upto(demo, name) for name in ("weighted.csv", "baseline.csv")]
+    line = next(line for line in said.splitlines() if line.startswith("The paper's sequence"))
+    said_areas = [float(part) for part in re.findall(r"\d\.\d\d", line)]
+    assert said_areas == pytest.approx(areas, abs=0.0051)
 
 
 def area_upto(demo: Demo, name: str, upto: float = 0.2) -> float:
@@ -125,7 +170,8 @@ def area_upto(demo: Demo, name: str, upto: float = 0.2) -> float:
     recalls.
     """
     ready = np.array([row["ready"] == "true" for row in demo.table(name)])
-    right = (np.abs(demo.column(name, "place") - demo.column("truth.csv", "place")) <= 1)[ready]
+    true_place = demo.column("truth.csv", "place")
+    right = ((np.abs(demo.column(name, "place") - true_place) <= 1) & (true_place >= 0))[ready]
     scores = demo.column(name, "score")[ready]
     points = [
         (right[scores <= s].sum() / right.sum(), right[scores <= s].mean())
@@ -212,6 +258,6 @@ def test_on_a_terminal_the_drive_is_shown_live(tmp_path: Path) -> None:
     assert process.wait() == 0
     text = shown.decode("utf-8")
     assert "\x1b[" in text
-    for word in ("frame 20 of 20", "trusted (", "distances: ", "▀"):
+    for word in ("frame 21 of 21", "trusted (", "distances: ", "▀"):
         assert word in text
     assert f"Made {tmp_path / 'report.html'}" in text.splitlines()[-1]

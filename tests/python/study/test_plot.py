@@ -86,6 +86,9 @@ FIGURES: dict[str, Callable[[Axes, plot.Theme], Axes]] = {
     "distance_matrix_close": lambda ax, t: matrix(ax, queries=(3, 12), places=(0, 12), theme=t),
     "route_strip": lambda ax, t: strip(ax, gap=(10, 40), theme=t),
     "route_strip_of_one": lambda ax, t: strip(ax, 1, gap=(-0.5, 0.5), theme=t),
+    "confidence": lambda ax, t: plot.confidence(
+        ax, W, 1 - W, W > 0.3, stretches=[("off the map", range(3))], theme=t
+    ),
     "weight_sweep": lambda ax, t: plot.weight_sweep(
         ax, W, {"good": (W, W / 2, W), "poor": 1 - W}, theme=t
     ),

@@ -1,6 +1,7 @@
 """``surefix.report``: pages, outcomes, and drives at the edge."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from matplotlib.axes import Axes
 
 from html_reader import Reader, read
 from surefix.baselines import Context
+from surefix.cli.demo import legs
 from surefix.plot import Outcome, outcomes
-from surefix.plot.bars import _spans
+from surefix.plot.bars import spans
 from surefix.plot.curves import precision_recall
 from surefix.plot.images import spread
 from surefix.plot.outcome import longest_gap
@@ -28,17 +30,34 @@ from surefix.study import Study
 
 @pytest.fixture(scope="module")
 def drives() -> tuple[Traverse, Traverse]:
+    """Frame 7 is the stop's, 11 and 12 are off the map."""
     route = Route(places=20, size=(32, 16))
-    return route.reference(), route.revisit()
+    return route.reference(), route.revisit(legs=legs(20))
 
 
 def demo(
-    drives: tuple[Traverse, Traverse], D: np.ndarray, trusted: np.ndarray, length: int = 2
+    drives: tuple[Traverse, Traverse],
+    D: np.ndarray,
+    trusted: np.ndarray,
+    length: int = 2,
+    **fixes: np.ndarray,
 ) -> Demo:
-    """A demo of these distances, with the trust flags of another predictor."""
-    truth = drives[1].truth(drives[0])
-    context = Context(sequence_length=length, floor="running", truth=truth, trusted=trusted)
-    return Demo(Study(D.astype(np.float32), context), *drives, 1, np.full(20, 1e-3))
+    """A demo of these distances, with the trust flags of another predictor; ``fixes`` replaces
+    parts of what the tracker said.
+    """
+    truth, D = drives[1].truth(drives[0]), D.astype(np.float32)
+    context = Context(
+        sequence_length=length,
+        floor="running",
+        truth=truth,
+        trusted=trusted,
+        advance=drives[1].odometry() / 3,
+    )
+    options = context.options | {"motion": "steady"}
+    run = surefix.match_distances(D, advance=context.advance, trusted=trusted, **options)
+    names = ["place", "score", "trusted", "confidence", "off_map", "single_place", "to_csv"]
+    given = SimpleNamespace(**{name: getattr(run, name) for name in names} | fixes)
+    return Demo(Study(D, context), given, *drives, 1, np.full(21, 1e-3))
 
 
 def written(given: Demo, folder: Path) -> Reader:
@@ -52,9 +71,12 @@ def test_a_drive_that_trusts_no_fix_or_every_fix_has_its_report_too(
 ) -> None:
     places, sad = surefix.Map.from_images(drives[0], surefix.Sad()), surefix.Sad()
     D = np.stack([places.distances(sad.describe(frame)) for frame in drives[1]], axis=1)
-    shown = written(demo(drives, D, np.full(20, trusted)), tmp_path).ids
-    assert shown["trusted"] == ("100.0 %" if trusted else "0.0 %")
-    assert (shown["trusted-right"] == "none") == (not trusted)
+    confidence = np.full(21, float(trusted))
+    given = demo(drives, D, np.full(21, trusted), confidence=confidence)
+    shown = written(given, tmp_path).ids
+    assert shown["sure"] == ("100.0 %" if trusted else "0.0 %")
+    assert shown["sure-off-map"] == ("2" if trusted else "0")
+    assert (shown["trusted-right"] == "none") == (shown["sure-right"] == "none") == (not trusted)
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -62,19 +84,20 @@ def test_one_of_a_kind_is_in_the_singular(
     drives: tuple[Traverse, Traverse], tmp_path: Path
 ) -> None:
     place = drives[1].truth(drives[0])
-    place[[5, 6]] = (place[[5, 6]] + 10) % 20
-    D = np.ones((20, 20))
-    D[place, np.arange(20)] = 0
-    # Of two wrong fixes one is trusted, and all but one of the right ones are.
-    trusted = np.ones(20, np.bool_)
-    trusted[[6, 12]] = False
-    text = written(demo(drives, D, trusted, length=1), tmp_path).text
-    assert (
-        "sent to a wrong place 2 times in 20. One that acts on the trusted fixes only, 1 time."
-        in text
-    )
-    assert "The price: 1 right fix is held back together with the 1 wrong one, and" in text
-    assert "1 of the 18 trusted fixes of this drive is wrong." in text
+    D = np.ones((20, 21))
+    D[place, np.arange(21)] = 0
+    # Two fixes are wrong, those off the map: one of them is trusted, and one is sure. Of the right
+    # ones, all but one each.
+    trusted, confidence = np.ones(21, np.bool_), np.ones(21)
+    trusted[[12, 15]], confidence[[11, 3]] = False, 0.4
+    place[place < 0] = 0
+    given = demo(drives, D, trusted, 1, place=place, confidence=confidence)
+    text = written(given, tmp_path).text
+    assert "is sent to a wrong place 2 times in 21. With it, 2 times; if" in text
+    assert "acts on the sure fixes only, 1 time. The price: 1 right fix is held back, and" in text
+    assert "stood still for 1 frame, took a detour of 2 frames off the map" in text
+    assert "1 frame after the drive left the map, the confidence was below 0.5, and 1 frame" in text
+    assert "1 of the 19 trusted fixes of this drive is wrong." in text
     assert "1 of the 2 untrusted ones is right." in text
 
 
@@ -89,13 +112,14 @@ def test_star_and_page_say_which_fixes_they_count(
     """A trusted fix that is wrong before the first window is full counts on the page, and not for
     the star.
     """
-    D = np.ones((20, 20))
+    D = np.ones((20, 21))
     place = drives[1].truth(drives[0])
+    trusted = place >= 0
     place[0] += 10
-    D[place, np.arange(20)] = 0
-    given = demo(drives, D, np.ones(20, np.bool_), length)
-    ready = int(given.study.run.ready.sum())
-    assert (given.counts[Outcome.TRUSTED_WRONG], ready) == (1, 21 - length)
+    D[place, np.arange(21)] = 0
+    given = demo(drives, D, trusted, length)
+    assert not given.study.shown.right[0]
+    assert int(given.study.run.ready.sum()) == 22 - length
     labels: list[str] = []
 
     def drawn(*arguments: Any, **options: Any) -> Axes:
@@ -173,6 +197,6 @@ def test_the_strip_colours_each_query_from_half_way_to_half_way() -> None:
         edges = np.cumsum(random.random(random.integers(2, 20)))
         mask = random.random(len(edges) - 1) < 0.5
         inside = np.zeros(len(mask), bool)
-        for start, length in _spans(edges, mask):
+        for start, length in spans(edges, mask):
             inside |= (edges[:-1] >= start - 1e-9) & (edges[1:] <= start + length + 1e-9)
         assert (inside == mask).all()
