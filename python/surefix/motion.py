@@ -56,7 +56,8 @@ class Motion:
         The queries after which a place's mean distance is half believed.
     by_distance : bool
         Whether a known advance counts by its length. If so, the belief moves by its fraction, too,
-        and jitter, restart, leave and rejoin are as much less likely as it is shorter than a place.
+        jitter grows with it, and restart, leave and rejoin are as much less likely as it is shorter
+        than a place.
         If not, the belief moves by whole places of the way so far.
     repeat : float
         The correlation from which on two queries in a row count less and less as two: the view
