@@ -220,12 +220,9 @@ class RerunView(Closing):
     def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
         """All distances as bars, those of the minimum and of the gradient peak in colours."""
         chart, log = self.rr.BarChart, self.recording.log
-        values, wide = self.bins.smallest(distances), float(self.bins.width)
-        middles, widths = self.bins.first + (wide - 1) / 2, np.full(len(values), wide)
-        bars = chart(values, abscissa=middles, widths=widths, color=_rgb(UNTRUSTED))
-        log("distances/all", bars)
+        log("distances/all", self._bars(self.bins.smallest(distances), UNTRUSTED))
         # On a long route, one bar would be too thin to see.
-        thick = max(wide, len(distances) / 150)
+        thick = max(float(self.bins.width), len(distances) / 150)
         peak = "gradient_peak", fix.gradient.place, PEAK
         for name, place, colour in (("minimum", fix.single.place, MINIMUM), peak):
             at = {"abscissa": [float(place)], "widths": [thick]}
@@ -256,13 +253,16 @@ class RerunView(Closing):
         belief, track = localizer.belief, fix.track
         if belief is None or track is None:
             return
-        rr, log, wide = self.rr, self.recording.log, float(self.bins.width)
-        values = np.sqrt(self.bins.sums(belief))
+        log = self.recording.log
+        log("belief", self._bars(np.sqrt(self.bins.sums(belief)).astype(np.float32), TRUSTED))
+        log("sure/confidence", self.rr.Scalars(track.confidence))
+        log("sure/off_map", self.rr.Scalars(track.off_map))
+
+    def _bars(self, values: NDArray[np.float32], colour: str) -> Any:
+        """A bar for each bin, as wide as its places."""
+        wide = float(self.bins.width)
         middles, widths = self.bins.first + (wide - 1) / 2, np.full(len(values), wide)
-        bars = rr.BarChart(values, abscissa=middles, widths=widths, color=_rgb(TRUSTED))
-        log("belief", bars)
-        log("sure/confidence", rr.Scalars(track.confidence))
-        log("sure/off_map", rr.Scalars(track.off_map))
+        return self.rr.BarChart(values, abscissa=middles, widths=widths, color=_rgb(colour))
 
     def _points(self, at: NDArray[np.float64], colour: str, size: float) -> Any:
         """Positions as points from the first place's; of two coordinates, the second upwards."""

@@ -277,7 +277,7 @@ def test_confidence_and_belief_are_in_the_recording(drive: Drive, tmp_path: Path
         belief = localizer.belief
         assert belief is not None
         np.testing.assert_allclose(
-            recording.bars("belief", fix.frame) ** 2, belief.reshape(20, 3).sum(1), atol=1e-12
+            recording.bars("belief", fix.frame) ** 2, belief.reshape(20, 3).sum(1), rtol=1e-6
         )
         middles = recording.bars("belief", fix.frame, "abscissa")
         np.testing.assert_array_equal(middles, np.arange(1, PLACES, 3))
