@@ -65,7 +65,8 @@ def run(
     out: Write the fixes to this file.
     form: A line a fix, as CSV or JSON; by the file's ending, else CSV.
     accept: Mark a fix as accepted if its confidence is at least this, such as 0.95.
-    screen: Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers.
+    screen: With --motion none: scan a copy of float32 descriptors in bytes: faster on a large map,
+        the same answers.
     model: A map of `surefix map build --model`: the ONNX file, to describe the images.
     follow: A folder: go on with what comes, until Ctrl-C.
     idle: With --follow: end when none has come for this many seconds.
@@ -122,6 +123,8 @@ def run(
         localizer = Localizer(scanned, descriptor=network, **options)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
+    if screen and motion:
+        print(f"--screen: unused, as --motion {motion} needs all distances", file=sys.stderr)
     read = [route, *map(Path, source.files)]
     if out is not None:
         check_not_read(out, read)
