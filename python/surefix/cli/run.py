@@ -15,7 +15,7 @@ from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import NO_SCALE, check_not_read, network_of, refuse, scale_of
 from surefix.cli.views import open_views
-from surefix.errors import refusal
+from surefix.errors import mismatch, refusal
 from surefix.frames import Advances, Frame, Frames
 from surefix.live import View
 
@@ -38,6 +38,7 @@ def run(
     *,
     options: dict[str, Any],
     accept: float | None = None,
+    fuse: list[Path] | None = None,
     screen: Literal["i8"] | None = None,
     model: Path | None = None,
     follow: Annotated[bool, F] = False,
@@ -65,9 +66,11 @@ def run(
     out: Write the fixes to this file.
     form: A line a fix, as CSV or JSON; by the file's ending, else CSV.
     accept: Mark a fix as accepted if its confidence is at least this, such as 0.95.
+    fuse: Another technique's map of the same places, once each: their evidence is fused.
     screen: With --motion none: scan a copy of float32 descriptors in bytes: faster on a large map,
         the same answers.
-    model: A map of `surefix map build --model`: the ONNX file, to describe the images.
+    model: A map of `surefix map build --model`, of --fuse too: the ONNX file, to describe the
+        images.
     follow: A folder: go on with what comes, until Ctrl-C.
     idle: With --follow: end when none has come for this many seconds.
     topic: A bag: the topic of the images, if there are several.
@@ -117,15 +120,26 @@ def run(
         places_per_metre=scale,
         newest=newest,
     )
-    network = None if model is None else network_of(places, route, model)
+    names = [route, *(fuse or ())]
+    maps = [places, *map(Map.open, names[1:])]
+    for name, each in zip(names, maps, strict=True):
+        if len(each) != len(places):
+            raise mismatch(f"--fuse {name}", f"a map of {len(places)} places", len(each))
+    # Of several maps, those of learned descriptors are the model's.
+    alone = len(maps) == 1
+    networks = [
+        network_of(each, name, model) if model and (alone or each.descriptor is None) else None
+        for each, name in zip(maps, names, strict=True)
+    ]
     try:
-        scanned = places.with_screen(screen) if screen else places
-        localizer = Localizer(scanned, descriptor=network, **options)
+        scanned = [each.with_screen(screen) if screen else each for each in maps]
+        localizer = Localizer(scanned, descriptor=networks, **options)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
-    if screen and motion:
-        print(f"--screen: unused, as --motion {motion} needs all distances", file=sys.stderr)
-    read = [route, *map(Path, source.files)]
+    if screen and (motion or fuse):
+        why = f"--motion {motion}" if motion else "--fuse"
+        print(f"--screen: unused, as {why} needs all distances", file=sys.stderr)
+    read = [*names, *map(Path, source.files)]
     if out is not None:
         check_not_read(out, read)
         read.append(out)

@@ -12,6 +12,7 @@ import pytest
 import surefix
 from commands import surefix_
 from surefix.cli.tracked import Agreement
+from surefix.simulate import Route
 
 PLACES = 300
 Floats = np.ndarray[Any, np.dtype[np.float32]]
@@ -196,3 +197,26 @@ def test_the_help_says_the_default() -> None:
     }
     assert "at any speed; any by default" in said["run"]
     assert "at any speed; none by default" in said["eval"]
+
+
+def test_several_maps_are_fused(tmp_path: Path) -> None:
+    road = Route(places=40, size=(96, 48))
+    summer, winter = np.stack(list(road.reference())), np.stack(list(road.revisit()))
+    maps = [surefix.Map.from_images(summer, sad) for sad in (surefix.Sad(), surefix.Sad(patch=16))]
+    names = [tmp_path / "coarse.safetensors", tmp_path / "fine.safetensors"]
+    for place_map, name in zip(maps, names, strict=True):
+        place_map.save(name)
+    np.save(tmp_path / "winter.npy", winter)
+    run = (names[0], tmp_path / "winter.npy", "--fuse", names[1], "--format", "json")
+    done = surefix_("run", *run)
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    localizer = surefix.Localizer(maps, motion="any")
+    fixes = [localizer.push(image) for image in winter]
+    assert [row["place"] for row in rows] == [fix.place for fix in fixes]
+    assert [row["confidence"] for row in rows] == [fix.confidence for fix in fixes]
+
+    surefix.Map.from_images(summer[:30]).save(tmp_path / "short.safetensors")
+    refused = surefix_("run", *run[:3], tmp_path / "short.safetensors", code=1)
+    assert re.search(
+        r"--fuse .*short.safetensors: expected a map of 40 places, got 30", refused.stderr
+    )
