@@ -17,7 +17,8 @@ use ndarray::Array2;
 use random::SplitMix64;
 use surefix::Describer;
 use surefix::{
-    Drive, Fix, Image, Localizer, Map, Matcher, Sad, Values, match_descriptors, match_distances,
+    Drive, Fix, Image, Localizer, Map, Matcher, Motion, Sad, Values, match_descriptors,
+    match_distances,
 };
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
@@ -46,11 +47,22 @@ fn push(criterion: &mut Criterion) {
             let mut matcher = Matcher::new(places, config! { sequence_length }).unwrap();
             for (query, column) in columns.iter().cycle().take(sequence_length.max(16)).enumerate()
             {
-                let fix = matcher.push(column).unwrap();
-                assert_eq!((fix.single.place, fix.trusted), (places / 3 + query % 16, true));
+                // Among 100,000 places, noise now and then peaks above a true place's gradient.
+                let place = matcher.push(column).unwrap().single.place;
+                assert_eq!(place, places / 3 + query % 16);
             }
             let mut next = columns.iter().cycle();
             group.bench_function(format!("L = {sequence_length}"), |b| {
+                b.iter(|| matcher.push(black_box(next.next().unwrap())).unwrap());
+            });
+        }
+        let motions = [Motion::steady(), Motion::free(), Motion::any()];
+        for (kind, motion) in ["steady", "free", "any"].into_iter().zip(motions) {
+            let mut matcher = Matcher::new(places, config! { motion: Some(motion) }).unwrap();
+            let fix = columns.iter().map(|column| matcher.push(column).unwrap()).last().unwrap();
+            assert_eq!(fix.place, places / 3 + 15);
+            let mut next = columns.iter().cycle();
+            group.bench_function(format!("L = 2, motion {kind}"), |b| {
                 b.iter(|| matcher.push(black_box(next.next().unwrap())).unwrap());
             });
         }
@@ -68,10 +80,12 @@ fn image(criterion: &mut Criterion) {
         });
     });
     let mut localizer = Localizer::new(map, config! { sequence_length: 3 }).unwrap();
-    let fixes: Vec<Fix> = frames.iter().map(|frame| localizer.push_image(frame).unwrap()).collect();
-    assert!(
-        fixes.iter().enumerate().all(|(query, fix)| fix.place.abs_diff(PLACES / 2 + query) < 10)
-    );
+    let mut copy = localizer.clone();
+    for frame in &frames {
+        let descriptor = Sad::default().describe(frame.view()).unwrap();
+        let fix = copy.push_descriptor(&descriptor).unwrap();
+        assert_eq!(localizer.push_image(frame).unwrap(), fix);
+    }
     criterion.bench_function("image to fix, 640 x 480 RGB, n = 1800, L = 3", |b| {
         b.iter(|| localizer.push_image(black_box(next.next().unwrap())).unwrap());
     });

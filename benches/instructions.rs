@@ -24,7 +24,7 @@ use std::sync::Arc;
 use random::SplitMix64;
 use surefix::Describer;
 use surefix::{
-    Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Sad, Values, View,
+    Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Motion, Sad, Values, View,
 };
 
 /// Rows of a map: few, as each costs the same.
@@ -62,6 +62,7 @@ fn main() {
     }
     distances(&DTYPES, true);
     push(&[2, 3, 10, 100]);
+    track();
     screened();
     image();
 }
@@ -100,6 +101,19 @@ fn push(lengths: &[usize]) {
         (0..2 * sequence_length).for_each(|_| push());
         // As many as the sequence is long: not all of them need cost the same.
         case(&format!("push, n = {PLACES}, L = {sequence_length}"), sequence_length.max(16), push);
+    }
+}
+
+/// The tracker, beside a sequence of 2.
+fn track() {
+    let columns = SplitMix64(2).drive(PLACES, 16);
+    for (kind, motion) in [("steady", Motion::steady()), ("free", Motion::free())] {
+        let mut matcher = Matcher::new(PLACES, config! { motion: Some(motion) }).unwrap();
+        let mut frames = columns.iter().cycle();
+        let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
+        // The first queries' answers are wide, and wide intervals are found sooner.
+        (0..16).for_each(|_| push());
+        case(&format!("push, n = {PLACES}, L = 2, motion {kind}"), 16, push);
     }
 }
 

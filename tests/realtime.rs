@@ -20,7 +20,7 @@ use cases::{DTYPES, Kind, all_bits, columns, numbers};
 use random::SplitMix64;
 use surefix::{
     Channels, Config, Dtype, Error, Fix, Floor, Given, Gradient, Image, Localizer, Map, Matcher,
-    Metric, Post, Run, Sad, Step, Values,
+    Metric, Motion, Post, Run, Sad, Step, Values,
 };
 
 /// The system's allocator, counting what each thread asks of it.
@@ -131,6 +131,37 @@ fn a_matcher_allocates_nothing_after_construction() {
             251 - length + 2 * (121 - length) + 11_usize.saturating_sub(length),
             "those after gaps too"
         );
+    }
+}
+
+#[test]
+fn a_tracker_allocates_nothing_after_construction() {
+    const PLACES: usize = 5000;
+    let queries = columns(Kind::Smooth, PLACES, 12, 1);
+    let mut custom = Motion::free();
+    (custom.pace, custom.by_distance, custom.repeat) = (7.0, true, 0.5);
+    for motion in [Motion::steady(), Motion::free(), Motion::any(), custom] {
+        let config = config! { motion: Some(motion.clone()) };
+        let mut matcher = Matcher::new(PLACES, config).unwrap();
+        let calls = allocations(|| {
+            for (index, query) in queries.iter().cycle().take(60).enumerate() {
+                let given = match index % 5 {
+                    0 => Given::default().advance(1e12),
+                    1 => Given::default().advance(-0.7),
+                    _ => Given::default(),
+                };
+                assert!(matcher.push_with(query, given).unwrap().track.is_some());
+                match index % 15 {
+                    7 => matcher.gap(),
+                    11 => matcher.gap_with_advance(3.3).unwrap(),
+                    13 => assert!(matcher.belief().unwrap().sum::<f64>() <= 1.0 + 1e-9),
+                    _ => {}
+                }
+            }
+            matcher.reset();
+            matcher.push(&queries[0]).unwrap();
+        });
+        assert_eq!(calls, 0, "{motion:?}");
     }
 }
 

@@ -15,7 +15,7 @@ from work import Work, caches, shortage
 
 RIVALS = {
     "numpy": "NumPy", "scipy": "SciPy", "PIL": "Pillow", "cv2": "OpenCV", "faiss": "faiss",
-    "simsimd": "simsimd", "threadpoolctl": "threadpoolctl",
+    "hmmlearn": "hmmlearn", "simsimd": "simsimd", "threadpoolctl": "threadpoolctl",
 }  # fmt: skip
 _skipped: list[str] = []
 _speeds: dict[tuple[int, int], float] = {}

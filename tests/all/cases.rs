@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use surefix::{Config, Drive, Dtype, Fix, Floor, Given, Gradient, Matcher, Values};
+use surefix::{Config, Drive, Dtype, Fix, Floor, Given, Gradient, Matcher, Motion, Values};
 
 use crate::random::SplitMix64;
 
@@ -73,6 +73,32 @@ pub(crate) fn numbers(dtype: Dtype, count: usize, seed: u64) -> Values {
 
 pub(crate) const DTYPES: [Dtype; 4] = [Dtype::F32, Dtype::F16, Dtype::I8, Dtype::U8];
 
+/// No tracker, or one of many motions: slow and fast, sure and doubtful. There is always a way back
+/// to the map, and a restart is at least as likely as the start off the map.
+pub(crate) fn motion() -> impl Strategy<Value = Option<Motion>> {
+    let speeds = proptest::sample::subsequence((0..13).collect::<Vec<_>>(), 1..6);
+    let likely = || select(vec![0.05, 0.1, 0.6, 1.0]);
+    let unlikely = || select(vec![0.0, 0.05, 0.1, 0.6]);
+    let chances = (unlikely(), likely(), unlikely(), likely());
+    let jitter = select(vec![0.0, 0.01, 0.1, 0.25]);
+    let pace = prop_oneof![select(vec![0.01, 0.3, 1.0, 1000.0]), 0.1..20.0];
+    let words = (0.0..2.0, 0.0..6.0, select(vec![0.0, 1.0, 10.0]));
+    let still = (any::<bool>(), select(vec![0.0, 0.9, 1.0]));
+    let custom = (speeds, chances, jitter, pace, words, still).prop_map(
+        |(speeds, chances, jitter, pace, (evidence, clip, hubness), (by_distance, repeat))| {
+            let mut motion = Motion::steady();
+            motion.speeds = speeds.into_iter().map(|quarters| f64::from(quarters) / 4.0).collect();
+            (motion.jitter, motion.pace) = (jitter, pace);
+            (motion.by_distance, motion.repeat) = (by_distance, repeat);
+            (motion.switching, motion.restart, motion.leave, motion.rejoin) = chances;
+            (motion.evidence, motion.clip, motion.hubness) = (evidence, clip, hubness);
+            Some(motion)
+        },
+    );
+    let kinds = [Motion::steady(), Motion::free(), Motion::any()].map(Some);
+    prop_oneof![3 => Just(None), 3 => select(kinds.to_vec()), 2 => custom]
+}
+
 /// Every option that a stream has, for a route of `places` places.
 pub(crate) fn config(places: usize) -> impl Strategy<Value = Config> {
     let length = prop_oneof![3 => 1..=places.min(6), 1 => 1..=places];
@@ -82,15 +108,15 @@ pub(crate) fn config(places: usize) -> impl Strategy<Value = Config> {
     let floor = prop_oneof![Just(Floor::Running), (-1.0..1.0).prop_map(Floor::Fixed)];
     let speed = prop_oneof![select(vec![0.0, 0.5, 1.0, 1.25, 1.5, 2.0, 3.0]), 0.0..3.0];
     let speeds = prop_oneof![1 => Just(vec![1.0]), 1 => proptest::collection::vec(speed, 1..5)];
-    (length, weight, 0..=places, smoothing, gradient, floor, speeds).prop_map(
-        move |(sequence_length, weight, tolerance, smoothing, gradient, floor, mut speeds)| {
+    (length, weight, 0..=places, smoothing, gradient, floor, speeds, motion()).prop_map(
+        move |(sequence_length, weight, tolerance, smoothing, gradient, floor, mut speeds, motion)| {
             for speed in &mut speeds {
                 // A diagonal that leaves the route is refused (tests/bad_input.rs).
                 if (*speed * (sequence_length - 1) as f64).round() > (places - 1) as f64 {
                     *speed = 1.0;
                 }
             }
-            config! { sequence_length, weight, tolerance, smoothing, gradient, floor, speeds }
+            config! { sequence_length, weight, tolerance, smoothing, gradient, floor, speeds, motion }
         },
     )
 }
@@ -100,10 +126,12 @@ pub(crate) fn route(places: std::ops::Range<usize>) -> impl Strategy<Value = (us
     places.prop_flat_map(|places| (Just(places), config(places)))
 }
 
+pub(crate) type Bits = [u64; 18];
+
 /// All numbers of a fix to the last bit: `==` takes -0.0 for 0.0.
-pub(crate) fn bits(fix: &Fix) -> [u64; 12] {
+pub(crate) fn bits(fix: &Fix) -> Bits {
     let float = |x: f32| u64::from(x.to_bits());
-    let sequence = fix.sequence;
+    let (sequence, track) = (fix.sequence, fix.track);
     [
         fix.frame,
         u64::from(fix.trusted),
@@ -117,10 +145,16 @@ pub(crate) fn bits(fix: &Fix) -> [u64; 12] {
         sequence.map_or(u64::MAX, |s| float(s.score)),
         sequence.map_or(u64::MAX, |s| s.anchors as u64),
         sequence.map_or(u64::MAX, |s| s.speed.to_bits()),
+        track.map_or(u64::MAX, |t| t.place as u64),
+        track.map_or(u64::MAX, |t| t.confidence.to_bits()),
+        track.map_or(u64::MAX, |t| t.off_map.to_bits()),
+        track.map_or(u64::MAX, |t| t.speed.to_bits()),
+        track.map_or(u64::MAX, |t| t.interval.0 as u64),
+        track.map_or(u64::MAX, |t| t.interval.1 as u64),
     ]
 }
 
-pub(crate) fn all_bits(fixes: &[Fix]) -> Vec<[u64; 12]> {
+pub(crate) fn all_bits(fixes: &[Fix]) -> Vec<Bits> {
     fixes.iter().map(bits).collect()
 }
 
@@ -136,26 +170,52 @@ pub(crate) fn known<'a>(trusted: Option<&'a [bool]>, gaps: &'a [usize]) -> Drive
     drive
 }
 
-/// What is known about a query.
-pub(crate) fn given(trusted: Option<bool>) -> Given {
+/// An external predictor's flags and odometry, with stops, reverses and ways beyond the route.
+#[derive(Debug)]
+pub(crate) struct Told {
+    trusted: Option<Vec<bool>>,
+    advance: Option<Vec<f64>>,
+}
+
+impl Told {
+    pub(crate) fn new(queries: usize, seed: u64, external: bool, odometry: bool) -> Self {
+        let mut dice = SplitMix64(seed ^ 0xabc);
+        let trusted = (0..queries).map(|_| dice.below(2) == 1).collect();
+        let advance = (0..queries).map(|_| match dice.below(8) {
+            0 => dice.below(200) as f64 - 100.0,
+            1 => 0.0,
+            2 => 0.5,
+            _ => f64::from(4.0 * dice.share() - 1.0),
+        });
+        let advance = advance.collect();
+        Self { trusted: external.then_some(trusted), advance: odometry.then_some(advance) }
+    }
+
+    pub(crate) fn drive(&self) -> Drive<'_> {
+        let mut drive = known(self.trusted.as_deref(), &[]);
+        drive.advance = self.advance.as_deref();
+        drive
+    }
+}
+
+/// What is known about a query of a drive.
+pub(crate) fn given(drive: Drive<'_>, query: usize) -> Given {
     let mut given = Given::default();
-    given.trusted = trusted;
+    given.trusted = drive.trusted.map(|trusted| trusted[query]);
+    given.advance = drive.advance.map(|advance| advance[query]);
     given
 }
 
-/// The fixes of a stream.
+/// The fixes of a stream without gaps.
 pub(crate) fn stream(
     places: usize,
     config: &Config,
     columns: &[Vec<f32>],
-    trusted: Option<&[bool]>,
+    drive: Drive<'_>,
 ) -> Vec<Fix> {
     let mut matcher = Matcher::new(places, config.clone()).unwrap();
-    let push = |(query, column): (usize, &Vec<f32>)| match trusted {
-        Some(trusted) => {
-            matcher.push_with(column, Given::default().trusted(trusted[query])).unwrap()
-        }
-        None => matcher.push(column).unwrap(),
+    let push = |(query, column): (usize, &Vec<f32>)| {
+        matcher.push_with(column, given(drive, query)).unwrap()
     };
     columns.iter().enumerate().map(push).collect()
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::cases::{Kind, bits, cases, columns, kind, route};
+use crate::cases::{Kind, Told, bits, cases, columns, given, kind, route};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -23,6 +23,13 @@ const ODD: [f32; 12] = [
     -1.0,
 ];
 
+/// None, one that can be, or any bits.
+fn any_advance() -> impl Strategy<Value = Option<f64>> {
+    let odd = vec![f64::NAN, f64::INFINITY, -1e12, 1e12, 1.1e12, 1e-300, -0.5, 2.5];
+    let odd = prop_oneof![select(odd), any::<u64>().prop_map(f64::from_bits)];
+    prop_oneof![3 => Just(None), 3 => (-3.0..9.0).prop_map(Some), 1 => odd.prop_map(Some)]
+}
+
 /// Any bits at all, the odd ones often.
 fn any_number() -> impl Strategy<Value = f32> {
     prop_oneof![any::<u32>().prop_map(f32::from_bits), select(ODD.to_vec()), 0.0..1.0_f32]
@@ -36,8 +43,16 @@ fn in_range(fix: &Fix, places: usize, config: &Config) {
     if let Some(sequence) = fix.sequence {
         assert!(sequence.place < places && sequence.anchors <= config.sequence_length, "{fix:?}");
         assert!(config.speeds.contains(&sequence.speed), "{fix:?}");
-        assert_eq!((sequence.place, sequence.score), (fix.place, fix.score));
     }
+    let Some(track) = fix.track else {
+        let sequence = fix.sequence.map(|sequence| (sequence.place, sequence.score));
+        return assert_eq!(sequence.unwrap_or((fix.place, fix.score)), (fix.place, fix.score));
+    };
+    let (first, last) = track.interval;
+    assert!(first <= track.place && track.place <= last && last < places, "{fix:?}");
+    assert!((-1e-9..1.0 + 1e-9).contains(&track.confidence), "{fix:?}");
+    assert!((0.0..=1.0).contains(&track.off_map) && track.speed.is_finite(), "{fix:?}");
+    assert_eq!((fix.place, fix.score), (track.place, (1.0 - track.confidence) as f32));
 }
 
 proptest! {
@@ -46,24 +61,28 @@ proptest! {
     #[test]
     fn a_refused_vector_leaves_no_trace(
         (places, config) in route(2..20),
-        pushes in vec((vec(any_number(), 0..24), any::<bool>()), 1..8),
+        pushes in vec((vec(any_number(), 0..24), any::<bool>(), any_advance()), 1..8),
         kind in kind(), seed: u64,
     ) {
         let good = columns(kind, places, pushes.len(), seed);
         let mut matcher = Matcher::new(places, config.clone()).unwrap();
         let mut spared = matcher.clone();
-        for ((mut bad, fits), good) in pushes.into_iter().zip(good) {
+        for ((mut bad, fits, advance), good) in pushes.into_iter().zip(good) {
             if fits {
                 bad.resize(places, 0.5);
             }
-            let acceptable = bad.len() == places && bad.iter().all(|x| x.is_finite());
+            let mut given = Given::default();
+            given.advance = advance;
+            let moves = advance.is_none_or(|places| places.abs() <= 1e12);
+            let acceptable = moves && bad.len() == places && bad.iter().all(|x| x.is_finite());
             let before = matcher.snapshot().unwrap();
-            match matcher.push(&bad) {
+            match matcher.push_with(&bad, given) {
                 Ok(fix) => {
                     prop_assert!(acceptable);
                     in_range(&fix, places, &config);
-                    prop_assert_eq!(bits(&fix), bits(&spared.push(&bad).unwrap()));
+                    prop_assert_eq!(bits(&fix), bits(&spared.push_with(&bad, given).unwrap()));
                 }
+                Err(Error::Option { name: "advance", .. }) => prop_assert!(!moves),
                 Err(Error::Length { expected, got, .. }) => {
                     prop_assert_eq!((expected, got), (places, bad.len()));
                     prop_assert_ne!(places, bad.len());
@@ -92,9 +111,11 @@ proptest! {
         let mut dice = crate::random::SplitMix64(seed);
         let mut matcher = Matcher::new(places, config.clone()).unwrap();
         let extremes = [f32::MAX, f32::MIN, f32::MAX / 2.0, 1e-45, -0.0, 0.0, 1.0];
-        for _ in 0..places.min(10) + config.sequence_length {
+        let queries = places.min(10) + config.sequence_length;
+        let told = Told::new(queries, seed, false, seed % 2 == 0);
+        for query in 0..queries {
             let column: Vec<f32> = (0..places).map(|_| extremes[dice.below(7)]).collect();
-            let fix = matcher.push(&column).unwrap();
+            let fix = matcher.push_with(&column, given(told.drive(), query)).unwrap();
             in_range(&fix, places, &config);
             prop_assert!(fix.score.is_finite(), "{:?}", fix);
         }

@@ -1,7 +1,7 @@
 //! The matcher is docs/method.md: whole matrices, written as the paper writes them, give the same
 //! fixes.
 
-use crate::cases::{all_bits, any_fix, cases, columns, kind, route, stream};
+use crate::cases::{all_bits, any_fix, cases, columns, kind, known, route, stream};
 use proptest::prelude::*;
 use surefix::{Config, Fix, Floor, Gradient, Peak, Sequence, Single};
 
@@ -102,8 +102,8 @@ proptest! {
     ) {
         let d = columns(kind, n, m, seed);
         let words: Vec<bool> = (0..m).map(|j| (seed >> (j % 64)) & 1 == 1).collect();
-        let external = external.then_some(words.as_slice());
-        let (expected, got) = (paper(&d, &config, external), stream(n, &config, &d, external));
+        let (config, external) = (config! { config => motion: None }, external.then_some(words.as_slice()));
+        let (expected, got) = (paper(&d, &config, external), stream(n, &config, &d, known(external, &[])));
         prop_assert_eq!(&expected, &got);
         prop_assert_eq!(all_bits(&expected), all_bits(&got));
     }
@@ -115,7 +115,10 @@ fn without_weight_it_is_the_plain_sequence_whatever_is_trusted() {
     let config = config! { weight: 0.0, sequence_length: 4 };
     let (all, none) = (vec![true; 60], vec![false; 60]);
     let scores = |words: &[bool]| -> Vec<_> {
-        stream(40, &config, &d, Some(words)).iter().map(|fix| (fix.place, fix.score)).collect()
+        stream(40, &config, &d, known(Some(words), &[]))
+            .iter()
+            .map(|fix| (fix.place, fix.score))
+            .collect()
     };
     assert_eq!(scores(&all), scores(&none));
 }
@@ -126,7 +129,7 @@ fn a_whole_trusted_diagonal_with_full_weight_scores_the_floor() {
     let d: Vec<Vec<f32>> =
         (0..10_u8).map(|j| (0..10_u8).map(|i| 1.0 + f32::from(i.abs_diff(j))).collect()).collect();
     let config = config! { weight: 1.0, floor: Floor::Fixed(0.25), sequence_length: 3 };
-    let fixes = stream(10, &config, &d, None);
+    let fixes = stream(10, &config, &d, known(None, &[]));
     for fix in &fixes[2..] {
         let sequence = fix.sequence.expect("the window is full");
         assert_eq!(
@@ -151,6 +154,7 @@ fn the_smaller_sum_wins_between_speeds_too() {
         d[4 - age][8 - age] = driving;
     }
     let config = config! { sequence_length: 5, weight: 0.0, speeds: vec![0.0, 1.0] };
-    let sequence = stream(10, &config, &d, None)[4].sequence.expect("the window is full");
+    let sequence =
+        stream(10, &config, &d, known(None, &[]))[4].sequence.expect("the window is full");
     assert_eq!((sequence.place, sequence.speed), (8, 1.0));
 }

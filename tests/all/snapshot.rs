@@ -3,9 +3,12 @@
 use std::hash::Hasher as _;
 use std::sync::Arc;
 
-use crate::cases::{Kind, bits, cases, columns, kind, numbers, route};
+use crate::cases::{Kind, Told, bits, cases, columns, given, kind, numbers, route};
 use proptest::prelude::*;
-use surefix::{Config, Dtype, Error, Floor, Given, Gradient, Localizer, Map, Matcher, Metric};
+use serde_json::{Value, json};
+use surefix::{
+    Config, Dtype, Error, Floor, Given, Gradient, Localizer, Map, Matcher, Metric, Motion,
+};
 
 const DIM: usize = 6;
 
@@ -31,22 +34,28 @@ fn reason(result: Result<impl Sized, Error>) -> String {
     }
 }
 
-/// The JSON of the one metadata entry, changed by `change`, in an otherwise equal snapshot whose
-/// checksum fits: a forgery on purpose.
-fn with_header(snapshot: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
+/// The JSON of the one metadata entry, changed by `change`: a forgery on purpose.
+fn with_header(snapshot: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
+    forged(snapshot, |outer, _| {
+        let entry = &mut outer["__metadata__"]["surefix"];
+        let mut inner: Value = serde_json::from_str(entry.as_str().unwrap()).unwrap();
+        change(&mut inner);
+        *entry = inner.to_string().into();
+    })
+}
+
+/// A snapshot whose header or tensors `change` has changed, and whose checksum fits.
+fn forged(snapshot: &[u8], change: impl FnOnce(&mut Value, &mut [u8])) -> Vec<u8> {
     let length = u64::from_le_bytes(snapshot[..8].try_into().unwrap()) as usize;
-    let mut outer: serde_json::Value = serde_json::from_slice(&snapshot[8..8 + length]).unwrap();
-    let entry = &mut outer["__metadata__"]["surefix"];
-    let mut inner: serde_json::Value = serde_json::from_str(entry.as_str().unwrap()).unwrap();
-    change(&mut inner);
-    let header = inner.to_string();
-    *entry = header.clone().into();
+    let mut outer: Value = serde_json::from_slice(&snapshot[8..8 + length]).unwrap();
+    // The tensors, without the checksum at the end.
+    let mut tensors = snapshot[8 + length..snapshot.len() - 8].to_vec();
+    change(&mut outer, &mut tensors);
     let mut text = outer.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(8), b' ');
     let mut out = (text.len() as u64).to_le_bytes().to_vec();
     out.extend(text);
-    // The tensors, without the checksum at the end.
-    out.extend(&snapshot[8 + length..snapshot.len() - 8]);
+    out.extend(tensors);
     let mut hash = twox_hash::XxHash3_64::with_seed(0);
     hash.write(&out);
     out.extend(hash.finish().to_le_bytes());
@@ -60,18 +69,21 @@ proptest! {
     #[test]
     fn a_restored_matcher_goes_on_to_the_last_bit(
         (n, config) in route(2..40), cut in 0..50_usize, more in 1..50_usize, kind in kind(), seed: u64,
+        odometry: bool,
     ) {
         let d = columns(kind, n, cut + more, seed);
+        let told = Told::new(cut + more, seed, false, odometry);
         let mut whole = Matcher::new(n, config.clone())?;
-        for column in &d[..cut] {
-            whole.push(column)?;
+        for (query, column) in d[..cut].iter().enumerate() {
+            whole.push_with(column, given(told.drive(), query))?;
         }
         let blob = whole.snapshot()?;
         let mut restored = Matcher::restore(&blob, Some(&config))?;
         prop_assert_eq!(&restored.snapshot()?, &blob);
         prop_assert_eq!((restored.frames(), restored.places()), (cut as u64, n));
-        for column in &d[cut..] {
-            prop_assert_eq!(bits(&restored.push(column)?), bits(&whole.push(column)?));
+        for (query, column) in d.iter().enumerate().skip(cut) {
+            let given = given(told.drive(), query);
+            prop_assert_eq!(bits(&restored.push_with(column, given)?), bits(&whole.push_with(column, given)?));
         }
     }
 
@@ -156,6 +168,7 @@ fn other_options_are_refused_where_options_are_expected() {
         config! { config.clone() => gradient: Gradient::Unhalved },
         config! { config.clone() => floor: Floor::Fixed(0.0) },
         config! { config.clone() => speeds: vec![1.0, 0.9] },
+        config! { config.clone() => motion: Some(Motion::free()) },
     ];
     for other in others {
         let message = reason(Localizer::restore(Arc::clone(&map), &blob, Some(&other)));
@@ -231,7 +244,7 @@ fn a_newer_version_says_to_upgrade() {
 #[test]
 fn impossible_headers_are_refused() {
     let (_, _, blob) = taken(5);
-    let forgeries: [(&str, serde_json::Value); 12] = [
+    let forgeries: [(&str, Value); 12] = [
         ("places", 0.into()),
         ("places", 11.into()),
         ("places", u64::MAX.into()),
@@ -239,10 +252,10 @@ fn impossible_headers_are_refused() {
         ("frames", u64::MAX.into()),
         ("lowest", "x".into()),
         ("lowest", 1e9.into()),
-        ("anchors", serde_json::json!([[0, true], [0, true], [0, true], [0, true]])),
-        ("anchors", serde_json::json!([])),
-        ("anchors", serde_json::json!([[12, true], [0, true], [0, true], [0, true]])),
-        ("config", serde_json::json!({})),
+        ("anchors", json!([[0, true], [0, true], [0, true], [0, true]])),
+        ("anchors", json!([])),
+        ("anchors", json!([[12, true], [0, true], [0, true], [0, true]])),
+        ("config", json!({})),
         ("map", (-1).into()),
     ];
     let mut taken_or_panicked = Vec::new();
@@ -260,6 +273,97 @@ fn impossible_headers_are_refused() {
         }
     }
     assert!(taken_or_panicked.is_empty(), "{taken_or_panicked:#?}");
+}
+
+/// A tracker with a motion of several speeds that has seen some queries, and its snapshot.
+fn tracked() -> Vec<u8> {
+    let mut matcher = Matcher::new(6, config! { motion: Some(Motion::free()) }).unwrap();
+    for column in columns(Kind::Smooth, 6, 4, 1) {
+        matcher.push(&column).unwrap();
+    }
+    matcher.snapshot().unwrap()
+}
+
+#[test]
+fn beliefs_that_cannot_be_are_refused() {
+    let blob = tracked();
+    assert!(Matcher::restore(&forged(&blob, |_, _| {}), None).is_ok(), "the craft does no harm");
+    for name in ["track.sums", "track.mass"] {
+        let count = if name == "track.sums" { 6_usize } else { 6 * 5 };
+        for shape in [json!([1, count]), json!([2, count / 2]), json!([])] {
+            reason(Matcher::restore(
+                &forged(&blob, |header, _| header[name]["shape"] = shape),
+                None,
+            ));
+        }
+        for dtype in ["I64", "U64", "F32"] {
+            reason(Matcher::restore(
+                &forged(&blob, |header, _| header[name]["dtype"] = dtype.into()),
+                None,
+            ));
+        }
+        let renamed = forged(&blob, |header, _| {
+            let tensor = header.as_object_mut().unwrap().remove(name).unwrap();
+            header["track.other"] = tensor;
+        });
+        reason(Matcher::restore(&renamed, None));
+        for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let spoilt = forged(&blob, |header, tensors| {
+                let at = header[name]["data_offsets"][1].as_u64().unwrap() as usize;
+                tensors[at - 8..at].copy_from_slice(&number.to_le_bytes());
+            });
+            let message = reason(Matcher::restore(&spoilt, None));
+            assert!(message.contains("belief") || message.contains("finite"), "{message}");
+        }
+    }
+    let forgeries: [(&str, Value); 9] = [
+        ("joint", true.into()),
+        ("scale", 0.0.into()),
+        ("scale", 1e-320.into()),
+        ("on", 1.5.into()),
+        ("on", (-0.1).into()),
+        ("off", 2.into()),
+        ("off", Value::Null),
+        ("travelled", "far".into()),
+        ("pending", json!([1.0])),
+    ];
+    for (key, value) in forgeries {
+        let forged = with_header(&blob, |header| {
+            assert!(header["track"]["state"][key] != value, "{key} exists and differs");
+            header["track"]["state"][key] = value.clone();
+        });
+        reason(Matcher::restore(&forged, None));
+    }
+    let forged = with_header(&blob, |header| header["track"]["columns"] = u64::MAX.into());
+    reason(Matcher::restore(&forged, None));
+    for track in [Value::Null, json!({}), json!(1)] {
+        reason(Matcher::restore(
+            &with_header(&blob, |header| header["track"] = track.clone()),
+            None,
+        ));
+    }
+}
+
+/// Those of version 0.1 know neither motion nor a track.
+#[test]
+fn an_older_snapshot_is_taken_if_there_is_no_motion() {
+    let (map, config, blob) = taken(5);
+    let older = with_header(&blob, |header| {
+        assert!(header.as_object_mut().unwrap().remove("track").is_some());
+        assert!(header["config"].as_object_mut().unwrap().remove("motion").is_some());
+    });
+    let mut restored = Localizer::restore(Arc::clone(&map), &older, Some(&config)).unwrap();
+    let mut whole = Localizer::restore(map, &blob, Some(&config)).unwrap();
+    let query = numbers(Dtype::F32, DIM, 7);
+    let (a, b) =
+        (restored.push_descriptor(&query).unwrap(), whole.push_descriptor(&query).unwrap());
+    assert_eq!(bits(&a), bits(&b));
+
+    let lacking = with_header(&tracked(), |header| {
+        header.as_object_mut().unwrap().remove("track");
+    });
+    let message = reason(Matcher::restore(&lacking, None));
+    assert!(message.contains("tracker"), "{message}");
 }
 
 /// Memory is asked for only once the payload is known to fill it: an allocation that fails ends the

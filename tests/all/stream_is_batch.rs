@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use crate::cases::{
-    DTYPES, Kind, all_bits, cases, columns, given, kind, known, numbers, route, stream,
+    Bits, DTYPES, Kind, Told, all_bits, cases, columns, given, kind, known, numbers, route, stream,
 };
 use ndarray::{Array2, ArrayView2, ShapeBuilder, s};
 use proptest::prelude::*;
@@ -16,12 +16,8 @@ use surefix::{
 };
 
 #[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
-fn batch(
-    distances: ArrayView2<'_, f32>,
-    config: &Config,
-    trusted: Option<&[bool]>,
-) -> Vec<[u64; 12]> {
-    all_bits(&match_distances(distances, config, known(trusted, &[])).unwrap().fixes)
+fn batch(distances: ArrayView2<'_, f32>, config: &Config, drive: Drive<'_>) -> Vec<Bits> {
+    all_bits(&match_distances(distances, config, drive).unwrap().fixes)
 }
 
 fn matrix(columns: &[Vec<f32>]) -> Array2<f32> {
@@ -43,23 +39,18 @@ fn in_every_layout(matrix: &Array2<f32>, mut visit: impl FnMut(&str, ArrayView2<
     visit("both axes reversed", turned.slice(s![..;-1, ..;-1]));
 }
 
-fn words(count: usize, seed: u64) -> Vec<bool> {
-    let mut dice = crate::random::SplitMix64(seed ^ 0xabc);
-    (0..count).map(|_| dice.below(2) == 1).collect()
-}
-
 proptest! {
     #![proptest_config(cases(2_000))]
 
     #[test]
     fn every_layout_gives_the_streams_fixes(
-        (n, config) in route(2..64), m in 1..200_usize, kind in kind(), seed: u64, external: bool,
+        (n, config) in route(2..64), m in 1..200_usize, kind in kind(), seed: u64,
+        external: bool, odometry: bool,
     ) {
         let d = columns(kind, n, m, seed);
-        let words = words(m, seed);
-        let trusted = external.then_some(words.as_slice());
-        let expected = all_bits(&stream(n, &config, &d, trusted));
-        in_every_layout(&matrix(&d), |layout, view| assert_eq!(batch(view, &config, trusted), expected, "{layout}"));
+        let told = Told::new(m, seed, external, odometry);
+        let expected = all_bits(&stream(n, &config, &d, told.drive()));
+        in_every_layout(&matrix(&d), |layout, view| assert_eq!(batch(view, &config, told.drive()), expected, "{layout}"));
     }
 
     #[test]
@@ -70,7 +61,7 @@ proptest! {
         let least = d.iter().flatten().copied().fold(f32::INFINITY, f32::min);
         let fixed = config! { config.clone() => floor: Floor::Fixed(f64::from(least)) };
         let global = config! { config => floor: Floor::Global };
-        prop_assert_eq!(batch(matrix(&d).view(), &global, None), all_bits(&stream(n, &fixed, &d, None)));
+        prop_assert_eq!(batch(matrix(&d).view(), &global, Drive::default()), all_bits(&stream(n, &fixed, &d, Drive::default())));
     }
 }
 
@@ -82,13 +73,13 @@ proptest! {
     #[test]
     fn pieces_do_not_show(
         (n, config) in route(2..40), length in 1..40_usize, smoothing in 1..30_usize,
-        m in 600..2600_usize, kind in kind(), seed: u64, external: bool,
+        m in 600..2600_usize, kind in kind(), seed: u64,
+        external: bool, odometry: bool,
     ) {
         let config = config! { config => sequence_length: length.min(n), smoothing, speeds: vec![1.0, 0.5] };
         let d = columns(kind, n, m, seed);
-        let words = words(m, seed);
-        let trusted = external.then_some(words.as_slice());
-        prop_assert_eq!(batch(matrix(&d).view(), &config, trusted), all_bits(&stream(n, &config, &d, trusted)));
+        let told = Told::new(m, seed, external, odometry);
+        prop_assert_eq!(batch(matrix(&d).view(), &config, told.drive()), all_bits(&stream(n, &config, &d, told.drive())));
     }
 
     #[test]
@@ -96,18 +87,18 @@ proptest! {
         (n, config) in route(2..30), m in 1..600_usize, dim in 1..20_usize,
         dtype in select(DTYPES.to_vec()), floats: bool,
         metric in select(vec![Metric::Manhattan, Metric::Euclidean, Metric::Cosine]),
-        seed: u64, external: bool,
+        seed: u64,
+        external: bool, odometry: bool,
     ) {
         let map = Arc::new(Map::from_descriptors(numbers(dtype, n * dim, seed), dim, metric)?);
         let queries = numbers(if floats { surefix::Dtype::F32 } else { dtype }, m * dim, !seed);
-        let words = words(m, seed);
-        let trusted = external.then_some(words.as_slice());
+        let told = Told::new(m, seed, external, odometry);
         let alone = |config: &Config| -> Result<Vec<Fix>, Error> {
             let mut localizer = Localizer::new(Arc::clone(&map), config.clone())?;
             let row = |j| queries.view().row(j, dim).unwrap();
-            (0..m).map(|j| localizer.push_descriptor_with(row(j), given(trusted.map(|words| words[j])))).collect()
+            (0..m).map(|j| localizer.push_descriptor_with(row(j), given(told.drive(), j))).collect()
         };
-        let together = |config: &Config| match_descriptors(&map, &queries, config, known(trusted, &[]), &mut |_, _| ControlFlow::Continue(()));
+        let together = |config: &Config| match_descriptors(&map, &queries, config, told.drive(), &mut |_, _| ControlFlow::Continue(()));
         prop_assert_eq!(all_bits(&together(&config)?.fixes), all_bits(&alone(&config)?));
 
         let distances = |j| map.distances(queries.view().row(j, dim).unwrap());
@@ -117,7 +108,7 @@ proptest! {
         let fixed = config! { config => floor: Floor::Fixed(f64::from(least)) };
         let got = all_bits(&together(&global)?.fixes);
         prop_assert_eq!(&got, &all_bits(&alone(&fixed)?));
-        prop_assert_eq!(&got, &batch(matrix(&columns).view(), &global, trusted));
+        prop_assert_eq!(&got, &batch(matrix(&columns).view(), &global, told.drive()));
     }
 }
 
