@@ -10,6 +10,8 @@ use crate::error::Error;
 const MAX_SPEEDS: usize = 64;
 /// The fastest pace that is accepted, in places a query.
 const MAX_PACE: f64 = 1000.0;
+/// The most likely that a place less, and a place more, can be: each half as likely as the speed.
+pub(crate) const MAX_JITTER: f64 = 0.25;
 /// The most that a place's evidence may count for: `exp(100)` times another's.
 const MAX_EVIDENCE: f64 = 100.0;
 
@@ -49,7 +51,8 @@ pub struct Motion {
     /// The queries after which a place's mean distance is half believed. 0 believes it at once.
     pub hubness: f64,
     /// Whether a known advance counts by its length. If so, the belief moves by its fraction, too,
-    /// and jitter, restart, leave and rejoin are as much less likely as it is shorter than a place.
+    /// jitter grows with it, and restart, leave and rejoin are as much less likely as it is shorter
+    /// than a place.
     /// If not, the belief moves by whole places of the way so far.
     pub by_distance: bool,
     /// The correlation from which on two queries in a row count less and less as two: the view
@@ -124,7 +127,7 @@ impl Motion {
         }
         in_range("motion.pace", 0.01..=MAX_PACE, self.pace)?;
         in_range("motion.switching", 0.0..=1.0, self.switching)?;
-        in_range("motion.jitter", 0.0..=0.25, self.jitter)?;
+        in_range("motion.jitter", 0.0..=MAX_JITTER, self.jitter)?;
         in_range("motion.restart", 0.0..=1.0, self.restart)?;
         in_range("motion.leave", 0.0..=1.0, self.leave)?;
         in_range("motion.rejoin", 0.0..=1.0, self.rejoin)?;

@@ -1,5 +1,6 @@
 """Recursive filters over the places: surefix's tracker, and a published topological filter."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -66,13 +67,18 @@ def topological(D: Distances, *, reach: int = 6) -> Matches:
 
 
 def track(
-    D: Distances, *, motion: Any = "free", advance: Floats | None = None, tolerance: int = 1
+    D: Distances | Sequence[Distances],
+    *,
+    motion: Any = "free",
+    advance: Floats | None = None,
+    tolerance: int = 1,
 ) -> Matches:
     """The place of greatest belief of surefix's tracker.
 
     Parameters
     ----------
-    D : array of float32, shape (n, m)
+    D : array of float32, shape (n, m), or a list of such
+        Those of several techniques are fused.
     motion : {"steady", "free", "any"} or surefix.Motion
     advance : array of float64, shape (m,), optional
         Places moved since the query before, by odometry.

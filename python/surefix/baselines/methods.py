@@ -57,6 +57,8 @@ class Context:
         Another predictor's flags in place of the consensus, for ``masked`` and ``weighted``.
     advance : array of float64, shape (m,), optional
         Places moved since the query before, by odometry, for ``track_odometry``.
+    techniques : sequence of array of float32, shape (n, m), optional
+        Distances of other techniques between the same places and queries, for ``fused``.
     """
 
     sequence_length: int = 2
@@ -76,6 +78,7 @@ class Context:
     calibration_tolerance: int = 1
     trusted: Flags | None = None
     advance: Floats | None = None
+    techniques: Sequence[Distances] | None = None
 
     @property
     def options(self) -> Options:
@@ -105,6 +108,7 @@ NEEDS = {
     "calibration": "a pair of drives with known truth to learn from: "
     "Context(calibration=(distances, truth))",
     "advance": "odometry, the places moved since the query before: Context(advance=...)",
+    "techniques": "distances of other techniques: Context(techniques=...)",
 }
 
 
@@ -234,6 +238,11 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "the tracker with odometry",
             lambda D, c: track(D, motion="any", advance=c.advance, tolerance=c.tolerance),
             needs="advance",
+        ),
+        "fused": Method(
+            "the tracker on several techniques together",
+            lambda D, c: track([D, *(c.techniques or ())], motion="any", tolerance=c.tolerance),
+            needs="techniques",
         ),
     }
 )

@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
@@ -68,6 +68,7 @@ def eval_(
     recall: Recall = "correct",
     similarity: bool = False,
     references: str | None = None,
+    fuse: list[str] | None = None,
     *,
     options: dict[str, Any],
     calibration: Path | None = None,
@@ -108,6 +109,8 @@ def eval_(
     recall: The queries that recall is a share of.
     similarity: The .npy holds similarities s: the distances are 1 - s.
     references: The images of the places, a folder, a pattern or a .npy, for the pictures.
+    fuse: Another technique's map of the same places, or .npy of distances, once each: for the
+        method fused.
     calibration: Another drive's .npy of distances, for the supervised methods to learn from.
     calibration_truth: That drive's truth, as for --truth, in places.
     calibration_tolerance: As --tolerance, for that truth, in places.
@@ -128,6 +131,7 @@ def eval_(
     usual = scenarios.METHODS_OF_DRIVES if drives else DEFAULT_METHODS
     if odometry is not None and metres is None and not drives:
         usual = (*usual, "track_odometry")
+    usual = (*usual, "fused") if fuse else usual
     methods, taught = method or usual, calibration is not None
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
@@ -155,6 +159,8 @@ def eval_(
         expected = "expected --calibration and --calibration-truth to learn from"
         refuse(METHODS[name].needs == "calibration" and not taught, f"--method {name}: {expected}")
         scenarios.check_method(name, drives, odometry)
+        expected = "expected --fuse with other techniques"
+        refuse(METHODS[name].needs == "techniques" and not fuse, f"--method {name}: {expected}")
     # The advances of a scenario are made of its truth.
     moved = not drives and any(METHODS[name].needs == "advance" for name in methods)
     alone = places_per_metre is not None and odometry is None
@@ -175,7 +181,9 @@ def eval_(
         D = read_matrix(route, similarity)
     else:
         place_map = _open_map(route)
-        network = None if model is None else inputs.network_of(place_map, route, model)
+        # Of several maps, those of learned descriptors are the model's.
+        of_model = model is not None and not (fuse and place_map.descriptor is not None)
+        network = inputs.network_of(place_map, route, model) if model and of_model else None
     if moved:
         of_map = None if place_map is None else place_map.positions
         sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
@@ -220,6 +228,9 @@ def eval_(
         got = f"none for {plural(unknown, 'frame')}"
         refuse(unknown > 0, f"--odometry: expected positions at the times of all frames, got {got}")
         context = replace(context, advance=np.array([0.0, *advance[1:]], np.float64))
+    others = [
+        _Technique.open(file, places, count, frames, model, similarity) for file in fuse or ()
+    ]
     speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
     pictures = None if references is None else _reference_images(references, places)
     _check_before(places, options, out)
@@ -232,6 +243,9 @@ def eval_(
         D = _distances(place_map, frames, count, network, cache)
     elif not similarity:
         _warn_of_similarities(D, context)
+    if others:
+        techniques = [other.distances(frames, count) for other in others]
+        context = replace(context, techniques=techniques)
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
@@ -277,6 +291,49 @@ def eval_(
         f"Made {report}: {plural(len(study.results), 'method')} compared, with pictures and tables "
         f"beside it, in {time.perf_counter() - begin:.1f} s"
     )
+
+
+@dataclass(frozen=True)
+class _Technique:
+    """Another technique's distances, or its map and the network of that."""
+
+    ready: npt.NDArray[np.float32] | None
+    place_map: Map | None = None
+    network: Onnx | None = None
+
+    @classmethod
+    def open(
+        cls,
+        file: str,
+        places: int,
+        count: int,
+        frames: Frames | None,
+        model: Path | None,
+        similarity: bool,
+    ) -> "_Technique":
+        if Path(file).suffix == ".npy":
+            ready = read_matrix(file, similarity)
+            if ready.shape != (places, count):
+                raise mismatch(f"--fuse {file}", f"the shape {(places, count)}", ready.shape)
+            return cls(ready)
+        place_map = _open_map(file)
+        if len(place_map) != places:
+            raise mismatch(f"--fuse {file}", f"a map of {places} places", len(place_map))
+        if frames is None:
+            raise mismatch(
+                f"--fuse {file}", "a .npy of distances, as there are no QUERIES", "a map"
+            )
+        learned = model is not None and place_map.descriptor is None
+        network = inputs.network_of(place_map, file, model) if model and learned else None
+        _check_kind(place_map, file, frames, network)
+        return cls(None, place_map, network)
+
+    def distances(self, frames: Frames | None, count: int) -> npt.NDArray[np.float32]:
+        if self.ready is not None:
+            return self.ready
+        assert self.place_map is not None
+        assert frames is not None
+        return _distances(self.place_map, frames, count, self.network, None)
 
 
 def _open_map(route: str) -> Map:

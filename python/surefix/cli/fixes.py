@@ -11,16 +11,26 @@ import numpy as np
 
 from surefix import Fix
 from surefix._words import plural
+from surefix.cli.tracked import Tracked
 from surefix.frames import Frame
 
 Row = dict[str, Any]
 Writer = Callable[[Row], None]
 
 
-def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed: bool) -> Row:
-    """The columns of a fix, None for an empty one; times and drops too if ``timed``."""
-    sequence = fix.sequence
-    row = {
+def row_of(
+    frame: Frame,
+    fix: Fix,
+    place_name: str | None,
+    latency: float,
+    timed: bool,
+    accept: float | None = None,
+) -> Row:
+    """The columns of a fix, None for an empty one; those of the track, of a bar to ``accept``, and
+    times and drops (``timed``) only if there are any.
+    """
+    sequence, track = fix.sequence, fix.track
+    row: Row = {
         "frame": fix.frame,
         "query": frame.name,
         "place": fix.place,
@@ -29,7 +39,7 @@ def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed
         "trusted": fix.trusted,
         "ready": sequence is not None,
         "anchors": None if sequence is None else sequence.anchors,
-        "speed": None if sequence is None else sequence.speed,
+        "speed": fix.speed,
         "single_place": fix.single.place,
         "single_distance": fix.single.distance,
         "gradient_place": fix.gradient.place,
@@ -39,6 +49,14 @@ def row_of(frame: Frame, fix: Fix, place_name: str | None, latency: float, timed
     }
     if timed:
         row |= {"time": frame.time, "dropped": frame.dropped, "gap": frame.gap}
+    if track is not None:
+        low, high = track.interval
+        row |= {"confidence": track.confidence, "off_map": track.off_map}
+        row |= {"place_low": low, "place_high": high}
+        row |= {} if accept is None else {"accepted": track.confidence >= accept}
+        # The paper's own answer, since place and score are the track's.
+        row["sequence_place"] = None if sequence is None else sequence.place
+        row["sequence_score"] = None if sequence is None else sequence.score
     return row
 
 
@@ -68,23 +86,29 @@ def json_writer(file: TextIO) -> Writer:
 
 
 class Summary:
-    """Counts fixes as they come; a drive of days fits in memory."""
+    """Counts fixes as they come; a drive of days fits in memory. It takes what ``Tracked`` does."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self, motion: object = None, accept: float | None = None, tolerance: int = 1
+    ) -> None:
+        self.track = Tracked(motion, accept, tolerance)
         self.latencies = array("f")
         self.trusted = self.dropped = self.gaps = 0
         # Whether the queries came to their end: not so after an error, nor after Ctrl-C.
         self.ended = False
 
-    def add(self, row: Row, latency: float) -> None:
+    def add(self, frame: Frame, fix: Fix, latency: float) -> None:
         """Counts a fix."""
         self.latencies.append(latency)
-        self.trusted += row["trusted"]
-        self.dropped += row.get("dropped", 0)
-        self.gaps += row.get("gap", False)
+        self.trusted += fix.trusted
+        self.dropped += frame.dropped
+        self.gaps += frame.gap
+        self.track.add(fix, frame.advance, frame.breaks)
 
     def text(self, out: Path | None) -> str:
-        """The fixes, the trusted ones, dropped frames, gaps, latencies, and the file, in a line."""
+        """The fixes, the trusted ones, dropped frames, gaps, latencies, and the file, in a line;
+        and the track, if there is one.
+        """
         count = len(self.latencies)
         if not count:
             none, stopped = "there was no query that could be used", "it stopped before the first"
@@ -93,8 +117,9 @@ class Summary:
         missing = f"{plural(self.dropped, 'frame')} dropped, " if self.dropped else ""
         missing += f"{plural(self.gaps, 'gap')}, " if self.gaps else ""
         where = "" if out is None else f", in {out}"
-        return (
+        counts = (
             f"{plural(count, 'fix', 'fixes')}, {self.trusted} trusted "
             f"({self.trusted / count:.0%}), {missing}latency p50 {p50:.0f} us, p99 {p99:.0f} us, "
             f"p99.9 {p999:.0f} us{where}"
         )
+        return "\n".join([counts, *self.track.lines()])

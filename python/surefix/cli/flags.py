@@ -11,6 +11,8 @@ import typer
 from surefix.options import OPTIONS, Option
 
 Command = Callable[..., None]
+# The word for an option that is None.
+NONE = "none"
 
 
 def documented(command: Command) -> Command:
@@ -43,12 +45,14 @@ def documented(command: Command) -> Command:
 
 
 def with_options(
-    floor: str = "running", names: dict[str, str] | None = None
+    floor: str = "running", motion: str | None = None, names: dict[str, str] | None = None
 ) -> Callable[[Command], Command]:
     """Gives a command a flag for each option; its parameter ``options`` gets those that are given.
 
-    ``floor`` is the default of that option in the help, and ``names`` are other names for flags.
+    ``floor`` is the default of that option in the help, ``motion`` is what that option is without
+    its flag, and ``names`` are other names for flags.
     """
+    usual = {"motion": motion} if motion else {}
 
     def decorate(command: Command) -> Command:
         flags = {option.name: (names or {}).get(option.name, option.name) for option in OPTIONS}
@@ -57,7 +61,7 @@ def with_options(
         def with_flags(**given: Any) -> None:
             values = ((option, given.pop(flags[option.name])) for option in OPTIONS)
             options = {o.name: _value(o, value) for o, value in values if value is not None}
-            command(**given, options=options)
+            command(**given, options=usual | options)
 
         parameters: list[inspect.Parameter] = []
         for parameter in inspect.signature(command, eval_str=True).parameters.values():
@@ -65,7 +69,7 @@ def with_options(
                 parameters.append(parameter)
                 continue
             for option in OPTIONS:
-                default = floor if option.name == "floor" else option.default
+                default = ({"floor": floor} | usual).get(option.name, option.default)
                 parameters.append(_parameter(option, flags[option.name], default))
         with_flags.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         return with_flags
@@ -77,7 +81,8 @@ def _parameter(option: Option, name: str, default: Any) -> inspect.Parameter:
     """The option as a parameter that typer reads."""
     kind: Any = option.type
     if option.type is str:
-        kind = Literal[option.choices]
+        kind = Literal[*option.choices, NONE] if option.default is None else Literal[option.choices]
+        default = default or NONE
     elif option.type is list:
         # As it is typed: numbers with commas.
         kind, default = str, ",".join(f"{each:g}" for each in default)
@@ -104,4 +109,4 @@ def _value(option: Option, given: Any) -> Any:
             return float(given)
         except ValueError:
             raise typer.BadParameter(f"{flag}: expected {option.range}, got {given!r}") from None
-    return given
+    return None if option.default is None and given == NONE else given

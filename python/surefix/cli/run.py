@@ -15,7 +15,7 @@ from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import NO_SCALE, check_not_read, network_of, refuse, scale_of
 from surefix.cli.views import open_views
-from surefix.errors import refusal
+from surefix.errors import mismatch, refusal
 from surefix.frames import Advances, Frame, Frames
 from surefix.live import View
 
@@ -29,7 +29,7 @@ Size = tuple[int, ...]
 
 
 @documented
-@with_options()
+@with_options(motion="any")
 def run(
     route: Path,
     queries: str,
@@ -37,6 +37,8 @@ def run(
     form: Annotated[Format | None, typer.Option("--format")] = None,
     *,
     options: dict[str, Any],
+    accept: float | None = None,
+    fuse: list[Path] | None = None,
     screen: Literal["i8"] | None = None,
     model: Path | None = None,
     follow: Annotated[bool, F] = False,
@@ -63,8 +65,12 @@ def run(
         URL, or a .npy of images or of descriptors.
     out: Write the fixes to this file.
     form: A line a fix, as CSV or JSON; by the file's ending, else CSV.
-    screen: Scan a copy of float32 descriptors in bytes: faster on a large map, the same answers.
-    model: A map of `surefix map build --model`: the ONNX file, to describe the images.
+    accept: Mark a fix as accepted if its confidence is at least this, such as 0.95.
+    fuse: Another technique's map of the same places, once each: their evidence is fused.
+    screen: With --motion none: scan a copy of float32 descriptors in bytes: faster on a large map,
+        the same answers.
+    model: A map of `surefix map build --model`, of --fuse too: the ONNX file, to describe the
+        images.
     follow: A folder: go on with what comes, until Ctrl-C.
     idle: With --follow: end when none has come for this many seconds.
     topic: A bag: the topic of the images, if there are several.
@@ -92,7 +98,11 @@ def run(
     by = {"--metres": metres, "--spacing": spacing, "--places-per-metre": places_per_metre}
     for option, value in by.items():
         refuse(value is not None and odometry is None, f"{option}: expected --odometry too")
-    motion = options.get("motion")
+    motion = options["motion"]
+    if accept is not None:
+        refuse(motion is None, "--accept: expected --motion other than none")
+        out_of_range = f"--accept: expected a confidence from 0 to 1, got {accept:g}"
+        refuse(not 0 <= accept <= 1, out_of_range)
     # For --metres alone there is nothing to say of advances.
     where = None if odometry is None or (metres and not motion) else places.positions
     scale, of = scale_of(where, spacing, places_per_metre)
@@ -110,19 +120,32 @@ def run(
         places_per_metre=scale,
         newest=newest,
     )
-    network = None if model is None else network_of(places, route, model)
+    names = [route, *(fuse or ())]
+    maps = [places, *map(Map.open, names[1:])]
+    for name, each in zip(names, maps, strict=True):
+        if len(each) != len(places):
+            raise mismatch(f"--fuse {name}", f"a map of {len(places)} places", len(each))
+    # Of several maps, those of learned descriptors are the model's.
+    alone = len(maps) == 1
+    networks = [
+        network_of(each, name, model) if model and (alone or each.descriptor is None) else None
+        for each, name in zip(maps, names, strict=True)
+    ]
     try:
-        scanned = places.with_screen(screen) if screen else places
-        localizer = Localizer(scanned, descriptor=network, **options)
+        scanned = [each.with_screen(screen) if screen else each for each in maps]
+        localizer = Localizer(scanned, descriptor=networks, **options)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
-    read = [route, *map(Path, source.files)]
+    if screen and (motion or fuse):
+        why = f"--motion {motion}" if motion else "--fuse"
+        print(f"--screen: unused, as {why} needs all distances", file=sys.stderr)
+    read = [*names, *map(Path, source.files)]
     if out is not None:
         check_not_read(out, read)
         read.append(out)
     if save is not None:
         _check_save(save, read)
-    summary = Summary()
+    summary = Summary(motion, accept, options.get("tolerance", 1))
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
         seen = open_views(places, source.estimate, live=live, save=save, references=references)
@@ -166,10 +189,11 @@ def localize(
             latency = (time.perf_counter_ns() - start) / 1000
             before = frame.image.shape
             place_name = names[fix.place] if names else None
-            row = row_of(frame, fix, place_name, latency, source.timed or source.live)
+            timed = source.timed or source.live
+            row = row_of(frame, fix, place_name, latency, timed, summary.track.accept)
             if write is not None:
                 write(row)
-            summary.add(row, latency)
+            summary.add(frame, fix, latency)
             for view in views:
                 view.update(frame, fix, localizer, latency)
 
@@ -181,7 +205,7 @@ def _said(source: Advances, of: str, motion: object) -> str:
     parts += [] if track.along is not None else ["no heading, so that reversing is not seen"]
     outside = f"{plural(source.outside, 'frame')} before its first or after its last time"
     parts += [outside] if source.outside else []
-    parts += ["unused without --motion"] if motion is None else []
+    parts += ["unused with --motion none"] if motion is None else []
     return ", ".join(parts)
 
 

@@ -1,4 +1,4 @@
-"""Distances to many places made short enough to draw, with their minima kept."""
+"""Distances to many places, and the belief in them, made short enough to draw."""
 
 from collections import deque
 
@@ -50,6 +50,10 @@ class Bins:
     def largest(self, values: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The largest value of each bin."""
         return np.asarray(np.maximum.reduceat(values, self.first), np.uint8)
+
+    def sums(self, belief: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The belief in each bin; bins that share a place have all of it, each."""
+        return np.asarray(np.add.reduceat(belief, self.first), np.float64)
 
     def of(self, place: int) -> int:
         """The bin of a place; the middle one of several."""

@@ -16,7 +16,8 @@ from rich.text import Text
 
 from surefix import Fix
 from surefix.live.binning import Bins
-from surefix.live.view import MINIMUM, PEAK, TRUSTED, Image
+from surefix.live.view import HERE, MINIMUM, PEAK, TRUSTED, Image
+from surefix.motion import PERHAPS_OFF
 
 __all__ = ["HalfBlocks", "RouteBar", "Row", "Scene", "panel"]
 
@@ -44,8 +45,8 @@ class Row:
         fix = self.fix
         place = f"place {fix.place}" + (f" ({self.place_name})" if self.place_name else "")
         query = "" if self.query == str(fix.frame) else f" ({self.query})"
-        parts = [place, f"score {fix.score:.3f}", "trusted" if fix.trusted else "not trusted"]
-        parts += ["warming up"] if fix.sequence is None else []
+        parts = [place, _sure(fix), "trusted" if fix.trusted else "not trusted"]
+        parts += _state(fix)
         return f"frame {fix.frame}{query}: {', '.join(parts)}"
 
 
@@ -115,6 +116,7 @@ class Scene:
     image: Image | None
     reference: Image | None
     distances: NDArray[np.float32]
+    belief: NDArray[np.float64] | None
     route: RouteBar
     rows: list[Row]
     totals: str
@@ -133,8 +135,12 @@ def panel(scene: Scene, console: Console) -> RenderableType:
     summary = _lines(scene.totals, inside, unicode)[: max(0, room - 1)]
     room -= 1 + len(summary)
     if room >= 3:
-        top += ["", scene.route.draw(bins, unicode)]
+        top.append("")
         room -= 3
+        if scene.belief is not None and room >= 2:
+            top += [_belief_label(scene.fix), _strip(scene.belief, bins, unicode)]
+            room -= 2
+        top.append(scene.route.draw(bins, unicode))
     if room >= 6:
         lines = (3 if room >= 16 else 2) if unicode else 1
         bars = _bars(scene.distances, scene.fix, bins, lines, unicode)
@@ -163,19 +169,52 @@ def _headline(scene: Scene, unicode: bool) -> Text:
     mark, word, style = _trust(fix, unicode)
     text.append(f"{mark} place {fix.place}", f"bold {style}")
     text.append(f" of {len(scene.distances)}", "dim")
-    text.append(f"  {word}", style)
-    text.append(f"  score {fix.score:.3f}")
-    if fix.sequence is None:
-        text.append("  warming up", "dim")
+    said = [(word, style), (_sure(fix), "")]
+    # The mark says trust, too, if there is no room for the word.
+    for words, style in said if fix.track is None else reversed(said):
+        text.append(f"  {words}", style)
+    for state in _state(fix):
+        text.append(f"  {state}", "dim")
     if row.place_name:
         text.append(f"  {row.place_name}", "dim")
     return text
+
+
+def _sure(fix: Fix) -> str:
+    """The confidence if there is a track, else the score."""
+    if fix.track is None:
+        return f"score {fix.score:.3f}"
+    return f"confidence {fix.track.confidence:.2f}"
+
+
+def _state(fix: Fix) -> list[str]:
+    """A word for a fix that may be no place: without a sequence yet, or off the map."""
+    if fix.track is None:
+        return ["warming up"] if fix.sequence is None else []
+    return ["perhaps off the map"] if fix.track.off_map > PERHAPS_OFF else []
 
 
 def _trust(fix: Fix, unicode: bool) -> tuple[str, str, str]:
     if fix.trusted:
         return ("●" if unicode else "#"), "trusted", TRUSTED
     return ("○" if unicode else "o"), "not trusted", "dim"
+
+
+def _belief_label(fix: Fix) -> Text:
+    assert fix.track is not None
+    low, high = fix.track.interval
+    text = Text("belief: ", "dim", no_wrap=True, overflow="ellipsis")
+    text.append(f"95 % at {low}-{high}, off map {fix.track.off_map:.2f}")
+    return text
+
+
+def _strip(belief: NDArray[np.float64], bins: Bins, unicode: bool) -> Text:
+    """The belief along the route, a character a bin: its square root, as a belief that is spread
+    over the route could not be seen beside one place's.
+    """
+    marks = BLOCKS if unicode else " " + PLAIN
+    heights = np.rint(np.sqrt(bins.sums(belief).clip(0, 1)) * (len(marks) - 1)).astype(int)
+    return Text("".join(marks[height] for height in heights), HERE, no_wrap=True, overflow="crop")
 
 
 def _distances_label(scene: Scene, unicode: bool) -> Text:
@@ -222,7 +261,8 @@ def _table(rows: list[Row], width: int, unicode: bool) -> Table:
             cells["query"] = Text(row.query)
         cells["place"] = str(fix.place)
         if width >= SCORES:
-            cells["score"] = f"{fix.score:.3f}"
+            name, number = _sure(fix).split()
+            cells[name] = number
         if width >= LATENCIES:
             cells["us"] = f"{row.latency_us:.0f}"
         cells["fix"] = Text(f"{mark} {word}" if width >= SCORES else mark, style)

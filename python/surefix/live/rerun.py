@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surefix import Fix, Localizer, Map, SurefixError, SurefixFileError
+from surefix import Fix, Localizer, Map, SurefixError, SurefixFileError, Track
 from surefix.live.binning import Bins, Columns
 from surefix.live.view import (
     FAINT,
@@ -45,7 +45,7 @@ PALETTE[0] = 13, 16, 20
 class RerunView(Closing):
     """A drive in the rerun viewer, and in a recording: the camera's image and that of the matched
     place, the distances with their minimum and gradient peak, the newest columns of their matrix,
-    the trusted track, the score.
+    the trusted track, the score; with motion, the belief along the route and the confidence.
 
     Each query is a row on the timeline ``frame``, and on ``time`` if frames have one. The entity
     ``fix`` has the fix itself, number by number, for a program that reads a recording back. More
@@ -140,7 +140,7 @@ class RerunView(Closing):
         """Log one frame and its fix; as ``View.update``."""
         seen = Seen.of(frame, fix)
         if not self.started:
-            self._start(seen)
+            self._start(seen, fix.track is not None)
             self.started = True
         self.recording.set_time("frame", sequence=fix.frame)
         if seen.time is None:
@@ -153,6 +153,7 @@ class RerunView(Closing):
         self._log_distances(distances, fix)
         self._log_matrix(distances, fix)
         self._log_track(fix)
+        self._log_belief(localizer, fix)
         self._log_numbers(seen, fix, latency_us)
 
     def close(self) -> None:
@@ -175,17 +176,20 @@ class RerunView(Closing):
         if self.save is not None and not self.save.is_file():
             raise SurefixFileError(f"{self.save}: the recording is not there any more")
 
-    def _start(self, seen: Seen) -> None:
+    def _start(self, seen: Seen, tracked: bool) -> None:
         """Log the layout, the styles and the route, which stay for the whole drive."""
         rr, log = self.rr, self.recording.log
         images = seen.image is not None, bool(self.references)
         dimensions = 0 if self.positions is None else self.positions.shape[1]
-        self.recording.send_blueprint(layout(*images, dimensions, self.columns.values.shape))
+        drawn = layout(*images, dimensions, self.columns.values.shape, tracked)
+        self.recording.send_blueprint(drawn)
         for name, colour, size in MARKS:
             style = {"markers": "circle", "marker_sizes": size}
             series = rr.SeriesPoints(colors=_rgb(colour), names=name, **style)
             log(f"place/{name}", series, static=True)
-        lines = ("score", "score", MINIMUM), ("latency_us", "push, microseconds", PEAK)
+        lines = [("score", "score", MINIMUM), ("latency_us", "push, microseconds", PEAK)]
+        if tracked:
+            lines += [("sure/confidence", "confidence", TRUSTED), ("sure/off_map", "off map", PEAK)]
         for entity, name, colour in lines:
             series = rr.SeriesLines(colors=_rgb(colour), names=name, widths=1.5)
             log(entity, series, static=True)
@@ -216,12 +220,9 @@ class RerunView(Closing):
     def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
         """All distances as bars, those of the minimum and of the gradient peak in colours."""
         chart, log = self.rr.BarChart, self.recording.log
-        values, wide = self.bins.smallest(distances), float(self.bins.width)
-        middles, widths = self.bins.first + (wide - 1) / 2, np.full(len(values), wide)
-        bars = chart(values, abscissa=middles, widths=widths, color=_rgb(UNTRUSTED))
-        log("distances/all", bars)
+        log("distances/all", self._bars(self.bins.smallest(distances), UNTRUSTED))
         # On a long route, one bar would be too thin to see.
-        thick = max(wide, len(distances) / 150)
+        thick = max(float(self.bins.width), len(distances) / 150)
         peak = "gradient_peak", fix.gradient.place, PEAK
         for name, place, colour in (("minimum", fix.single.place, MINIMUM), peak):
             at = {"abscissa": [float(place)], "widths": [thick]}
@@ -247,6 +248,22 @@ class RerunView(Closing):
             self.recording.log(f"route/{name}", self._points(at, colour, size))
             self.recording.log("route/here", self._points(at, HERE, 8.0 if fix.trusted else 4.0))
 
+    def _log_belief(self, localizer: Localizer, fix: Fix) -> None:
+        """The square root of the belief in each bin of places, so that a spread one is visible."""
+        belief, track = localizer.belief, fix.track
+        if belief is None or track is None:
+            return
+        log = self.recording.log
+        log("belief", self._bars(np.sqrt(self.bins.sums(belief)).astype(np.float32), TRUSTED))
+        log("sure/confidence", self.rr.Scalars(track.confidence))
+        log("sure/off_map", self.rr.Scalars(track.off_map))
+
+    def _bars(self, values: NDArray[np.float32], colour: str) -> Any:
+        """A bar for each bin, as wide as its places."""
+        wide = float(self.bins.width)
+        middles, widths = self.bins.first + (wide - 1) / 2, np.full(len(values), wide)
+        return self.rr.BarChart(values, abscissa=middles, widths=widths, color=_rgb(colour))
+
     def _points(self, at: NDArray[np.float64], colour: str, size: float) -> Any:
         """Positions as points from the first place's; of two coordinates, the second upwards."""
         drawn = (at - self.origin).astype(np.float32)
@@ -257,7 +274,7 @@ class RerunView(Closing):
         return kind(drawn, colors=_rgb(colour), radii=self.rr.Radius.ui_points(size))
 
     def _log_numbers(self, seen: Seen, fix: Fix, latency_us: float) -> None:
-        rr, log, sequence = self.rr, self.recording.log, fix.sequence
+        rr, log, sequence, track = self.rr, self.recording.log, fix.sequence, fix.track
         log("score", rr.Scalars(fix.score))
         log("latency_us", rr.Scalars(latency_us))
         self.dropped += seen.dropped
@@ -268,15 +285,22 @@ class RerunView(Closing):
             trusted=fix.trusted,
             ready=sequence is not None,
             anchors=-1 if sequence is None else sequence.anchors,
-            speed=float("nan") if sequence is None else sequence.speed,
+            speed=float("nan") if fix.speed is None else fix.speed,
             single_place=fix.single.place,
             single_distance=fix.single.distance,
             gradient_place=fix.gradient.place,
             gradient_value=fix.gradient.value,
             latency_us=latency_us,
             dropped=self.dropped,
+            **({} if track is None else _numbers(track)),
         )
         log("fix", numbers)
+
+
+def _numbers(track: Track) -> dict[str, float]:
+    low, high = track.interval
+    sure = {"confidence": track.confidence, "off_map": track.off_map}
+    return sure | {"place_low": low, "place_high": high}
 
 
 def _rgb(colour: str) -> list[int]:

@@ -8,6 +8,7 @@ from threading import Lock, Timer
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console, RenderableType
 from rich.live import Live
 
@@ -20,9 +21,9 @@ __all__ = ["TerminalView"]
 
 
 class TerminalView(Closing):
-    """The place on the route, the distances with their minimum and gradient peak, the newest
-    fixes, the share that is trusted, latency and dropped frames; on a large terminal, also the
-    camera's image and that of the matched place.
+    """The place on the route, the belief along it if there is a track, the distances with their
+    minimum and gradient peak, the newest fixes, the share that is trusted, latency and dropped
+    frames; on a large terminal, also the camera's image and that of the matched place.
 
     It is drawn a few times a second, however fast the fixes come, and takes the room that the
     terminal has. If the output is no terminal, it writes a plain line a fix.
@@ -71,6 +72,7 @@ class TerminalView(Closing):
         self.rows: deque[Row] = deque(maxlen=self.KEPT)
         self.newest: tuple[Seen, Fix] | None = None
         self.distances = np.zeros(len(map), np.float32)
+        self.belief: NDArray[np.float64] | None = None
         self.paced = PacedLive(self.console, self.PAUSE)
 
     def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
@@ -90,6 +92,7 @@ class TerminalView(Closing):
             # A screen spares the push most of them: then ask only for those that are drawn now.
             if localizer.map.screen is None or self.paced.is_due:
                 self.distances = localizer.distances
+                self.belief = localizer.belief
         self.paced.draw(self._picture)
 
     def close(self) -> None:
@@ -105,6 +108,7 @@ class TerminalView(Closing):
             image=seen.image,
             reference=self.references.image(fix.place),
             distances=self.distances,
+            belief=self.belief,
             route=self.route,
             rows=list(self.rows),
             totals=str(self.totals),

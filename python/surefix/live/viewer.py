@@ -76,9 +76,12 @@ def open_viewer(recording: Any, port: int, memory: str) -> None:
         ) from None
 
 
-def layout(camera: bool, references: bool, dimensions: int, matrix: tuple[int, int]) -> Any:
+def layout(
+    camera: bool, references: bool, dimensions: int, matrix: tuple[int, int], tracked: bool
+) -> Any:
     """The blueprint of a drive: with images of the queries and of the map's places or without, for
-    positions of 2 or 3 ``dimensions``, 0 for none, and for a matrix of these rows and columns.
+    positions of 2 or 3 ``dimensions``, 0 for none, for a matrix of these rows and columns, and with
+    the belief and the confidence in place of the score, or without.
     """
     import rerun as rr
     import rerun.blueprint as rrb
@@ -108,16 +111,20 @@ def layout(camera: bool, references: bool, dimensions: int, matrix: tuple[int, i
         origin="matrix", name="Newest columns of the matrix", visual_bounds=bounds
     )
     bare = rrb.PlotLegend(visible=False)
+    sure = ("sure", "Confidence, off the map", rrb.PlotLegend(rrb.Corner2D.LeftTop))
     place, score, latency = (
         rrb.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
         for origin, name, legend in (
             ("place", "Place", rrb.PlotLegend(rrb.Corner2D.LeftTop)),
-            ("score", "Score", bare),
+            sure if tracked else ("score", "Score", bare),
             ("latency_us", "Latency, microseconds", bare),
         )
     )
     views = [rrb.Vertical(*images)] if images else []
-    views.append(rrb.Vertical(distances, newest))
+    name = "Belief over the route, square root"
+    strip = [rrb.BarChartView(origin="belief", name=name, plot_legend=bare)] if tracked else []
+    heights = [1.0, 2.0, 2.0] if tracked else [2.0, 2.0]
+    views.append(rrb.Vertical(*strip, distances, newest, row_shares=heights))
     views.append(rrb.Vertical(*ground, place, rrb.Horizontal(score, latency)))
     shares = [1.3, 2.0, 2.0] if images else [2.0, 2.0]
     return rrb.Blueprint(

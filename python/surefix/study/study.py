@@ -193,7 +193,12 @@ class Study:
             truth = cells[np.ix_(drive.rows, drive.columns)]
         where = self.context.positions
         where = None if where is None else np.asarray(where)[drive.rows]
-        context = replace(self.context, truth=truth, positions=where, advance=drive.advance)
+        others = self.context.techniques
+        if others is not None:
+            others = [np.asfortranarray(D[np.ix_(drive.rows, drive.columns)]) for D in others]
+        context = replace(
+            self.context, truth=truth, positions=where, advance=drive.advance, techniques=others
+        )
         jumps = drive.jumps.tolist()
         return replace(
             self, distances=drive.distances, context=context, scenario=name, jumps=jumps

@@ -28,7 +28,7 @@ mod update;
 use super::estimator::{Estimator, Memory, Seen};
 use super::window::{Exact, Window};
 use crate::error::Error;
-use crate::motion::Motion;
+use crate::motion::{MAX_JITTER, Motion};
 use crate::preallocated::reserved;
 use crate::segments::Segments;
 pub use answer::Track;
@@ -224,7 +224,7 @@ impl Tracker {
         state.travelled = travelled;
         // Beyond the route, jitter included, is as far as any further.
         let end = places as f64 + 2.0;
-        let jitter = motion.jitter * novelty.happens;
+        let jitter = (motion.jitter * novelty.jitter).min(MAX_JITTER);
         Step::Known { shift: whole.clamp(-end, end) as isize, part, jitter }
     }
 

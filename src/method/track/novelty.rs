@@ -20,12 +20,14 @@ pub(super) struct Novelty {
     pub(super) evidence: f64,
     /// The probability that the robot has moved at all.
     pub(super) moved: f64,
-    /// How much may have happened: jitter, restart, leave and rejoin.
+    /// How much may have happened: restart, leave and rejoin.
     pub(super) happens: f64,
+    /// How far the odometry may be off, as a share of its jitter over a place.
+    pub(super) jitter: f64,
 }
 
 impl Novelty {
-    const WHOLE: Self = Self { evidence: 1.0, moved: 1.0, happens: 1.0 };
+    const WHOLE: Self = Self { evidence: 1.0, moved: 1.0, happens: 1.0, jitter: 1.0 };
 
     /// By the advance if it is known, else by the correlation with the view before; `fresh` if
     /// there was no query before.
@@ -39,15 +41,19 @@ impl Novelty {
             _ if fresh => Self::WHOLE,
             (Some(advance), _) => {
                 let way = advance.abs().clamp(LEAST_BY_WAY, 1.0);
-                let happens = if motion.by_distance { way } else { 1.0 };
-                Self { evidence: way, happens, ..Self::WHOLE }
+                let whole = Self { evidence: way, ..Self::WHOLE };
+                if !motion.by_distance {
+                    return whole;
+                }
+                Self { happens: way, jitter: advance.abs().max(LEAST_BY_WAY), ..whole }
             }
             (None, Some(correlation)) => {
                 let new = ((1.0 - correlation) / (1.0 - motion.repeat)).clamp(0.0, 1.0);
                 // Views change fast at first: half a new view is a whole step.
                 let moved = (2.0 * new).min(1.0);
                 let least = LEAST_BY_VIEW;
-                Self { evidence: new.max(least), moved, happens: moved.max(least) }
+                let happens = moved.max(least);
+                Self { evidence: new.max(least), moved, happens, ..Self::WHOLE }
             }
             (None, None) => Self::WHOLE,
         }

@@ -36,6 +36,7 @@ def test_the_names() -> None:
         "track_free",
         "track_any",
         "track_odometry",
+        "fused",
     ]
     for method in METHODS.values():
         assert 10 < len(method.description) < 90
@@ -65,6 +66,7 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         calibration=calibration,
         calibration_tolerance=3,
         advance=advance,
+        techniques=[calibration[0]],
     )
     prediction: dict[str, Any] = {"tolerance": 2, "smoothing": 1, "gradient": "unhalved"}
     weighting: dict[str, Any] = {
@@ -96,6 +98,7 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         "track_free": baselines.track(D, tolerance=2),
         "track_any": baselines.track(D, motion="any", tolerance=2),
         "track_odometry": baselines.track(D, motion="any", advance=advance, tolerance=2),
+        "fused": baselines.track([D, calibration[0]], motion="any", tolerance=2),
     }
     assert expected.keys() == METHODS.keys()
     answers = set()
@@ -125,7 +128,13 @@ def test_without_a_context_the_defaults_are_the_functions() -> None:
 @every_matrix
 def test_no_method_ever_says_nan_or_leaves_the_map(D: Array) -> None:
     n, m = D.shape
-    context = Context(exclude=0, truth=np.arange(m) % n, calibration=route(5), advance=np.ones(m))
+    context = Context(
+        exclude=0,
+        truth=np.arange(m) % n,
+        calibration=route(5),
+        advance=np.ones(m),
+        techniques=[D],
+    )
     for name in METHODS:
         matches = run_method(name, D, context)
         assert len(matches) == m
@@ -143,12 +152,15 @@ def test_a_perfect_mask_has_no_mistakes_and_misses_nothing() -> None:
 
 def test_what_is_missing_is_named() -> None:
     D = MATRICES["random 40 x 30"]
-    with pytest.raises(
-        surefix.SurefixValueError, match=r"single, masked.*track_odometry, got 'sinlge'"
-    ):
+    with pytest.raises(surefix.SurefixValueError, match=r"single, masked.*fused, got 'sinlge'"):
         run_method("sinlge", D)
     for name in METHODS:
-        of = {"perfect": "truth", "supervised": "calibration", "track_odometry": "advance"}
+        of = {
+            "perfect": "truth",
+            "supervised": "calibration",
+            "track_odometry": "advance",
+            "fused": "techniques",
+        }
         needs = of.get(name.partition("-")[0])
         assert METHODS[name].needs == needs
         if needs is not None:

@@ -52,7 +52,7 @@ def test_a_drive_is_localized_by_the_network_that_made_the_map(drive: Path, tmp_
     done = surefix_("run", out, drive / "summer", "--model", drive / "tiny.onnx")
     rows = list(csv.DictReader(done.stdout.splitlines()))
     network = Onnx(drive / "tiny.onnx", "map", (32, 16))
-    localizer = surefix.Localizer(route)
+    localizer = surefix.Localizer(route, motion="any")
     fixes = [
         localizer.push(vector) for vector in extract(drive / "summer", network, progress=False)
     ]

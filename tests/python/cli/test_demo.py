@@ -102,7 +102,7 @@ def test_the_fixes_in_the_file_are_those_of_the_live_drive(demo: Demo) -> None:
     route = Route(places=PLACES, size=SIZE, seed=SEED)
     reference, revisit = route.reference(), route.revisit(legs=legs(PLACES))
     known = surefix.Map.from_images(reference, surefix.Sad())
-    localizer = surefix.Localizer(known, motion="steady")
+    localizer = surefix.Localizer(known, motion="any")
     advance = revisit.odometry(**WHEELS) / 3.0
     fixes = [
         localizer.push(image, advance=moved) for image, moved in zip(revisit, advance, strict=True)

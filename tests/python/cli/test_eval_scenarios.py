@@ -136,3 +136,37 @@ def test_a_mistake_gets_one_clear_message(
     done = surefix_("eval", "D.npy", *IDENTITY, "-o", tmp_path, *arguments, code=code)
     assert words in re.sub(r"[\s│]+", " ", done.stderr), done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_several_techniques_are_one_method(drives: Path, undrawn: None, tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    D = np.load(drives / "D.npy")
+    other = (rng.normal(0, 0.4, (60, 60)) - np.eye(60)).astype(np.float32)
+    np.save(tmp_path / "other.npy", other)
+    options = ("--truth", "identity", "--fuse", tmp_path / "other.npy", "--scenario", "rate-2")
+    surefix_("eval", drives / "D.npy", *options, "-o", tmp_path / "report")
+    context = Context(truth=np.arange(60), techniques=[other])
+    expected = Study(D, context, names=("sequence", "fused")).driven("rate-2", 0, **HOW)["fused"]
+    with (tmp_path / "report" / "scenarios.csv").open() as file:
+        row = next(
+            row
+            for row in csv.DictReader(file)
+            if (row["scenario"], row["method"]) == ("rate-2", "fused")
+        )
+    assert float(row["right"]) == pytest.approx(expected.right_share, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("fused", "words"),
+    [("small.npy", r"--fuse .*small.npy: expected the shape \(60, 60\)"), ("none.npy", "none.npy")],
+)
+def test_techniques_that_do_not_fit_are_refused(
+    drives: Path, tmp_path: Path, fused: str, words: str
+) -> None:
+    np.save(tmp_path / "small.npy", np.zeros((60, 5), np.float32))
+    options = ("--truth", "identity", "--fuse", tmp_path / fused, "-o", tmp_path / "report")
+    done = surefix_("eval", drives / "D.npy", *options, code=1)
+    assert re.search(words, done.stderr)
+    options = ("--truth", "identity", "--method", "fused")
+    alone = surefix_("eval", drives / "D.npy", *options, code=2)
+    assert "expected --fuse" in alone.stderr

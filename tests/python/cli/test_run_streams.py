@@ -32,6 +32,7 @@ from surefix.simulate import Route
 PLACES = 40
 PLAIN = "frame query place place_name score trusted ready anchors speed single_place single_distance gradient_place"
 COLUMNS = [*PLAIN.split(), "gradient_value", "latency_us"]
+TRACK = ["confidence", "off_map", "place_low", "place_high", "sequence_place", "sequence_score"]
 
 
 def rows(text: str) -> list[dict[str, str]]:
@@ -74,13 +75,14 @@ def same(a: list[dict[str, str]], b: list[dict[str, str]]) -> bool:
 
 def test_a_video_and_a_bag_give_the_fixes_of_their_images(drive: Path) -> None:
     route = drive / "route.safetensors"
-    plain = surefix_("run", route, drive / "images")
-    expected = rows(plain.stdout)
-    assert list(expected[0]) == COLUMNS, "the columns of a plain run stay as they are"
+    alone = rows(surefix_("run", route, drive / "images", "--motion", "none").stdout)
+    assert list(alone[0]) == COLUMNS, "of the paper alone"
+    expected = rows(surefix_("run", route, drive / "images").stdout)
+    assert list(expected[0]) == [*COLUMNS, *TRACK]
     for place, start in (("drive.mkv", 0), ("drive.bag", 1_700_000_000)):
         done = surefix_("run", route, drive / place)
         found = rows(done.stdout)
-        assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap"]
+        assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap", *TRACK]
         assert same(found, expected)
         assert [row["query"] for row in found] == [str(index) for index in range(PLACES)]
         assert float(found[0]["time"]) == start
@@ -122,7 +124,7 @@ def test_a_gap_breaks_the_diagonal_and_is_said(drive: Path) -> None:
 def test_dropped_frames_are_counted_in_the_rows_and_in_the_summary(drive: Path) -> None:
     done = surefix_("run", drive / "route.safetensors", drive / "images", "--newest")
     found = rows(done.stdout)
-    assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap"]
+    assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap", *TRACK]
     dropped = sum(int(row["dropped"]) for row in found)
     assert len(found) + dropped == PLACES
     assert found[-1]["query"] == "39.png"
@@ -137,7 +139,8 @@ def test_a_damaged_video_keeps_the_fixes_so_far(drive: Path, tmp_path: Path) -> 
     done = surefix_("run", drive / "route.safetensors", tmp_path / "cut.mkv", "-o", out, code=1)
     found = rows(out.read_text())
     assert 0 < len(found) < PLACES
-    summary, error = done.stderr.splitlines()
+    summary, track, error = done.stderr.splitlines()
+    assert track.startswith("track: median confidence ")
     assert summary.startswith(f"{len(found)} fixes, ")
     assert error.startswith(f"surefix: {tmp_path / 'cut.mkv'}, frame {len(found)}: a damaged video")
     assert same(
@@ -188,7 +191,7 @@ def test_a_file_that_is_no_image_does_not_end_a_run_that_follows(
         ("1.png", "0", "true"),
         ("3.png", "1", "false"),
     ]
-    said, summary = done.stderr.splitlines()
+    said, summary, _ = done.stderr.splitlines()
     assert said.startswith(f"Passed over: image {tmp_path / '2.png'}: ")
     assert re.match(r"3 fixes, .*1 frame dropped, ", summary)
     for index in (0, 1, 3):
@@ -251,7 +254,7 @@ def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
         _, err = process.communicate(timeout=60)
     assert process.returncode == 0
     assert err.startswith("40 fixes, ")
-    assert err.count("\n") == 1
+    assert err.count("\n") == 2
 
 
 @pytest.mark.slow
@@ -458,18 +461,18 @@ def test_odometry_moves_the_track(motion: Any, drive: Path, tmp_path: Path) -> N
 
 def test_what_odometry_lacks_is_said(drive: Path, tmp_path: Path) -> None:
     (tmp_path / "gps.csv").write_text("time,x,y\n0.5,0,0\n3,9,0\n3.5,9,2\n")
-    options = ["--odometry", tmp_path / "gps.csv", "--places-per-metre", -0.5]
+    options = ["--odometry", tmp_path / "gps.csv", "--places-per-metre", -0.5, "--motion", "none"]
     said = surefix_("run", drive / "route.safetensors", drive / "drive.mkv", *options).stderr
     line = said.splitlines()[-1]
     assert line == (
         f"odometry: {tmp_path / 'gps.csv'}, -0.5 places a metre (--places-per-metre), no heading, "
         "so that reversing is not seen, 9 frames before its first or after its last time, "
-        "unused without --motion"
+        "unused with --motion none"
     )
     # Frames by distance need no places, and no word about them.
     route = by_odometry(drive, tmp_path)["the map's positions"][0]
     sampled = ["run", route, drive / "drive.bag", "--metres", 4, "--odometry", "/odom"]
-    assert "odometry:" not in surefix_(*sampled).stderr
+    assert "odometry:" not in surefix_(*sampled, "--motion", "none").stderr
     assert "odometry:" in surefix_(*sampled, "--motion", "steady").stderr
 
 
@@ -506,4 +509,4 @@ def test_an_error_in_a_frame_names_it(drive: Path, tmp_path: Path) -> None:
     surefix_("map", "build", tmp_path / "known.npy", "-o", tmp_path / "known.safetensors")
     done = surefix_("run", tmp_path / "known.safetensors", tmp_path / "queries.npy", code=1)
     assert done.stderr.splitlines()[0].startswith("2 fixes, ")
-    assert re.match(r"surefix: 2: .*NaN|surefix: 2: .*finite", done.stderr.splitlines()[1])
+    assert re.match(r"surefix: 2: .*NaN|surefix: 2: .*finite", done.stderr.splitlines()[-1])

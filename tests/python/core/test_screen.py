@@ -134,12 +134,17 @@ def test_from_the_command_line(tmp_path: Path) -> None:
     for name in ("rows", "bytes"):
         surefix_("map", "build", tmp_path / f"{name}.npy", "-o", tmp_path / f"{name}.safetensors")
 
+    run = "run", tmp_path / "rows.safetensors", tmp_path / "queries.npy"
+
     def fixes(*options: str) -> list[str]:
-        done = surefix_("run", tmp_path / "rows.safetensors", tmp_path / "queries.npy", *options)
+        done = surefix_(*run, "--motion", "none", *options)
+        assert "unused" not in done.stderr
         # The last column is the latency.
         return [line.rsplit(",", 1)[0] for line in done.stdout.splitlines()]
 
     assert fixes("--screen", "i8") == fixes()
+    said = surefix_(*run, "--screen", "i8").stderr.splitlines()
+    assert said[0] == "--screen: unused, as --motion any needs all distances"
     done = surefix_(
         "run", tmp_path / "bytes.safetensors", tmp_path / "queries.npy", "--screen", "i8", code=2
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import sys
 from dataclasses import dataclass
 from datetime import timedelta
@@ -42,10 +43,10 @@ class Drive:
 
 
 def record(
-    path: Path, route: surefix.Map, frames: list[Any], **options: Any
+    path: Path, route: surefix.Map, frames: list[Any], motion: Any = None, **options: Any
 ) -> tuple[list[Any], list[Any]]:
     """Push all frames and save them."""
-    localizer = surefix.Localizer(route, sequence_length=3)
+    localizer = surefix.Localizer(route, sequence_length=3, motion=motion)
     fixes, distances = [], []
     with RerunView(route, save=path, **options) as view:
         for index, frame in enumerate(frames):
@@ -264,6 +265,38 @@ def test_a_large_image_is_made_small(tmp_path: Path) -> None:
     recording = Recording(tmp_path / "a.rrd")
     assert recording.picture("camera", 0).size == (400, 200)
     assert recording.picture("camera", 1).mode == "L"
+
+
+def test_confidence_and_belief_are_in_the_recording(drive: Drive, tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    fixes, _ = record(path, drive.route, drive.queries, motion="any", places_drawn=20)
+    recording = Recording(path)
+    localizer = surefix.Localizer(drive.route, sequence_length=3, motion="any")
+    for fix, query in zip(fixes, drive.queries, strict=True):
+        assert localizer.push(query) == fix
+        belief = localizer.belief
+        assert belief is not None
+        np.testing.assert_allclose(
+            recording.bars("belief", fix.frame) ** 2, belief.reshape(20, 3).sum(1), rtol=1e-6
+        )
+        middles = recording.bars("belief", fix.frame, "abscissa")
+        np.testing.assert_array_equal(middles, np.arange(1, PLACES, 3))
+        row = recording.logged["fix"][fix.frame]
+        track = fix.track
+        names = "confidence", "off_map", "place_low", "place_high", "speed", "place"
+        assert [row[name][0] for name in names] == [
+            track.confidence, track.off_map, *track.interval, track.speed, track.place,
+        ]  # fmt: skip
+    for name in ("confidence", "off_map"):
+        said = {fix.frame: getattr(fix, name) for fix in fixes}
+        assert recording.scalars(f"sure/{name}") == said
+    layouts = repr(recording.layout), repr(drive.recording.layout)
+    names = "belief", "sure", "score"
+    assert [[bool(re.search(f"'/?{name}'", each)) for name in names] for each in layouts] == [
+        [True, True, False],
+        [False, False, True],
+    ]
+    assert not {"belief", "sure/confidence"} & set(drive.recording.logged), "without motion"
 
 
 @pytest.mark.slow

@@ -56,10 +56,14 @@ def screen(width: int, height: int, file: io.StringIO | None = None, **options: 
 
 
 def drive(
-    view: TerminalView, route: surefix.Map, queries: list[NDArray[np.uint8]], count: int
+    view: TerminalView,
+    route: surefix.Map,
+    queries: list[NDArray[np.uint8]],
+    count: int,
+    motion: str | None = None,
 ) -> surefix.Fix:
     """Push, show, and give the last fix."""
-    localizer = surefix.Localizer(route)
+    localizer = surefix.Localizer(route, motion=motion)
     for index, image in enumerate(queries[:count]):
         fix = localizer.push(image)
         dropped = 3 if index == 2 else 0
@@ -75,15 +79,20 @@ def last_picture(console: Console) -> list[str]:
     return text[text.rindex("╭") :].rstrip("\n").split("\n")
 
 
+@pytest.mark.parametrize("motion", [None, "any"])
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_the_picture_fits_the_terminal(
-    width: int, height: int, images: tuple[list[NDArray[np.uint8]], list[NDArray[np.uint8]]]
+    width: int,
+    height: int,
+    motion: str | None,
+    images: tuple[list[NDArray[np.uint8]], list[NDArray[np.uint8]]],
 ) -> None:
     route = surefix.Map.from_images(images[0], progress=False)
     console = screen(width, height)
     with TerminalView(route, total=PLACES, console=console) as view:
-        fix = drive(view, route, images[1], 40)
+        fix = drive(view, route, images[1], 40, motion)
     lines = last_picture(console)
+    assert ("belief: " in "".join(lines)) == (motion is not None and height >= 16)
     assert len(lines) < height, "the cursor has a line of its own"
     assert all(len(line) == min(width, 110) for line in lines)
     assert lines[0].startswith("╭─ frame 40 of 60 "[: width - 2])
@@ -140,6 +149,58 @@ def test_the_route_shows_where_fixes_were_and_which_were_trusted() -> None:
             states[fix.place] = "█" if fix.trusted else "░"
     assert {"█", "░"} <= set(states)
     assert last_picture(console)[3] == f"│ {''.join(2 * state for state in states)} │"
+
+
+@pytest.mark.parametrize("width", [44, 80])
+def test_confidence_and_belief_are_shown_along_the_route(width: int) -> None:
+    generator = np.random.default_rng(6)
+    rows = generator.normal(size=(500, 32)).astype(np.float32)
+    route = surefix.Map.from_descriptors(rows)
+    localizer = surefix.Localizer(route, motion="any")
+    bins = Bins(500, width - 4, fill=True)
+    spread, away = [], 0
+    # From no idea to a sure one, and then along a stretch that the map lacks.
+    order = [*rows[100:112], *generator.normal(size=(25, 32)).astype(np.float32)]
+    for query in order:
+        fix, belief = localizer.push(query), localizer.belief
+        assert fix.track is not None
+        assert belief is not None
+        console = screen(width, 40)
+        with TerminalView(route, console=console) as view:
+            view.update(query, fix, localizer, latency_us=1.0)
+        lines = [line[2:-2] for line in last_picture(console)]
+        headline = f"place {fix.place} of 500  confidence {fix.track.confidence:.2f}"
+        assert headline in lines[1]
+        low, high = fix.track.interval
+        label = f"belief: 95 % at {low}-{high}, off map {fix.track.off_map:.2f}"
+        assert lines[3].rstrip() == (label if len(label) <= width - 4 else label[: width - 5] + "…")
+        sums = [belief[part].sum() for part in np.split(np.arange(500), bins.first[1:])]
+        heights = [" ▁▂▃▄▅▆▇█".index(mark) for mark in lines[4]]
+        np.testing.assert_allclose(heights, 8 * np.sqrt(sums), atol=0.501)
+        assert bins.of(fix.place) == lines[6].index("▲")
+        spread.append(sum(height > 0 for height in heights))
+        if width == 80:
+            off = fix.track.off_map > 0.2
+            assert ("perhaps off the map" in lines[1]) == off
+            away += off
+    assert spread[0] > 10, "a belief that is spread over the route is visible"
+    assert min(spread) <= 3
+    assert away > 3 or width < 80
+
+
+def test_a_pipe_gets_the_confidence(
+    images: tuple[list[NDArray[np.uint8]], list[NDArray[np.uint8]]],
+) -> None:
+    route = surefix.Map.from_images(images[0], progress=False)
+    file = io.StringIO()
+    with TerminalView(route, console=Console(file=file, width=40)) as view:
+        fix = drive(view, route, images[1], 5, "steady")
+    assert fix.track is not None
+    said = file.getvalue().splitlines()[4]
+    trust = "trusted" if fix.trusted else "not trusted"
+    state = ", perhaps off the map" if fix.track.off_map > 0.2 else ""
+    sure = f"confidence {fix.track.confidence:.2f}"
+    assert said == f"frame 4 (q4.png): place {fix.place}, {sure}, {trust}{state}"
 
 
 def test_a_pipe_gets_a_plain_line_a_fix(
