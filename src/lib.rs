@@ -85,7 +85,8 @@ pub use crate::image::{Channels, Image, ImageSource, ImageView, Progress};
 #[cfg(feature = "image")]
 pub use crate::image::{ImageFiles, decode_image, read_image};
 pub use batch::{
-    Drive, Run, match_descriptors, match_distances, match_fused, match_fused_distances,
+    Alignment, Drive, Run, align_descriptors, align_distances, match_descriptors, match_distances,
+    match_fused, match_fused_distances,
 };
 pub use config::{Config, Floor, Gradient};
 pub use descriptor::{Describer, Sad, describe_all};

@@ -103,6 +103,11 @@ impl Motion {
         }
     }
 
+    /// The probabilities to leave the map, to restart and to rejoin, of which `share` may happen.
+    pub(crate) fn rates(&self, share: f64) -> [f64; 3] {
+        [self.leave, self.restart, self.rejoin].map(|rate| rate * share)
+    }
+
     /// Checks every option against its range.
     ///
     /// # Errors

@@ -350,13 +350,13 @@ pub(crate) fn match_(
 }
 
 /// The descriptors of all queries, for one map.
-enum Rows<'py> {
+pub(crate) enum Rows<'py> {
     Given(Numbers<'py>),
     Described(Values),
 }
 
 impl<'py> Rows<'py> {
-    fn new(
+    pub(crate) fn new(
         queries: &Bound<'py, PyAny>,
         map: &surefix::Map,
         descriptor: Option<&Bound<'py, PyAny>>,
@@ -401,7 +401,7 @@ impl<'py> Rows<'py> {
         Ok(Self::Described(values))
     }
 
-    fn view(&self) -> PyResult<View<'_>> {
+    pub(crate) fn view(&self) -> PyResult<View<'_>> {
         match self {
             Self::Given(numbers) => numbers.view(),
             Self::Described(values) => Ok(values.view()),
@@ -419,7 +419,7 @@ fn is_matrices(each: &[Bound<'_, PyAny>]) -> bool {
 }
 
 /// The queries before which there is a gap; whether there are such queries is for the crate to say.
-fn indices(gaps: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+pub(crate) fn indices(gaps: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
     let given = sequence_or_array(gaps, "gaps")?;
     if dtype_of(&given) == "bool" {
         let advice =

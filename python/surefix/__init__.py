@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from surefix._core import (
+    Alignment,
     Evaluation,
     Fix,
     FixStream,
@@ -24,6 +25,7 @@ from surefix._core import (
     Track,
     Trust,
     __version__,
+    align,
     evaluate,
     evaluate_trust,
     find_images,
@@ -37,6 +39,7 @@ from surefix.matches import Matches
 from surefix.motion import Motion
 
 __all__ = [
+    "Alignment",
     "Evaluation",
     "Fix",
     "FixStream",
@@ -56,6 +59,7 @@ __all__ = [
     "Track",
     "Trust",
     "__version__",
+    "align",
     "evaluate",
     "evaluate_trust",
     "find_images",

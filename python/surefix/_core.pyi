@@ -11,10 +11,12 @@ from typing import Any, Literal, Protocol, SupportsIndex, TypeAlias, Unpack, fin
 import numpy as np
 import numpy.typing as npt
 
+from surefix.motion import Motion
 from surefix.options import Options
 
 __version__: str
 __all__ = [
+    "Alignment",
     "Evaluation",
     "Fix",
     "FixStream",
@@ -33,6 +35,7 @@ __all__ = [
     "Traverse",
     "Trust",
     "__version__",
+    "align",
     "decode_image",
     "evaluate",
     "evaluate_trust",
@@ -1276,6 +1279,101 @@ class Run:
         """
     def __len__(self) -> int: ...
     def __getitem__(self, key: SupportsIndex, /) -> Fix: ...
+
+@final
+class Alignment:
+    """Where each query of a drive was, by all of its queries: arrays of the shape (m,).
+
+    ``place`` is the most probable place, int64; ``confidence`` the probability that the query is
+    within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
+    query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
+    that hold 95 % of the belief on the map.
+    """
+
+    @property
+    def place(self) -> _Int64:
+        """The most probable place: int64."""
+    @property
+    def confidence(self) -> _Float64:
+        """The probability that the query is within ``tolerance`` places of it: float64."""
+    @property
+    def off_map(self) -> _Float64:
+        """The probability that the query is off the map: float64."""
+    @property
+    def speed(self) -> _Float64:
+        """The speed in places a query, or the advance if it is known: float64."""
+    @property
+    def interval(self) -> _Int64:
+        """The first and the last place that hold 95 % of the belief on the map: int64, (m, 2)."""
+    def to_csv(self, path: _Path, least: float = 0.0) -> None:
+        """Writes a CSV file: a line of names, then a line a query.
+
+        Parameters
+        ----------
+        path : path
+        least : float
+            The column ``reference`` is the place, or -1 if the confidence is below this. With the
+            column ``query`` it is a truth for ``surefix eval --truth``.
+
+        Raises
+        ------
+        SurefixFileError
+            If the file cannot be written.
+        """
+    def __len__(self) -> int: ...
+
+def align(
+    map: Map | _Array,
+    queries: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse | None = None,
+    *,
+    motion: Motion | str | None = None,
+    advance: _Array | list[float] | None = None,
+    gaps: _Array | list[int] | None = None,
+    tolerance: SupportsIndex | None = None,
+    descriptor: _Descriptor | None = None,
+    progress: _Progress = None,
+) -> Alignment:
+    """Aligns a whole drive with a route, without any label: the tracker in both directions (method
+    1.10), so that each query's place is that of all queries, those after it too.
+
+    Parameters
+    ----------
+    map : Map; or array of float32, shape (n, m)
+        The known route; or distances, where ``distances[i, j]`` is between place ``i`` and query
+        ``j``.
+    queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
+        As for ``match``. None with distances.
+    motion : {"any", "steady", "free"} or Motion
+        How the robot moves. "steady" is the most exact if both drives took frames at the same
+        distances.
+    advance : array of float, shape (m,), optional
+        The places that the robot moved before each query, by odometry.
+    gaps : array or list of int, optional
+        As for ``match``.
+    tolerance : int
+        The confidence is the belief within this many places.
+    descriptor : surefix.descriptors.Descriptor, optional
+        On a map of learned descriptors: what describes the images.
+    progress : callable, optional
+        As for ``Map.from_images``.
+
+    Returns
+    -------
+    Alignment
+
+    Raises
+    ------
+    SurefixValueError
+        As for ``match`` and ``match_distances``.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> distances = 1 - np.eye(30, dtype=np.float32)
+    >>> alignment = surefix.align(distances, motion="steady")
+    >>> alignment.place.tolist() == list(range(30)), alignment.confidence.min() > 0.9
+    (True, np.True_)
+    """
 
 def match_distances(
     distances: _Array | _Sequence[_Array],

@@ -1,5 +1,6 @@
 //! Whole runs at once: the same answers as the stream, on all cores.
 
+mod align;
 mod drive;
 mod fused;
 
@@ -16,6 +17,7 @@ use crate::numbers::{View, first_not_finite};
 use crate::parallel::each;
 use crate::post::ChainState;
 
+pub use align::{Alignment, align_descriptors, align_distances};
 pub use drive::Drive;
 pub use fused::{match_fused, match_fused_distances};
 

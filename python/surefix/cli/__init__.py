@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from surefix import SurefixError, __version__
+from surefix.cli.align import align_
 from surefix.cli.bench import bench
 from surefix.cli.demo import demo
 from surefix.cli.eval import eval_
@@ -44,6 +45,11 @@ app.command(
     "Example: surefix run route.safetensors drive.bag --topic /camera/image --metres 3 "
     "--odometry /odom"
 )(run)
+app.command(
+    "align",
+    epilog="Example: surefix align route.safetensors todays_photos/ -o truth.csv\n\n"
+    "Example: surefix eval route.safetensors todays_photos/ --truth truth.csv",
+)(align_)
 app.command(
     "eval",
     epilog="Example: surefix eval route.safetensors todays_photos/ --truth identity -o report/\n\n"

@@ -2,7 +2,7 @@
 
 use super::steps::arriving;
 use super::sums::{CHUNK, LANES, sum};
-use super::{Prediction, Step, Tracker};
+use super::{Prediction, State, Step, Taken, Tracker};
 use crate::method::argmin::first_better;
 use crate::segments::Segments;
 
@@ -28,32 +28,14 @@ pub struct Track {
 
 impl Tracker {
     #[inline(always)]
-    pub(super) fn answer(
-        &self,
-        advance: Option<f64>,
-        step: Step,
-        prediction: Prediction,
-        segments: &Segments,
-    ) -> Track {
+    pub(super) fn answer(&self, taken: &Taken<'_>, segments: &Segments) -> Track {
+        let State { on, off, scale, .. } = self.state;
         let mass = self.mass(segments.places());
-        let mut best = (0, f64::NEG_INFINITY);
-        for (index, chunk) in mass.chunks(CHUNK).enumerate() {
-            if let Some((at, mass)) = first_better(chunk, best.1, |a, b| a > b) {
-                best = (index * CHUNK + at, mass);
-            }
-        }
-        let (place, segment) = (best.0, segments.of(best.0));
-        let near = place.saturating_sub(self.tolerance).max(segment.start)
-            ..place.saturating_add(self.tolerance + 1).min(segment.end);
-        let confidence = self.state.scale * mass[near].iter().sum::<f64>();
-        let interval = self.interval(mass);
-        Track {
-            place,
-            confidence,
-            off_map: self.state.off,
-            speed: advance.unwrap_or_else(|| self.speed(step, prediction, place, segments)),
-            interval: (interval.0.min(place), interval.1.max(place)),
-        }
+        let belief = Belief { mass, sums: &self.scratch.sums, on, off, scale };
+        belief.answer(self.tolerance, segments, |place| {
+            let Taken { step, prediction, .. } = *taken;
+            taken.advance.unwrap_or_else(|| self.speed(step, prediction, place, segments))
+        })
     }
 
     /// The mass in each place.
@@ -75,11 +57,52 @@ impl Tracker {
         });
         self.motion.pace * sum / total
     }
+}
+
+/// A belief over places.
+pub(super) struct Belief<'a> {
+    /// The belief in each place, divided by `scale`.
+    pub(super) mass: &'a [f64],
+    /// The sum of each chunk of it.
+    pub(super) sums: &'a [f64],
+    pub(super) on: f64,
+    pub(super) off: f64,
+    pub(super) scale: f64,
+}
+
+impl Belief<'_> {
+    /// The most probable place and what is known of it; `speed` gives the speed there.
+    #[inline(always)]
+    pub(super) fn answer(
+        &self,
+        tolerance: usize,
+        segments: &Segments,
+        speed: impl FnOnce(usize) -> f64,
+    ) -> Track {
+        let mut best = (0, f64::NEG_INFINITY);
+        for (index, chunk) in self.mass.chunks(CHUNK).enumerate() {
+            if let Some((at, mass)) = first_better(chunk, best.1, |a, b| a > b) {
+                best = (index * CHUNK + at, mass);
+            }
+        }
+        let (place, segment) = (best.0, segments.of(best.0));
+        let near = place.saturating_sub(tolerance).max(segment.start)
+            ..place.saturating_add(tolerance).saturating_add(1).min(segment.end);
+        let confidence = self.scale * self.mass[near].iter().sum::<f64>();
+        let (low, high) = self.interval();
+        Track {
+            place,
+            confidence,
+            off_map: self.off,
+            speed: speed(place),
+            interval: (low.min(place), high.max(place)),
+        }
+    }
 
     /// The places beside which [`TAIL`] of the mass lies on either side.
-    fn interval(&self, mass: &[f64]) -> (usize, usize) {
-        let tail = TAIL * self.state.on / self.state.scale;
-        let sums = &self.scratch.sums;
+    fn interval(&self) -> (usize, usize) {
+        let Self { mass, sums, .. } = *self;
+        let tail = TAIL * self.on / self.scale;
         let (mut below, mut chunk) = (0.0, 0);
         while chunk + 1 < sums.len() && below + sums[chunk] <= tail {
             below += sums[chunk];

@@ -13,6 +13,7 @@
 //! A belief is kept per speed and place, after the change of speed that comes before the next move,
 //! and not yet divided by its total.
 
+mod align;
 mod answer;
 mod evidence;
 mod exp;
@@ -31,6 +32,7 @@ use crate::error::Error;
 use crate::motion::{MAX_JITTER, Motion};
 use crate::preallocated::reserved;
 use crate::segments::Segments;
+pub(crate) use align::{Aligner, Source};
 pub use answer::Track;
 use evidence::{Evidence, Says};
 pub(super) use hubness::Hubness;
@@ -138,13 +140,39 @@ impl Estimator for Tracker {
     #[inline(always)]
     fn estimate<E: Exact>(&mut self, window: &mut Window, seen: &Seen<'_>, ask: &mut E) -> Track {
         let column = window.newest(ask).unwrap_or_default();
-        let advance = match (seen.advance, self.state.pending.take()) {
+        let taken = self.take(column, seen.evidence, seen.advance, seen.segments);
+        // 6 The answer.
+        self.answer(&taken, seen.segments)
+    }
+}
+
+/// What one query did to the belief.
+struct Taken<'a> {
+    advance: Option<f64>,
+    evidence: Evidence<'a>,
+    novelty: Novelty,
+    step: Step,
+    prediction: Prediction,
+}
+
+impl Tracker {
+    /// Steps 1 to 5 of one query. `z` is what several techniques say together, in place of the
+    /// column.
+    #[inline(always)]
+    fn take<'a>(
+        &mut self,
+        column: &[f32],
+        z: Option<&'a [f64]>,
+        advance: Option<f64>,
+        segments: &Segments,
+    ) -> Taken<'a> {
+        let advance = match (advance, self.state.pending.take()) {
             (Some(advance), gap) => Some(advance + gap.unwrap_or(0.0)),
             (None, gap) => gap,
         };
 
         // 1, 2 What the column says.
-        let says = match seen.evidence {
+        let says = match z {
             Some(z) => Says::Fused(z),
             None => match self.hubness.learn(column, &self.motion) {
                 Some(standard) => Says::Column(standard),
@@ -159,13 +187,11 @@ impl Estimator for Tracker {
         // 3, 4 Where the belief goes, and what it gives to the rest of the route and to the state
         // off the map.
         let step = self.step(advance, novelty, column.len());
-        let prediction = self.predict(step, novelty, seen.segments);
+        let prediction = self.predict(step, novelty, segments);
 
         // 5 What is believed now.
-        self.update(column, evidence, step, prediction, seen.segments);
-
-        // 6 The answer.
-        self.answer(advance, step, prediction, seen.segments)
+        self.update(column, evidence, step, prediction, segments);
+        Taken { advance, evidence, novelty, step, prediction }
     }
 }
 
@@ -233,8 +259,7 @@ impl Tracker {
         let mut lost_mass = 0.0;
         self.each_row(step, |row, taps, share| lost_mass += share * lost(row, taps, segments));
         let left = step.moved() * state.scale * lost_mass;
-        let [leave, restart, rejoin] =
-            [motion.leave, motion.restart, motion.rejoin].map(|rate| rate * novelty.happens);
+        let [leave, restart, rejoin] = motion.rates(novelty.happens);
         let keep = (1.0 - leave) * (1.0 - restart);
         let anew = rejoin * state.off + (1.0 - leave) * restart * state.on + keep * left;
         let rows = if matches!(step, Step::Known { .. }) { 1 } else { motion.speeds.len() };

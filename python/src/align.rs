@@ -1,0 +1,208 @@
+//! `surefix.align` and `surefix.Alignment`.
+
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::PathBuf;
+
+use numpy::{Element, PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use surefix::{Drive, Floor, Motion, align_descriptors, align_distances};
+
+use crate::arrays::{matrix, numbers};
+use crate::batch::{Rows, indices};
+use crate::error::{OrRaise as _, value};
+use crate::images::{progress_callback, with_progress};
+use crate::inputs::{descriptors, maps};
+use crate::map::Map;
+use crate::options::config;
+
+/// Where each query of a drive was, by all of its queries: arrays of the shape (m,).
+///
+/// ``place`` is the most probable place, int64; ``confidence`` the probability that the query is
+/// within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
+/// query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
+/// that hold 95 % of the belief on the map.
+#[pyclass(frozen, module = "surefix")]
+pub(crate) struct Alignment(surefix::Alignment);
+
+impl Alignment {
+    fn column<'py, T: Element>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&surefix::Track) -> T,
+    ) -> Bound<'py, PyArray1<T>> {
+        PyArray1::from_iter(py, self.0.tracks.iter().map(of))
+    }
+}
+
+#[pymethods]
+impl Alignment {
+    /// The most probable place: int64.
+    #[getter]
+    fn place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |track| track.place as i64)
+    }
+    /// The probability that the query is within ``tolerance`` places of it: float64.
+    #[getter]
+    fn confidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |track| track.confidence)
+    }
+    /// The probability that the query is off the map: float64.
+    #[getter]
+    fn off_map<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |track| track.off_map)
+    }
+    /// The speed in places a query, or the advance if it is known: float64.
+    #[getter]
+    fn speed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |track| track.speed)
+    }
+    /// The first and the last place that hold 95 % of the belief on the map: int64, (m, 2).
+    #[getter]
+    fn interval<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
+        let rows: Vec<Vec<i64>> = self
+            .0
+            .tracks
+            .iter()
+            .map(|track| vec![track.interval.0 as i64, track.interval.1 as i64])
+            .collect();
+        if rows.is_empty() {
+            return Ok(PyArray2::zeros(py, [0, 2], false));
+        }
+        Ok(PyArray2::from_vec2(py, &rows)?)
+    }
+
+    /// Writes a CSV file: a line of names, then a line a query.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    /// least : float
+    ///     The column ``reference`` is the place, or -1 if the confidence is below this. With the
+    ///     column ``query`` it is a truth for ``surefix eval --truth``.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixFileError
+    ///     If the file cannot be written.
+    #[pyo3(signature = (path, least=0.0))]
+    fn to_csv(&self, py: Python<'_>, path: PathBuf, least: f64) -> PyResult<()> {
+        py.detach(|| {
+            let io =
+                |source| surefix::Error::Io { path: path.clone(), action: "write the CSV", source };
+            let mut out = BufWriter::new(File::create(&path).map_err(io)?);
+            self.0.write_csv(&mut out, least).and_then(|()| out.flush()).map_err(io)
+        })
+        .or_raise(py)
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.tracks.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let tracks = &self.0.tracks;
+        let sure = tracks.iter().filter(|track| track.confidence > 0.95).count();
+        format!("Alignment({} queries, {sure} of confidence above 0.95)", tracks.len())
+    }
+}
+
+/// Aligns a whole drive with a route, without any label: the tracker in both directions (method
+/// 1.10), so that each query's place is that of all queries, those after it too.
+///
+/// Parameters
+/// ----------
+/// map : Map; or array of float32, shape (n, m)
+///     The known route; or distances, where ``distances[i, j]`` is between place ``i`` and query
+///     ``j``.
+/// queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
+///     As for ``match``. None with distances.
+/// motion : {"any", "steady", "free"} or Motion
+///     How the robot moves. "steady" is the most exact if both drives took frames at the same
+///     distances.
+/// advance : array of float, shape (m,), optional
+///     The places that the robot moved before each query, by odometry.
+/// gaps : array or list of int, optional
+///     As for ``match``.
+/// tolerance : int
+///     The confidence is the belief within this many places.
+/// descriptor : surefix.descriptors.Descriptor, optional
+///     On a map of learned descriptors: what describes the images.
+/// progress : callable, optional
+///     As for ``Map.from_images``.
+///
+/// Returns
+/// -------
+/// Alignment
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     As for ``match`` and ``match_distances``.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, surefix
+/// >>> distances = 1 - np.eye(30, dtype=np.float32)
+/// >>> alignment = surefix.align(distances, motion="steady")
+/// >>> alignment.place.tolist() == list(range(30)), alignment.confidence.min() > 0.9
+/// (True, np.True_)
+#[pyfunction]
+#[pyo3(
+    signature = (
+        map, queries=None, *, motion=None, advance=None, gaps=None, tolerance=None, descriptor=None,
+        progress=None
+    )
+)]
+#[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
+pub(crate) fn align(
+    py: Python<'_>,
+    map: &Bound<'_, PyAny>,
+    queries: Option<&Bound<'_, PyAny>>,
+    motion: Option<&Bound<'_, PyAny>>,
+    advance: Option<&Bound<'_, PyAny>>,
+    gaps: Option<&Bound<'_, PyAny>>,
+    tolerance: Option<&Bound<'_, PyAny>>,
+    descriptor: Option<&Bound<'_, PyAny>>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Alignment> {
+    let options = PyDict::new(py);
+    for (name, given) in [("motion", motion), ("tolerance", tolerance)] {
+        if let Some(given) = given {
+            options.set_item(name, given)?;
+        }
+    }
+    let mut config = config(py, Some(&options), Floor::Running)?;
+    config.motion.get_or_insert_with(Motion::any);
+    config.sequence_length = 1;
+    let advance = advance.map(|advance| numbers(advance, "advance")).transpose()?;
+    let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
+    let mut drive = Drive::default().gaps(&gaps);
+    drive.advance = advance.as_deref();
+    let Some(queries) = queries else {
+        if map.is_instance_of::<Map>() {
+            return Err(value(py, "queries: expected images or descriptors, got none".to_owned()));
+        }
+        let matrix = matrix(map, "distances")?;
+        let view = matrix.as_array().into_dimensionality().map_err(|e| value(py, e.to_string()))?;
+        let callback = progress_callback(py, progress, "Aligning")?;
+        let alignment = with_progress(py, callback.as_ref(), |progress| {
+            Ok(py.detach(|| align_distances(view, &config, drive, progress)))
+        });
+        return Ok(Alignment(alignment?));
+    };
+    let maps = maps(map)?;
+    let [map] = &maps[..] else {
+        return Err(value(py, format!("map: expected one, got {}", maps.len())));
+    };
+    let descriptors = descriptors(descriptor, &maps)?;
+    let descriptor = descriptors[0].as_ref().map(|given| given.bind(py));
+    let rows = Rows::new(queries, map, descriptor, progress)?;
+    let view = rows.view()?;
+    let callback = progress_callback(py, progress, "Aligning")?;
+    let alignment = with_progress(py, callback.as_ref(), |progress| {
+        Ok(py.detach(|| align_descriptors(map, view, &config, drive, progress)))
+    });
+    Ok(Alignment(alignment?))
+}

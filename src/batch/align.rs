@@ -1,0 +1,213 @@
+//! Alignment (method 1.10): where each query of a whole drive was, by all of its queries.
+
+use std::io::{self, Write};
+
+use ndarray::ArrayView2;
+
+use super::drive::{Drive, Flags};
+use super::{HELD, REPORTED, count, of_query};
+use crate::config::Config;
+use crate::error::Error;
+use crate::image::Progress;
+use crate::map::Map;
+use crate::method::{Aligner, Given, Source, Track};
+use crate::motion::Motion;
+use crate::numbers::{View, first_not_finite};
+use crate::parallel::each;
+use crate::post::ChainState;
+use crate::segments::Segments;
+
+/// The track of each query of a drive by all of its queries, those after it too.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Alignment {
+    /// One track a query, in order.
+    pub tracks: Vec<Track>,
+    /// How many places the route has.
+    pub places: usize,
+}
+
+impl Alignment {
+    /// Writes the tracks as CSV: a line of names, then a line a query. `reference` is the place,
+    /// and -1 if the confidence is below `least`: with the column `query` it is a truth.
+    ///
+    /// # Errors
+    /// Whatever `out` gives.
+    pub fn write_csv(&self, out: &mut impl Write, least: f64) -> io::Result<()> {
+        writeln!(out, "query,reference,place,confidence,off_map,speed,place_low,place_high")?;
+        for (query, track) in self.tracks.iter().enumerate() {
+            let Track { place, confidence, off_map, speed, interval: (low, high) } = track;
+            if *confidence < least {
+                write!(out, "{query},-1")?;
+            } else {
+                write!(out, "{query},{place}")?;
+            }
+            writeln!(out, ",{place},{confidence},{off_map},{speed},{low},{high}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Aligns the drive of a whole distance matrix, as for [`match_distances`](super::match_distances):
+/// the tracker of [`Config::motion`](crate::Config::motion) in both directions (method 1.10). No
+/// label is needed: for two recorded drives it stands in for the truth.
+///
+/// Beside the matrix, `2 sqrt(m) (V + 2) n` numbers of 8 bytes are held for `n` places, `m` queries
+/// and `V` speeds.
+///
+/// ```
+/// use ndarray::Array2;
+/// use surefix::{Config, Drive, Motion, align_distances};
+/// let distances = Array2::from_shape_fn((30, 30), |(i, j)| f32::from(i != j));
+/// let mut config = Config::default();
+/// config.motion = Some(Motion::steady());
+/// let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
+/// let alignment = align_distances(distances.view(), &config, Drive::default(), &mut go_on)?;
+/// assert!(alignment.tracks.iter().enumerate().all(|(query, track)| track.place == query));
+/// # Ok::<(), surefix::Error>(())
+/// ```
+///
+/// # Errors
+/// As for [`match_distances`](super::match_distances), and [`Error::Option`] without a motion;
+/// [`Error::Interrupted`] if `progress` breaks.
+#[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
+pub fn align_distances(
+    distances: ArrayView2<'_, f32>,
+    config: &Config,
+    drive: Drive<'_>,
+    progress: Progress<'_>,
+) -> Result<Alignment, Error> {
+    let (places, queries) = distances.dim();
+    let motion = motion_of(config, places)?;
+    let flags = Flags::new(drive, queries)?;
+    let segments = Segments::one(places);
+    let column = |query: usize, out: &mut [f32]| {
+        out.iter_mut().zip(distances.column(query)).for_each(|(out, &distance)| *out = distance);
+        finite(out, query)
+    };
+    let source = Drives { queries, flags, column };
+    run(motion, config.tolerance, &segments, source, progress)
+}
+
+/// Aligns many descriptors, one after the other in `queries`, with a map: as
+/// [`align_distances`], without holding a matrix. The distances are computed twice, on all cores.
+///
+/// # Errors
+/// As for [`match_descriptors`](super::match_descriptors), and [`Error::Option`] without a motion.
+pub fn align_descriptors<'a>(
+    map: &Map,
+    queries: impl Into<View<'a>>,
+    config: &Config,
+    drive: Drive<'_>,
+    progress: Progress<'_>,
+) -> Result<Alignment, Error> {
+    let queries = queries.into();
+    let total = count(map, queries)?;
+    let motion = motion_of(config, map.places())?;
+    let flags = Flags::new(drive, total)?;
+    queries.check_finite("queries", map.input_dim())?;
+    let passed = passed(map, queries, total)?;
+    let at_once = (HELD / map.places()).clamp(1, 256);
+    let mut held: (usize, Vec<Vec<f32>>) = (0, Vec::new());
+    let column = |query: usize, out: &mut [f32]| {
+        if !(held.0..held.0 + held.1.len()).contains(&query) {
+            let columns = each(
+                query..total.min(query + at_once),
+                || (),
+                |(), query| {
+                    let mut column = vec![0.0; map.places()];
+                    let done = if let Some(passed) = &passed {
+                        let row = &passed[query * map.dim()..][..map.dim()];
+                        map.distances_of_passed(View::F32(row), &mut column)
+                    } else {
+                        let row = queries.row(query, map.input_dim());
+                        row.map_or(Ok(()), |row| map.distances_into(row, &mut column))
+                    };
+                    done.map_err(|error| of_query(error, query))?;
+                    Ok(column)
+                },
+            );
+            held = (query, columns.into_iter().collect::<Result<_, Error>>()?);
+        }
+        out.copy_from_slice(&held.1[query - held.0]);
+        finite(out, query)
+    };
+    let source = Drives { queries: total, flags, column };
+    run(motion, config.tolerance, map.route().segments(), source, progress)
+}
+
+fn motion_of(config: &Config, places: usize) -> Result<&Motion, Error> {
+    config.validate(places)?;
+    config.motion.as_ref().ok_or_else(|| {
+        let expected = "\"steady\", \"free\" or \"any\" for an alignment".to_owned();
+        Error::Option { name: "motion", expected, got: "none".to_owned() }
+    })
+}
+
+/// The queries after a post-processing whose statistics run with the drive.
+fn passed(map: &Map, queries: View<'_>, total: usize) -> Result<Option<Vec<f32>>, Error> {
+    let Some(post) = map.post().filter(|post| post.runs()) else { return Ok(None) };
+    let mut through = ChainState::of_drive(post);
+    let mut all = Vec::with_capacity(total * map.dim());
+    for query in 0..total {
+        let Some(row) = queries.row(query, map.input_dim()) else { continue };
+        let row = map.passed(row, Some(&mut through)).map_err(|error| of_query(error, query))?;
+        if let View::F32(row) = row {
+            all.extend_from_slice(row);
+        }
+        through.commit();
+    }
+    Ok(Some(all))
+}
+
+fn finite(column: &[f32], query: usize) -> Result<(), Error> {
+    match first_not_finite(column) {
+        None => Ok(()),
+        Some((index, value)) => {
+            let what = "distances (row: query)";
+            Err(Error::NotFinite { what, row: Some(query), index, value })
+        }
+    }
+}
+
+fn run(
+    motion: &Motion,
+    tolerance: usize,
+    segments: &Segments,
+    mut source: impl Source,
+    progress: Progress<'_>,
+) -> Result<Alignment, Error> {
+    let steps = 2 * source.queries();
+    let aligner = Aligner::new(motion, tolerance, segments)?;
+    let tracks = aligner.align(&mut source, |done| {
+        let due = done.is_multiple_of(REPORTED) || done == steps;
+        if due && progress(done, steps).is_break() {
+            return Err(Error::Interrupted { done, total: steps });
+        }
+        Ok(())
+    })?;
+    Ok(Alignment { tracks, places: segments.places() })
+}
+
+/// A drive whose columns are computed when they are asked for.
+struct Drives<'a, C> {
+    queries: usize,
+    flags: Flags<'a>,
+    column: C,
+}
+
+impl<C: FnMut(usize, &mut [f32]) -> Result<(), Error>> Source for Drives<'_, C> {
+    fn queries(&self) -> usize {
+        self.queries
+    }
+
+    fn column(&mut self, query: usize, out: &mut [f32]) -> Result<(bool, Given), Error> {
+        (self.column)(query, out)?;
+        let mut cut = false;
+        let given = self.flags.before(query, |_| {
+            cut = true;
+            Ok(())
+        })?;
+        Ok((cut, given))
+    }
+}
