@@ -10,6 +10,10 @@ use crate::motion::Motion;
 use crate::preallocated::reserved;
 use crate::simd::{Compiled, Isa};
 
+/// The most techniques that are fused: far more than a robot has time for. The evidence of so many
+/// is within the range of the tracker's exponential.
+pub(crate) const MAX_TECHNIQUES: usize = 32;
+
 /// The techniques' statistics, and memory for the fused column.
 #[derive(Clone, Debug)]
 pub(crate) struct Fusion {
@@ -82,14 +86,11 @@ impl Fusion {
         self.techniques.iter().map(|hubness| (hubness.columns, &hubness.sums[..]))
     }
 
-    /// Goes on with known statistics; false if they do not fit.
-    pub(crate) fn resume(&mut self, known: Vec<(u64, Vec<f64>)>) -> bool {
-        let places = self.column.len();
-        let fits = known.len() == self.techniques.len()
-            && known.iter().all(|(_, sums)| sums.len() == places);
+    /// Goes on with known statistics, of as many places; false if they do not fit.
+    pub(crate) fn resume(&mut self, known: Vec<Hubness>) -> bool {
+        let fits = known.len() == self.techniques.len();
         if fits {
-            let hubness = |(columns, sums)| Hubness { sums, columns };
-            self.techniques = known.into_iter().map(hubness).collect();
+            self.techniques = known;
         }
         fits
     }

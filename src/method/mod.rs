@@ -42,7 +42,7 @@ use window::Window;
 
 pub(crate) use estimator::Memory;
 pub use fix::{Fix, Given};
-pub(crate) use fusion::Fusion;
+pub(crate) use fusion::{Fusion, MAX_TECHNIQUES};
 pub use gradient::Peak;
 pub use sequence::Sequence;
 pub use single::Single;
