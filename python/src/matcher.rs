@@ -35,7 +35,7 @@ use crate::options::{config, given, whole};
 ///     smaller still.
 /// speeds : sequence of float
 ///     Slopes to try, in places a query; the best mean wins. Halves of a place round up.
-/// motion : {"steady", "free"} or Motion, optional
+/// motion : {"steady", "free", "any"} or Motion, optional
 ///     How the robot moves, for the tracker: fixes then have a ``track``. None for the paper alone.
 ///
 /// Raises

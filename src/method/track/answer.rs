@@ -44,7 +44,7 @@ impl Tracker {
         }
         let (place, segment) = (best.0, segments.of(best.0));
         let near = place.saturating_sub(self.tolerance).max(segment.start)
-            ..place.saturating_add(self.tolerance + 1).min(segment.end);
+            ..place.saturating_add(1).saturating_add(self.tolerance).min(segment.end);
         let confidence = self.state.scale * mass[near].iter().sum::<f64>();
         let interval = self.interval(mass);
         Track {
@@ -73,7 +73,8 @@ impl Tracker {
             total += moving + keep * (1.0 - moved) * row[place];
             sum += moving * speeds.next().copied().unwrap_or(0.0);
         });
-        self.motion.pace * sum / total
+        // A robot that left the map for good has no belief in any place, and no speed.
+        if total > 0.0 { self.motion.pace * sum / total } else { 0.0 }
     }
 
     /// The places beside which [`TAIL`] of the mass lies on either side.

@@ -263,7 +263,6 @@ def test_threads_give_the_same_bits(kind: Any) -> None:
     assert one.snapshot() == two.snapshot()
 
 
-@pytest.mark.xfail(strict=True, reason="the belief over places is not in the snapshot yet")
 @pytest.mark.parametrize("kind", ["free", "any"])
 def test_a_restored_matcher_tells_its_belief(kind: Any) -> None:
     live = surefix.Matcher(places=4, motion=kind)
@@ -272,7 +271,6 @@ def test_a_restored_matcher_tells_its_belief(kind: Any) -> None:
     np.testing.assert_allclose(restored.belief, live.belief, rtol=1e-12)
 
 
-@pytest.mark.xfail(strict=True, reason="0 / 0 if there is no belief on the map at all")
 def test_a_robot_that_never_comes_back_has_a_speed() -> None:
     live = surefix.Matcher(places=4, motion=surefix.Motion("steady", leave=1.0, rejoin=0.0))
     for _ in range(3):
