@@ -32,7 +32,8 @@ const MAX_EVIDENCE: f64 = 100.0;
 pub struct Motion {
     /// Speeds that the robot may have, ascending, in units of the pace.
     pub speeds: Vec<f64>,
-    /// The places that the robot usually passes between two queries. 1 by default.
+    /// The places that the robot usually passes between two queries. 1 by default. With the fastest
+    /// speed, at most 1000 places.
     pub pace: f64,
     /// The probability that the speed changes to a neighbouring one between two queries.
     pub switching: f64,

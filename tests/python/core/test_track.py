@@ -271,6 +271,21 @@ def test_a_restored_matcher_tells_its_belief(kind: Any) -> None:
     np.testing.assert_allclose(restored.belief, live.belief, rtol=1e-12)
 
 
+class Fields:
+    """No motion, though it has fields."""
+
+    def __init__(self, **fields: float) -> None:
+        self.__dict__.update(fields)
+
+
+@pytest.mark.parametrize(
+    "motion", [Fields(), Fields(pace=2.0), {}, {"pace": 2.0}, 1, surefix.Motion]
+)
+def test_what_is_no_motion_is_refused(motion: Any) -> None:
+    with pytest.raises(surefix.SurefixValueError, match=r"`motion`: expected .*Motion or None"):
+        surefix.Matcher(places=4, motion=motion)
+
+
 def test_a_robot_that_never_comes_back_has_a_speed() -> None:
     live = surefix.Matcher(places=4, motion=surefix.Motion("steady", leave=1.0, rejoin=0.0))
     for _ in range(3):
