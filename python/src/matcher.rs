@@ -118,7 +118,8 @@ impl Matcher {
     /// ----------
     /// advance : float, optional
     ///     The places that the robot moved meanwhile, by odometry: the track goes on from there.
-    ///     Without it, the robot may be anywhere.
+    ///     Those of several gaps and of the next query add up. Without it, the robot may be
+    ///     anywhere.
     ///
     /// Examples
     /// --------

@@ -1,6 +1,6 @@
 //! The tracker at the ends of its options, and its belief.
 
-use surefix::{Config, Error, Matcher, Motion, match_fused_distances};
+use surefix::{Config, Drive, Error, Matcher, Motion, match_fused_distances};
 
 use crate::cases::{Kind, columns};
 
@@ -69,7 +69,7 @@ fn as_many_matrices_are_fused_as_maps() {
     (motion.evidence, motion.clip) = (100.0, 1.0);
     let config: Config = config! { motion: Some(motion) };
     let run = |count: usize| {
-        match_fused_distances(&vec![matrix.view(); count], &config, Default::default())
+        match_fused_distances(&vec![matrix.view(); count], &config, Drive::default())
     };
     for fix in run(32).unwrap().fixes {
         assert!((0.0..=1.0).contains(&fix.confidence().unwrap()), "{fix:?}");
