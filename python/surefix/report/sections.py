@@ -101,18 +101,23 @@ def drives(studies: Sequence[Study], pictures: Mapping[str, Picture]) -> Section
         (
             "A confidence is honest if, of the answers that are said to be right with 0.8, 0.8 are "
             "right. Below the diagonal it promises too much. The number beside a name is the mean "
-            "distance from the diagonal (expected calibration error).",
+            "distance from the diagonal (expected calibration error). The larger a point, the more "
+            "answers; the lines leave out points of fewer than five.",
             "In the tables, \u201cright\u201d is a share of the queries on the map. The ROC area: "
             "how well the others are told from them, by the method's own probability to be off the "
             "map, or by its score if it has none. Frames to notice: from leaving the map until the "
             f"confidence is {1 - ALARM:g} or less, or the probability to be off it {ALARM:g} or "
             "more. Frames to find back: from a kidnap or the return until the answer is right for "
             f"{HOLD} queries, with a confidence of at least {SURE:g} in the first if the method "
-            "says one. Both are medians, with how many of the events ended so.",
+            "says one. Both are medians over the events, left out if half of them or more never "
+            "ended.",
             *_made_of(studies),
         ),
         pictures,
-        tables=[tables.drive(study) for study in studies],
+        tables=[
+            *([tables.every(studies)] if len(studies) > 1 else ()),
+            *map(tables.drive, studies),
+        ],
     )
 
 
