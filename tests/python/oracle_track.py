@@ -102,16 +102,16 @@ def switching(count: int, probability: float) -> Array:
 
 def steps(z: Array, a: float, before: int | None, now: int, motion: Any) -> tuple[float, ...]:
     """The shares of a whole step that the query `now` is after the query `before`: of evidence, of
-    the motion, and of all that may happen.
+    the motion, of all that may happen, and of the odometry's jitter.
     """
     if not np.isnan(a):
         way = float(np.clip(abs(a), BY_WAY, 1.0))
-        return way, 1.0, way if motion.by_distance else 1.0
+        return (way, 1.0, way, max(BY_WAY, abs(a))) if motion.by_distance else (way, 1.0, 1.0, 1.0)
     if before is None or motion.repeat == 1 or not (z[:, now].any() and z[:, before].any()):
-        return 1.0, 1.0, 1.0
+        return (1.0,) * 4
     new = (1 - np.corrcoef(z[:, before], z[:, now])[0, 1]) / (1 - motion.repeat)
     moved = float(np.clip(2 * new, 0.0, 1.0))
-    return float(np.clip(new, BY_VIEW, 1.0)), moved, max(moved, BY_VIEW)
+    return float(np.clip(new, BY_VIEW, 1.0)), moved, max(moved, BY_VIEW), 1.0
 
 
 def track(
@@ -143,7 +143,7 @@ def track(
                 (b, on, off), fresh, viewed = start, True, None
             else:
                 a = bridge + (0.0 if np.isnan(a) else a)
-        learnt, moves, happens = (1.0,) * 3 if fresh else steps(z, a, viewed, j, motion)
+        learnt, moves, happens, astray = (1.0,) * 4 if fresh else steps(z, a, viewed, j, motion)
         viewed = j if says[j] else viewed
         leave, restart, rejoin = (
             rate * happens for rate in (motion.leave, motion.restart, motion.rejoin)
@@ -158,7 +158,7 @@ def track(
             to = travelled + a
             by = a if motion.by_distance else np.rint(to) - np.rint(travelled)
             travelled = to
-            moved = (transition(n, by, motion.jitter * happens) @ b.sum(axis=1))[:, None]
+            moved = (transition(n, by, motion.jitter * astray) @ b.sum(axis=1))[:, None]
             stayed, speeds = np.zeros((n, 1)), np.array([a])
         left = moves * (on - moved.sum())
         anew = rejoin * off + (1 - leave) * restart * on + keep * left
