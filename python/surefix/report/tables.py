@@ -15,6 +15,7 @@ from surefix.study import BASELINE, KS, SCENARIOS, UPTO, Result, Study
 
 __all__ = [
     "Names",
+    "areas",
     "count",
     "drive",
     "every",
@@ -92,12 +93,16 @@ def drive(study: Study) -> Table:
     return Table(f"drive-{stem(study)}", f"{study.scenario}: {what}; {size}", header, rows)
 
 
+def areas(studies: Sequence[Study]) -> Floats:
+    """The areas to recall 1, (drives, methods)."""
+    return np.array([[each.curve.auc(1.0) for each in study.results] for study in studies])
+
+
 def every(studies: Sequence[Study]) -> Table:
     """Every method on every drive, a number each."""
-    areas = np.array([[result.curve.auc(1.0) for result in study.results] for study in studies])
     rows = [
         (result.name, *map(_shown, (*own, np.mean(own))))
-        for result, own in zip(studies[0].results, areas.T, strict=True)
+        for result, own in zip(studies[0].results, areas(studies).T, strict=True)
     ]
     header = ("method", *(study.scenario.replace("-", " ") for study in studies), "mean")
     return Table("drives", "Area to 100 % recall, drive by drive.", header, rows)
