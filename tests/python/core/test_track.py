@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -269,6 +270,21 @@ def test_a_restored_matcher_tells_its_belief(kind: Any) -> None:
     live.push(np.float32([0.5, 0.1, 0.5, 0.7]))
     restored = surefix.Matcher.restore(live.snapshot())
     np.testing.assert_allclose(restored.belief, live.belief, rtol=1e-12)
+
+
+def test_the_way_to_a_refused_frame_counts() -> None:
+    rows = np.eye(40, dtype=np.float32)
+    images = [rows[2 * at] if at != 6 else np.full_like(rows[0], np.nan) for at in range(10)]
+    frames = [SimpleNamespace(image=i, gap=False, dropped=0, advance=2.0) for i in images]
+    route = surefix.Map.from_descriptors(rows)
+    fixes = surefix.Localizer(route, motion="steady").stream(frames)
+    for at in range(10):
+        if at == 6:
+            with pytest.raises(surefix.SurefixValueError, match="NaN"):
+                next(fixes)
+        else:
+            fix = next(fixes)
+            assert at < 3 or fix.place == 2 * at  # the first fixes are not sure of it
 
 
 class Fields:
