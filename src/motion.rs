@@ -8,7 +8,7 @@ use crate::error::Error;
 
 /// The most speeds that are accepted: `push` moves a belief for each.
 const MAX_SPEEDS: usize = 64;
-/// The fastest pace that is accepted, in places a query.
+/// The fastest pace and speed that are accepted, in places a query: the cost grows with them.
 const MAX_PACE: f64 = 1000.0;
 /// The most likely that a place less, and a place more, can be: each half as likely as the speed.
 pub(crate) const MAX_JITTER: f64 = 0.25;
@@ -32,7 +32,8 @@ const MAX_EVIDENCE: f64 = 100.0;
 pub struct Motion {
     /// Speeds that the robot may have, ascending, in units of the pace.
     pub speeds: Vec<f64>,
-    /// The places that the robot usually passes between two queries. 1 by default.
+    /// The places that the robot usually passes between two queries. 1 by default. With the fastest
+    /// speed, at most 1000 places.
     pub pace: f64,
     /// The probability that the speed changes to a neighbouring one between two queries.
     pub switching: f64,
@@ -131,6 +132,8 @@ impl Motion {
             });
         }
         in_range("motion.pace", 0.01..=MAX_PACE, self.pace)?;
+        let fastest = self.speeds.last().copied().unwrap_or(0.0) * self.pace;
+        in_range("motion.speeds x motion.pace", 0.0..=MAX_PACE, fastest)?;
         in_range("motion.switching", 0.0..=1.0, self.switching)?;
         in_range("motion.jitter", 0.0..=MAX_JITTER, self.jitter)?;
         in_range("motion.restart", 0.0..=1.0, self.restart)?;

@@ -19,8 +19,8 @@ use std::thread;
 use cases::{DTYPES, Kind, all_bits, columns, numbers};
 use random::SplitMix64;
 use surefix::{
-    Channels, Config, Dtype, Error, Fix, Floor, Given, Gradient, Image, Localizer, Map, Matcher,
-    Metric, Motion, Post, Run, Sad, Step, Values,
+    Channels, Config, Dtype, Error, Fix, Floor, Given, Gradient, Image, Input, Localizer, Map,
+    Matcher, Metric, Motion, Post, Run, Sad, Step, Values, View,
 };
 
 /// The system's allocator, counting what each thread asks of it.
@@ -223,6 +223,37 @@ fn post_processing_allocates_nothing_either() {
         for row in raw.chunks_exact(DIM) {
             assert_eq!(localizer.push_descriptor(row).unwrap(), copy.push_descriptor(row).unwrap());
             assert!(matches!(localizer.push_descriptor(&row[1..]), Err(Error::Length { .. })));
+        }
+        localizer.reset();
+    });
+    assert_eq!(calls, 0);
+}
+
+#[test]
+fn a_fused_localizer_allocates_nothing_either() {
+    const DIM: usize = 30;
+    let Values::F32(raw) = numbers(Dtype::F32, 40 * DIM, 3) else { unreachable!() };
+    let (post, rows) = Post::fit(&[Step::StandardizeRunning], &raw, DIM).unwrap();
+    let maps = [
+        Map::from_descriptors(raw.clone(), DIM, Metric::Manhattan).unwrap(),
+        Map::from_descriptors(rows, DIM, Metric::Cosine).unwrap().with_post(post).unwrap(),
+    ];
+    let config = config! { motion: Some(Motion::any()) };
+    let mut localizer = Localizer::fused(maps.map(Arc::new).to_vec(), config).unwrap();
+    let mut copy = localizer.clone();
+    let input = |row| Input::Descriptor(View::F32(row));
+    let calls = allocations(|| {
+        for (at, row) in raw.chunks_exact(DIM).enumerate() {
+            let mut given = Given::default();
+            given.advance = (at % 3 == 0).then_some(0.7);
+            let [a, b] =
+                [&mut localizer, &mut copy].map(|l| l.push_inputs(&[input(row); 2], given));
+            assert_eq!(a.unwrap(), b.unwrap());
+            assert!(localizer.push_inputs(&[input(row), input(&row[1..])], given).is_err());
+            if at % 7 == 0 {
+                localizer.gap_with_advance(2.0).unwrap();
+                copy.gap_with_advance(2.0).unwrap();
+            }
         }
         localizer.reset();
     });

@@ -328,9 +328,17 @@ pub(crate) fn match_(
     let descriptors = descriptors(descriptor, &maps)?;
     let stacked = stacked(queries)?;
     let queries = stacked.as_ref().unwrap_or(queries);
-    // Images for all maps, or a list of descriptors for each.
-    let each = listed(queries)
-        .filter(|each| maps.len() > 1 && each.len() == maps.len() && is_matrices(each));
+    // Images for all maps, or a list of descriptors for each. What a map has described by itself
+    // may be grey images, which have two axes, too.
+    let fits = |index: usize, each: &Bound<'_, PyAny>| {
+        let described = maps[index].recipe() != Recipe::Ready || descriptors[index].is_some();
+        let is_wide = as_array(each, "queries").map(|a| a.shape()[1] == maps[index].input_dim());
+        !described || is_wide.unwrap_or(false)
+    };
+    let each = listed(queries).filter(|each| {
+        let several = maps.len() > 1 && each.len() == maps.len() && is_matrices(each);
+        several && each.iter().enumerate().all(|(index, each)| fits(index, each))
+    });
     let rows = maps.iter().zip(&descriptors).enumerate().map(|(index, (map, descriptor))| {
         let queries = each.as_ref().map_or(queries, |each| &each[index]);
         Rows::new(queries, map, descriptor.as_ref().map(|given| given.bind(py)), progress)

@@ -143,7 +143,7 @@ impl Localizer {
     ///     and ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
     ///     before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
     ///     image is then refused. An ``advance`` of theirs is pushed with the image, and bridges
-    ///     the gap.
+    ///     the gap; that of an image that is refused bridges a gap in its place.
     ///
     /// Returns
     /// -------
@@ -357,7 +357,13 @@ impl FixStream {
             // The advance counts from the frame before.
             Localizer::gap(localizer, advance.map(|_| 0.0))?;
         }
-        Localizer::push(localizer, &image, None, advance).map(Some)
+        let fix = Localizer::push(localizer, &image, None, advance);
+        if fix.is_err() && advance.is_some() {
+            // A frame that is refused is lost, but the robot has moved. The error that is raised is
+            // that of the frame, which may be its advance.
+            let _ = Localizer::gap(localizer, advance);
+        }
+        fix.map(Some)
     }
 }
 

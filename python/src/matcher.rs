@@ -35,7 +35,7 @@ use crate::options::{config, given, whole};
 ///     smaller still.
 /// speeds : sequence of float
 ///     Slopes to try, in places a query; the best mean wins. Halves of a place round up.
-/// motion : {"steady", "free"} or Motion, optional
+/// motion : {"steady", "free", "any"} or Motion, optional
 ///     How the robot moves, for the tracker: fixes then have a ``track``. None for the paper alone.
 ///
 /// Raises
@@ -118,7 +118,8 @@ impl Matcher {
     /// ----------
     /// advance : float, optional
     ///     The places that the robot moved meanwhile, by odometry: the track goes on from there.
-    ///     Without it, the robot may be anywhere.
+    ///     Those of several gaps and of the next query add up. Without it, the robot may be
+    ///     anywhere.
     ///
     /// Examples
     /// --------

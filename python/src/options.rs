@@ -47,7 +47,11 @@ fn in_serde<'py>(
             Ok("free") => Motion::free(),
             Ok("any") => Motion::any(),
             // `surefix.Motion`: its fields.
-            _ => return Ok(given.getattr_opt("__dict__")?.unwrap_or_else(|| given.clone())),
+            _ if given.is_instance(&py.import("surefix.motion")?.getattr("Motion")?)? => {
+                return given.getattr("__dict__");
+            }
+            _ if given.is_none() => return Ok(given.clone()),
+            _ => return refuse(name, default, given),
         };
         return Ok(pythonize(py, &named)?);
     }
@@ -60,11 +64,11 @@ fn in_serde<'py>(
 }
 
 /// The error for a value of another type than the default's.
-fn refuse(
+fn refuse<T>(
     name: &Bound<'_, PyAny>,
     default: &Bound<'_, PyAny>,
     given: &Bound<'_, PyAny>,
-) -> PyResult<Config> {
+) -> PyResult<T> {
     let name: String = name.extract()?;
     let expected = match name.as_str() {
         "gradient" => "\"halved\" or \"unhalved\"",

@@ -39,7 +39,8 @@ class Motion:
         Speeds that the robot may have, ascending, in units of the pace; those of the kind by
         default.
     pace : float
-        The places that the robot usually passes between two queries.
+        The places that the robot usually passes between two queries; at most 1000 with the fastest
+        speed.
     switching : float
         The probability that the speed changes to a neighbouring one between two queries.
     jitter : float

@@ -11,14 +11,14 @@ use crate::error::Error;
 use crate::image::Progress;
 use crate::localizer::{Input, Localizer};
 use crate::map::Map;
-use crate::method::{Fix, Fusion, Matcher};
+use crate::method::{Fix, Fusion, MAX_TECHNIQUES, Matcher};
 use crate::numbers::View;
 
 /// Matches the distance matrices of several techniques, of one shape, as
 /// [`Localizer::fused`] fuses their columns. One core works, in order.
 ///
 /// # Errors
-/// As for [`match_distances`]; [`Error::Option`] for no matrix, and [`Error::Shape`] for matrices of
+/// As for [`match_distances`]; [`Error::Option`] for no matrix or more than 32, and [`Error::Shape`] for matrices of
 /// different shapes.
 pub fn match_fused_distances(
     distances: &[ArrayView2<'_, f32>],
@@ -26,9 +26,11 @@ pub fn match_fused_distances(
     drive: Drive<'_>,
 ) -> Result<Run, Error> {
     let Some(first) = distances.first() else {
-        let expected = "one matrix or more".to_owned();
-        return Err(Error::Option { name: "distances", expected, got: "none".to_owned() });
+        return Err(wrong_number(0));
     };
+    if distances.len() > MAX_TECHNIQUES {
+        return Err(wrong_number(distances.len()));
+    }
     let (places, queries) = first.dim();
     if let Some(other) = distances.iter().find(|other| other.dim() != first.dim()) {
         let (expected, got) = (format!("{:?}", first.dim()), format!("{:?}", other.dim()));
@@ -53,6 +55,11 @@ pub fn match_fused_distances(
         (0..queries).map(push).collect()
     })?;
     Ok(Run { fixes, places })
+}
+
+fn wrong_number(got: usize) -> Error {
+    let expected = format!("1 to {MAX_TECHNIQUES} matrices");
+    Error::Option { name: "distances", expected, got: got.to_string() }
 }
 
 /// Matches descriptors of several techniques, one list of rows for each map: the answers are those

@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::error::Error;
 use crate::image::ImageView;
 use crate::map::Map;
-use crate::method::{Fix, Fusion, Given, Matcher, Owner, load};
+use crate::method::{Fix, Fusion, Given, MAX_TECHNIQUES, Matcher, Owner, load};
 use crate::numbers::View;
 use crate::post::Running;
 use crate::scan::{Pool, threads_for};
@@ -132,7 +132,7 @@ impl Localizer {
 
     fn with_matcher(maps: Vec<Arc<Map>>, mut matcher: Matcher) -> Result<Self, Error> {
         let places = matcher.places();
-        if !(1..=MAX_MAPS).contains(&maps.len()) {
+        if !(1..=MAX_TECHNIQUES).contains(&maps.len()) {
             return Err(wrong_number(maps.len()));
         }
         if let Some(other) = maps.iter().find(|map| map.places() != places) {
@@ -430,11 +430,8 @@ impl Localizer {
     }
 }
 
-/// The most maps that are fused: far more than techniques that a robot has time for.
-const MAX_MAPS: usize = 32;
-
 fn wrong_number(got: usize) -> Error {
-    let expected = format!("1 to {MAX_MAPS} maps");
+    let expected = format!("1 to {MAX_TECHNIQUES} maps");
     Error::Option { name: "maps", expected, got: got.to_string() }
 }
 

@@ -10,6 +10,10 @@ use crate::motion::Motion;
 use crate::preallocated::reserved;
 use crate::simd::{Compiled, Isa};
 
+/// The most techniques that are fused: far more than a robot has time for. The evidence of so many
+/// is within the range of the tracker's exponential.
+pub(crate) const MAX_TECHNIQUES: usize = 32;
+
 /// The techniques' statistics, and memory for the fused column.
 #[derive(Clone, Debug)]
 pub(crate) struct Fusion {
@@ -20,6 +24,8 @@ pub(crate) struct Fusion {
     column: Vec<f32>,
     /// The sum of their clipped `z`, divided by the square root of their number.
     evidence: Vec<f64>,
+    /// Whether any technique's column said anything.
+    says: bool,
 }
 
 impl Fusion {
@@ -33,7 +39,7 @@ impl Fusion {
         evidence.resize(places, 0.0);
         let techniques = (0..count).map(|_| Hubness::new(places)).collect::<Result<_, _>>()?;
         let motion = config.motion.clone().unwrap_or_default();
-        Ok(Self { techniques, motion, isa: Isa::best(), column, evidence })
+        Ok(Self { techniques, motion, isa: Isa::best(), column, evidence, says: false })
     }
 
     /// Fuses the techniques' columns of a query; `column` gives one. The result is
@@ -57,19 +63,22 @@ impl Fusion {
         }
         self.column.fill(0.0);
         self.evidence.fill(0.0);
+        self.says = false;
         let count = self.techniques.len() as f64;
         let (share, weight) = (1.0 / count, 1.0 / count.sqrt());
         for (index, hubness) in self.techniques.iter_mut().enumerate() {
             let (fused, evidence) = (&mut self.column[..], &mut self.evidence[..]);
             let (motion, column) = (&self.motion, column(index));
-            self.isa.run(Add { hubness, motion, column, share, weight, fused, evidence });
+            let add = Add { hubness, motion, column, share, weight, fused, evidence };
+            self.says |= self.isa.run(add);
         }
         Ok(())
     }
 
-    /// The fused column.
+    /// The fused column. One that says nothing is constant, and the tracker sees that.
     pub(crate) fn column(&self) -> Column<'_> {
-        Column { lower: &self.column, upper: None, evidence: Some(&self.evidence) }
+        let evidence = self.says.then_some(&self.evidence[..]);
+        Column { lower: &self.column, upper: None, evidence }
     }
 
     /// Forgets the statistics of the drive.
@@ -82,14 +91,11 @@ impl Fusion {
         self.techniques.iter().map(|hubness| (hubness.columns, &hubness.sums[..]))
     }
 
-    /// Goes on with known statistics; false if they do not fit.
-    pub(crate) fn resume(&mut self, known: Vec<(u64, Vec<f64>)>) -> bool {
-        let places = self.column.len();
-        let fits = known.len() == self.techniques.len()
-            && known.iter().all(|(_, sums)| sums.len() == places);
+    /// Goes on with known statistics, of as many places; false if they do not fit.
+    pub(crate) fn resume(&mut self, known: Vec<Hubness>) -> bool {
+        let fits = known.len() == self.techniques.len();
         if fits {
-            let hubness = |(columns, sums)| Hubness { sums, columns };
-            self.techniques = known.into_iter().map(hubness).collect();
+            self.techniques = known;
         }
         fits
     }
@@ -107,13 +113,14 @@ struct Add<'a> {
 }
 
 impl Compiled for Add<'_> {
-    type Out = ();
+    /// Whether the column says anything.
+    type Out = bool;
 
     #[inline(always)]
-    fn run(self) {
+    fn run(self) -> bool {
         let Self { hubness, motion, column, share, weight, fused, evidence } = self;
         // A column that says nothing adds nothing.
-        let Some(standard) = hubness.learn(column, motion) else { return };
+        let Some(standard) = hubness.learn(column, motion) else { return false };
         let clip = motion.clip;
         let outs = fused.iter_mut().zip(evidence);
         for ((&distance, &sum), (fused, evidence)) in column.iter().zip(&hubness.sums).zip(outs) {
@@ -121,5 +128,6 @@ impl Compiled for Add<'_> {
             *fused += (share * z) as f32;
             *evidence += weight * z.max(-clip).min(clip);
         }
+        true
     }
 }

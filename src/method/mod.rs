@@ -42,7 +42,7 @@ use window::Window;
 
 pub(crate) use estimator::Memory;
 pub use fix::{Fix, Given};
-pub(crate) use fusion::Fusion;
+pub(crate) use fusion::{Fusion, MAX_TECHNIQUES};
 pub use gradient::Peak;
 pub use sequence::Sequence;
 pub use single::Single;
@@ -154,7 +154,8 @@ impl Matcher {
     /// Like [`push`](Self::push), with what else is known about the query.
     ///
     /// # Errors
-    /// As for [`push`](Self::push), and [`Error::Option`] for an advance that is not finite.
+    /// As for [`push`](Self::push), and [`Error::Option`] for an advance that is not finite or longer
+    /// than 1e12 places. Its words are allocated.
     pub fn push_with(&mut self, distances: &[f32], given: Given) -> Result<Fix, Error> {
         self.push_column(Column::exact(distances), given, &mut ())
     }
@@ -242,7 +243,7 @@ impl Matcher {
     }
 
     /// A [`gap`](Self::gap) during which the robot moved by `advance` places: the track goes on
-    /// from there. An advance of the next query is added to it.
+    /// from there. Advances of further gaps and of the next query are added to it.
     ///
     /// # Errors
     /// [`Error::Option`] for an advance that is not finite. The matcher is then as it was.

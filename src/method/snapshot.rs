@@ -42,8 +42,8 @@ pub(crate) struct Saved {
     pub(crate) matcher: Matcher,
     /// A localizer's statistics of the drive.
     pub(crate) running: Vec<Vec<u8>>,
-    /// The columns and the sums of distances of each of several techniques.
-    pub(crate) techniques: Vec<(u64, Vec<f64>)>,
+    /// The statistics of each of several techniques.
+    pub(crate) techniques: Vec<track::Hubness>,
 }
 
 /// The map that a snapshot must belong to.
@@ -202,10 +202,8 @@ fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Resu
     let technique = |(index, &columns): (usize, &u64)| {
         let name = technique_name(index);
         let (_, sums) = tensors.required::<f64>(&name, &places_of, |shape| shape == [places])?;
-        if columns > MAX_FRAMES || sums.iter().any(|sum| !sum.is_finite()) {
-            return Err(refused("impossible statistics of a technique"));
-        }
-        Ok((columns, sums))
+        let known = track::Hubness::resumed(columns, sums);
+        known.ok_or_else(|| refused("impossible statistics of a technique"))
     };
     let techniques = entry.techniques.iter().enumerate().map(technique);
     let techniques = techniques.collect::<Result<Vec<_>, Refusal>>()?;

@@ -7,8 +7,8 @@ use ndarray::Array2;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Drive, Dtype, Error, Fix, Given, Input, Localizer, Map, Metric, Motion, Values, View,
-    match_fused, match_fused_distances,
+    Config, Drive, Dtype, Error, Fix, Given, Input, Localizer, Map, Metric, Motion, Post, Step,
+    Values, View, match_fused, match_fused_distances,
 };
 
 use crate::cases::{cases, numbers};
@@ -116,24 +116,69 @@ proptest! {
 #[test]
 fn a_technique_twice_is_one_technique_with_more_evidence() {
     let mut random = SplitMix64(7);
-    let matrix = Array2::from_shape_fn((30, 20), |_| random.share());
-    let free = Motion::free();
-    let mut double = free.clone();
-    double.evidence *= 2.0_f64.sqrt();
-    let twice = match_fused_distances(
-        &[matrix.view(), matrix.view()],
-        &config! { motion: Some(free) },
-        Drive::default(),
-    );
-    let once = surefix::match_distances(
-        matrix.view(),
-        &config! { motion: Some(double) },
-        Drive::default(),
-    );
-    for (a, b) in twice.unwrap().fixes.iter().zip(once.unwrap().fixes) {
-        let (a, b) = (a.track.unwrap(), b.track.unwrap());
-        assert_eq!(a.place, b.place);
-        assert!((a.confidence - b.confidence).abs() < 1e-9);
+    let mut matrix = Array2::from_shape_fn((30, 20), |_| random.share());
+    // The robot stands, and the camera is covered for one frame.
+    let view = matrix.column(9).to_owned();
+    matrix
+        .slice_mut(ndarray::s![.., 10..15])
+        .columns_mut()
+        .into_iter()
+        .for_each(|mut c| c.assign(&view));
+    matrix.column_mut(12).fill(0.5);
+    let mut any = Motion::any();
+    any.clip = 20.0;
+    for motion in [Motion::free(), any] {
+        let mut double = motion.clone();
+        double.evidence *= 2.0_f64.sqrt();
+        let (twice, once) = (config! { motion: Some(motion) }, config! { motion: Some(double) });
+        let twice =
+            match_fused_distances(&[matrix.view(), matrix.view()], &twice, Drive::default());
+        let once = surefix::match_distances(matrix.view(), &once, Drive::default());
+        for (a, b) in twice.unwrap().fixes.iter().zip(once.unwrap().fixes) {
+            let (a, b) = (a.track.unwrap(), b.track.unwrap());
+            assert_eq!(a.place, b.place);
+            assert!((a.confidence - b.confidence).abs() < 1e-9, "{a:?} {b:?}");
+        }
+    }
+}
+
+/// A refusal of the last technique, or of the advance, leaves the first ones as they were.
+#[test]
+fn what_is_refused_leaves_no_trace_in_any_technique() {
+    let map = |seed: u64| {
+        let Values::F32(raw) = numbers(Dtype::F32, 12 * 4, seed) else { unreachable!() };
+        let (post, rows) = Post::fit(&[Step::StandardizeRunning], &raw, 4).unwrap();
+        let map = Map::from_descriptors(rows, 4, Metric::Euclidean).unwrap();
+        Arc::new(map.with_post(post).unwrap())
+    };
+    let maps = vec![map(1), map(2), map(3)];
+    let config = config! { motion: Some(Motion::any()) };
+    let [mut tried, mut spared] =
+        [(); 2].map(|()| Localizer::fused(maps.clone(), config.clone()).unwrap());
+    for query in 0..12 {
+        let rows: Vec<Values> =
+            (0..3).map(|map| numbers(Dtype::F32, 4, 100 + 3 * query + map)).collect();
+        let good: Vec<Input<'_>> = rows.iter().map(|row| Input::Descriptor(row.view())).collect();
+        let bad = [good[1], good[2], Input::Descriptor(View::F32(&[0.1, f32::NAN, 0.2, 0.3]))];
+        let before = tried.snapshot().unwrap();
+        assert!(tried.push_inputs(&bad, Given::default()).is_err());
+        assert!(tried.push_inputs(&good, Given::default().advance(f64::NAN)).is_err());
+        assert!(tried.push_inputs(&good[1..], Given::default()).is_err());
+        assert!(tried.gap_with_advance(f64::INFINITY).is_err());
+        assert_eq!(tried.snapshot().unwrap(), before);
+        if query == 5 {
+            tried.gap_with_advance(1.5).unwrap();
+            assert!(
+                tried.push_inputs(&bad, Given::default()).is_err(),
+                "the gap's advance is kept"
+            );
+            tried =
+                Localizer::restore_fused(maps.clone(), &tried.snapshot().unwrap(), None).unwrap();
+            spared.gap_with_advance(1.5).unwrap();
+        }
+        let [a, b] =
+            [&mut tried, &mut spared].map(|l| l.push_inputs(&good, Given::default()).unwrap());
+        assert_eq!(bits(&[a]), bits(&[b]));
     }
 }
 

@@ -34,3 +34,4 @@ mod snapshot;
 mod steps;
 mod stream_is_batch;
 mod threads;
+mod track;

@@ -344,6 +344,50 @@ fn beliefs_that_cannot_be_are_refused() {
     }
 }
 
+/// Numbers that are finite, and that no tracker has: they would become NaN, or no probability.
+#[test]
+fn beliefs_of_no_tracker_are_refused() {
+    let mut matcher = Matcher::new(6, config! { motion: Some(Motion::any()) }).unwrap();
+    for column in columns(Kind::Smooth, 6, 4, 1) {
+        matcher.push(&column).unwrap();
+    }
+    let blob = matcher.snapshot().unwrap();
+    let tensor = |name: &'static str, of: fn(f64) -> f64| {
+        forged(&blob, |header, tensors| {
+            let [from, to] =
+                [0, 1].map(|i| header[name]["data_offsets"][i].as_u64().unwrap() as usize);
+            for number in tensors[from..to].chunks_exact_mut(8) {
+                let changed = of(f64::from_le_bytes(number.try_into().unwrap()));
+                number.copy_from_slice(&changed.to_le_bytes());
+            }
+        })
+    };
+    let state = |of: fn(&mut Value)| with_header(&blob, |header| of(&mut header["track"]["state"]));
+    let forgeries = [
+        ("no belief", tensor("track.mass", |_| 0.0)),
+        ("negative", tensor("track.mass", |mass| -mass)),
+        ("beyond 1", tensor("track.mass", |mass| 1e300 * mass)),
+        ("large sums", tensor("track.sums", |_| 1e300)),
+        ("a large view", tensor("track.view", |z| 1e300 * z)),
+        ("a large scale", state(|state| state["scale"] = 1e300.into())),
+        ("nowhere", state(|state| (state["on"], state["off"]) = (0.into(), 0.into()))),
+        ("twice", state(|state| (state["on"], state["off"]) = (1.into(), 1.into()))),
+        ("far", state(|state| state["travelled"] = 1e300.into())),
+        ("farther", state(|state| state["pending"] = (-1e300).into())),
+        ("sums of no column", with_header(&blob, |header| header["track"]["columns"] = 0.into())),
+    ];
+    let mut taken = Vec::new();
+    for (name, forged) in forgeries {
+        if let Ok(mut matcher) = Matcher::restore(&forged, None) {
+            taken.push((
+                name,
+                std::panic::catch_unwind(move || matcher.push(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6])),
+            ));
+        }
+    }
+    assert!(taken.is_empty(), "{taken:#?}");
+}
+
 /// Those of version 0.1 know neither motion nor a track.
 #[test]
 fn an_older_snapshot_is_taken_if_there_is_no_motion() {

@@ -91,8 +91,8 @@ def demo(
     print(
         f"Localized on a winter afternoon: {len(right)} fixes, {median:.2f} ms each (median; p99 "
         f"{p99:.2f} ms)\n"
-        f"All fixes: {int(right.sum())} of {len(right)} right, and {off} were taken off the "
-        "map\n"
+        f"All fixes: {int(right.sum())} of the {len(right) - off} on the map right, and {off} "
+        "taken off it\n"
         f"Trusted fixes: {int((run.trusted & right).sum())} of {int(run.trusted.sum())} right, "
         f"{int((run.trusted & ~right).sum())} wrong\n"
         f"Sure fixes, of confidence {ACCEPT:g} or more: {int((sure & right).sum())} of "

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,13 +63,20 @@ def read_speeds(path: Path) -> npt.NDArray[np.float64]:
 
 
 def print_drives(drives: Sequence["Study"]) -> None:
-    """A table for each drive, in plain columns."""
-    from surefix.report.tables import drive
+    """A table for each drive, and one of all of them, in plain columns."""
+    from surefix.report.tables import drive, every
 
-    for table in map(drive, drives):
-        lines = [table.header, *table.rows]
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for table in (*map(drive, drives), *([every(drives)] if len(drives) > 1 else ())):
+        # Headings are broken into lines, so that ten drives fit 100 columns too.
+        narrow = 9 if len(table.header) < 10 else 5
+        columns = []
+        for heading, *cells in zip(table.header, *table.rows, strict=True):
+            width = max(narrow, *map(len, cells))
+            columns.append((wrap(heading, width, break_long_words=False), cells))
+        deepest = max(len(heading) for heading, _ in columns)
+        filled = [[*[""] * (deepest - len(top)), *top, *cells] for top, cells in columns]
+        widths = [max(map(len, column)) for column in filled]
         print(f"\n{table.caption}")
-        for name, *cells in lines:
-            padded = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
+        for name, *others in zip(*filled, strict=True):
+            padded = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
             print("  ".join((name.ljust(widths[0]), *padded)))

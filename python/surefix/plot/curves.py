@@ -86,7 +86,7 @@ def precision_recall(
 
 def reliability(ax: Axes, diagrams: Mapping[str, Reliability], *, theme: Theme = LIGHT) -> Axes:
     """Draws the share of right matches against their confidence, a point a bin, the larger the more
-    queries are in it.
+    queries are in it. The line leaves out bins of fewer than five, which are mostly chance.
 
     Parameters
     ----------
@@ -97,7 +97,9 @@ def reliability(ax: Axes, diagrams: Mapping[str, Reliability], *, theme: Theme =
     styles = looks(theme, len(diagrams))
     for layer, ((name, each), look) in enumerate(zip(diagrams.items(), styles, strict=True)):
         line = look.line(len(each.said), layer) | {"marker": ""}
-        ax.plot(each.said, each.right, label=f"{name}: off by {each.error:.3f}", **line)
+        often = each.count >= 5
+        label = f"{name}: off by {each.error:.3f}"
+        ax.plot(each.said[often], each.right[often], label=label, **line)
         sizes = 8 + 160 * each.count / max(1, each.count.sum())
         points: Any = {"s": sizes, "color": look.colour, "marker": look.mark or "o"}
         ax.scatter(each.said, each.right, zorder=line["zorder"], clip_on=False, **points)

@@ -190,6 +190,7 @@ def _hero(demo: Demo) -> Sequence[Picture]:
 
 def _tiles(demo: Demo) -> Sequence[Tile]:
     m, sure, off_map = len(demo.study), demo.sure, demo.study.off_map
+    off = int(off_map.sum())
     good, bad, *_ = demo.counts.values()
     sure_count, lost = int(sure.sum()), int((sure & off_map).sum())
     sure_right = int((sure & demo.right).sum())
@@ -198,9 +199,9 @@ def _tiles(demo: Demo) -> Sequence[Tile]:
     return (
         sections.share("trusted-right", good, good + bad, "of the trusted fixes are right"),
         sections.share("sure-right", sure_right, sure_count, "of the sure fixes are right"),
-        sections.share("right", int(demo.right.sum()), m, "of all fixes are right"),
+        sections.share("right", int(demo.right.sum()), m - off, "of those on the map are right"),
         sections.share("sure", sure_count, m, f"are sure: confidence {ACCEPT:g} or more"),
-        Tile("sure-off-map", str(lost), "sure fixes off the map", f"of {off_map.sum()} frames"),
+        Tile("sure-off-map", str(lost), "sure fixes off the map", f"of {off} frames"),
         Tile("latency", f"{median:.2f} ms", "for a fix, median", within),
     )
 

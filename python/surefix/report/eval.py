@@ -106,12 +106,12 @@ def write_report(
     return write(
         folder,
         "How well does it know where it is?",
-        sections.lead(study),
+        (*sections.lead(study), *([sections.on_average(drives)] if scenarios else ())),
         (),
         sections.tiles(study),
         (
             *sections.methods(study, figures.numbers(study)),
-            *([sections.drives(drives, diagrams)] if drives else ()),
+            *(sections.drives(drives, diagrams) if drives else ()),
             sections.curves(study, curves),
             sections.trust(study),
             sections.matrix(study, figures.matrix(study)),

@@ -21,6 +21,7 @@ __all__ = [
     "matrix",
     "methods",
     "mistakes",
+    "on_average",
     "route",
     "share",
     "tiles",
@@ -94,32 +95,49 @@ def methods(study: Study, pictures: Mapping[str, Picture] | None = None) -> Sequ
     return table, Section("In words", words, points=[verdict(each) for each in study.results])
 
 
-def drives(studies: Sequence[Study], pictures: Mapping[str, Picture]) -> Section:
-    """How sure each method is, and how it fares on every drive."""
-    return Section(
-        "How sure, and how soon it notices",
-        (
-            "A confidence is honest if, of the answers that are said to be right with 0.8, 0.8 are "
-            "right. Below the diagonal it promises too much. The number beside a name is the mean "
-            "distance from the diagonal (expected calibration error).",
-            "In the tables, \u201cright\u201d is a share of the queries on the map. The ROC area: "
-            "how well the others are told from them, by the method's own probability to be off the "
-            "map, or by its score if it has none. Frames to notice: from leaving the map until the "
-            f"confidence is {1 - ALARM:g} or less, or the probability to be off it {ALARM:g} or "
-            "more. Frames to find back: from a kidnap or the return until the answer is right for "
-            f"{HOLD} queries, with a confidence of at least {SURE:g} in the first if the method "
-            "says one. Both are medians, with how many of the events ended so.",
-            *_made_of(studies),
-        ),
-        pictures,
-        tables=[tables.drive(study) for study in studies],
+def on_average(studies: Sequence[Study]) -> str:
+    """The method of the largest area over all drives, beside the plain sequence."""
+    areas = tables.areas(studies).mean(axis=0)
+    names = [result.name for result in studies[0].results]
+    best = int(np.argmax(areas))
+    plain = names.index(studies[0].baseline.name)
+    beside = f"; {names[plain]} has {areas[plain]:.3f}" if best != plain else ""
+    return (
+        f"Over all {len(studies)} drives, {names[best]} has the largest area to 100 % "
+        f"recall, {areas[best]:.3f} on average{beside}."
     )
 
 
-def _made_of(studies: Sequence[Study]) -> Sequence[str]:
-    if len(studies) == 1:
-        return ()
-    return ("The other drives are made of the recorded one: at rest its frame is repeated.",)
+def drives(studies: Sequence[Study], pictures: Mapping[str, Picture]) -> Sequence[Section]:
+    """How each method fares on every drive, and how honest its confidence is."""
+    several = len(studies) > 1
+    made = "All but the first are made of the recorded one: at rest its frame is repeated."
+    table = Section(
+        "Drive by drive" if several else "On and off the map",
+        (
+            "\u201cRight\u201d is a share of the queries on the map. The ROC area: how well the "
+            "others are told from them, by the method's own probability to be off the map, or by "
+            "its score if it has none. Frames to notice: from leaving the map until the "
+            f"confidence is {1 - ALARM:g} or less, or the probability to be off it {ALARM:g} or "
+            "more. Frames to find back: from a kidnap or the return until the answer is right for "
+            f"{HOLD} queries, with a confidence of at least {SURE:g} in the first if the method "
+            "says one. Both are medians over the events, left out if half of them or more never "
+            "ended.",
+            *((made,) if several else ()),
+        ),
+        tables=[*((tables.every(studies),) if several else ()), *map(tables.drive, studies)],
+    )
+    honest = Section(
+        "How honest its confidence is",
+        (
+            "A confidence is honest if, of the answers that are said to be right with 0.8, 0.8 are "
+            "right. Below the diagonal it promises too much. The number beside a name is the mean "
+            "distance from the diagonal (expected calibration error). The larger a point, the more "
+            "answers; the lines leave out points of fewer than five.",
+        ),
+        pictures,
+    )
+    return (table, honest) if pictures else (table,)
 
 
 def curves(study: Study, pictures: Mapping[str, Picture], *more: str) -> Section:

@@ -15,8 +15,10 @@ from surefix.study import BASELINE, KS, SCENARIOS, UPTO, Result, Study
 
 __all__ = [
     "Names",
+    "areas",
     "count",
     "drive",
+    "every",
     "methods",
     "worst",
     "write_csv",
@@ -75,17 +77,35 @@ def drive(study: Study) -> Table:
     """Every method on one drive: how good, how honest, and how soon it notices and finds back."""
     header = (
         "method", "area to 100 % recall", "recall at 100 % precision", "right", "confidence off by",
-        "off the map, ROC area", "frames to notice", "frames to find back",
+        "off-map ROC area", "frames to notice", "frames to find back",
     )  # fmt: skip
     rows = [
         (name, *map(_shown, numbers), *map(_said, events))
         for name, numbers, events in map(_tracked, study.results)
     ]
+    # Columns that say nothing are left out, as of a drive that never leaves the map.
+    columns = [each for each in zip(header, *rows, strict=True) if {*each[1:]} != {"-"}]
+    header, *rows = zip(*columns, strict=True)
     what = SCENARIOS[study.scenario].description
     size = (
         f"{plural(len(study), 'query', 'queries')}, {int(study.off_map.sum())} of them off the map"
     )
     return Table(f"drive-{stem(study)}", f"{study.scenario}: {what}; {size}", header, rows)
+
+
+def areas(studies: Sequence[Study]) -> Floats:
+    """The areas to recall 1, (drives, methods)."""
+    return np.array([[each.curve.auc(1.0) for each in study.results] for study in studies])
+
+
+def every(studies: Sequence[Study]) -> Table:
+    """Every method on every drive, a number each."""
+    rows = [
+        (result.name, *map(_shown, (*own, np.mean(own))))
+        for result, own in zip(studies[0].results, areas(studies).T, strict=True)
+    ]
+    header = ("method", *(study.scenario.replace("-", " ") for study in studies), "mean")
+    return Table("drives", "Area to 100 % recall, drive by drive.", header, rows)
 
 
 def stem(study: Study) -> str:
@@ -117,7 +137,8 @@ def _said(events: Events) -> str:
     median, ended, every = events
     if median is None:
         return "-"
-    return f"{median:g} ({ended} of {every})" if median < np.inf else f"never ({ended} of {every})"
+    share = f"{ended} of {every}"
+    return f"{median:g} ({share})" if median < np.inf else share
 
 
 def write_drives(drives: Sequence[Study], folder: Path) -> None:

@@ -11,7 +11,7 @@ def verdict(result: Result) -> str:
     if not result.judged.any():
         return f"{result.name}: no query was judged, so there is nothing to say."
     parts = (_compared(result), _matches(result), _otherwise(result))
-    return f"{result.name}: {' '.join(filter(None, parts))}"
+    return f"{result.name} {' '.join(filter(None, parts))}"
 
 
 def _compared(result: Result) -> str:
@@ -19,11 +19,11 @@ def _compared(result: Result) -> str:
     plain = result.study.baseline
     if result is plain:
         return (
-            f"the baseline. Its area up to recall {UPTO:g} is {area:.3f} (95 % interval {low:.3f} "
-            f"to {high:.3f})."
+            f"is the baseline. Its area up to recall {UPTO:g} is {area:.3f} (95 % interval "
+            f"{low:.3f} to {high:.3f})."
         )
     if not plain.judged.any():
-        return f"area {area:.3f} ({low:.3f} to {high:.3f}); the plain sequence was never ready."
+        return f"has area {area:.3f} ({low:.3f} to {high:.3f}); the plain sequence was never ready."
     _, low, high = result.difference
     if low == high == 0:
         return f"is level with the plain sequence, area {area:.3f} in every sample."

@@ -55,7 +55,8 @@ impl Tracker {
             total += moving + keep * (1.0 - moved) * row[place];
             sum += moving * speeds.next().copied().unwrap_or(0.0);
         });
-        self.motion.pace * sum / total
+        // A robot that left the map for good has no belief in any place, and no speed.
+        if total > 0.0 { self.motion.pace * sum / total } else { 0.0 }
     }
 }
 
@@ -87,7 +88,7 @@ impl Belief<'_> {
         }
         let (place, segment) = (best.0, segments.of(best.0));
         let near = place.saturating_sub(tolerance).max(segment.start)
-            ..place.saturating_add(tolerance).saturating_add(1).min(segment.end);
+            ..place.saturating_add(1).saturating_add(tolerance).min(segment.end);
         let confidence = self.scale * self.mass[near].iter().sum::<f64>();
         let (low, high) = self.interval();
         Track {

@@ -8,10 +8,13 @@ use crate::preallocated::reserved;
 /// A column whose standard deviation is below this share of its size says nothing.
 const FLAT: f64 = 1e-12;
 
+/// More columns than any camera has sent.
+const MAX_COLUMNS: u64 = 1 << 60;
+
 /// The running mean of each place's distances. Some places are near everything (hubs): their
 /// small distances say little.
 #[derive(Clone, Debug)]
-pub(in crate::method) struct Hubness {
+pub(crate) struct Hubness {
     /// `s`: the sum of each place's distances.
     pub(in crate::method) sums: Vec<f64>,
     /// `k`: how many columns were summed.
@@ -41,6 +44,14 @@ impl Hubness {
     pub(in crate::method) fn clear(&mut self) {
         self.sums.fill(0.0);
         self.columns = 0;
+    }
+
+    /// That of known statistics, as many sums as places; `None` if no columns can have given them.
+    pub(in crate::method) fn resumed(columns: u64, sums: Vec<f64>) -> Option<Self> {
+        // A little more, for the rounding of the sums.
+        let most = 1.001 * columns as f64 * f64::from(f32::MAX);
+        let known = columns <= MAX_COLUMNS && sums.iter().all(|sum| sum.abs() <= most);
+        known.then_some(Self { sums, columns })
     }
 
     /// Adds a column; `None` if it says nothing, and then nothing has changed.

@@ -102,8 +102,12 @@ impl Tracker {
 
     /// The belief in each place after the newest query.
     pub(super) fn belief(&self) -> impl Iterator<Item = f64> {
-        let places = self.hubness.sums.len();
-        self.mass(places).iter().map(|mass| self.state.scale * mass)
+        let Self { mass, state, hubness, .. } = self;
+        let places = hubness.sums.len();
+        // The state's own numbers: a restored tracker has no others.
+        let rows = if state.joint { &mass[..places] } else { &mass[..] };
+        let sum = move |place: usize| rows[place..].iter().step_by(places).sum::<f64>();
+        (0..places).map(move |place| state.scale * sum(place))
     }
 
     /// The robot has moved by `advance` places while there were no queries.

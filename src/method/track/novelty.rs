@@ -13,6 +13,9 @@ const LEAST_BY_WAY: f64 = 0.05;
 /// By the view alone, it learns this share.
 const LEAST_BY_VIEW: f64 = 0.1;
 
+/// Views whose deviations have a product below this are constant, but for rounding.
+const FLAT: f64 = 1e-12;
+
 /// The shares of a whole step that a query is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Novelty {
@@ -111,7 +114,7 @@ impl View {
         let [ab, a, b, aa, bb] = sums;
         let (a, b) = (a / places, b / places);
         let spread = ((aa / places - a * a) * (bb / places - b * b)).max(0.0).sqrt();
-        (known && spread > 0.0).then(|| (ab / places - a * b) / spread)
+        (known && spread > FLAT).then(|| (ab / places - a * b) / spread)
     }
 }
 

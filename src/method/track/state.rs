@@ -2,12 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Tracker;
 use super::novelty::View;
+use super::{Hubness, Tracker};
 use crate::archive::Refusal;
 
-/// More columns than any camera has sent.
-const MAX_COLUMNS: u64 = 1 << 60;
+/// Farther than a robot gets by advances of the longest that is accepted.
+const MAX_WAY: f64 = 1e30;
+/// `z` is below the square root of the number of places.
+const MAX_Z: f64 = 1e10;
+/// How far the belief's total may be from 1, and its sum from what is said of it, by rounding.
+const ROUNDING: f64 = 1e-6;
 /// The belief off the map at the start.
 const OFF: f64 = 0.05;
 
@@ -71,19 +75,24 @@ impl Tracker {
     ) -> Result<(), Refusal> {
         let Saved { columns, state, viewed } = saved;
         let State { joint, scale, on, off, travelled, pending, .. } = state;
-        let shares = [on, off].iter().all(|share| (0.0..=1.0).contains(share));
-        let advances = [travelled, pending.unwrap_or(0.0)].iter().all(|a| a.is_finite());
+        let advances = [travelled, pending.unwrap_or(0.0)].iter().all(|way| way.abs() <= MAX_WAY);
         let tensors = self.tensors().map(|(name, _)| name);
         let places = self.hubness.sums.len();
         let sums = tensor(tensors[0], places)?;
         let mass = tensor(tensors[1], if joint { places } else { self.mass.len() })?;
         let view = tensor(tensors[2], self.view.z.len())?;
-        let finite = sums.iter().chain(&mass).chain(&view).all(|number| number.is_finite());
-        if !(shares && advances && finite && scale.is_normal() && columns <= MAX_COLUMNS) {
+        let belief = mass.iter().all(|mass| *mass >= 0.0)
+            && scale.is_normal()
+            && [on, off].iter().all(|share| (0.0..=1.0).contains(share))
+            && (on + off - 1.0).abs() <= ROUNDING
+            && (scale * mass.iter().sum::<f64>() - on).abs() <= ROUNDING;
+        let hubness = Hubness::resumed(columns, sums);
+        let (Some(hubness), true) =
+            (hubness, belief && advances && view.iter().all(|z| z.abs() <= MAX_Z))
+        else {
             return Err(Refusal::Foreign("an impossible belief".to_owned()));
-        }
-        self.hubness.sums.copy_from_slice(&sums);
-        self.hubness.columns = columns;
+        };
+        self.hubness = hubness;
         self.mass[..mass.len()].copy_from_slice(&mass);
         self.view = View { z: view, known: viewed };
         self.state = state;

@@ -66,13 +66,23 @@ def test_the_tables_are_those_of_the_study(drives: Path, tmp_path: Path) -> None
         lines = done.stdout.partition(f"\n{scenario}: ")[2].splitlines()
         assert SCENARIOS[scenario].description in lines[0]
         assert SCENARIOS[scenario].description in page.text
-        for line, name in zip(lines[2:], METHODS, strict=False):
+        printed = [line for line in lines if line.startswith(METHODS)]
+        assert max(map(len, printed)) < 100
+        for line, name in zip(printed, METHODS, strict=False):
             row, result = found[scenario, name], study[name]
             assert float(row["area"]) == pytest.approx(result.curve.auc(1.0))
             assert float(row["right"]) == pytest.approx(result.right_share)
             assert int(row["lost"] or 0) == len(result.relocalised)
             assert (row["calibration_error"] == "") == (name == "sequence")
             assert line.split()[:2] == [name, f"{result.curve.auc(1.0):.3f}"]
+    areas = [[study[name].curve.auc(1.0) for study in studies.values()] for name in METHODS]
+    assert [line.split() for line in printed[-len(METHODS) :]] == [
+        [name, *(f"{area:.3f}" for area in (*row, np.mean(row)))]
+        for name, row in zip(METHODS, areas, strict=True)
+    ]
+    best = int(np.argmax(np.mean(areas, axis=1)))
+    words = rf"Over all 2 drives, {METHODS[best]} has .*, {np.mean(areas[best]):.3f} on average"
+    assert re.search(words, page.text)
     assert found["all", "track_odometry"]["noticed"] != ""
     with (tmp_path / "reliability.csv").open(newline="") as file:
         bins = [row for row in csv.DictReader(file) if row["scenario"] == "all"]
@@ -89,7 +99,8 @@ def test_every_scenario_runs_with_its_usual_methods(drives: Path, tmp_path: Path
     done = surefix_("eval", drives / "D.npy", "--truth", "identity", *options, "-o", tmp_path)
     said = re.findall(r"^([\w/-]+): .* of them off the map$", done.stdout, re.MULTILINE)
     assert said == list(SCENARIOS)
-    assert done.stdout.count("\ntrack_free ") == len(SCENARIOS)
+    # The last table is that of all drives.
+    assert done.stdout.count("\ntrack_free ") == len(SCENARIOS) + 1
     # Without scenarios and confidences an older report's tables would look new.
     plain = ["--truth", "identity", "--method", "single", "-o", tmp_path]
     surefix_("eval", drives / "D.npy", *plain)

@@ -115,3 +115,13 @@ def test_the_global_floor_is_that_of_the_fused_matrix(maps, road):
 def test_what_does_not_fit_is_refused_in_words(maps, call, words):
     with pytest.raises(surefix.SurefixValueError, match=words.replace("(", r"\(")):
         call(maps)
+
+
+def test_as_many_grey_images_as_maps_are_images() -> None:
+    images = np.random.default_rng(0).integers(0, 255, (6, 48, 96), np.uint8)
+    small = surefix.Sad(size=(32, 16))
+    maps = [surefix.Map.from_images(images), surefix.Map.from_images(images, small)]
+    run = surefix.match(maps, [images[2], images[3]])
+    assert run.single_place.tolist() == [2, 3]
+    rows = [each.descriptors[3:5] for each in maps]
+    assert surefix.match(maps, rows).single_place.tolist() == [3, 4]
