@@ -881,7 +881,7 @@ class Matcher:
         smaller still.
     speeds : sequence of float
         Slopes to try, in places a query; the best mean wins. Halves of a place round up.
-    motion : {"steady", "free"} or Motion, optional
+    motion : {"steady", "free", "any"} or Motion, optional
         How the robot moves, for the tracker: fixes then have a ``track``. None for the paper alone.
 
     Raises
@@ -947,7 +947,8 @@ class Matcher:
         ----------
         advance : float, optional
             The places that the robot moved meanwhile, by odometry: the track goes on from there.
-            Without it, the robot may be anywhere.
+            Those of several gaps and of the next query add up. Without it, the robot may be
+            anywhere.
 
         Examples
         --------
@@ -1085,7 +1086,7 @@ class Localizer:
             and ``dropped``. If ``gap`` is true, or ``dropped``, the number of frames lost just
             before this one, is more than 0, ``Localizer.gap`` comes first. It holds even if the
             image is then refused. An ``advance`` of theirs is pushed with the image, and bridges
-            the gap.
+            the gap; that of an image that is refused bridges a gap in its place.
 
         Returns
         -------
