@@ -18,8 +18,8 @@ use crate::numbers::View;
 /// [`Localizer::fused`] fuses their columns. One core works, in order.
 ///
 /// # Errors
-/// As for [`match_distances`]; [`Error::Option`] for no matrix or more than 32, and [`Error::Shape`] for matrices of
-/// different shapes.
+/// As for [`match_distances`](super::match_distances); [`Error::Option`] for no matrix or more than
+/// 32, and [`Error::Shape`] for matrices of different shapes.
 pub fn match_fused_distances(
     distances: &[ArrayView2<'_, f32>],
     config: &Config,
@@ -63,12 +63,12 @@ fn wrong_number(got: usize) -> Error {
 }
 
 /// Matches descriptors of several techniques, one list of rows for each map: the answers are those
-/// of a [`Localizer::fused`]. One query is matched after the other; large maps are
-/// scanned on all cores. `progress` is as for [`match_descriptors`].
+/// of a [`Localizer::fused`]. One query is matched after the other; large maps are scanned on all
+/// cores. `progress` is as for [`match_descriptors`](super::match_descriptors).
 ///
 /// # Errors
-/// As for [`match_descriptors`] and [`Localizer::fused`]; [`Error::Length`] unless
-/// there is one list for each map, all with one number of rows.
+/// As for [`match_descriptors`](super::match_descriptors) and [`Localizer::fused`];
+/// [`Error::Length`] unless there is one list for each map, all with one number of rows.
 pub fn match_fused(
     maps: &[Arc<Map>],
     queries: &[View<'_>],

@@ -233,7 +233,7 @@ fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
 }
 
 /// Matches many descriptors, one after the other in `queries`, against a map: the distances on all
-/// cores, the answers those of a [`Localizer`]. `floor: Global` scans the map
+/// cores, the answers those of a [`Localizer`](crate::Localizer). `floor: Global` scans the map
 /// twice, so that no matrix need be held. `drive` is what else is
 /// known about the queries. `progress` is told how many queries are done and to do; `Break`
 /// from it stops the work.
