@@ -146,12 +146,30 @@ def test_the_table_is_what_the_oracle_computes(report, generated: list[Case]) ->
     for line, case in zip(lines, generated, strict=True):
         assert float(line["baseline"]) == pytest.approx(area(case.D, case.truth, 2, 0.0), abs=1e-3)
         assert float(line["weighted"]) == pytest.approx(area(case.D, case.truth, 2, 0.99), abs=1e-3)
-        free = surefix.evaluate(surefix.match_distances(case.D, motion="free"), case.truth)
-        assert float(line["track_free"]) == pytest.approx(free.auc(0.2))
+        for motion in ("steady", "free", "any"):
+            run = surefix.match_distances(case.D, motion=motion)
+            expected = surefix.evaluate(run, case.truth).auc(0.2)
+            assert float(line[f"track_{motion}"]) == pytest.approx(expected)
+        # Each of these data sets has one technique.
+        assert line["fused"] == ""
         low, high = float(line["low"]), float(line["high"])
         assert low <= float(line["difference"]) <= high
         expected = "wins" if low > 0 else "loses" if high < 0 else "level"
         assert (line["verdict"], line["paper_baseline"]) == (expected, "")
+
+
+def test_the_techniques_of_a_data_set_are_fused() -> None:
+    rng = np.random.default_rng(0)
+    both = [(rng.normal(0, 0.5, (40, 40)) - np.eye(40)).astype(np.float32) for _ in range(2)]
+    truth = np.arange(40)
+    cases = [
+        Case(f"road {road}", f"technique {index}", D, truth)
+        for index, (road, D) in enumerate([(1, both[0]), (1, both[1]), (2, both[0])])
+    ]
+    lines = table_1(cases, None, Settings(quick=True)).rows
+    run = surefix.match_distances(both, motion="any")
+    fused = surefix.evaluate(run, truth).auc(0.2)
+    assert [row[12] for row in lines[:3]] == [pytest.approx(fused)] * 2 + [None]
 
 
 @pytest.mark.slow
