@@ -95,7 +95,7 @@ pub use dtype::Dtype;
 pub use error::Error;
 pub use localizer::{Input, Localizer};
 pub use map::{Map, Positions, Recipe};
-pub use method::{Fix, Given, Matcher, Peak, Sequence, Single, Track};
+pub use method::{Aligned, Fix, Given, Matcher, Peak, Sequence, Single, Track};
 pub use motion::Motion;
 pub use numbers::{Values, View};
 pub use post::{Post, Running, Step, standardized};

@@ -13,7 +13,7 @@ from sphinx.util import logging
 import surefix
 
 # The command line has a reference of its own; the others serve it.
-NOT_FOR_USERS = {"cli", "errors", "machine", "matches", "motion", "options", "tables"}
+NOT_FOR_USERS = {"auditing", "cli", "errors", "machine", "matches", "motion", "options", "tables"}
 
 
 def _modules() -> list[str]:

@@ -22,7 +22,8 @@ use crate::options::config;
 /// ``place`` is the most probable place, int64; ``confidence`` the probability that the query is
 /// within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
 /// query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
-/// that hold 95 % of the belief on the map.
+/// that hold 95 % of the belief on the map. ``single_place`` is each query's best match alone, and
+/// ``single_right`` the probability that it is right.
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Alignment(surefix::Alignment);
 
@@ -30,9 +31,9 @@ impl Alignment {
     fn column<'py, T: Element>(
         &self,
         py: Python<'py>,
-        of: impl Fn(&surefix::Track) -> T,
+        of: impl Fn(&surefix::Aligned) -> T,
     ) -> Bound<'py, PyArray1<T>> {
-        PyArray1::from_iter(py, self.0.tracks.iter().map(of))
+        PyArray1::from_iter(py, self.0.queries.iter().map(of))
     }
 }
 
@@ -41,36 +42,47 @@ impl Alignment {
     /// The most probable place: int64.
     #[getter]
     fn place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        self.column(py, |track| track.place as i64)
+        self.column(py, |one| one.track.place as i64)
     }
     /// The probability that the query is within ``tolerance`` places of it: float64.
     #[getter]
     fn confidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |track| track.confidence)
+        self.column(py, |one| one.track.confidence)
     }
     /// The probability that the query is off the map: float64.
     #[getter]
     fn off_map<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |track| track.off_map)
+        self.column(py, |one| one.track.off_map)
     }
     /// The speed in places a query, or the advance if it is known: float64.
     #[getter]
     fn speed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |track| track.speed)
+        self.column(py, |one| one.track.speed)
     }
     /// The first and the last place that hold 95 % of the belief on the map: int64, (m, 2).
     #[getter]
     fn interval<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
         let rows: Vec<Vec<i64>> = self
             .0
-            .tracks
+            .queries
             .iter()
-            .map(|track| vec![track.interval.0 as i64, track.interval.1 as i64])
+            .map(|one| vec![one.track.interval.0 as i64, one.track.interval.1 as i64])
             .collect();
         if rows.is_empty() {
             return Ok(PyArray2::zeros(py, [0, 2], false));
         }
         Ok(PyArray2::from_vec2(py, &rows)?)
+    }
+
+    /// The best match of each query alone: int64.
+    #[getter]
+    fn single_place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |one| one.single.place as i64)
+    }
+    /// The probability that this match is right, within ``tolerance`` places: float64.
+    #[getter]
+    fn single_right<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |one| one.single_right)
     }
 
     /// Writes a CSV file: a line of names, then a line a query.
@@ -98,13 +110,13 @@ impl Alignment {
     }
 
     fn __len__(&self) -> usize {
-        self.0.tracks.len()
+        self.0.queries.len()
     }
 
     fn __repr__(&self) -> String {
-        let tracks = &self.0.tracks;
-        let sure = tracks.iter().filter(|track| track.confidence > 0.95).count();
-        format!("Alignment({} queries, {sure} of confidence above 0.95)", tracks.len())
+        let queries = &self.0.queries;
+        let sure = queries.iter().filter(|one| one.track.confidence > 0.95).count();
+        format!("Alignment({} queries, {sure} of confidence above 0.95)", queries.len())
     }
 }
 

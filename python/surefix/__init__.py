@@ -34,12 +34,15 @@ from surefix._core import (
     read_image,
     recall_at,
 )
+from surefix.auditing import Audit, Estimate, audit
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.matches import Matches
 from surefix.motion import Motion
 
 __all__ = [
     "Alignment",
+    "Audit",
+    "Estimate",
     "Evaluation",
     "Fix",
     "FixStream",
@@ -60,6 +63,7 @@ __all__ = [
     "Trust",
     "__version__",
     "align",
+    "audit",
     "evaluate",
     "evaluate_trust",
     "find_images",

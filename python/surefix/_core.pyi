@@ -1288,7 +1288,8 @@ class Alignment:
     ``place`` is the most probable place, int64; ``confidence`` the probability that the query is
     within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
     query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
-    that hold 95 % of the belief on the map.
+    that hold 95 % of the belief on the map. ``single_place`` is each query's best match alone, and
+    ``single_right`` the probability that it is right.
     """
 
     @property
@@ -1306,6 +1307,12 @@ class Alignment:
     @property
     def interval(self) -> _Int64:
         """The first and the last place that hold 95 % of the belief on the map: int64, (m, 2)."""
+    @property
+    def single_place(self) -> _Int64:
+        """The best match of each query alone: int64."""
+    @property
+    def single_right(self) -> _Float64:
+        """The probability that this match is right, within ``tolerance`` places: float64."""
     def to_csv(self, path: _Path, least: float = 0.0) -> None:
         """Writes a CSV file: a line of names, then a line a query.
 

@@ -10,7 +10,7 @@ use crate::config::Config;
 use crate::error::Error;
 use crate::image::Progress;
 use crate::map::Map;
-use crate::method::{Aligner, Given, Source, Track};
+use crate::method::{Aligned, Aligner, Given, Source, Track};
 use crate::motion::Motion;
 use crate::numbers::{View, first_not_finite};
 use crate::parallel::each;
@@ -21,8 +21,8 @@ use crate::segments::Segments;
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Alignment {
-    /// One track a query, in order.
-    pub tracks: Vec<Track>,
+    /// One a query, in order.
+    pub queries: Vec<Aligned>,
     /// How many places the route has.
     pub places: usize,
 }
@@ -34,15 +34,22 @@ impl Alignment {
     /// # Errors
     /// Whatever `out` gives.
     pub fn write_csv(&self, out: &mut impl Write, least: f64) -> io::Result<()> {
-        writeln!(out, "query,reference,place,confidence,off_map,speed,place_low,place_high")?;
-        for (query, track) in self.tracks.iter().enumerate() {
+        writeln!(
+            out,
+            "query,reference,place,confidence,off_map,speed,place_low,place_high,single_place,single_right"
+        )?;
+        for (query, Aligned { track, single, single_right }) in self.queries.iter().enumerate() {
             let Track { place, confidence, off_map, speed, interval: (low, high) } = track;
             if *confidence < least {
                 write!(out, "{query},-1")?;
             } else {
                 write!(out, "{query},{place}")?;
             }
-            writeln!(out, ",{place},{confidence},{off_map},{speed},{low},{high}")?;
+            writeln!(
+                out,
+                ",{place},{confidence},{off_map},{speed},{low},{high},{},{single_right}",
+                single.place
+            )?;
         }
         Ok(())
     }
@@ -63,7 +70,7 @@ impl Alignment {
 /// config.motion = Some(Motion::steady());
 /// let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
 /// let alignment = align_distances(distances.view(), &config, Drive::default(), &mut go_on)?;
-/// assert!(alignment.tracks.iter().enumerate().all(|(query, track)| track.place == query));
+/// assert!(alignment.queries.iter().enumerate().all(|(query, one)| one.track.place == query));
 /// # Ok::<(), surefix::Error>(())
 /// ```
 ///
@@ -179,14 +186,14 @@ fn run(
 ) -> Result<Alignment, Error> {
     let steps = 2 * source.queries();
     let aligner = Aligner::new(motion, tolerance, segments)?;
-    let tracks = aligner.align(&mut source, |done| {
+    let queries = aligner.align(&mut source, |done| {
         let due = done.is_multiple_of(REPORTED) || done == steps;
         if due && progress(done, steps).is_break() {
             return Err(Error::Interrupted { done, total: steps });
         }
         Ok(())
     })?;
-    Ok(Alignment { tracks, places: segments.places() })
+    Ok(Alignment { queries, places: segments.places() })
 }
 
 /// A drive whose columns are computed when they are asked for.

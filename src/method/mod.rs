@@ -48,7 +48,7 @@ pub use sequence::Sequence;
 pub use single::Single;
 pub(crate) use single::minimum;
 pub(crate) use snapshot::{Owner, load};
-pub use track::Track;
+pub use track::{Aligned, Track};
 pub(crate) use track::{Aligner, Source};
 pub(crate) use window::{Column, Exact, Ring};
 

@@ -9,6 +9,7 @@ import typer
 
 from surefix import SurefixError, __version__
 from surefix.cli.align import align_
+from surefix.cli.audit import audit_
 from surefix.cli.bench import bench
 from surefix.cli.demo import demo
 from surefix.cli.eval import eval_
@@ -50,6 +51,11 @@ app.command(
     epilog="Example: surefix align route.safetensors todays_photos/ -o truth.csv\n\n"
     "Example: surefix eval route.safetensors todays_photos/ --truth truth.csv",
 )(align_)
+app.command(
+    "audit",
+    epilog="Example: surefix audit route.safetensors todays_photos/ --motion steady\n\n"
+    "Example: surefix audit distances.npy",
+)(audit_)
 app.command(
     "eval",
     epilog="Example: surefix eval route.safetensors todays_photos/ --truth identity -o report/\n\n"

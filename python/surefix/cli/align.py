@@ -1,8 +1,9 @@
 """``surefix align``: where each query of a recorded drive was, without any label."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -14,6 +15,8 @@ from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read, refuse
 from surefix.errors import refusal
 from surefix.tables.matrices import read_matrix
+
+T = TypeVar("T")
 
 
 @documented
@@ -43,29 +46,10 @@ def align_(
     model: A map of `surefix map build --model`: the ONNX file, to describe the images.
     """
     refuse(out.suffix != ".csv", f"--out: expected a name that ends in .csv, got {out}")
-    matrix = Path(route).suffix == ".npy"
-    refuse(similarity and not matrix, "--similarity: expected a .npy of similarities, got a map")
-    refuse(matrix and queries is not None, f"QUERIES: expected none with distances, got {queries}")
-    refuse(matrix and model is not None, f"--model: expected a map, got the distances {route}")
-    refuse(not matrix and queries is None, "QUERIES: expected images or descriptors, got none")
     check_not_read(out, [route, queries])
-    given: dict[str, Any] = {"motion": motion, "tolerance": tolerance}
-    given["progress"] = terminal_bar("Aligning")
-    if matrix:
-        drive: tuple[Any, ...] = (read_matrix(route, similarity),)
-    else:
-        place_map = Map.open(route)
-        frames = inputs.open_frames(str(queries))
-        network = None if model is None else inputs.network_of(place_map, route, model)
-        given["descriptor"] = network
-        rows = frames.ready
-        drive = (place_map, queries if rows is None else rows)
-    try:
-        alignment = align(*drive, **given)
-    except SurefixValueError as error:
-        if str(error).startswith("option"):
-            raise typer.BadParameter(str(error)) from None
-        raise
+    drive, given = open_drive(route, queries, similarity, model)
+    given |= {"motion": motion, "tolerance": tolerance}
+    alignment = refusing_options(align, *drive, **given)
     try:
         alignment.to_csv(out, least)
     except OSError as error:
@@ -77,3 +61,31 @@ def align_(
         f"{least:g} or more, {away} probably off the map, in {out}",
         file=sys.stderr,
     )
+
+
+def open_drive(
+    route: str, queries: str | None, similarity: bool, model: Path | None
+) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """The arguments and options of ``surefix.align``: distances, or a map and queries."""
+    matrix = Path(route).suffix == ".npy"
+    refuse(similarity and not matrix, "--similarity: expected a .npy of similarities, got a map")
+    refuse(matrix and queries is not None, f"QUERIES: expected none with distances, got {queries}")
+    refuse(matrix and model is not None, f"--model: expected a map, got the distances {route}")
+    refuse(not matrix and queries is None, "QUERIES: expected images or descriptors, got none")
+    given: dict[str, Any] = {"progress": terminal_bar("Aligning")}
+    if matrix:
+        return (read_matrix(route, similarity),), given
+    place_map = Map.open(route)
+    ready = inputs.open_frames(str(queries)).ready
+    given["descriptor"] = None if model is None else inputs.network_of(place_map, route, model)
+    return (place_map, queries if ready is None else ready), given
+
+
+def refusing_options(call: Callable[..., T], *arguments: Any, **options: Any) -> T:
+    """The result; an option outside its range is bad usage."""
+    try:
+        return call(*arguments, **options)
+    except SurefixValueError as error:
+        if str(error).startswith("option"):
+            raise typer.BadParameter(str(error)) from None
+        raise

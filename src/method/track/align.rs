@@ -13,6 +13,7 @@ use super::{Step, Taken, Track, Tracker};
 use crate::archive::Refusal;
 use crate::error::Error;
 use crate::method::Given;
+use crate::method::single::{Single, minimum};
 use crate::motion::Motion;
 use crate::segments::Segments;
 
@@ -54,6 +55,19 @@ struct Recorded {
     advance: Option<f64>,
     /// Whether the query before is unknown: at the start, and after a gap.
     fresh: bool,
+    single: Single,
+}
+
+/// What all queries say of one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Aligned {
+    /// Where it was.
+    pub track: Track,
+    /// Its best match alone.
+    pub single: Single,
+    /// The probability that this match is right, within `tolerance` places.
+    pub single_right: f64,
 }
 
 /// How likely the queries after one are, for each speed and place after the change of speed, and
@@ -75,7 +89,7 @@ impl<'a> Aligner<'a> {
         Ok(Self { tracker, segments })
     }
 
-    /// The track of each query. `report` is told how many of `2 queries` steps are done.
+    /// Each query, aligned. `report` is told how many of `2 queries` steps are done.
     ///
     /// # Errors
     /// Those of the source and of `report`.
@@ -83,7 +97,7 @@ impl<'a> Aligner<'a> {
         mut self,
         source: &mut impl Source,
         mut report: impl FnMut(usize) -> Result<(), Error>,
-    ) -> Result<Vec<Track>, Error> {
+    ) -> Result<Vec<Aligned>, Error> {
         let queries = source.queries();
         let length = (queries as f64).sqrt().ceil().max(1.0) as usize;
         let mut column = vec![0.0; self.segments.places()];
@@ -96,24 +110,24 @@ impl<'a> Aligner<'a> {
             report(query + 1)?;
         }
         let mut later = Later::none(&self.tracker);
-        let mut tracks = Vec::with_capacity(queries);
+        let mut aligned = Vec::with_capacity(queries);
         for (index, checkpoint) in checkpoints.iter().enumerate().rev() {
             checkpoint.restore(&mut self.tracker)?;
             let span = index * length..queries.min((index + 1) * length);
             let recorded = span.map(|query| self.push(source, query, &mut column));
             let recorded = recorded.collect::<Result<Vec<_>, _>>()?;
             for one in recorded.iter().rev() {
-                tracks.push(self.answer(one, &later));
+                aligned.push(self.answer(one, &later));
                 if one.fresh {
                     later = Later::none(&self.tracker);
                 } else {
                     self.step_back(one, &mut later);
                 }
-                report(queries + tracks.len())?;
+                report(queries + aligned.len())?;
             }
         }
-        tracks.reverse();
-        Ok(tracks)
+        aligned.reverse();
+        Ok(aligned)
     }
 
     /// Tracks a query.
@@ -149,11 +163,12 @@ impl<'a> Aligner<'a> {
             rates: tracker.motion.rates(novelty.happens),
             advance,
             fresh,
+            single: minimum(column),
         })
     }
 
     /// The answer of all queries: the belief after this one, times how likely those after it are.
-    fn answer(&self, one: &Recorded, later: &Later) -> Track {
+    fn answer(&self, one: &Recorded, later: &Later) -> Aligned {
         let Tracker { motion, steps, tolerance, .. } = &self.tracker;
         let places = self.segments.places();
         let mut mass = vec![0.0; places];
@@ -174,9 +189,12 @@ impl<'a> Aligner<'a> {
         let (on, off) = (sums.iter().sum::<f64>(), one.off * later.off);
         let scale = 1.0 / (on + off);
         let belief = Belief { mass: &mass, sums: &sums, on: scale * on, off: scale * off, scale };
-        belief.answer(*tolerance, self.segments, |place| {
+        let track = belief.answer(*tolerance, self.segments, |place| {
             one.advance.unwrap_or(motion.pace * speed[place] / mass[place])
-        })
+        });
+        let single = one.single;
+        let single_right = belief.near(single.place, *tolerance, self.segments);
+        Aligned { track, single, single_right }
     }
 
     /// From how likely the queries after one are to how likely it and those are.

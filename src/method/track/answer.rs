@@ -86,10 +86,8 @@ impl Belief<'_> {
                 best = (index * CHUNK + at, mass);
             }
         }
-        let (place, segment) = (best.0, segments.of(best.0));
-        let near = place.saturating_sub(tolerance).max(segment.start)
-            ..place.saturating_add(1).saturating_add(tolerance).min(segment.end);
-        let confidence = self.scale * self.mass[near].iter().sum::<f64>();
+        let place = best.0;
+        let confidence = self.near(place, tolerance, segments);
         let (low, high) = self.interval();
         Track {
             place,
@@ -98,6 +96,14 @@ impl Belief<'_> {
             speed: speed(place),
             interval: (low.min(place), high.max(place)),
         }
+    }
+
+    /// The belief within `tolerance` places of a place, on its segment.
+    pub(super) fn near(&self, place: usize, tolerance: usize, segments: &Segments) -> f64 {
+        let segment = segments.of(place);
+        let near = place.saturating_sub(tolerance).max(segment.start)
+            ..place.saturating_add(1).saturating_add(tolerance).min(segment.end);
+        self.scale * self.mass[near].iter().sum::<f64>()
     }
 
     /// The places beside which [`TAIL`] of the mass lies on either side.

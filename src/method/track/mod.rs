@@ -32,6 +32,7 @@ use crate::error::Error;
 use crate::motion::{MAX_JITTER, Motion};
 use crate::preallocated::reserved;
 use crate::segments::Segments;
+pub use align::Aligned;
 pub(crate) use align::{Aligner, Source};
 pub use answer::Track;
 use evidence::{Evidence, Says};

@@ -60,3 +60,15 @@ def test_a_mistake_gets_one_message(
     surefix.Map.from_descriptors(rows).save(tmp_path / "route.safetensors")
     monkeypatch.chdir(tmp_path)
     assert words in surefix_("align", *given, code=code).stderr
+
+
+def test_an_audit_says_its_estimates_in_words(distances: Path) -> None:
+    done = surefix_("audit", distances, "--motion", "steady")
+    found = surefix.audit(np.load(distances), motion="steady")
+    assert f"Single matches right: {found.recall_at_1} of 50 queries" in done.stdout
+    assert f"Trusted matches right: {found.trusted_precision} of" in done.stdout
+    assert "Do not rely" not in done.stdout
+    rng = np.random.default_rng(0)
+    np.save(distances, rng.random((50, 50)).astype(np.float32))
+    assert "Do not rely on it" in surefix_("audit", distances).stdout
+    assert "option `motion`" in surefix_("audit", distances, "--motion", "x", code=2).stderr
