@@ -58,7 +58,7 @@ def confidence(
     ax.set_xlim(-0.5, m - 0.5)
     ax.set_ylim(-0.25, 1.03)
     ax.set_yticks([0, 0.5, 1])
-    ax.set_xlabel("query (frame of the second drive)")
+    ax.set_xlabel("query (frame)")
     ax.set_ylabel("belief")
     ax.legend(loc="lower right", bbox_to_anchor=(1, 1.12), ncols=2, borderaxespad=0)
     return ax
