@@ -67,7 +67,8 @@ class Motion:
     Raises
     ------
     SurefixValueError
-        For another kind here; for a number outside its range when it is used.
+        For another kind or no sequence of speeds here; for a number outside its range when it is
+        used.
 
     Examples
     --------
@@ -114,4 +115,7 @@ class Motion:
         for field in fields(self):
             default = KINDS[kind].get(field.name, field.default)
             object.__setattr__(self, field.name, given.get(field.name, default))
-        object.__setattr__(self, "speeds", tuple(self.speeds))
+        try:
+            object.__setattr__(self, "speeds", tuple(self.speeds))
+        except TypeError:
+            raise mismatch("motion.speeds", "a sequence of numbers", repr(speeds)) from None

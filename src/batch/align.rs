@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use ndarray::ArrayView2;
 
 use super::drive::{Drive, Flags};
-use super::{HELD, REPORTED, count, of_query};
+use super::{Columns, REPORTED, count};
 use crate::config::Config;
 use crate::error::Error;
 use crate::image::Progress;
@@ -13,8 +13,6 @@ use crate::map::Map;
 use crate::method::{Aligned, Aligner, Given, Source, Track};
 use crate::motion::Motion;
 use crate::numbers::{View, first_not_finite};
-use crate::parallel::each;
-use crate::post::ChainState;
 use crate::segments::Segments;
 
 /// The track of each query of a drive by all of its queries, those after it too.
@@ -113,30 +111,9 @@ pub fn align_descriptors<'a>(
     let motion = motion_of(config, map.places())?;
     let flags = Flags::new(drive, total)?;
     queries.check_finite("queries", map.input_dim())?;
-    let passed = passed(map, queries, total)?;
-    let at_once = (HELD / map.places()).clamp(1, 256);
-    let mut held: (usize, Vec<Vec<f32>>) = (0, Vec::new());
+    let mut columns = Columns::new(map, queries, total)?;
     let column = |query: usize, out: &mut [f32]| {
-        if !(held.0..held.0 + held.1.len()).contains(&query) {
-            let columns = each(
-                query..total.min(query + at_once),
-                || (),
-                |(), query| {
-                    let mut column = vec![0.0; map.places()];
-                    let done = if let Some(passed) = &passed {
-                        let row = &passed[query * map.dim()..][..map.dim()];
-                        map.distances_of_passed(View::F32(row), &mut column)
-                    } else {
-                        let row = queries.row(query, map.input_dim());
-                        row.map_or(Ok(()), |row| map.distances_into(row, &mut column))
-                    };
-                    done.map_err(|error| of_query(error, query))?;
-                    Ok(column)
-                },
-            );
-            held = (query, columns.into_iter().collect::<Result<_, Error>>()?);
-        }
-        out.copy_from_slice(&held.1[query - held.0]);
+        out.copy_from_slice(columns.of(query)?);
         finite(out, query)
     };
     let source = Drives { queries: total, flags, column };
@@ -149,22 +126,6 @@ fn motion_of(config: &Config, places: usize) -> Result<&Motion, Error> {
         let expected = "\"steady\", \"free\" or \"any\" for an alignment".to_owned();
         Error::Option { name: "motion", expected, got: "none".to_owned() }
     })
-}
-
-/// The queries after a post-processing whose statistics run with the drive.
-fn passed(map: &Map, queries: View<'_>, total: usize) -> Result<Option<Vec<f32>>, Error> {
-    let Some(post) = map.post().filter(|post| post.runs()) else { return Ok(None) };
-    let mut through = ChainState::of_drive(post);
-    let mut all = Vec::with_capacity(total * map.dim());
-    for query in 0..total {
-        let Some(row) = queries.row(query, map.input_dim()) else { continue };
-        let row = map.passed(row, Some(&mut through)).map_err(|error| of_query(error, query))?;
-        if let View::F32(row) = row {
-            all.extend_from_slice(row);
-        }
-        through.commit();
-    }
-    Ok(Some(all))
 }
 
 fn finite(column: &[f32], query: usize) -> Result<(), Error> {

@@ -253,10 +253,9 @@ fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
 ///
 /// # Errors
 /// As for [`Matcher::new`] and [`Map::distances_into`]; [`Error::Shape`] if the map's dimension
-/// does not divide the numbers; [`Error::Length`] unless `trusted` and `advance` have one entry a query;
-/// [`Error::Option`] for a gap before a query that there is not and for an
-/// advance that is not finite; [`Error::Interrupted`] if
-/// `progress` breaks.
+/// does not divide the numbers; [`Error::Length`] unless `trusted` and `advance` have one entry a
+/// query; [`Error::Option`] for a gap before a query that there is not and for an advance that is
+/// not finite; [`Error::Interrupted`] if `progress` breaks.
 pub fn match_descriptors<'a>(
     map: &Map,
     queries: impl Into<View<'a>>,
@@ -279,27 +278,28 @@ pub fn match_descriptors<'a>(
             Ok(())
         }
     };
+    let mut columns = Columns::new(map, queries, count)?;
     let mut scanned = 0;
     if config.floor == Floor::Global {
         let mut lowest = f32::INFINITY;
-        for_each_query(map, queries, count, |_, distances| {
+        for query in 0..count {
+            let distances = columns.of(query)?;
             report(scanned)?;
             scanned += 1;
             lowest = lowest.min(minimum(distances).distance);
-            Ok(())
-        })?;
+        }
         // Without a query there is no matrix and no minimum.
         config.floor = if count == 0 { Floor::Running } else { Floor::Fixed(f64::from(lowest)) };
     }
     let mut matcher = Matcher::along(map.route().segments().clone(), config)?;
     let mut fixes = Vec::with_capacity(count);
-    for_each_query(map, queries, count, |query, distances| {
+    for query in 0..count {
+        let distances = columns.of(query)?;
         report(scanned)?;
         scanned += 1;
         let fix = flags.push(&mut matcher, query, distances);
         fixes.push(fix.map_err(|error| of_query(error, query))?);
-        Ok(())
-    })?;
+    }
     report(total)?;
     Ok(Run { fixes, places: map.places() })
 }
@@ -314,51 +314,63 @@ fn count(map: &Map, queries: View<'_>) -> Result<usize, Error> {
     Err(Error::Shape { what: "queries", expected, got })
 }
 
-/// The distances of each query in turn, computed a few queries at a time on all cores.
-fn for_each_query(
-    map: &Map,
-    queries: View<'_>,
+/// The distances of queries to all places, computed a few queries at a time on all cores. They are
+/// asked for in order, or in order again from an earlier query.
+struct Columns<'a> {
+    map: &'a Map,
+    queries: View<'a>,
     count: usize,
-    mut visit: impl FnMut(usize, &[f32]) -> Result<(), Error>,
-) -> Result<(), Error> {
-    let at_once = (HELD / map.places()).clamp(1, 256);
-    // Running statistics depend on the queries before.
-    let mut drive = map.post().filter(|post| post.runs()).map(ChainState::of_drive);
-    let mut passed = Vec::new();
-    for start in (0..count).step_by(at_once) {
-        let indices = start..count.min(start + at_once);
-        if let Some(through) = &mut drive {
-            passed.clear();
-            for query in indices.clone() {
-                let Some(row) = queries.row(query, map.input_dim()) else { continue };
-                let row = map.passed(row, Some(through)).map_err(|error| of_query(error, query))?;
-                if let View::F32(row) = row {
-                    passed.extend_from_slice(row);
+    /// The queries after a post-processing whose statistics depend on the queries before.
+    passed: Option<Vec<f32>>,
+    first: usize,
+    held: Vec<Vec<f32>>,
+}
+
+impl<'a> Columns<'a> {
+    fn new(map: &'a Map, queries: View<'a>, count: usize) -> Result<Self, Error> {
+        let passed = match map.post().filter(|post| post.runs()) {
+            None => None,
+            Some(post) => {
+                let mut through = ChainState::of_drive(post);
+                let mut passed = Vec::with_capacity(count * map.dim());
+                for query in 0..count {
+                    let Some(row) = queries.row(query, map.input_dim()) else { continue };
+                    let row = map.passed(row, Some(&mut through));
+                    if let View::F32(row) = row.map_err(|error| of_query(error, query))? {
+                        passed.extend_from_slice(row);
+                    }
+                    through.commit();
                 }
-                through.commit();
+                Some(passed)
             }
-        }
-        let columns = each(
-            indices.clone(),
-            || (),
-            |(), query| {
-                let mut out = vec![0.0; map.places()];
-                let done = if drive.is_some() {
-                    let at = (query - start) * map.dim();
-                    map.distances_of_passed(View::F32(&passed[at..at + map.dim()]), &mut out)
-                } else {
-                    let row = queries.row(query, map.input_dim());
-                    row.map_or(Ok(()), |row| map.distances_into(row, &mut out))
-                };
-                done.map_err(|error| of_query(error, query))?;
-                Ok(out)
-            },
-        );
-        for (query, column) in indices.zip(columns) {
-            visit(query, &column?)?;
-        }
+        };
+        Ok(Self { map, queries, count, passed, first: 0, held: Vec::new() })
     }
-    Ok(())
+
+    fn of(&mut self, query: usize) -> Result<&[f32], Error> {
+        let Self { map, queries, count, ref passed, .. } = *self;
+        if !(self.first..self.first + self.held.len()).contains(&query) {
+            let at_once = (HELD / map.places()).clamp(1, 256);
+            let columns = each(
+                query..count.min(query + at_once),
+                || (),
+                |(), query| {
+                    let mut out = vec![0.0; map.places()];
+                    let done = if let Some(passed) = passed {
+                        let row = &passed[query * map.dim()..][..map.dim()];
+                        map.distances_of_passed(View::F32(row), &mut out)
+                    } else {
+                        let row = queries.row(query, map.input_dim());
+                        row.map_or(Ok(()), |row| map.distances_into(row, &mut out))
+                    };
+                    done.map_err(|error| of_query(error, query)).map(|()| out)
+                },
+            );
+            self.held = columns.into_iter().collect::<Result<_, Error>>()?;
+            self.first = query;
+        }
+        Ok(&self.held[query - self.first])
+    }
 }
 
 /// The same error with the query's index.

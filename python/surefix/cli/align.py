@@ -13,7 +13,6 @@ from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read, refuse
-from surefix.errors import refusal
 from surefix.tables.matrices import read_matrix
 
 T = TypeVar("T")
@@ -50,10 +49,7 @@ def align_(
     drive, given = open_drive(route, queries, similarity, model)
     given |= {"motion": motion, "tolerance": tolerance}
     alignment = refusing_options(align, *drive, **given)
-    try:
-        alignment.to_csv(out, least)
-    except OSError as error:
-        raise refusal(out, "cannot write the alignment", error) from None
+    alignment.to_csv(out, least)
     found = int((alignment.confidence >= least).sum())
     away = int((alignment.off_map >= 0.5).sum())
     print(

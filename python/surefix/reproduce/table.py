@@ -85,7 +85,8 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
         points=_points(cases, settings),
         name="table_1",
         header="dataset,technique,places,queries,correct_unweighted,correct_weighted,baseline,"
-        "weighted,track_steady,track_free,track_any,track_odometry,fused,difference,low,high,reached_recall_baseline,reached_recall_weighted,verdict,"
+        f"weighted,{','.join(TRACKERS)},difference,low,high,reached_recall_baseline,"
+        "reached_recall_weighted,verdict,"
         "paper_baseline,paper_weighted",
         rows=rows,
     )

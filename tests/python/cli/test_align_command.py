@@ -48,6 +48,7 @@ MISTAKES = {
     "no table": (["D.npy", "-o", "truth.txt"], 2, "ends in .csv"),
     "similarities of a map": (["route.safetensors", "q", "--similarity"], 2, "--similarity"),
     "no file": (["none.npy"], 1, "none.npy"),
+    "no folder": (["D.npy", "-o", "none/t.csv"], 1, "surefix: none/t.csv: cannot write the CSV"),
 }
 
 

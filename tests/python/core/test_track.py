@@ -308,3 +308,9 @@ def test_a_robot_that_never_comes_back_has_a_speed() -> None:
         fix = live.push(np.float32([0.5, 0.1, 0.5, 0.7]))
     assert fix.off_map == 1
     assert np.isfinite(fix.speed)
+
+
+@pytest.mark.parametrize("speeds", [3, 1.5])
+def test_speeds_that_are_no_sequence_are_refused_at_once(speeds: Any) -> None:
+    with pytest.raises(surefix.SurefixValueError, match=r"motion.speeds: expected a sequence"):
+        surefix.Motion(speeds=speeds)
