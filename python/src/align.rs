@@ -25,7 +25,7 @@ use crate::options::config;
 /// that hold 95 % of the belief on the map. ``single_place`` is each query's best match alone, and
 /// ``single_right`` the probability that it is right.
 #[pyclass(frozen, module = "surefix")]
-pub(crate) struct Alignment(surefix::Alignment);
+pub(crate) struct Alignment(pub(crate) surefix::Alignment);
 
 impl Alignment {
     fn column<'py, T: Element>(

@@ -58,6 +58,13 @@ impl Run {
     }
 }
 
+impl Run {
+    /// Whether its fixes have a track.
+    pub(crate) fn is_tracked(&self) -> bool {
+        self.0.fixes.first().is_some_and(|fix| fix.track.is_some())
+    }
+}
+
 #[pymethods]
 impl Run {
     /// Where the robot was: int64.

@@ -71,7 +71,7 @@ pub(crate) fn evaluate(
 }
 
 /// A run's matches, or those of anything that has their arrays.
-fn matches_of(object: &Bound<'_, PyAny>) -> PyResult<Vec<Match>> {
+pub(crate) fn matches_of(object: &Bound<'_, PyAny>) -> PyResult<Vec<Match>> {
     if let Ok(run) = object.cast::<Run>() {
         return Ok(run.get().0.matches());
     }
@@ -207,7 +207,7 @@ impl Evaluation {
     /// samples : int
     ///     How often the queries are drawn anew.
     /// block : int, optional
-    ///     How many consecutive queries a block has; the root of their number by default.
+    ///     How many consecutive queries a block has; ``self.block`` by default.
     /// seed : int
     ///     Another seed draws other blocks.
     ///
@@ -231,6 +231,12 @@ impl Evaluation {
         let bootstrap = bootstrap(level, samples, block, seed)?;
         let interval = py.detach(|| self.0.auc_interval(upto, &bootstrap)).or_raise(py)?;
         Ok((interval.low, interval.high))
+    }
+    /// The queries a block of an interval: an upper bound of how long errors last, from their
+    /// autocorrelation (method 1.12). None if all matches are right, or all wrong.
+    #[getter]
+    fn block(&self) -> Option<usize> {
+        self.0.block()
     }
     /// An interval for ``self.auc(upto) - other.auc(upto)`` on the same queries; each sample draws
     /// the same ones for both. If it holds 0, the drive does not tell which is better.

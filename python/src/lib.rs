@@ -5,6 +5,7 @@
 mod align;
 mod arrays;
 mod batch;
+mod calibrate;
 mod error;
 mod evaluate;
 mod fix;
@@ -36,6 +37,8 @@ mod _core {
     use crate::align::{Alignment, align};
     #[pymodule_export]
     use crate::batch::{Run, match_, match_distances};
+    #[pymodule_export]
+    use crate::calibrate::{Threshold, calibrate, correlation_time};
     #[pymodule_export]
     use crate::evaluate::{Evaluation, evaluate, recall_at};
     #[pymodule_export]

@@ -8,6 +8,7 @@ use super::drive::{Drive, Flags};
 use super::{Columns, REPORTED, count};
 use crate::config::Config;
 use crate::error::Error;
+use crate::evaluate::Match;
 use crate::image::Progress;
 use crate::map::Map;
 use crate::method::{Aligned, Aligner, Given, Source, Track};
@@ -26,6 +27,23 @@ pub struct Alignment {
 }
 
 impl Alignment {
+    /// How wrong each match of the same drive is, from 0 to 1: wholly if its place is more than
+    /// `tolerance` places from the aligned one, else as much as the alignment is not sure.
+    ///
+    /// # Errors
+    /// [`Error::Length`] if the alignment has another number of queries.
+    pub fn wrong(&self, matches: &[Match], tolerance: usize) -> Result<Vec<Option<f64>>, Error> {
+        let (expected, got) = (matches.len(), self.queries.len());
+        if expected != got {
+            return Err(Error::Length { what: "alignment", expected, got });
+        }
+        let wrong = |(found, aligned): (&Match, &Aligned)| {
+            let near = found.place.abs_diff(aligned.track.place) <= tolerance;
+            if near { 1.0 - aligned.track.confidence } else { 1.0 }
+        };
+        Ok(matches.iter().zip(&self.queries).map(|each| Some(wrong(each))).collect())
+    }
+
     /// Writes the tracks as CSV: a line of names, then a line a query. `reference` is the place,
     /// and -1 if the confidence is below `least`: with the column `query` it is a truth.
     ///

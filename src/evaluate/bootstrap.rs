@@ -3,6 +3,7 @@
 //! Neighbouring frames see the same scenery, so they are not independent, and queries are drawn in
 //! blocks of consecutive ones (Künsch 1989; circular blocks, Politis and Romano 1992).
 
+use super::correlation::block_length;
 use super::curve::{Curve, area};
 use crate::error::Error;
 use crate::parallel::each;
@@ -16,7 +17,7 @@ const MOST_SAMPLES: usize = 100_000_000;
 pub struct Bootstrap {
     /// Times that the queries are drawn anew. 1000 by default.
     pub samples: usize,
-    /// Consecutive queries a block; by default the root of the number of queries, rounded.
+    /// Consecutive queries a block; by default for how long errors last ([`block_length`]).
     pub block: Option<usize>,
     /// The share of the samples inside the interval. 0.95 by default.
     pub level: f64,
@@ -57,18 +58,18 @@ impl Bootstrap {
     }
 
     /// The percentile interval of `figure`, which is told how often each of `queries` queries was
-    /// drawn.
+    /// drawn. `errors` says which matches are wrong, in order.
     fn interval(
         &self,
         queries: usize,
+        errors: &[f64],
         figure: impl Fn(&[usize]) -> f64 + Sync,
     ) -> Result<Interval, Error> {
         self.check()?;
         if queries == 0 {
             return Ok(Interval { low: 0.0, high: 0.0 });
         }
-        let block =
-            self.block.unwrap_or((queries as f64).sqrt().round() as usize).clamp(1, queries);
+        let block = self.block.or_else(|| block_length(errors)).unwrap_or(1).clamp(1, queries);
         let mut figures = each(
             0..self.samples,
             || vec![0; queries],
@@ -102,7 +103,8 @@ impl Curve {
     /// # Errors
     /// [`Error::Option`] for an option of the bootstrap outside its range.
     pub fn auc_interval(&self, upto: f64, bootstrap: &Bootstrap) -> Result<Interval, Error> {
-        bootstrap.interval(self.queries, |times| area(&self.redrawn(times), upto))
+        let figure = |times: &[usize]| area(&self.redrawn(times), upto);
+        bootstrap.interval(self.queries, &self.errors(), figure)
     }
 
     /// An interval for the difference of two areas on the same queries, this one's less the
@@ -127,6 +129,10 @@ impl Curve {
         }
         let difference =
             |times: &[usize]| area(&self.redrawn(times), upto) - area(&other.redrawn(times), upto);
-        bootstrap.interval(self.queries, difference)
+        // Whichever errs for longer.
+        let errors = [self.errors(), other.errors()];
+        let longest =
+            errors.iter().max_by_key(|errors| block_length(errors)).map_or(&[][..], |e| e);
+        bootstrap.interval(self.queries, longest, difference)
     }
 }

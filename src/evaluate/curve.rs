@@ -56,7 +56,7 @@ impl Run {
         let of = |fix: &crate::Fix| Match {
             place: fix.place,
             score: fix.score,
-            ready: fix.sequence.is_some(),
+            ready: fix.is_ready(),
             accepted: true,
         };
         self.fixes.iter().map(of).collect()
@@ -188,6 +188,18 @@ impl Curve {
     /// The number of judged matches that are correct, accepted or not.
     pub fn correct(&self) -> usize {
         self.judged.iter().filter(|j| j.correct).count()
+    }
+
+    /// Whether each judged match is wrong, 0 or 1, in the order of the queries.
+    pub(super) fn errors(&self) -> Vec<f64> {
+        let mut judged: Vec<&Judged> = self.judged.iter().collect();
+        judged.sort_by_key(|j| j.query);
+        judged.into_iter().map(|j| f64::from(!j.correct)).collect()
+    }
+
+    /// The queries a block of a [`Bootstrap`](super::Bootstrap) by default.
+    pub fn block(&self) -> Option<usize> {
+        super::block_length(&self.errors())
     }
 
     /// The points of the curve if each query counts `times` times: a sample of the bootstrap.

@@ -40,6 +40,15 @@ SAID = {
 MORE = re.compile(r"(precision_recall_\d+|reliability(_.+)?)\.png|scenarios\.csv|reliability\.csv")
 
 
+def _blocks(study: Study) -> str:
+    """How long the blocks of the methods' intervals are, in words."""
+    blocks = [block for result in study.results if (block := result.curve.block) is not None]
+    if not blocks:
+        return "a query each, as no method ever changes between right and wrong"
+    low, high = min(blocks), max(blocks)
+    return plural(low, "query", "queries") if low == high else f"{low} to {high} queries"
+
+
 def write_report(
     study: Study,
     folder: Path,
@@ -88,8 +97,8 @@ def write_report(
         ),
         (
             "Intervals",
-            f"95 %, {study.samples} samples of blocks as long as the root of the number of "
-            "queries, seed 0",
+            f"95 %, {study.samples} samples of blocks as long as errors last, "
+            f"{_blocks(study)}, seed 0",
         ),
         *((name, METHODS[name].description) for name in study.names),
         *(FILES | extra).items(),

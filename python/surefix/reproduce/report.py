@@ -141,7 +141,7 @@ def _made(settings: Settings, command: str) -> Section:
         ),
         (
             "intervals",
-            "block bootstrap over queries, blocks of the root of their number, "
+            "block bootstrap over queries, blocks as long as errors last, "
             f"{settings.samples} samples",
         ),
         (

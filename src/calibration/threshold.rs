@@ -1,0 +1,154 @@
+//! A threshold on the score of a fix, and what is known of it.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::probability::Probability;
+use super::quantiles::Quantiles;
+use crate::error::Error;
+use crate::method::Fix;
+
+/// A threshold from a calibration drive, by [`calibrate`](super::calibrate): the fixes that it
+/// accepts, with what promise, and how probable it is that a fix is right.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Threshold {
+    /// A fix of this score or a better one is accepted; `None` if nothing can be promised, so that
+    /// none is.
+    pub score: Option<f32>,
+    /// Whether scores are `1 - confidence` of the track, not distances.
+    pub tracked: bool,
+    /// The promise: at most this share of the accepted is wrong ...
+    pub wrong: f64,
+    /// ... with this probability.
+    pub sure: f64,
+    /// The queries of the calibration drive that have a fix and a truth.
+    pub queries: usize,
+    /// How many of them are accepted.
+    pub accepted: usize,
+    /// How many of the accepted are wrong; by an alignment, the sum of how wrong each is.
+    pub errors: f64,
+    /// Consecutive queries a block, for how long errors last; `None` if they were taken as
+    /// independent.
+    pub block: Option<usize>,
+    /// If nothing can be promised: how many queries more would do, if they are like these. `None`
+    /// if no number would.
+    pub more: Option<usize>,
+    /// How many metres the calibration drive was, if they are known.
+    pub metres: Option<f64>,
+    /// Whether it was carried over to other conditions, for which nothing is promised.
+    pub carried: bool,
+    pub(super) probability: Probability,
+    /// The scores of the calibration drive.
+    pub(super) scores: Quantiles,
+}
+
+impl Threshold {
+    /// Whether a fix is accepted: it is ready, of the kind that was calibrated, and its score is at
+    /// least as good.
+    pub fn accepts(&self, fix: &Fix) -> bool {
+        self.judges(fix) && self.score.is_some_and(|score| fix.score <= score)
+    }
+
+    /// The probability that a fix is right, by the calibration drive; `None` for one that is not
+    /// ready or of another kind.
+    pub fn probability_of(&self, fix: &Fix) -> Option<f64> {
+        self.judges(fix).then(|| self.probability.at(fix.score))
+    }
+
+    /// If nothing can be promised: how many metres more would do, if the length of the drive is
+    /// known.
+    pub fn more_metres(&self) -> Option<f64> {
+        let each = self.metres? / self.queries as f64;
+        self.more.map(|more| each * more as f64)
+    }
+
+    fn judges(&self, fix: &Fix) -> bool {
+        fix.is_ready() && fix.track.is_some() == self.tracked
+    }
+
+    /// From a score to the probability that it is right.
+    pub fn probability(&self) -> &Probability {
+        &self.probability
+    }
+
+    /// The scores of the calibration drive, in short.
+    pub fn scores(&self) -> &Quantiles {
+        &self.scores
+    }
+
+    /// The threshold for other conditions, by the scores of a drive in them and without its truth:
+    /// it accepts the same share (method 1.12). That is a guess, for which nothing is promised.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] without a score; [`Error::NotFinite`] for one that is a NaN.
+    pub fn carried_to(&self, scores: &[f32]) -> Result<Self, Error> {
+        let sorted = sorted(scores)?;
+        let rank = self.accepted as f64 / self.queries as f64 * sorted.len() as f64;
+        // Rounding must not cost a query of the share.
+        let accepted = (rank - 1e-9).ceil() as usize;
+        let mut carried = self.clone();
+        carried.score = self.score.and_then(|_| sorted.get(accepted.wrapping_sub(1)).copied());
+        let of_score = |score: &mut f32| *score = self.scores.carried(*score, &sorted);
+        carried.probability.scores.iter_mut().for_each(of_score);
+        carried.scores = Quantiles::new(&sorted);
+        carried.carried = true;
+        Ok(carried)
+    }
+}
+
+/// The scores in ascending order.
+///
+/// # Errors
+/// [`Error::Shape`] if there is none; [`Error::NotFinite`] for one that is a NaN.
+pub(super) fn sorted(scores: &[f32]) -> Result<Vec<f32>, Error> {
+    if let Some(index) = scores.iter().position(|score| score.is_nan()) {
+        return Err(Error::NotFinite { what: "scores", row: None, index, value: f32::NAN });
+    }
+    if scores.is_empty() {
+        let expected = "at least one that has a fix and a truth".to_owned();
+        return Err(Error::Shape { what: "queries", expected, got: "none".to_owned() });
+    }
+    let mut sorted = scores.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    Ok(sorted)
+}
+
+impl fmt::Display for Threshold {
+    /// The promise, or why there is none.
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (wrong, sure) = (percent(self.wrong), percent(self.sure));
+        let Some(score) = self.score else {
+            let queries = self.queries;
+            write!(to, "nothing can be promised: {queries} queries are too few to tell whether ")?;
+            write!(to, "at most {wrong} % of the accepted are wrong")?;
+            if let Some(block) = self.block.filter(|&block| block > 1) {
+                write!(to, ", as errors last: {block} queries count as one")?;
+            }
+            return match (self.more, self.more_metres()) {
+                (Some(more), None) => write!(to, "; {more} more like these would do"),
+                (Some(more), Some(metres)) => {
+                    write!(to, "; {more} more like these, {:.1} km, would do", metres / 1000.0)
+                }
+                (None, _) => write!(to, "; more like these would not do, as too many are wrong"),
+            };
+        };
+        if self.tracked {
+            write!(to, "accept a confidence of at least {:.4}: ", 1.0 - f64::from(score))?;
+        } else {
+            write!(to, "accept a score of at most {score}: ")?;
+        }
+        if self.carried {
+            return write!(to, "the share of the calibration drive; nothing is promised here");
+        }
+        let Self { accepted, queries, errors, .. } = self;
+        write!(to, "at most {wrong} % of the accepted are wrong, with {sure} % probability; ")?;
+        write!(to, "here {errors:.1} of {accepted}, of {queries} queries")
+    }
+}
+
+/// A share in percent, without digits that say nothing.
+fn percent(share: f64) -> f64 {
+    (share * 1e6).round() / 1e4
+}
