@@ -9,6 +9,8 @@ use crate::motion::Motion;
 const MAX_SMOOTHING: usize = 65_536;
 /// The most speeds that are accepted: `push` sums a diagonal for each.
 const MAX_SPEEDS: usize = 1024;
+/// The most that a technique may count.
+const MAX_WEIGHT: f64 = 1e6;
 
 /// Which second difference the consensus looks at (method 1.1, Eq. 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -46,6 +48,7 @@ pub enum Floor {
 /// assert_eq!(config.weight, 0.99);
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Config {
     /// `L`, the queries of a sequence (Eq. 5). From 1 to the number of places; 2 by default.
@@ -69,6 +72,9 @@ pub struct Config {
     /// How the robot moves, for the tracker (method 1.9); `None`, the default, for the paper
     /// alone.
     pub motion: Option<Motion>,
+    /// How much each of several techniques counts, in the order of their maps; empty, the default,
+    /// if all count the same.
+    pub technique_weights: Vec<f64>,
 }
 
 impl Default for Config {
@@ -82,6 +88,7 @@ impl Default for Config {
             floor: Floor::Running,
             speeds: vec![1.0],
             motion: None,
+            technique_weights: Vec::new(),
         }
     }
 }
@@ -144,6 +151,14 @@ impl Config {
                 );
                 return Err(option("speeds", &expected, speed));
             }
+        }
+        let weights = &self.technique_weights;
+        let largest = weights.iter().copied().fold(0.0, f64::max);
+        let range = 0.0..=MAX_WEIGHT;
+        if !weights.is_empty() && (largest == 0.0 || !weights.iter().all(|w| range.contains(w))) {
+            let expected = format!("numbers from 0 to {MAX_WEIGHT}, one of them above 0");
+            let got = format!("{weights:?}");
+            return Err(Error::Option { name: "technique_weights", expected, got });
         }
         self.motion.as_ref().map_or(Ok(()), Motion::validate)
     }

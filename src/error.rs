@@ -175,6 +175,13 @@ pub enum Error {
         reason: String,
     },
 
+    /// Settings that cannot be read, or that are for another map.
+    #[error("settings: {reason}")]
+    Settings {
+        /// Why not.
+        reason: String,
+    },
+
     /// An image was pushed, but the map was made of ready descriptors.
     #[error(
         "image: this map was made of ready descriptors, so it cannot describe an image: push the image's descriptor instead"

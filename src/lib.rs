@@ -50,6 +50,7 @@
 //! - `image`: read jpeg and png files (`ImageFiles`, `read_image`, `decode_image`).
 //! - `mmap`: map a large map's file into memory instead of reading it (`Map::open_mapped`).
 //! - `rayon`: build maps and match batches on all cores; without it the same answers come from one.
+//! - `toml`: settings in files ([`Settings`]).
 //!
 //! Off by default, and on in the Python wheel:
 //!
@@ -77,6 +78,7 @@ mod preallocated;
 mod random;
 mod scan;
 mod segments;
+mod settings;
 mod simd;
 
 pub mod calibration;
@@ -100,6 +102,7 @@ pub use method::{Aligned, Fix, Given, Matcher, Peak, Sequence, Single, Track};
 pub use motion::Motion;
 pub use numbers::{Values, View};
 pub use post::{Post, Running, Step, standardized};
+pub use settings::{MapMark, Settings};
 pub use simd::Isa;
 
 /// The README's Rust is compiled as an example.

@@ -1,8 +1,11 @@
 //! How a robot moves along the route: the options of the tracker (method 1.9).
 
+use std::fmt;
 use std::ops::RangeInclusive;
 
-use serde::{Deserialize, Serialize};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::Error;
 
@@ -27,7 +30,7 @@ const MAX_EVIDENCE: f64 = 100.0;
 /// # Ok::<(), surefix::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, remote = "Self")]
 #[non_exhaustive]
 pub struct Motion {
     /// Speeds that the robot may have, ascending, in units of the pace.
@@ -104,6 +107,16 @@ impl Motion {
         }
     }
 
+    /// The kind of this name.
+    fn named(name: &str) -> Option<Self> {
+        match name {
+            "steady" => Some(Self::steady()),
+            "free" => Some(Self::free()),
+            "any" => Some(Self::any()),
+            _ => None,
+        }
+    }
+
     /// The probabilities to leave the map, to restart and to rejoin, of which `share` may happen.
     pub(crate) fn rates(&self, share: f64) -> [f64; 3] {
         [self.leave, self.restart, self.rejoin].map(|rate| rate * share)
@@ -144,6 +157,36 @@ impl Motion {
         in_range("motion.hubness", 0.0..=1e9, self.hubness)?;
         in_range("motion.repeat", 0.0..=1.0, self.repeat)?;
         in_range("motion.evidence x motion.clip", 0.0..=MAX_EVIDENCE, self.evidence * self.clip)
+    }
+}
+
+impl Serialize for Motion {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+/// The name of a kind, or each option that is not that of [`Motion::free`].
+impl<'de> Deserialize<'de> for Motion {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Motion;
+
+            fn expecting(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+                to.write_str("\"steady\", \"free\", \"any\" or the options of a motion")
+            }
+
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<Motion, E> {
+                let unknown = || E::invalid_value(de::Unexpected::Str(name), &self);
+                Motion::named(name).ok_or_else(unknown)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, options: A) -> Result<Motion, A::Error> {
+                Motion::deserialize(MapAccessDeserializer::new(options))
+            }
+        }
+        deserializer.deserialize_any(Either)
     }
 }
 

@@ -30,6 +30,10 @@ fn python_bool(flag: bool) -> &'static str {
 /// track : Track or None
 ///     Where the robot is by all queries so far: ``place``, ``confidence``, ``off_map``, ``speed``,
 ///     ``interval``. None without the option ``motion``.
+/// accepted : bool or None
+///     Whether it is above the threshold of a calibration (``Localizer(config=...)``).
+/// probability : float or None
+///     How probable it is that the place is right, by that calibration.
 ///
 /// Examples
 /// --------
@@ -74,6 +78,17 @@ impl Fix {
     #[getter]
     fn gradient(&self) -> Peak {
         Peak(self.0.gradient)
+    }
+    /// Whether it is above the threshold of the localizer's settings; None without one.
+    #[getter]
+    fn accepted(&self) -> Option<bool> {
+        self.0.accepted
+    }
+    /// The probability that the place is right, by the calibration of the localizer's settings;
+    /// None without one, and while the fix is not ready.
+    #[getter]
+    fn probability(&self) -> Option<f64> {
+        self.0.probability
     }
     /// The sequence's match; None while the matcher warms up.
     #[getter]

@@ -19,6 +19,7 @@ mod options;
 mod places;
 mod post;
 mod sad;
+mod settings;
 mod simulate;
 mod truth;
 
@@ -55,6 +56,8 @@ mod _core {
     use crate::post::{Post, Running, fit_post};
     #[pymodule_export]
     use crate::sad::Sad;
+    #[pymodule_export]
+    use crate::settings::Settings;
     #[pymodule_export]
     use crate::simulate::{Route, Traverse};
     #[pymodule_export]

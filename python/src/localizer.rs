@@ -4,13 +4,15 @@ use numpy::{PyArray1, PyUntypedArray};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyInt, PyIterator};
 use surefix::Floor;
+use surefix::calibration::Alarm;
 
+use crate::calibrate::Threshold;
 use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
 use crate::images::{find_images, path_of, read_image};
 use crate::inputs::{Input, descriptors, listed, maps};
 use crate::map::Map;
-use crate::options::{config, given, whole};
+use crate::options::{config, given, settings, whole};
 
 /// Localizes along a map, one camera frame at a time.
 ///
@@ -23,6 +25,9 @@ use crate::options::{config, given, whole};
 /// descriptor : surefix.descriptors.Descriptor, or a list with one or None for each map, optional
 ///     On a map of learned descriptors: it describes the images that are pushed. Its name is the
 ///     one in the map's recipe.
+/// config : Settings or path, optional
+///     The settings of this route, as ``tune`` makes them: their options, over which those of
+///     ``**options`` go, and a threshold, by which fixes have ``accepted`` and ``probability``.
 /// threads : int, optional
 ///     The number of threads of the scan, the caller's own among them. None chooses by size: one
 ///     for every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to
@@ -59,11 +64,11 @@ impl Localizer {
         threads: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let config = config(py, options, Floor::Running)?;
+        let settings = settings(py, options, Floor::Running)?;
         let threads = threads.map(|given| whole("threads", given)).transpose()?;
         let maps = maps(map)?;
         let descriptors = descriptors(descriptor, &maps)?;
-        let localizer = surefix::Localizer::fused(maps, config);
+        let localizer = settings.localizer(maps);
         let localizer =
             localizer.and_then(|localizer| localizer.with_threads(threads)).or_raise(py)?;
         Ok(Self(localizer, descriptors))
@@ -195,6 +200,20 @@ impl Localizer {
     fn belief<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
         let this = shared(slf)?;
         Ok(this.0.belief().map(|belief| PyArray1::from_iter(slf.py(), belief)))
+    }
+
+    /// Whether the scores are no longer those of the calibration drive of the settings' threshold,
+    /// so that its promise holds no longer: it is raised on at most 1 % of drives like that one.
+    /// False without a threshold.
+    #[getter]
+    fn alarm(slf: &Bound<'_, Self>) -> PyResult<bool> {
+        Ok(shared(slf)?.0.alarm().is_some_and(Alarm::raised))
+    }
+
+    /// The threshold that judges its fixes; None without.
+    #[getter]
+    fn threshold(slf: &Bound<'_, Self>) -> PyResult<Option<Threshold>> {
+        Ok(shared(slf)?.0.threshold().cloned().map(Threshold))
     }
 
     /// How many of the map's rows the newest frame made it look at: all of them, or, on a map with

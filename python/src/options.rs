@@ -3,20 +3,59 @@
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyInt, PyList, PyString};
 use pythonize::{depythonize, pythonize};
-use surefix::{Config, Error, Floor, Given, Motion};
+use surefix::{Config, Error, Floor, Given};
 
 use crate::error::{OrRaise as _, value};
+use crate::images::path_of;
+use crate::settings::Settings;
 
-/// The options of `**options`, over the defaults; `floor` is the default of that option.
+/// The options of `**options`, over those of its `config`, over the defaults; `floor` is the
+/// default of that option.
 pub(crate) fn config(
     py: Python<'_>,
     options: Option<&Bound<'_, PyDict>>,
     floor: Floor,
 ) -> PyResult<Config> {
-    let merged = pythonize(py, &Config::default())?.cast_into::<PyDict>()?;
-    merged.set_item("floor", pythonize(py, &floor)?)?;
-    let mut config = depythonize(&merged)?;
+    Ok(settings(py, options, floor)?.config)
+}
+
+/// The settings of `config`, with the options of `**options` in place of its own.
+pub(crate) fn settings(
+    py: Python<'_>,
+    options: Option<&Bound<'_, PyDict>>,
+    floor: Floor,
+) -> PyResult<surefix::Settings> {
+    let mut settings = surefix::Settings::default();
+    settings.config.floor = floor;
+    let given = options.map(|options| options.get_item("config")).transpose()?.flatten();
+    if let Some(given) = given.filter(|given| !given.is_none()) {
+        settings = if let Ok(settings) = given.cast::<Settings>() {
+            settings.get().0.clone()
+        } else if let Some(path) = path_of(&given) {
+            surefix::Settings::open(path).or_raise(py)?
+        } else {
+            let shown = shown(&given);
+            let message =
+                format!("config: expected a surefix.Settings or a file of one, got {shown}");
+            return Err(value(py, message));
+        };
+    }
+    settings.config = merged(py, &settings.config, options)?;
+    Ok(settings)
+}
+
+/// The options of `**options` over those of `config`.
+fn merged(
+    py: Python<'_>,
+    config: &Config,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Config> {
+    let merged = pythonize(py, config)?.cast_into::<PyDict>()?;
+    let mut config = config.clone();
     for (name, given) in options.into_iter().flatten() {
+        if name.eq("config")? {
+            continue;
+        }
         let Some(default) = merged.get_item(&name)? else {
             let names: Vec<String> = merged.keys().extract()?;
             let names = names.join(", ");
@@ -42,18 +81,12 @@ fn in_serde<'py>(
             .map_or_else(|_| Ok(given.clone()), |each| Ok(PyList::new(py, each)?.into_any()));
     }
     if name.eq("motion")? {
-        let named = match given.extract() {
-            Ok("steady") => Motion::steady(),
-            Ok("free") => Motion::free(),
-            Ok("any") => Motion::any(),
-            // `surefix.Motion`: its fields.
-            _ if given.is_instance(&py.import("surefix.motion")?.getattr("Motion")?)? => {
-                return given.getattr("__dict__");
-            }
-            _ if given.is_none() => return Ok(given.clone()),
-            _ => return refuse(name, default, given),
-        };
-        return Ok(pythonize(py, &named)?);
+        // `surefix.Motion`: its fields.
+        if given.is_instance(&py.import("surefix.motion")?.getattr("Motion")?)? {
+            return given.getattr("__dict__");
+        }
+        let known = given.is_none() || given.is_instance_of::<PyString>();
+        return if known { Ok(given.clone()) } else { refuse(name, default, given) };
     }
     if name.eq("floor")? && !given.is_instance_of::<PyString>() {
         let fixed = PyDict::new(py);
@@ -74,6 +107,7 @@ fn refuse<T>(
         "gradient" => "\"halved\" or \"unhalved\"",
         "floor" => "\"running\", \"global\" or a number",
         "speeds" => "a sequence of numbers, in places a query",
+        "technique_weights" => "a sequence of numbers, one a technique",
         "motion" => "\"steady\", \"free\", \"any\", a surefix.Motion or None",
         _ if default.is_instance_of::<PyInt>() => WHOLE,
         _ if default.is_instance_of::<PyFloat>() => "a number",

@@ -6,8 +6,10 @@ command line makes its flags from this table.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any, Literal, SupportsFloat, SupportsIndex, TypeAlias, TypedDict
 
+from surefix._core import Settings
 from surefix.motion import Motion
 
 Gradient: TypeAlias = Literal["halved", "unhalved"]
@@ -25,6 +27,8 @@ class Options(TypedDict, total=False):
     floor: Floor | str
     speeds: Iterable[SupportsFloat]
     motion: Motion | str | None
+    technique_weights: Iterable[SupportsFloat]
+    config: Settings | str | PathLike[str] | None
 
 
 @dataclass(frozen=True)
@@ -90,5 +94,12 @@ OPTIONS: tuple[Option, ...] = (
         '"steady", "free" or "any"',
         "Track the robot: at a steady pace, from 0 to twice it, or at any speed.",
         choices=("steady", "free", "any"),
+    ),
+    Option(
+        "technique_weights",
+        list,
+        (),
+        "0 or more, such as 1,0.5",
+        "How much each fused technique counts; all the same by default.",
     ),
 )

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const MAX_LINKS: usize = 40;
 
 /// A file under a temporary name, in the folder of the file that it will replace.
-pub(super) struct AtomicFile {
+pub(crate) struct AtomicFile {
     pub(super) temporary: tempfile::NamedTempFile,
     target: PathBuf,
     folder: PathBuf,
@@ -38,6 +38,14 @@ impl AtomicFile {
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let temporary = builder.tempfile_in(&folder)?;
         Ok(Self { temporary, target, folder, old: old.map(|old| old.permissions()) })
+    }
+
+    /// A whole file at once.
+    #[cfg(feature = "toml")]
+    pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+        let mut file = Self::beside(path)?;
+        io::Write::write_all(&mut file.temporary, bytes)?;
+        file.commit()
     }
 
     pub(super) fn commit(self) -> io::Result<()> {

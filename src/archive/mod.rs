@@ -15,6 +15,8 @@ use std::io;
 use safetensors::tensor::Dtype;
 
 use crate::error::Error;
+#[cfg(feature = "toml")]
+pub(crate) use atomic::AtomicFile;
 #[cfg(feature = "mmap")]
 pub(crate) use reader::verify;
 pub(crate) use reader::{Header, Reader, Tensors, read};

@@ -2,7 +2,7 @@
 
 use super::probability::Probability;
 use super::quantiles::Quantiles;
-use super::threshold::{Threshold, sorted};
+use super::threshold::{Means, Threshold, sorted};
 use super::{binomial, blocks};
 use crate::error::Error;
 use crate::evaluate::{Match, Truth, Verdict, block_length};
@@ -209,6 +209,7 @@ pub fn calibrate(
             scores.iter().zip(&wrong).map(|(&score, wrong)| (score, 1.0 - wrong)),
         ),
         scores: Quantiles::new(&strict),
+        means: Means::new(&scores),
     })
 }
 

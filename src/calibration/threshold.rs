@@ -4,9 +4,11 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::alarm::Alarm;
 use super::probability::Probability;
 use super::quantiles::Quantiles;
 use crate::error::Error;
+use crate::evaluate::block_length;
 use crate::method::Fix;
 
 /// A threshold from a calibration drive, by [`calibrate`](super::calibrate): the fixes that it
@@ -42,6 +44,31 @@ pub struct Threshold {
     pub(super) probability: Probability,
     /// The scores of the calibration drive.
     pub(super) scores: Quantiles,
+    /// Their means in blocks, in the order of the drive.
+    pub(super) means: Means,
+}
+
+/// The means of scores in blocks of consecutive queries.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Means {
+    pub(super) block: usize,
+    pub(super) scores: Vec<f64>,
+}
+
+impl Means {
+    /// The latest of a long drive.
+    const MOST: usize = 1000;
+
+    /// Of scores in order, in blocks that are as long as they are alike. A last block that is not
+    /// complete is left out.
+    pub(super) fn new(scores: &[f32]) -> Self {
+        let scores: Vec<f64> = scores.iter().copied().map(f64::from).collect();
+        let block = block_length(&scores).unwrap_or(1);
+        let blocks = scores.chunks_exact(block);
+        let latest = blocks.skip((scores.len() / block).saturating_sub(Self::MOST));
+        let scores = latest.map(|scores| scores.iter().sum::<f64>() / block as f64).collect();
+        Self { block, scores }
+    }
 }
 
 impl Threshold {
@@ -73,6 +100,17 @@ impl Threshold {
         &self.probability
     }
 
+    /// An alarm for scores that are worse than those of the calibration drive; false with
+    /// probability `level` at most.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for a level that is not between 0 and 1, and for a block of 0 in a file.
+    pub fn alarm(&self, level: f64) -> Result<Alarm, Error> {
+        let Means { block, scores } = &self.means;
+        Alarm::checked(*block, level)?;
+        Ok(Alarm::of_means(scores.iter().copied(), *block, level))
+    }
+
     /// The scores of the calibration drive, in short.
     pub fn scores(&self) -> &Quantiles {
         &self.scores
@@ -93,6 +131,7 @@ impl Threshold {
         let of_score = |score: &mut f32| *score = self.scores.carried(*score, &sorted);
         carried.probability.scores.iter_mut().for_each(of_score);
         carried.scores = Quantiles::new(&sorted);
+        carried.means = Means::new(scores);
         carried.carried = true;
         Ok(carried)
     }

@@ -1,10 +1,12 @@
 //! A map and a matcher: the loop that a robot runs.
 
+mod judge;
 mod screening;
 mod technique;
 
 use std::sync::Arc;
 
+use crate::calibration::{Alarm, Threshold};
 use crate::config::Config;
 use crate::error::Error;
 use crate::image::ImageView;
@@ -13,6 +15,7 @@ use crate::method::{Fix, Fusion, Given, MAX_TECHNIQUES, Matcher, Owner, load};
 use crate::numbers::View;
 use crate::post::Running;
 use crate::scan::{Pool, threads_for};
+use judge::Judge;
 use screening::Screening;
 pub use technique::Input;
 use technique::{Scan, Technique};
@@ -56,6 +59,7 @@ pub struct Localizer {
     matcher: Matcher,
     /// The bounds of a map with a screen.
     screening: Option<Box<Screening>>,
+    judge: Option<Box<Judge>>,
 }
 
 impl Localizer {
@@ -124,6 +128,47 @@ impl Localizer {
         Ok(self)
     }
 
+    /// The same localizer, which judges each fix: whether `threshold` accepts it, and how probable
+    /// it is that it is right. Neither the threshold nor the state of its alarm is part of a
+    /// snapshot.
+    ///
+    /// # Errors
+    /// [`Error::Option`] if the threshold is of fixes with a track and there is no
+    /// [`Config::motion`], or the other way round.
+    pub fn with_threshold(mut self, threshold: Threshold) -> Result<Self, Error> {
+        let tracked = self.config().motion.is_some();
+        self.judge = Some(Box::new(Judge::new(threshold, tracked)?));
+        Ok(self)
+    }
+
+    /// Calls `told` once, with the fix at that time, if the scores are no longer those of the
+    /// threshold's calibration drive, so that its promise and its probabilities hold no longer.
+    /// Without a threshold it is never called.
+    ///
+    /// ```
+    /// # use std::sync::Arc;
+    /// # use surefix::{Config, Localizer, Map, Metric};
+    /// # let map = Arc::new(Map::from_descriptors(vec![1.0_f32, 0.0, 0.0, 1.0], 2, Metric::Euclidean)?);
+    /// let mut localizer = Localizer::new(map, Config::default())?;
+    /// localizer.on_alarm(|fix| eprintln!("frame {}: calibrate anew", fix.frame));
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    pub fn on_alarm(&mut self, told: impl Fn(&Fix) + Send + Sync + 'static) {
+        if let Some(judge) = &mut self.judge {
+            judge.told = Some(Arc::new(told));
+        }
+    }
+
+    /// The threshold that judges its fixes.
+    pub fn threshold(&self) -> Option<&Threshold> {
+        self.judge.as_ref().map(|judge| &judge.threshold)
+    }
+
+    /// The alarm that the threshold holds no longer.
+    pub fn alarm(&self) -> Option<&Alarm> {
+        self.judge.as_ref().map(|judge| &judge.alarm)
+    }
+
     /// How many threads scan the map, the caller's own among them.
     pub fn threads(&self) -> usize {
         let threads = |technique: &Technique| technique.pool.as_ref().map_or(1, Pool::threads);
@@ -140,7 +185,7 @@ impl Localizer {
             return Err(Error::Length { what, expected: places, got: other.places() });
         }
         let fusion = match maps.len() {
-            1 => None,
+            1 if matcher.config().technique_weights.len() <= 1 => None,
             count => Some(Fusion::new(count, places, matcher.config())?),
         };
         let screening = match &maps[..] {
@@ -155,7 +200,7 @@ impl Localizer {
             _ => None,
         };
         let techniques = maps.into_iter().map(Technique::new).collect();
-        Ok(Self { techniques, fusion, matcher, screening })
+        Ok(Self { techniques, fusion, matcher, screening, judge: None })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -222,7 +267,7 @@ impl Localizer {
         given: Given,
     ) -> Result<Fix, Error> {
         given.check()?;
-        let Self { techniques, fusion, matcher, screening } = self;
+        let Self { techniques, fusion, matcher, screening, judge } = self;
         let fix = match (fusion, &mut techniques[..], screening) {
             (None, [one], Some(screening)) => {
                 let (query, Scan { map, pool, column }) = one.query(input(0))?;
@@ -243,10 +288,13 @@ impl Localizer {
                 matcher.push_column(fusion.column(), given, &mut ())
             }
         }?;
-        for (index, technique) in self.techniques.iter_mut().enumerate() {
+        for (index, technique) in techniques.iter_mut().enumerate() {
             technique.commit(input(index));
         }
-        Ok(fix)
+        Ok(match judge {
+            Some(judge) => judge.judge(fix),
+            None => fix,
+        })
     }
 
     /// Fixes for frame after frame of a camera, as they are asked for.
@@ -344,6 +392,9 @@ impl Localizer {
         self.techniques.iter_mut().for_each(Technique::reset);
         if let Some(fusion) = &mut self.fusion {
             fusion.reset();
+        }
+        if let Some(judge) = &mut self.judge {
+            judge.alarm.reset();
         }
     }
 

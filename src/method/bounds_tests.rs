@@ -85,6 +85,7 @@ fn config(places: usize) -> impl Strategy<Value = Config> {
             floor,
             speeds,
             motion,
+            technique_weights: Vec::new(),
         },
     )
 }

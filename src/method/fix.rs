@@ -30,6 +30,12 @@ pub struct Fix {
     /// Where the robot is by all queries so far (method 1.9); `None` without
     /// [`Config::motion`](crate::Config::motion).
     pub track: Option<Track>,
+    /// Whether it is above the threshold of a calibration; `None` without one
+    /// ([`Localizer::with_threshold`](crate::Localizer::with_threshold)).
+    pub accepted: Option<bool>,
+    /// The probability that the place is right, by that calibration; `None` without one, and if the
+    /// fix is not ready.
+    pub probability: Option<f64>,
 }
 
 impl Fix {

@@ -20,9 +20,11 @@ pub(crate) struct Fusion {
     techniques: Vec<Hubness>,
     motion: Motion,
     isa: Isa,
-    /// The mean of the techniques' `z`: the column of the paper's steps.
+    /// The weights of each technique: in the mean of `z`, and in the sum of clipped `z`.
+    weights: Vec<(f64, f64)>,
+    /// The weighted mean of the techniques' `z`: the column of the paper's steps.
     column: Vec<f32>,
-    /// The sum of their clipped `z`, divided by the square root of their number.
+    /// The weighted sum of their clipped `z`, as spread as one of them would be.
     evidence: Vec<f64>,
     /// Whether any technique's column said anything.
     says: bool,
@@ -32,14 +34,16 @@ impl Fusion {
     /// For `count` techniques, which is at least 1.
     ///
     /// # Errors
-    /// [`Error::Memory`] if there is not enough.
+    /// [`Error::Memory`] if there is not enough; [`Error::Option`] for weights of another number of
+    /// techniques.
     pub(crate) fn new(count: usize, places: usize, config: &Config) -> Result<Self, Error> {
         let (mut column, mut evidence) = (reserved(places)?, reserved(places)?);
         column.resize(places, 0.0);
         evidence.resize(places, 0.0);
         let techniques = (0..count).map(|_| Hubness::new(places)).collect::<Result<_, _>>()?;
         let motion = config.motion.clone().unwrap_or_default();
-        Ok(Self { techniques, motion, isa: Isa::best(), column, evidence, says: false })
+        let weights = weights(&config.technique_weights, count)?;
+        Ok(Self { techniques, motion, isa: Isa::best(), weights, column, evidence, says: false })
     }
 
     /// Fuses the techniques' columns of a query; `column` gives one. The result is
@@ -64,9 +68,11 @@ impl Fusion {
         self.column.fill(0.0);
         self.evidence.fill(0.0);
         self.says = false;
-        let count = self.techniques.len() as f64;
-        let (share, weight) = (1.0 / count, 1.0 / count.sqrt());
-        for (index, hubness) in self.techniques.iter_mut().enumerate() {
+        let each = self.techniques.iter_mut().zip(&self.weights);
+        for (index, (hubness, &(share, weight))) in each.enumerate() {
+            if weight == 0.0 {
+                continue;
+            }
             let (fused, evidence) = (&mut self.column[..], &mut self.evidence[..]);
             let (motion, column) = (&self.motion, column(index));
             let add = Add { hubness, motion, column, share, weight, fused, evidence };
@@ -99,6 +105,24 @@ impl Fusion {
         }
         fits
     }
+}
+
+/// Of each technique: its part of the sum of all weights, and of the root of the sum of squares.
+fn weights(given: &[f64], count: usize) -> Result<Vec<(f64, f64)>, Error> {
+    if !given.is_empty() && given.len() != count {
+        let expected = format!("one of each of {count} techniques");
+        let got = given.len().to_string();
+        return Err(Error::Option { name: "technique_weights", expected, got });
+    }
+    // As shares of the largest, so that their squares are numbers.
+    let largest = given.iter().copied().fold(0.0, f64::max);
+    let each: Vec<f64> = match given {
+        [] => vec![1.0; count],
+        given => given.iter().map(|weight| weight / largest).collect(),
+    };
+    let sum: f64 = each.iter().sum();
+    let root = each.iter().map(|weight| weight * weight).sum::<f64>().sqrt();
+    Ok(each.into_iter().map(|weight| (weight / sum, weight / root)).collect())
 }
 
 /// One technique's part of the fused column, compiled for each instruction set.

@@ -217,7 +217,19 @@ impl Matcher {
             (None, Some(sequence)) => (sequence.place, sequence.score),
             (None, None) => (single.place, single.distance),
         };
-        Ok(Fix { frame, trusted, place, score, single, gradient, sequence, track })
+        let (accepted, probability) = (None, None);
+        Ok(Fix {
+            frame,
+            trusted,
+            place,
+            score,
+            single,
+            gradient,
+            sequence,
+            track,
+            accepted,
+            probability,
+        })
     }
 
     /// Declares that the next query does not follow the one before: frames were dropped, or the
