@@ -436,7 +436,7 @@ def test_nothing_optional_is_imported_before_it_is_used() -> None:
     code = """
         import sys, surefix.descriptors as d
         assert "surefix.descriptors.onnx" not in sys.modules
-        d.Onnx, d.Torch, d.PatchNetVlad, d.from_hub, d.load, d.extract, d.reranked_distances
+        d.Onnx, d.Torch, d.PatchNetVlad, d.XFeat, d.Reranker, d.from_hub, d.load, d.extract, d.reranked_distances
         optional = {"onnxruntime", "torch", "PIL", "h5py", "faiss", "safetensors", "patchnetvlad", "cv2"}
         assert not optional & set(sys.modules), optional & set(sys.modules)
         assert callable(d.extract) and set(d.__all__) <= set(dir(d))
