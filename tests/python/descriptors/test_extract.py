@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -418,6 +419,13 @@ def test_a_number_that_is_none_is_found_wherever_it_is(tmp_path: Path) -> None:
             "torch",
             lambda d: d.from_hub("megaloc"),
             "the model megaloc takes PyTorch, which is not installed",
+        ),
+        ("onnxruntime", lambda d: d.XFeat(__file__), "takes onnxruntime, which is not installed"),
+        ("torch", lambda d: d.XFeat(), "XFeat without a file takes PyTorch, which is not"),
+        (
+            "safetensors.numpy",
+            lambda d: d.Reranker(SimpleNamespace(features=len, scores=len), ["a"]).save("a", None),
+            'a file of local features takes safetensors, .*: pip install "surefix.learned."',
         ),
     ],
 )
