@@ -5,9 +5,10 @@
 >>> rows = extract("photos/monday", network, cache="monday.cache")   # doctest: +SKIP
 >>> route = surefix.Map.from_descriptors(rows, metric="cosine")   # doctest: +SKIP
 
-``Descriptor`` is their protocol. ``Onnx`` needs ``pip install "surefix[learned]"``,
-``Torch`` and ``from_hub`` need PyTorch, ``load`` the package of the file's format. Each is imported
-when it is used.
+``Descriptor`` is their protocol. ``Verifier`` is that of a second look at the nearest places, which
+a ``Reranker`` takes: ``XFeat``, ``PatchNetVlad``. ``Onnx`` and ``XFeat`` need ``pip install
+"surefix[learned]"``, ``Torch`` and ``from_hub`` PyTorch, ``load`` the package of the file's format.
+Each is imported when it is used.
 """
 
 from importlib import import_module
@@ -19,8 +20,11 @@ if TYPE_CHECKING:
     from surefix.descriptors.hub import HUB_MODELS, from_hub
     from surefix.descriptors.onnx import Onnx
     from surefix.descriptors.patch_netvlad import PatchNetVlad
-    from surefix.descriptors.reranked import read_pairs, reranked_distances
+    from surefix.descriptors.reranked import confirmed, read_pairs, reranked_distances
+    from surefix.descriptors.reranker import Reranker
     from surefix.descriptors.torch import Torch
+    from surefix.descriptors.verifier import Verifier
+    from surefix.descriptors.xfeat import XFeat
     from surefix.tables.vectors import load, metric_of
 
 __all__ = [
@@ -28,7 +32,11 @@ __all__ = [
     "Descriptor",
     "Onnx",
     "PatchNetVlad",
+    "Reranker",
     "Torch",
+    "Verifier",
+    "XFeat",
+    "confirmed",
     "extract",
     "from_hub",
     "load",
@@ -43,8 +51,11 @@ _MODULES = {
     "surefix.descriptors.hub": ("HUB_MODELS", "from_hub"),
     "surefix.descriptors.onnx": ("Onnx",),
     "surefix.descriptors.patch_netvlad": ("PatchNetVlad",),
-    "surefix.descriptors.reranked": ("read_pairs", "reranked_distances"),
+    "surefix.descriptors.reranked": ("confirmed", "read_pairs", "reranked_distances"),
+    "surefix.descriptors.reranker": ("Reranker",),
     "surefix.descriptors.torch": ("Torch",),
+    "surefix.descriptors.verifier": ("Verifier",),
+    "surefix.descriptors.xfeat": ("XFeat",),
     "surefix.tables.vectors": ("load", "metric_of"),
 }
 

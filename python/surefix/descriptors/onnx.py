@@ -81,8 +81,8 @@ class Onnx:
     ) -> None:
         self.path = Path(path)
         batch = checked_batch(batch)
-        self._sha256 = _sha256(self.path)
-        self._session = _open(self.path, providers, threads)
+        self._sha256 = file_sha256(self.path)
+        self._session = open_session(self.path, providers, threads)
         node = self._only_input()
         self._input_name: str = node.name
         if node.type not in NUMBERS:
@@ -147,7 +147,7 @@ class Onnx:
             # The errors of onnxruntime have no common base.
             height, width = planes.shape[2:]
             of = f"{len(images)} images of {width} x {height}"
-            refused = f"{self.path}: the model does not run on {of}: {_short(error)}"
+            refused = f"{self.path}: the model does not run on {of}: {short(error)}"
             raise SurefixValueError(refused) from None
         what = f"{self.path}, output {self.output}"
         if not isinstance(output, np.ndarray):
@@ -190,7 +190,7 @@ class Onnx:
         return output
 
 
-def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> Any:
+def open_session(path: Path, providers: Sequence[str] | None, threads: int | None) -> Any:
     runtime = require("onnxruntime", "an ONNX model", "onnxruntime", "surefix[learned]")
     offered = [provider for provider in runtime.get_available_providers() if provider != REMOTE]
     unknown = [provider for provider in providers or () if provider not in offered]
@@ -205,10 +205,10 @@ def _open(path: Path, providers: Sequence[str] | None, threads: int | None) -> A
         return runtime.InferenceSession(str(path), options, providers=list(providers or offered))
     except Exception as error:
         none = f"not an ONNX model that onnxruntime {runtime.__version__} can load"
-        raise SurefixValueError(f"{path}: {none}: {_short(error)}") from None
+        raise SurefixValueError(f"{path}: {none}: {short(error)}") from None
 
 
-def _sha256(path: Path) -> str:
+def file_sha256(path: Path) -> str:
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -220,6 +220,6 @@ def _shape(node: Any) -> str:
     return "(" + ", ".join("?" if side is None else str(side) for side in node.shape) + ")"
 
 
-def _short(error: Exception) -> str:
+def short(error: Exception) -> str:
     """The message of onnxruntime, without its code and the path."""
     return " ".join(str(error).split("\n")[0].split(" : ")[-1].split())

@@ -1,9 +1,8 @@
-"""Patch-NetVLAD by its authors' package: its features in, distances of all places out."""
+"""Patch-NetVLAD by its authors' package, as a verifier."""
 
 import configparser
-import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -12,15 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.descriptors.reranked import reranked_distances
 from surefix.errors import SurefixValueError, mismatch, refusal
 from surefix.tables.npy import read_npy
 
-Rows = npt.NDArray[np.float32]
-
 
 class PatchNetVlad:
-    """Re-ranks the nearest places by their patches, by the package's own matcher and scores.
+    """Patch-NetVLAD's patches, compared by the package's own matcher and scores, as a ``Verifier``.
 
     ``patchnetvlad-feature-extract`` writes the features of each drive into a folder. The package's
     own ``patchnetvlad-feature-match`` writes only a ranking of them (``read_pairs`` reads it); this
@@ -31,16 +27,9 @@ class PatchNetVlad:
 
     Parameters
     ----------
-    features : str or path
-        The folder of the references: ``globalfeats.npy`` and ``patchfeats_psize2_NAME.npy`` and so
-        on.
-    references : sequence of str or path
-        The images in route order, as in the list that the features were made from.
     config : str or path
         One of the package's configurations, ``"performance"``, ``"speed"`` or ``"storage"``, or an
         ``.ini`` file: that which the features were made with.
-    candidates : int, optional
-        Places re-ranked a query; the greatest of ``n_values_all`` by default.
     device : str
     normalised : bool
         True is the published score: that of each patch size, less its mean over the candidates and
@@ -51,27 +40,26 @@ class PatchNetVlad:
     Raises
     ------
     SurefixFileError
-        If a file is missing.
+        If the configuration cannot be read.
     SurefixValueError
-        If the features are not those of these references, or the configuration lacks something.
+        If the configuration lacks something.
     SurefixError
         If a package is missing.
 
     Examples
     --------
-    >>> from surefix.descriptors import PatchNetVlad
-    >>> network = PatchNetVlad("features/summer", summer_images, config="speed")   # doctest: +SKIP
-    >>> matcher = surefix.Matcher(places=len(summer_images))   # doctest: +SKIP
-    >>> for distances in network.columns("features/winter", winter_images):   # doctest: +SKIP
-    ...     fix = matcher.push(distances)
+    The global features are a map's rows; ``summer_images`` are names such as ``summer/0.png``.
+
+    >>> from surefix.descriptors import PatchNetVlad, Reranker
+    >>> rows, seen = (np.load(f"{d}/globalfeats.npy") for d in drives)   # doctest: +SKIP
+    >>> route = surefix.Map.from_descriptors(rows, metric="euclidean")   # doctest: +SKIP
+    >>> reranker = Reranker(PatchNetVlad("speed"), summer_images)   # doctest: +SKIP
+    >>> reranked = reranker.distances(route.distances(seen[0]), "winter/0.png")   # doctest: +SKIP
     """
 
     def __init__(
         self,
-        features: str | PathLike[str],
-        references: Sequence[str | PathLike[str]],
         config: str | PathLike[str] = "performance",
-        candidates: int | None = None,
         device: str = "cpu",
         normalised: bool = True,
     ) -> None:
@@ -80,7 +68,7 @@ class PatchNetVlad:
         local = require("patchnetvlad.models.local_matcher", what, "patchnetvlad", install)
         patches = require("patchnetvlad.tools.patch_matcher", what, "patchnetvlad", install)
         tools = require("patchnetvlad.tools", what, "patchnetvlad", install)
-        self.folder, self.device, self.normalised = Path(features), device, normalised
+        self.device, self.normalised = device, normalised
         settings = _Settings(config, tools.PATCHNETVLAD_ROOT_DIR)
         scales = list(zip(settings.patch_sizes, settings.strides, strict=True))
         self._sizes, self._weights = settings.patch_sizes, np.array(settings.weights)
@@ -96,41 +84,28 @@ class PatchNetVlad:
             [spot[0] for spot in spots],
             [spot[1] for spot in spots],
         )
-        self._names = [_stem(name) for name in references]
-        self._global = _global_features(self.folder, len(self._names))
-        self.candidates = min(candidates or settings.candidates, len(self._names))
-        if self.candidates < 1:
-            raise mismatch("candidates", "at least 1", candidates)
 
-    def columns(
-        self, features: str | PathLike[str], queries: Sequence[str | PathLike[str]]
-    ) -> Iterator[npt.NDArray[np.float32]]:
-        """For each query, the distances of all places, (n,), as ``Matcher.push`` takes them.
+    def features(self, image: str | PathLike[str]) -> list[Path]:
+        """The files of an image's features, ``patchfeats_psize2_NAME.npy`` and so on, of
+        ``FOLDER/NAME`` with any ending. They are read when they are compared.
+        """
+        folder, name = Path(image).parent, Path(image).stem
+        return [folder / f"patchfeats_psize{size}_{name}.npy" for size in self._sizes]
+
+    def scores(
+        self, query: Sequence[Path], places: Sequence[Sequence[Path]]
+    ) -> npt.NDArray[np.float64]:
+        """The scores of some places for one query, smaller is better.
 
         Raises
         ------
-        SurefixError
-            As for the references' features.
+        SurefixFileError
+            If a file of features cannot be read.
         """
-        folder, names = Path(features), [_stem(name) for name in queries]
-        of_queries = _global_features(folder, len(names))
-        if of_queries.shape[1] != self._global.shape[1]:
-            expected = f"global features of {self._global.shape[1]} numbers as of the references"
-            raise mismatch(folder, expected, of_queries.shape[1])
-        for name, feature in zip(names, of_queries, strict=True):
-            coarse = np.linalg.norm(self._global - feature, axis=1)
-            nearest = np.argsort(coarse, kind="stable")[: self.candidates]
-            yield reranked_distances(coarse, nearest, self.scores(folder, name, nearest))
-
-    def scores(
-        self, features: Path, query: str, candidates: npt.NDArray[np.int64]
-    ) -> npt.NDArray[np.float64]:
-        """The scores of some places for one query, smaller is better."""
-        theirs = [tensor.T for tensor in self._patches(features, query)]
-        found = np.empty((len(candidates), len(self._sizes)))
-        for row, place in enumerate(candidates):
-            ours = self._patches(self.folder, self._names[place])
-            found[row], _, _ = self._matcher.match(theirs, ours)
+        theirs = [tensor.T for tensor in self._read(query)]
+        found = np.empty((len(places), len(self._sizes)))
+        for row, place in enumerate(places):
+            found[row], _, _ = self._matcher.match(theirs, self._read(place))
         if self.normalised:
             spread = found.std(axis=0)
             # If all candidates agree, the package divides 0 by 0; such a patch size is left out.
@@ -138,8 +113,7 @@ class PatchNetVlad:
         total: npt.NDArray[np.float64] = found @ self._weights
         return total
 
-    def _patches(self, folder: Path, name: str) -> list[Any]:
-        files = [folder / f"patchfeats_psize{size}_{name}.npy" for size in self._sizes]
+    def _read(self, files: Sequence[Path]) -> list[Any]:
         loaded = [read_npy(file, "the features") for file in files]
         return [self._torch.tensor(array, device=self.device) for array in loaded]
 
@@ -161,7 +135,6 @@ class _Settings:
             self.strides = [int(stride) for stride in shape["strides"].split(",")]
             weights = self.matching["patchWeights2Use"]
             self.weights = [float(weight) for weight in weights.split(",")]
-            self.candidates = max(int(count) for count in self.matching["n_values_all"].split(","))
         except OSError as error:
             raise refusal(path, "cannot read the configuration", error) from None
         except (configparser.Error, KeyError, ValueError) as error:
@@ -172,16 +145,3 @@ class _Settings:
             expected = "patch_sizes, strides and patchWeights2Use of one length"
             got = f"{len(self.patch_sizes)}, {len(self.strides)} and {len(self.weights)}"
             raise mismatch(path, expected, got)
-
-
-def _global_features(folder: Path, images: int) -> Rows:
-    file = folder / "globalfeats.npy"
-    array = read_npy(file, "the features")
-    if array.ndim != 2 or len(array) != images:
-        raise mismatch(file, f"a row for each of the {images} images", f"the shape {array.shape}")
-    return array.astype(np.float32, copy=False)
-
-
-def _stem(name: str | PathLike[str]) -> str:
-    """The part of an image's name in its features' names."""
-    return os.path.splitext(os.path.basename(os.fspath(name)))[0]

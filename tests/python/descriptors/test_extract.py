@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -419,6 +420,13 @@ def test_a_number_that_is_none_is_found_wherever_it_is(tmp_path: Path) -> None:
             lambda d: d.from_hub("megaloc"),
             "the model megaloc takes PyTorch, which is not installed",
         ),
+        ("onnxruntime", lambda d: d.XFeat(__file__), "takes onnxruntime, which is not installed"),
+        ("torch", lambda d: d.XFeat(), "XFeat without a file takes PyTorch, which is not"),
+        (
+            "safetensors.numpy",
+            lambda d: d.Reranker(SimpleNamespace(features=len, scores=len), ["a"]).save("a", None),
+            'a file of local features takes safetensors, .*: pip install "surefix.learned."',
+        ),
     ],
 )
 def test_a_missing_package_is_named_in_a_line(
@@ -436,7 +444,7 @@ def test_nothing_optional_is_imported_before_it_is_used() -> None:
     code = """
         import sys, surefix.descriptors as d
         assert "surefix.descriptors.onnx" not in sys.modules
-        d.Onnx, d.Torch, d.PatchNetVlad, d.from_hub, d.load, d.extract, d.reranked_distances
+        d.Onnx, d.Torch, d.PatchNetVlad, d.XFeat, d.Reranker, d.from_hub, d.load, d.extract, d.reranked_distances
         optional = {"onnxruntime", "torch", "PIL", "h5py", "faiss", "safetensors", "patchnetvlad", "cv2"}
         assert not optional & set(sys.modules), optional & set(sys.modules)
         assert callable(d.extract) and set(d.__all__) <= set(dir(d))

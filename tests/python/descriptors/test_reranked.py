@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import surefix
-from surefix.descriptors import PatchNetVlad, read_pairs, reranked_distances
+from surefix.descriptors import PatchNetVlad, Reranker, read_pairs, reranked_distances
 
 
 @pytest.mark.parametrize("seed", range(200))
@@ -179,13 +179,15 @@ def test_the_ranking_is_the_packages_own(features: Path, matcher: str) -> None:
     file.write_text(CONFIG.format(matcher=matcher))
     config = configparser.ConfigParser()
     config.read(file)
-    network = PatchNetVlad(
-        features / "summer", REFERENCES + [f"{i}.png" for i in range(5, PLACES)], file
-    )
-    columns = list(network.columns(features / "winter", [f"{i}.png" for i in range(SEEN)]))
     summer, winter = (
         np.load(features / drive / "globalfeats.npy") for drive in ("summer", "winter")
     )
+    route = surefix.Map.from_descriptors(summer, metric="euclidean")
+    coarse = np.stack([route.distances(row) for row in winter], axis=1)
+    places = [features / "summer" / f"{i}.png" for i in range(PLACES)]
+    queries = [features / "winter" / f"{i}.png" for i in range(SEEN)]
+    reranker = Reranker(PatchNetVlad(file), places, candidates=5)
+    columns = reranker.distances(coarse, queries).T
     nearest = np.argsort(((summer[None] - winter[:, None]) ** 2).sum(2), axis=1)[:, :5]
     data = SimpleNamespace(
         images=[f"{i}.png" for i in range(PLACES)] + [f"{i}.png" for i in range(SEEN)], numDb=PLACES
@@ -207,31 +209,22 @@ def test_the_ranking_is_the_packages_own(features: Path, matcher: str) -> None:
         assert set(ranked) == set(np.argsort(column)[:5])
         assert column.argmin() == 2 * query
         assert matched.push(column).single.place == 2 * query
-    plain = PatchNetVlad(features / "summer", data.images[:PLACES], file, normalised=False)
-    for query, column in enumerate(plain.columns(features / "winter", data.images[PLACES:])):
-        assert column.argmin() == 2 * query
+    plain = Reranker(PatchNetVlad(file, normalised=False), places, candidates=5)
+    assert plain.distances(coarse, queries).argmin(axis=0).tolist() == [0, 2, 4, 6]
 
 
-def test_features_of_other_images_are_refused(features: Path) -> None:
-    names = [f"{i}.png" for i in range(PLACES)]
-    with pytest.raises(
-        surefix.SurefixValueError,
-        match=r"globalfeats\.npy: expected a row for each of the 8 images",
-    ):
-        PatchNetVlad(features / "summer", names[:8])
-    with pytest.raises(
-        surefix.SurefixFileError, match=r"globalfeats\.npy: cannot read the features"
-    ):
-        PatchNetVlad(features / "spring", names)
+def test_a_missing_file_of_patches_and_a_wrong_configuration_are_named(features: Path) -> None:
     with pytest.raises(surefix.SurefixFileError, match=r"fast\.ini: cannot read the configuration"):
-        PatchNetVlad(features / "summer", names, "fast")
-    network = PatchNetVlad(features / "summer", names, "speed")
+        PatchNetVlad("fast")
+    reranker = Reranker(
+        PatchNetVlad("speed"), [features / "summer" / f"{i}" for i in range(PLACES)]
+    )
     with pytest.raises(
         surefix.SurefixFileError, match=r"patchfeats_psize\d_other0\.npy: cannot read the features"
     ):
-        list(network.columns(features / "winter", [f"other{i}.png" for i in range(SEEN)]))
+        reranker.distances(np.arange(PLACES), features / "winter" / "other0.png")
     (features / "bad.ini").write_text("[feature_match]\nmatcher = RANSAC\n")
     with pytest.raises(
         surefix.SurefixValueError, match=r"bad\.ini: expected a configuration of Patch-NetVLAD"
     ):
-        PatchNetVlad(features / "summer", names, features / "bad.ini")
+        PatchNetVlad(features / "bad.ini")
