@@ -148,7 +148,8 @@ impl Settings {
     /// # Errors
     /// [`Error::Settings`].
     pub fn from_toml(text: &str) -> Result<Self, Error> {
-        toml::from_str(text).map_err(|error| Error::Settings { reason: error.to_string() })
+        let refused = |error: toml::de::Error| error.to_string().trim_end().to_owned();
+        toml::from_str(text).map_err(|error| Error::Settings { reason: refused(error) })
     }
 
     /// The text of a file.

@@ -11,7 +11,7 @@ use surefix::{Floor, MapMark};
 use crate::calibrate::Threshold;
 use crate::error::OrRaise as _;
 use crate::inputs::maps;
-use crate::options::config;
+use crate::options::settings;
 
 /// The options and the threshold that suit a route, for ``Localizer(map, config=...)``; as a file,
 /// ``route.toml``, for ``surefix run --config`` and Rust's ``Settings::open``.
@@ -25,7 +25,8 @@ use crate::options::config;
 /// measured : dict of str, optional
 ///     Where and how they were measured, for those who read the file.
 /// **options
-///     As for ``Matcher``.
+///     As for ``Matcher``; ``config``, other settings or a file of them, of which these take all
+///     that is not given here.
 ///
 /// Raises
 /// ------
@@ -55,12 +56,17 @@ impl Settings {
         measured: Option<BTreeMap<String, String>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let mut settings = surefix::Settings::default();
-        settings.config = config(py, options, Floor::Running)?;
-        settings.threshold = threshold.map(|threshold| threshold.0.clone());
-        settings.measured = measured.unwrap_or_default();
-        let given = maps.map(self::maps).transpose()?.unwrap_or_default();
-        settings.maps = py.detach(|| given.iter().map(|map| MapMark::of(map)).collect());
+        let mut settings = settings(py, options, Floor::Running)?;
+        if let Some(threshold) = threshold {
+            settings.threshold = Some(threshold.0.clone());
+        }
+        if let Some(measured) = measured {
+            settings.measured = measured;
+        }
+        if let Some(maps) = maps {
+            let maps = self::maps(maps)?;
+            settings.maps = py.detach(|| maps.iter().map(|map| MapMark::of(map)).collect());
+        }
         Ok(Self(settings))
     }
 

@@ -6,7 +6,17 @@ Docstrings are copied from the binary by `make stubs`; stubtest holds the signat
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from collections.abc import Sequence as _Sequence
 from os import PathLike
-from typing import Any, Literal, Protocol, SupportsIndex, TypeAlias, Unpack, final
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    Protocol,
+    SupportsIndex,
+    TypeAlias,
+    Unpack,
+    final,
+    overload,
+)
 
 import numpy as np
 import numpy.typing as npt
@@ -30,12 +40,16 @@ __all__ = [
     "Running",
     "Sad",
     "Sequence",
+    "Settings",
     "Single",
+    "Threshold",
     "Track",
     "Traverse",
     "Trust",
     "__version__",
     "align",
+    "calibrate",
+    "correlation_time",
     "decode_image",
     "evaluate",
     "evaluate_trust",
@@ -190,6 +204,10 @@ class Fix:
     track : Track or None
         Where the robot is by all queries so far: ``place``, ``confidence``, ``off_map``, ``speed``,
         ``interval``. None without the option ``motion``.
+    accepted : bool or None
+        Whether it is above the threshold of a calibration (``Localizer(config=...)``).
+    probability : float or None
+        How probable it is that the place is right, by that calibration.
 
     Examples
     --------
@@ -220,6 +238,14 @@ class Fix:
     @property
     def gradient(self) -> Peak:
         """Where the enhanced gradient peaks."""
+    @property
+    def accepted(self) -> bool | None:
+        """Whether it is above the threshold of the localizer's settings; None without one."""
+    @property
+    def probability(self) -> float | None:
+        """The probability that the place is right, by the calibration of the localizer's settings;
+        None without one, and while the fix is not ready.
+        """
     @property
     def sequence(self) -> Sequence | None:
         """The sequence's match; None while the matcher warms up."""
@@ -1012,6 +1038,9 @@ class Localizer:
     descriptor : surefix.descriptors.Descriptor, or a list with one or None for each map, optional
         On a map of learned descriptors: it describes the images that are pushed. Its name is the
         one in the map's recipe.
+    config : Settings or path, optional
+        The settings of this route, as ``tune`` makes them: their options, over which those of
+        ``**options`` go, and a threshold, by which fixes have ``accepted`` and ``probability``.
     threads : int, optional
         The number of threads of the scan, the caller's own among them. None chooses by size: one
         for every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to
@@ -1179,6 +1208,15 @@ class Localizer:
         >>> surefix.Localizer.restore(route, blob)
         Localizer(Map(4 places x 4 float32, cosine, 0.0 MB), frames=0)
         """
+    @property
+    def alarm(self) -> bool:
+        """Whether the scores are no longer those of the calibration drive of the settings' threshold,
+        so that its promise holds no longer: it is raised on at most 1 % of drives like that one.
+        False without a threshold.
+        """
+    @property
+    def threshold(self) -> Threshold | None:
+        """The threshold that judges its fixes; None without."""
     @property
     def distances(self) -> _Float32:
         """The distances from the newest frame to every place, a copy: shape (n,), float32; zeros
@@ -1540,13 +1578,18 @@ class Evaluation:
         samples : int
             How often the queries are drawn anew.
         block : int, optional
-            How many consecutive queries a block has; the root of their number by default.
+            How many consecutive queries a block has; ``self.block`` by default.
         seed : int
             Another seed draws other blocks.
 
         Returns
         -------
         (low, high)
+        """
+    @property
+    def block(self) -> int | None:
+        """The queries a block of an interval: an upper bound of how long errors last, from their
+        autocorrelation (method 1.12). None if all matches are right, or all wrong.
         """
     def auc_difference_interval(
         self,
@@ -1626,6 +1669,308 @@ class Trust:
     @property
     def share_trusted(self) -> float:
         """The share of all matches that is trusted."""
+
+@final
+class Threshold:
+    """A threshold from a calibration drive, with its promise, by ``calibrate``.
+
+    Attributes
+    ----------
+    score : float or None
+        A fix of this score or less is accepted. None if nothing can be promised, so that none is.
+    confidence : float or None
+        ``1 - score`` for fixes of a track; else None.
+    wrong, sure : float
+        The promise: at most the share ``wrong`` of the accepted is wrong, with probability ``sure``.
+    promise : str
+        The same in words, or why there is none.
+    queries, accepted, errors : int, int, float
+        The queries of the drive that have a fix and a truth, how many are accepted, and how many of
+        these are wrong.
+    block : int or None
+        Consecutive queries a block, for how long errors last; None if they are independent.
+    more, more_metres : int or None, float or None
+        If nothing is promised: how much more drive would do, if it is like this one. None if no
+        length would, or the drive's is not known.
+    carried : bool
+        Whether it was carried over to other conditions, for which nothing is promised.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> matches = surefix.Matches(place=np.arange(500), score=np.arange(500) / 500)
+    >>> truth = np.where(np.arange(500) < 400, np.arange(500), 0)
+    >>> threshold = surefix.calibrate(matches, truth, wrong=0.1, block=2)
+    >>> threshold.accepted, threshold.score > 0.7
+    (403, True)
+    >>> threshold.probability(matches)[[0, 499]] > 0.5
+    array([ True, False])
+    """
+
+    @property
+    def score(self) -> float | None:
+        """A fix of this score or less is accepted; None if nothing can be promised."""
+    @property
+    def confidence(self) -> float | None:
+        """``1 - score`` for fixes of a track; else None."""
+    @property
+    def wrong(self) -> float:
+        """At most this share of the accepted is wrong."""
+    @property
+    def sure(self) -> float:
+        """The probability of that."""
+    @property
+    def promise(self) -> str:
+        """The promise in words, or why there is none."""
+    @property
+    def queries(self) -> int:
+        """The queries of the calibration drive that have a fix and a truth."""
+    @property
+    def accepted(self) -> int:
+        """How many of them are accepted."""
+    @property
+    def errors(self) -> float:
+        """How many of the accepted are wrong."""
+    @property
+    def block(self) -> int | None:
+        """Consecutive queries a block; None if they are independent."""
+    @property
+    def more(self) -> int | None:
+        """How many queries more would do, if nothing is promised."""
+    @property
+    def more_metres(self) -> float | None:
+        """The same in metres, if the length of the drive is known."""
+    @property
+    def carried(self) -> bool:
+        """Whether it was carried over to other conditions."""
+    @overload
+    def accepts(self, fixes: Fix) -> bool:
+        """Whether a fix is accepted; of a run or matches, an array of bool, shape (m,). Fixes that are
+        not ready are not.
+
+        Parameters
+        ----------
+        fixes : Fix, Run or Matches
+
+        Raises
+        ------
+        SurefixValueError
+            For fixes with a track if those of the calibration had none, and the other way round.
+        """
+    @overload
+    def accepts(self, fixes: Run | _Matches) -> _Bool:
+        """Whether a fix is accepted; of a run or matches, an array of bool, shape (m,). Fixes that are
+        not ready are not.
+
+        Parameters
+        ----------
+        fixes : Fix, Run or Matches
+
+        Raises
+        ------
+        SurefixValueError
+            For fixes with a track if those of the calibration had none, and the other way round.
+        """
+    @overload
+    def probability(self, fixes: Fix) -> float | None:
+        """The probability that a fix is right, by isotonic regression of the calibration drive; of a
+        run or matches, an array of float64, shape (m,). None or NaN for fixes that are not ready.
+
+        Parameters
+        ----------
+        fixes : Fix, Run or Matches
+
+        Raises
+        ------
+        SurefixValueError
+            As for ``accepts``.
+        """
+    @overload
+    def probability(self, fixes: Run | _Matches) -> _Float64:
+        """The probability that a fix is right, by isotonic regression of the calibration drive; of a
+        run or matches, an array of float64, shape (m,). None or NaN for fixes that are not ready.
+
+        Parameters
+        ----------
+        fixes : Fix, Run or Matches
+
+        Raises
+        ------
+        SurefixValueError
+            As for ``accepts``.
+        """
+    def carried_to(self, fixes: Run | _Matches) -> Threshold:
+        """The threshold for other conditions, by the scores of a drive in them and without its truth:
+        it accepts the same share, and probabilities are carried over by quantiles. That is a guess,
+        for which nothing is promised.
+
+        Parameters
+        ----------
+        fixes : Run or Matches
+            Of the new drive.
+
+        Returns
+        -------
+        Threshold
+
+        Raises
+        ------
+        SurefixValueError
+            If no fix is ready; as for ``accepts``.
+        """
+    __hash__: ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, other: object, /) -> bool: ...
+
+def calibrate(
+    matches: Run | _Matches,
+    truth: Alignment | _Truth,
+    wrong: float = 0.05,
+    sure: float = 0.95,
+    *,
+    tolerance: float = 1,
+    block: int | None = None,
+    independent: bool = False,
+    metres: float | None = None,
+) -> Threshold:
+    """The loosest threshold on a score with a promise: at most the share ``wrong`` of the accepted
+    fixes is wrong, with probability ``sure`` over drives like this one (method 1.12).
+
+    It is found by Learn then Test in a fixed sequence (Angelopoulos et al. 2021), from strict to
+    lax, with bets on blocks of consecutive queries, as their errors are not independent.
+
+    Parameters
+    ----------
+    matches : Run or Matches
+        Of a calibration drive, which nothing else was chosen on.
+    truth : Alignment, or array or pair of arrays
+        Where each query really was: as for ``evaluate``, or an alignment of the same drive.
+    wrong : float
+        Between 0 and 1.
+    sure : float
+        Between 0 and 1.
+    tolerance : float
+        As for ``evaluate``.
+    block : int, optional
+        Consecutive queries a block; by default twice the correlation time of the errors, of the
+        scores if there are no errors.
+    independent : bool
+        Queries are independent of each other, such as one of each of many drives: the exact
+        binomial test, without blocks.
+    metres : float, optional
+        The length of the drive, for ``more_metres``.
+
+    Returns
+    -------
+    Threshold
+
+    Raises
+    ------
+    SurefixValueError
+        If no query has a fix and a truth; for an option outside its range; for a truth of another
+        number of queries or of another route.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> run = surefix.match_distances(1 - np.eye(300, dtype=np.float32))
+    >>> threshold = surefix.calibrate(run, np.arange(300), wrong=0.1, block=1)
+    >>> threshold.score is not None, threshold.errors
+    (True, 0.0)
+    >>> bool(threshold.accepts(run)[1:].all())
+    True
+    """
+
+def correlation_time(values: _Array) -> float | None:
+    """For how many values in a row a series says as much as one independent value: its integrated
+    autocorrelation time (Geyer 1992). None if all are equal.
+
+    Parameters
+    ----------
+    values : array of float32, shape (m,)
+
+    Returns
+    -------
+    float or None
+    """
+
+@final
+class Settings:
+    """The options and the threshold that suit a route, for ``Localizer(map, config=...)``; as a file,
+    ``route.toml``, for ``surefix run --config`` and Rust's ``Settings::open``.
+
+    Parameters
+    ----------
+    threshold : Threshold, optional
+        Which fixes are accepted.
+    maps : Map or list of Map, optional
+        Those that they are for, one a technique; any by default.
+    measured : dict of str, optional
+        Where and how they were measured, for those who read the file.
+    **options
+        As for ``Matcher``; ``config``, other settings or a file of them, of which these take all
+        that is not given here.
+
+    Raises
+    ------
+    SurefixValueError
+        For an unknown option, or one of another type.
+
+    Examples
+    --------
+    >>> import surefix
+    >>> settings = surefix.Settings(sequence_length=5, motion="steady")
+    >>> settings.save("route.toml")   # doctest: +SKIP
+    >>> options = settings.options
+    >>> options.get("sequence_length"), options.get("motion").get("speeds")
+    (5, [1.0])
+    """
+
+    def __new__(
+        cls,
+        *,
+        threshold: Threshold | None = None,
+        maps: Map | _Sequence[Map] | None = None,
+        measured: Mapping[str, str] | None = None,
+        **options: Unpack[Options],
+    ) -> Settings: ...
+    @staticmethod
+    def open(path: _Path) -> Settings:
+        """Reads a file.
+
+        Parameters
+        ----------
+        path : path
+
+        Raises
+        ------
+        SurefixFileError
+            If it cannot be read.
+        SurefixValueError
+            If it holds no settings; the line is said.
+        """
+    def save(self, path: _Path) -> None:
+        """Writes a file, in place of one that is there.
+
+        Parameters
+        ----------
+        path : path
+
+        Raises
+        ------
+        SurefixFileError
+            If it cannot be written. One that was there is then as it was.
+        """
+    @property
+    def options(self) -> dict[str, Any]:
+        """All options, by their names; ``motion`` as a dict of its own."""
+    @property
+    def threshold(self) -> Threshold | None:
+        """Which fixes are accepted."""
+    @property
+    def measured(self) -> dict[str, str]:
+        """Where and how they were measured."""
+    __hash__: ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, other: object, /) -> bool: ...
 
 def evaluate(
     matches: Run | _Matches,

@@ -200,7 +200,7 @@ pub fn calibrate(
         sure: options.sure,
         queries,
         accepted: accepted.clone().count(),
-        errors: accepted.map(|(_, wrong)| wrong).sum(),
+        errors: accepted.fold(0.0, |sum, (_, wrong)| sum + wrong),
         block: (!options.independent).then_some(block),
         more,
         metres: options.metres,

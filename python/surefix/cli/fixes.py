@@ -53,10 +53,13 @@ def row_of(
         low, high = track.interval
         row |= {"confidence": track.confidence, "off_map": track.off_map}
         row |= {"place_low": low, "place_high": high}
-        row |= {} if accept is None else {"accepted": track.confidence >= accept}
         # The paper's own answer, since place and score are the track's.
         row["sequence_place"] = None if sequence is None else sequence.place
         row["sequence_score"] = None if sequence is None else sequence.score
+    if accept is not None and track is not None:
+        row["accepted"] = track.confidence >= accept
+    elif fix.accepted is not None:
+        row |= {"accepted": fix.accepted, "probability": fix.probability}
     return row
 
 
@@ -94,11 +97,19 @@ class Summary:
         self.track = Tracked(motion, accept, tolerance)
         self.latencies = array("f")
         self.trusted = self.dropped = self.gaps = 0
+        # By the threshold of settings, and the frame at which its alarm was raised.
+        self.accepted = 0
+        self.judged = False
+        self.alarm: int | None = None
         # Whether the queries came to their end: not so after an error, nor after Ctrl-C.
         self.ended = False
 
-    def add(self, frame: Frame, fix: Fix, latency: float) -> None:
-        """Counts a fix."""
+    def add(self, frame: Frame, fix: Fix, latency: float, alarm: bool = False) -> None:
+        """Counts a fix, after which the ``alarm`` of its threshold is raised or not."""
+        self.judged |= fix.accepted is not None
+        self.accepted += fix.accepted is True
+        if alarm and self.alarm is None:
+            self.alarm = fix.frame
         self.latencies.append(latency)
         self.trusted += fix.trusted
         self.dropped += frame.dropped
@@ -122,4 +133,10 @@ class Summary:
             f"({self.trusted / count:.0%}), {missing}latency p50 {p50:.0f} us, p99 {p99:.0f} us, "
             f"p99.9 {p999:.0f} us{where}"
         )
-        return "\n".join([counts, *self.track.lines()])
+        judged = [f"{self.accepted} accepted ({self.accepted / count:.0%})"] if self.judged else []
+        if self.alarm is not None:
+            judged.append(
+                f"warning: from frame {self.alarm} on, scores are worse than on the calibration "
+                "drive: what is promised may not hold; calibrate anew"
+            )
+        return "\n".join([counts, *self.track.lines(), *judged])

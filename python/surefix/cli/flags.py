@@ -50,7 +50,7 @@ def with_options(
     """Gives a command a flag for each option; its parameter ``options`` gets those that are given.
 
     ``floor`` is the default of that option in the help, ``motion`` is what that option is without
-    its flag, and ``names`` are other names for flags.
+    its flag (and without the command's ``config``), and ``names`` are other names for flags.
     """
     usual = {"motion": motion} if motion else {}
 
@@ -61,7 +61,7 @@ def with_options(
         def with_flags(**given: Any) -> None:
             values = ((option, given.pop(flags[option.name])) for option in OPTIONS)
             options = {o.name: _value(o, value) for o, value in values if value is not None}
-            command(**given, options=usual | options)
+            command(**given, options=options if given.get("config") else usual | options)
 
         parameters: list[inspect.Parameter] = []
         for parameter in inspect.signature(command, eval_str=True).parameters.values():

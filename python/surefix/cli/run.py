@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TextIO
 
 import typer
 
-from surefix import Localizer, Map, SurefixValueError, frames
+from surefix import Localizer, Map, Settings, SurefixValueError, frames
 from surefix._words import plural
 from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
@@ -24,6 +24,7 @@ F = "Frames"
 S = "Seeing it"
 
 
+BOTH = "--accept: expected none beside a --config that has a threshold"
 Format = Literal["csv", "json"]
 Size = tuple[int, ...]
 
@@ -37,6 +38,7 @@ def run(
     form: Annotated[Format | None, typer.Option("--format")] = None,
     *,
     options: dict[str, Any],
+    config: Annotated[Path | None, typer.Option("--config", "-c")] = None,
     accept: float | None = None,
     fuse: list[Path] | None = None,
     screen: Literal["i8"] | None = None,
@@ -65,6 +67,8 @@ def run(
         URL, or a .npy of images or of descriptors.
     out: Write the fixes to this file.
     form: A line a fix, as CSV or JSON; by the file's ending, else CSV.
+    config: The settings of this route, as `surefix tune` writes them: options, over which the flags
+        go, and the threshold of accepted fixes, with their probability and an alarm.
     accept: Mark a fix as accepted if its confidence is at least this, such as 0.95.
     fuse: Another technique's map of the same places, once each: their evidence is fused.
     screen: With --motion none: scan a copy of float32 descriptors in bytes: faster on a large map,
@@ -98,7 +102,9 @@ def run(
     by = {"--metres": metres, "--spacing": spacing, "--places-per-metre": places_per_metre}
     for option, value in by.items():
         refuse(value is not None and odometry is None, f"{option}: expected --odometry too")
-    motion = options["motion"]
+    settings = _settings(config, options)
+    motion = settings.options["motion"]
+    refuse(accept is not None and settings.threshold is not None, BOTH)
     if accept is not None:
         refuse(motion is None, "--accept: expected --motion other than none")
         out_of_range = f"--accept: expected a confidence from 0 to 1, got {accept:g}"
@@ -133,11 +139,11 @@ def run(
     ]
     try:
         scanned = [each.with_screen(screen) if screen else each for each in maps]
-        localizer = Localizer(scanned, descriptor=networks, **options)
+        localizer = Localizer(scanned, descriptor=networks, config=settings)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     if screen and (motion or fuse):
-        why = f"--motion {motion}" if motion else "--fuse"
+        why = "a motion" if motion else "--fuse"
         print(f"--screen: unused, as {why} needs all distances", file=sys.stderr)
     read = [*names, *map(Path, source.files)]
     if out is not None:
@@ -145,7 +151,10 @@ def run(
         read.append(out)
     if save is not None:
         _check_save(save, read)
-    summary = Summary(motion, accept, options.get("tolerance", 1))
+    kind = options.get("motion") or (motion and "of the settings")
+    summary = Summary(kind, accept, settings.options["tolerance"])
+    if settings.threshold is not None:
+        print(f"--config {config}: {settings.threshold.promise}", file=sys.stderr)
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
         seen = open_views(places, source.estimate, live=live, save=save, references=references)
@@ -164,6 +173,19 @@ def run(
             print(summary.text(out), file=sys.stderr)
             if isinstance(source, Advances):
                 print(_said(source, of, motion), file=sys.stderr)
+
+
+def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
+    """The settings of the file, if there is one, and the options that are given."""
+    try:
+        known = None if config is None else Settings.open(config)
+    except SurefixValueError as error:
+        raise typer.BadParameter(f"--config: {error}") from None
+    try:
+        given = Settings(config=known, **options)
+    except SurefixValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    return given
 
 
 def localize(
@@ -193,7 +215,7 @@ def localize(
             row = row_of(frame, fix, place_name, latency, timed, summary.track.accept)
             if write is not None:
                 write(row)
-            summary.add(frame, fix, latency)
+            summary.add(frame, fix, latency, localizer.alarm)
             for view in views:
                 view.update(frame, fix, localizer, latency)
 

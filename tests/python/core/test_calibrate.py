@@ -82,7 +82,7 @@ def slow_threshold(score, wrong, most, sure, block):
 
 
 @pytest.mark.parametrize("tau", [0, 2, 8])
-@pytest.mark.parametrize("most, sure", [(0.05, 0.95), (0.1, 0.9), (0.3, 0.99)])
+@pytest.mark.parametrize(("most", "sure"), [(0.05, 0.95), (0.1, 0.9), (0.3, 0.99)])
 def test_the_threshold_is_that_of_the_oracle(tau, most, sure):
     promised = 0
     for seed in range(20):
@@ -150,7 +150,8 @@ def test_probabilities_are_those_of_scikit_learn():
         asked = np.concatenate([score, rng.normal(scale=2, size=500).astype(np.float32)])
         got = found.probability(surefix.Matches(place=np.zeros(700, int), score=asked))
         np.testing.assert_allclose(got, isotonic.predict(asked.astype(float)), atol=1e-9)
-        assert 0 < got.min() and got.max() < 1
+        assert got.min() > 0
+        assert got.max() < 1
 
 
 def true_risk(limits, offset, slope):
@@ -195,13 +196,17 @@ def test_few_dependent_drives_of_10000_break_their_promise(slope):
 def test_what_nothing_can_be_promised_of():
     score = np.arange(40, dtype=np.float32)
     short = surefix.calibrate(*matches(score < 0, score), block=1, metres=400)
-    assert short.score is None and not short.accepts(surefix.Matches([0], [0.0])).any()
-    assert 40 < short.more < 60 and short.more_metres == pytest.approx(10 * short.more)
-    assert "nothing can be promised" in short.promise and "km" in short.promise
+    assert short.score is None
+    assert not short.accepts(surefix.Matches([0], [0.0])).any()
+    assert 40 < short.more < 60
+    assert short.more_metres == pytest.approx(10 * short.more)
+    assert "nothing can be promised" in short.promise
+    assert "km" in short.promise
     longer = np.arange(40 + short.more, dtype=np.float32)
     assert surefix.calibrate(*matches(longer < 0, longer), block=1).score is not None
     hopeless = surefix.calibrate(*matches(score >= 0, score))
-    assert hopeless.score is None and hopeless.more is None
+    assert hopeless.score is None
+    assert hopeless.more is None
     alone = surefix.calibrate(*matches(score < 0, score), independent=True, wrong=0.01)
     assert alone.more == pytest.approx(299 - 40, rel=0.2)
 
@@ -219,11 +224,12 @@ def test_a_run_is_judged_as_its_fixes_are():
         each = [found.probability(fix) for fix in run]
         assert each == [None if np.isnan(p) else p for p in probable]
         assert accepted[run.ready].tolist() == (run.score <= found.score)[run.ready].tolist()
-        assert not accepted[~run.ready].any() and found.accepted == accepted.sum()
+        assert not accepted[~run.ready].any()
+        assert found.accepted == accepted.sum()
         assert (found.confidence is None) == (motion is None)
-    with pytest.raises(SurefixValueError, match="with a track.*without"):
+    with pytest.raises(SurefixValueError, match=r"with a track.*without"):
         found.accepts(surefix.match_distances(D))
-    with pytest.raises(SurefixValueError, match="with a track.*without"):
+    with pytest.raises(SurefixValueError, match=r"with a track.*without"):
         found.carried_to(surefix.match_distances(D))
 
 
@@ -236,7 +242,8 @@ def test_by_an_alignment_doubt_counts_as_wrong():
     alignment = surefix.align(D, motion="steady")
     by_truth = surefix.calibrate(run, np.arange(500), wrong=0.2)
     by_alignment = surefix.calibrate(run, alignment, wrong=0.2)
-    assert by_truth.score is not None and by_alignment.score is not None
+    assert by_truth.score is not None
+    assert by_alignment.score is not None
     off = np.abs(run.place - alignment.place) > 1
     doubt = np.where(off, 1, 1 - alignment.confidence)[by_alignment.accepts(run)].sum()
     assert by_alignment.errors == pytest.approx(doubt)
@@ -247,7 +254,8 @@ def test_a_threshold_is_carried_over_by_its_quantile():
     rng = np.random.default_rng(2)
     score = np.sort(rng.gamma(2, size=1000)).astype(np.float32)
     found = surefix.calibrate(*matches(rng.random(1000) < score / 40, score), wrong=0.1)
-    assert found.score is not None and not found.carried
+    assert found.score is not None
+    assert not found.carried
     # Other light: all distances twice as large and a half more.
     dark = surefix.Matches(place=np.arange(1000), score=rng.permutation(2 * score + 0.5))
     there = found.carried_to(dark)
@@ -256,11 +264,12 @@ def test_a_threshold_is_carried_over_by_its_quantile():
     again = np.sort(found.probability(surefix.Matches(np.arange(1000), score)))
     # Quantiles are a little coarse at a step.
     assert np.abs(np.sort(there.probability(dark)) - again).mean() < 0.002
-    assert there.carried and "nothing is promised" in there.promise
+    assert there.carried
+    assert "nothing is promised" in there.promise
 
 
 @pytest.mark.parametrize(
-    "change, message",
+    ("change", "message"),
     [
         ({"wrong": 0}, "`wrong`: expected a share between 0 and 1, got 0"),
         ({"sure": 1.0}, "`sure`: expected a share between 0 and 1, got 1"),
@@ -281,7 +290,7 @@ def test_drives_that_cannot_be_used():
         surefix.calibrate(run, np.arange(4))
     with pytest.raises(SurefixValueError, match="alignment: expected 5 values, got 4"):
         surefix.calibrate(run, surefix.align(1 - np.eye(4, dtype=np.float32)))
-    with pytest.raises(SurefixValueError, match="places below 5.*7 for query 2"):
+    with pytest.raises(SurefixValueError, match=r"places below 5.*7 for query 2"):
         surefix.calibrate(run, [0, 1, 7, 3, 4])
     never = surefix.Matches(place=[0, 1], score=[0.0, 0.0], ready=[False, False])
     with pytest.raises(SurefixValueError, match="at least one that has a fix and a truth"):
