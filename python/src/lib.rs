@@ -35,7 +35,7 @@ mod _core {
     #[pymodule_export]
     use crate::align::{Alignment, align};
     #[pymodule_export]
-    use crate::batch::{Run, match_, match_distances};
+    use crate::batch::{Run, described, match_, match_distances};
     #[pymodule_export]
     use crate::evaluate::{Evaluation, evaluate, recall_at};
     #[pymodule_export]
