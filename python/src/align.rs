@@ -186,7 +186,7 @@ impl Alignment {
 /// True
 /// >>> at = [alignment.place, alignment.place[::-1]]
 /// >>> surefix.align(distances, motion="steady", at=at).right.mean(1).round(1)
-/// array([1., 0.1])
+/// array([1. , 0.1])
 #[pyfunction]
 #[pyo3(
     signature = (

@@ -1400,7 +1400,7 @@ def align(
     True
     >>> at = [alignment.place, alignment.place[::-1]]
     >>> surefix.align(distances, motion="steady", at=at).right.mean(1).round(1)
-    array([1., 0.1])
+    array([1. , 0.1])
     """
 
 def described(
