@@ -250,6 +250,8 @@ def audit(
     True
     """
     techniques = list(map) if isinstance(map, (list, tuple)) else [map]
+    if not techniques:
+        raise mismatch("map", "a map or distances, or a list of them", "an empty list")
     alone: dict[str, Any] = {"gaps": gaps, "sequence_length": 1, "tolerance": tolerance}
     # What is matched: each technique alone, and first their fusion if there are several.
     several = len(techniques) > 1
