@@ -7,7 +7,7 @@ use surefix::Error;
 use surefix::calibration::{Calibrate, wrong_by_truth};
 
 use crate::align::Alignment;
-use crate::arrays::floats;
+use crate::arrays::{flags, floats};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::evaluate::matches_of;
@@ -252,6 +252,8 @@ impl Threshold {
 ///     binomial test, without blocks.
 /// metres : float, optional
 ///     The length of the drive, for ``more_metres``.
+/// only : array of bool, shape (m,), optional
+///     The queries that it is calibrated on: those that nothing else was chosen on. All by default.
 ///
 /// Returns
 /// -------
@@ -276,9 +278,9 @@ impl Threshold {
 #[pyo3(
     signature = (
         matches, truth, wrong=0.05, sure=0.95, *, tolerance=1.0, block=None, independent=false,
-        metres=None
+        metres=None, only=None
     ),
-    text_signature = "(matches, truth, wrong=0.05, sure=0.95, *, tolerance=1, block=None, independent=False, metres=None)"
+    text_signature = "(matches, truth, wrong=0.05, sure=0.95, *, tolerance=1, block=None, independent=False, metres=None, only=None)"
 )]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
 pub(crate) fn calibrate(
@@ -291,6 +293,7 @@ pub(crate) fn calibrate(
     block: Option<&Bound<'_, PyAny>>,
     independent: bool,
     metres: Option<f64>,
+    only: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Threshold> {
     let mut options = Calibrate::default();
     (options.wrong, options.sure, options.independent, options.metres) =
@@ -313,7 +316,16 @@ pub(crate) fn calibrate(
         }
         wrong_by_truth(&found, &truth)
     };
-    let each = each.or_raise(py)?;
+    let mut each = each.or_raise(py)?;
+    if let Some(only) = only {
+        let only = flags(only, "only")?;
+        if only.len() != each.len() {
+            let (expected, got) = (each.len(), only.len());
+            return Err(Error::Length { what: "only", expected, got }).or_raise(py);
+        }
+        let left_out = each.iter_mut().zip(only).filter(|(_, only)| !only);
+        left_out.for_each(|(wrong, _)| *wrong = None);
+    }
     py.detach(|| surefix::calibration::calibrate(&found, &each, &options))
         .map(Threshold)
         .or_raise(py)

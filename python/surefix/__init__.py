@@ -41,6 +41,7 @@ from surefix.auditing import Audit, Estimate, audit
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.matches import Matches
 from surefix.motion import Motion
+from surefix.tuning import Trial, Tuned, tune
 
 __all__ = [
     "Alignment",
@@ -65,7 +66,9 @@ __all__ = [
     "SurefixValueError",
     "Threshold",
     "Track",
+    "Trial",
     "Trust",
+    "Tuned",
     "__version__",
     "align",
     "audit",
@@ -77,6 +80,7 @@ __all__ = [
     "match_distances",
     "read_image",
     "recall_at",
+    "tune",
 ]
 
 if TYPE_CHECKING:

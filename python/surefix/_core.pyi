@@ -1859,6 +1859,7 @@ def calibrate(
     block: int | None = None,
     independent: bool = False,
     metres: float | None = None,
+    only: _Array | None = None,
 ) -> Threshold:
     """The loosest threshold on a score with a promise: at most the share ``wrong`` of the accepted
     fixes is wrong, with probability ``sure`` over drives like this one (method 1.12).
@@ -1886,6 +1887,8 @@ def calibrate(
         binomial test, without blocks.
     metres : float, optional
         The length of the drive, for ``more_metres``.
+    only : array of bool, shape (m,), optional
+        The queries that it is calibrated on: those that nothing else was chosen on. All by default.
 
     Returns
     -------
