@@ -224,7 +224,7 @@ pub(crate) fn align(
     let at: Vec<&[usize]> = at.iter().map(Vec::as_slice).collect();
     let Some(queries) = queries else {
         let listed = listed(map).unwrap_or_else(|| vec![map.clone()]);
-        if listed.iter().any(|each| each.is_instance_of::<Map>()) {
+        if listed.iter().any(PyAnyMethods::is_instance_of::<Map>) {
             return Err(value(py, "queries: expected images or descriptors, got none".to_owned()));
         }
         let matrices = matrices(map)?;

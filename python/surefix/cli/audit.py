@@ -1,6 +1,6 @@
 """``surefix audit``: what techniques are worth on a route, without ground truth."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,6 +17,9 @@ from surefix.cli.flags import documented
 
 # Below this mean confidence of the alignment, an audit is not worth much.
 DOUBTFUL = 0.7
+# Of so low a recall@1, an audit by a motion of several speeds was off most (docs/howto/align.md).
+WEAK = 0.3
+FEW = 20
 # Confidences of the tracker in the table.
 THRESHOLDS = (0.5, 0.8, 0.9, 0.95, 0.99)
 
@@ -85,12 +88,27 @@ def audit_(
         _print_ranking(found, drive.names)
     _print_thresholds(found)
     print("\nEach with its 95 % interval, estimated from an alignment, without ground truth.")
+    for warning in _warnings(found, motion):
+        print(warning)
+
+
+def _warnings(found: Audit, motion: str) -> Iterator[str]:
+    """When not to believe it, in words."""
     sure = float(np.mean(found.confidence))
     if sure < DOUBTFUL:
-        print(
+        yield (
             f"Do not rely on it: the alignment has a mean confidence of {sure:.2f}. Is --motion "
             f"{motion} that of these drives? Is the technique too weak for the route?"
         )
+    weak = found.recall_at_1 < WEAK and not found.techniques
+    if weak and motion != "steady":
+        yield (
+            f"A technique of so few right matches is misjudged more with --motion {motion}, as its "
+            "alignment goes wrong with it: --odometry, or a stronger technique beside it with "
+            "--fuse, helps."
+        )
+    if 0 < found.trusted.sum() < FEW:
+        yield f"Fewer than {FEW} matches are trusted: their share says little."
 
 
 def _count(found: Audit) -> str:

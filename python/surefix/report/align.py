@@ -27,6 +27,8 @@ COLUMNS = "first_query,last_query,off_map,place_low,place_high,confidence"
 LEAST = 0.5
 # A page is read by people, and no picture has more rows or columns.
 ROWS, SHOWN = 100, 1200
+# A motion of several speeds makes no such step.
+JUMP = 10
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,15 @@ def stretches(alignment: Alignment) -> list[Stretch]:
             sure = float(alignment.confidence[start:end].mean())
             found.append(Stretch(range(int(start), int(end)), bool(off[start]), places, sure))
     return found
+
+
+def jumps(alignment: Alignment) -> list[int]:
+    """The queries whose place is far from that of the query before: more than ``JUMP`` places
+    beyond the usual step.
+    """
+    steps = np.abs(np.diff(alignment.place))
+    usual = np.median(steps) if len(steps) else 0
+    return [int(query) + 1 for query in np.flatnonzero(steps > JUMP + 2 * usual)]
 
 
 def write_report(
@@ -165,6 +176,7 @@ def write_report(
                     "be that of these drives.",
                 ),
                 {"distance_matrix.png": matrix},
+                points=_jumps(alignment),
             ),
             Section(
                 "How sure it is",
@@ -199,6 +211,19 @@ def _table(doubtful: Sequence[Stretch], names: tables.Names) -> Section:
     )
     table = Table("doubtful", "In the order of the drive.", header, named)
     return Section("Doubtful stretches", (words,), tables=(table,))
+
+
+def _jumps(alignment: Alignment) -> list[str]:
+    """In words, as a robot does not jump."""
+    found, place = jumps(alignment), alignment.place
+    if not found:
+        return ["The track does not jump."]
+    told = [f"at query {at} from place {place[at - 1]} to {place[at]}" for at in found[:ROWS]]
+    more = f", and {len(found) - ROWS} times more" if len(found) > ROWS else ""
+    return [
+        f"The track jumps {', '.join(told)}{more}. Between two jumps the alignment may be sure of "
+        "a wrong place: as when it stands still there."
+    ]
 
 
 def _said(stretch: Stretch) -> tuple[str, str]:

@@ -151,12 +151,19 @@ def test_the_report_names_each_doubtful_stretch(tmp_path: Path) -> None:
     text = (tmp_path / "page" / "report.html").read_text()
     assert f"somewhere from place {stretches[0]['place_low']} to" in text or "off the map" in text
     assert (tmp_path / "page" / "distance_matrix.png").exists()
+    steps = np.abs(np.diff(found.place))
+    for query in np.flatnonzero(steps > 12) + 1:
+        assert (
+            f"at query {query} from place {found.place[query - 1]} to {found.place[query]}" in text
+        )
 
     # A drive without doubt says so; several techniques are drawn as one, and long ones thinned.
     np.save(tmp_path / "D.npy", 1 - np.eye(1300, dtype=np.float32))
     both = ("align", tmp_path / "D.npy", "--fuse", tmp_path / "D.npy", "--motion", "steady")
     surefix_(*both, *out)
-    assert "No stretch is doubtful" in (tmp_path / "page" / "report.html").read_text()
+    text = (tmp_path / "page" / "report.html").read_text()
+    assert "No stretch is doubtful" in text
+    assert "The track does not jump." in text
 
 
 MISTAKES = {
@@ -213,5 +220,7 @@ def test_an_audit_says_its_estimates_in_words(distances: Path) -> None:
     assert "Do not rely" not in done.stdout
     rng = np.random.default_rng(0)
     np.save(distances, rng.random((50, 50)).astype(np.float32))
-    assert "Do not rely on it" in surefix_("audit", distances).stdout
+    doubted = surefix_("audit", distances).stdout
+    for warning in ("Do not rely on it", "misjudged more with --motion any", "say"):
+        assert warning in doubted
     assert "option `motion`" in surefix_("audit", distances, "--motion", "x", code=2).stderr

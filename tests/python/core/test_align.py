@@ -159,7 +159,12 @@ def test_it_is_the_smoothing_of_the_whole_model(seed):
 
 
 def test_the_last_query_is_the_tracks_own_and_a_gap_parts_the_drives():
-    D = np.random.default_rng(3).random((20, 30)).astype(np.float32)
+    one, two = np.random.default_rng(3).random((2, 20, 30)).astype(np.float32)
+    fused = surefix.match_distances([one, two], motion="any")
+    assert surefix.align([one, two]).confidence[-1] == pytest.approx(
+        fused.confidence[-1], abs=1e-12
+    )
+    D = one
     for motion in ("steady", "free", "any"):
         track = surefix.match_distances(D, motion=motion)
         aligned = surefix.align(D, motion=motion)
