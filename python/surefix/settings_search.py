@@ -1,7 +1,7 @@
 """The search of ``tune``: settings compared on the first half of a drive whose truth is known."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -30,7 +30,6 @@ Setting: TypeAlias = tuple[str, dict[str, Any]]
 
 LENGTHS = (2, 5, 10, 20)
 WEIGHTS = (0.0, 0.9, 1.0)
-EVIDENCE = (0.5, 2.0)
 # Of a sequence whose warm-up leaves out more than this share of the queries, too little is judged.
 WARM_UP = 0.2
 # An alignment that is less sure of a query does not count as its truth.
@@ -161,8 +160,9 @@ class Search:
         if known.alignment is None:
             self._first += _motions(drive, known, motion)
         weights = _weights(len(drive.techniques))
-        # The most that there can be: of the second step, it depends on the first.
-        self.count = len(self._first) + max(len(WEIGHTS), len(EVIDENCE)) + len(weights)
+        # The most that there can be: the second step depends on the first.
+        more = len(WEIGHTS) if known.alignment is None else 0
+        self.count = len(self._first) + more + len(weights)
         report = terminal_bar("Tuning") if progress is None else progress or None
         self._bar, self._done = Bar(report, self.count, None), 0
 
@@ -246,18 +246,13 @@ def _motions(drive: Drive, known: Known, but: Motion | str) -> list[Setting]:
 
 
 def _details(now: Setting) -> list[Setting]:
-    """Of a track the evidence, of a sequence the weight of trusted matches."""
+    """Of a sequence, the weight of trusted matches. How much evidence counts in a track is not
+    tried: what was chosen so lost more on the other half of the drives than it gained.
+    """
     name, options = now
-    motion = options["motion"]
-    if motion is None:
-        return [(f"{name}, w={weight:g}", options | {"weight": weight}) for weight in WEIGHTS]
-    full = Motion(motion) if isinstance(motion, str) else motion
-    found = []
-    for times in EVIDENCE:
-        evidence = round(full.evidence * times, 3)
-        more = {"motion": replace(full, evidence=evidence)}
-        found.append((f"{name}, evidence {evidence:g}", options | more))
-    return found
+    if options["motion"] is not None:
+        return []
+    return [(f"{name}, w={weight:g}", options | {"weight": weight}) for weight in WEIGHTS]
 
 
 def _weights(techniques: int) -> list[tuple[float, ...]]:

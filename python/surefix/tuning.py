@@ -29,7 +29,7 @@ class Trial:
         Under the whole precision-recall curve, with the recall of all queries on the map
         (``"place_exists"``).
     difference : Estimate
-        Its area less that of the default setting.
+        Its area less that of the first trial.
     chosen : bool
         Whether it is the one of the settings.
     """
@@ -51,7 +51,7 @@ class Tuned:
         The options and the threshold, with the maps that they are for, and in ``measured`` how they
         were found. ``settings.save("route.toml")`` is for ``surefix run --config``.
     trials : list of Trial
-        All settings that were tried; the first is the default.
+        All settings that were tried; the first is that of the given motion, with defaults.
     contradictions : list of Contradiction
         Where a given truth disagrees with an alignment that is sure of itself: the truth may be
         wrong.
@@ -98,13 +98,15 @@ def tune(
     """Chooses the settings for a route on a drive along it, and a threshold with a promise.
 
     Settings are compared by the area under the precision-recall curve, one option after the other,
-    from the default of ``surefix run`` (``motion="any"``): the motion and its pace, or no track and
-    a sequence; how much evidence counts, or the sequence's weight; the weights of several
-    techniques. A setting is changed only if the area is larger beyond an interval, by a bootstrap
-    over blocks, that holds for all trials together.
+    from the default of ``surefix run``: the motion and its pace, or no track and a sequence of some
+    length and weight; then the weights of several techniques. A setting is changed only if its area
+    is larger beyond an interval, of a bootstrap over blocks, that holds for all trials together.
 
     If one is changed, they were chosen on the first half of the drive, and the threshold
     (``calibrate``) is of the second; else it is of the whole drive.
+
+    An alignment is the tracker's own, with the motion that it was given. So it chooses no motion,
+    only weights and the threshold; the motion takes a truth, or is given.
 
     Parameters
     ----------
@@ -124,7 +126,7 @@ def tune(
         The promise: at most the share ``wrong`` of the accepted fixes is wrong, with probability
         ``sure``.
     motion : {"any", "steady", "free"} or Motion
-        That of the alignment.
+        How the robot moved, if nothing better is found: of the alignment, and of the first trial.
 
     Returns
     -------
@@ -144,7 +146,7 @@ def tune(
     >>> route = surefix.Map.from_descriptors(rows)
     >>> tuned = surefix.tune(route, seen, np.arange(400), wrong=0.1)
     >>> tuned.chosen.name, tuned.settings.threshold.accepted > 200
-    ('steady', False)
+    ('any', True)
     """
     drive = Drive.of(map, queries, descriptor, progress, advance, gaps)
     known = Known.of(drive, truth, tolerance, motion, progress)
@@ -163,12 +165,12 @@ def tune(
         "route": f"{len(drive.techniques[0])} places",
         "queries": f"{drive.queries}",
         "truth": known.kind,
-        "chosen": f"{name}, of {len(trials)} settings by {search.queries} queries of the first "
-        "half of the drive",
+        "chosen": f"{name}, of {len(trials)} tried",
+        "judged": f"{search.queries} queries of the first half",
         "area": str(trials[search.best].area),
         "area_of_default": str(trials[0].area),
         "block": "unknown, as all are right or all wrong" if block is None else str(block),
-        "calibrated_on": "the second half of the drive" if changed else "the whole drive",
+        "calibrated_on": "the second half" if changed else "the whole drive",
         "promise": threshold.promise,
     }
     maps = None if queries is None else drive.techniques

@@ -17,6 +17,7 @@ from surefix.cli.flags import documented
 from surefix.cli.map import append, build, info
 from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
+from surefix.cli.tune import tune_
 
 __all__ = ["app", "main"]
 
@@ -57,6 +58,13 @@ app.command(
     epilog="Example: surefix audit route.safetensors todays_photos/ --motion steady\n\n"
     "Example: surefix audit sad.npy --fuse netvlad.npy --accept 0.95",
 )(audit_)
+app.command(
+    "tune",
+    epilog="Example: surefix tune route.safetensors photos/tuesday -o route.toml\n\n"
+    "Example: surefix tune route.safetensors drive.mp4 --every 0.5 --query-positions gps.csv "
+    "--tolerance 10 --wrong 0.01\n\n"
+    "Example: surefix run route.safetensors photos/wednesday --config route.toml",
+)(tune_)
 app.command(
     "eval",
     epilog="Example: surefix eval route.safetensors todays_photos/ --truth identity -o report/\n\n"

@@ -131,7 +131,7 @@ def _print_ranking(found: Audit, names: Sequence[str]) -> None:
         if each is not best and less.low <= 0:
             level.append(names[index])
     print("\nThe techniques, all by one alignment of their fusion:")
-    _print_columns(rows)
+    print_columns(rows)
     first = names[order[0]]
     if level:
         print(
@@ -149,10 +149,11 @@ def _print_thresholds(found: Audit) -> None:
         right = str(found.accepted_precision(1 - threshold)) if accepted.any() else "none"
         rows.append((f"{threshold:g}", f"{accepted.mean():.0%}", right))
     print("\nThe tracker's fixes, if those of at least a confidence are accepted:")
-    _print_columns(rows)
+    print_columns(rows)
 
 
-def _print_columns(rows: Sequence[Sequence[str]]) -> None:
+def print_columns(rows: Sequence[Sequence[str]]) -> None:
+    """A table in plain columns, its header first."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import typer
 
 from surefix import Localizer, Map, SurefixValueError
 from surefix._progress import Bar, terminal_bar
@@ -21,6 +22,7 @@ from surefix.errors import mismatch
 from surefix.frames import Frames, ImageFrames
 from surefix.frames import open as open_frames
 from surefix.tables.matrices import read_matrix
+from surefix.tables.positions import Positions, on_one_plane, read_positions
 from surefix.tables.vectors import ENDINGS
 
 Float32 = npt.NDArray[np.float32]
@@ -243,3 +245,30 @@ def distances_of(
             D[:, column] = localizer.distances
         bar.show(column + 1)
     return D
+
+
+def positions_of(
+    places: int, queries: int, of_map: Float64 | None, positions: Path | None, driven: Path
+) -> tuple[Float64, Float64]:
+    """Those of the places and of the queries, in metres."""
+    if positions is not None:
+        mapped = read_positions(positions)
+    elif of_map is not None:
+        mapped = Positions("the map", of_map)
+    else:
+        raise typer.BadParameter("--positions: expected those of the places, as the map has none")
+    there, here = on_one_plane(mapped, read_positions(driven))
+    _check_positions("--positions", there, places)
+    _check_positions("--query-positions", here, queries)
+    if there.shape[1] != here.shape[1]:
+        got = f"{there.shape[1]} of places and {here.shape[1]} of queries"
+        raise mismatch("--query-positions", "the coordinates of --positions", got)
+    return there, here
+
+
+def _check_positions(option: str, array: Float64, count: int) -> None:
+    if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) != count:
+        raise mismatch(option, f"{count} rows of 2 or 3 metres", f"the shape {array.shape}")
+    if not np.isfinite(array).all():
+        row = int(np.argmin(np.isfinite(array).all(axis=1)))
+        raise mismatch(option, "finite metres", f"{array[row].tolist()} in row {row}")

@@ -27,6 +27,7 @@ from surefix.cli.drives import (
     known,
     names_and_advances,
     open_map,
+    positions_of,
 )
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import refuse
@@ -38,7 +39,6 @@ from surefix.frames.opening import is_recording
 from surefix.study.scenarios import RECORDED
 from surefix.study.study import Recall
 from surefix.tables.matrices import read_matrix
-from surefix.tables.positions import Positions, on_one_plane, read_positions
 from surefix.tables.truth import read_truth
 
 if TYPE_CHECKING:
@@ -218,7 +218,7 @@ def eval_(
         tolerance = 1 if tolerance is None else int(tolerance)
     else:
         assert query_positions is not None
-        judge = where, here = _positions(places, count, where, positions, query_positions)
+        judge = where, here = positions_of(places, count, where, positions, query_positions)
         steps = np.linalg.norm(np.diff(here, axis=0), axis=1)
         along = np.concatenate(([0.0], np.cumsum(steps)))
     assert tolerance is not None
@@ -369,33 +369,6 @@ def _reference_images(place: str, places: int) -> Images:
         expected = f"an image for each of {places} places"
         raise mismatch(f"--references {place}", expected, len(images))
     return images
-
-
-def _positions(
-    places: int, queries: int, of_map: Float64 | None, positions: Path | None, driven: Path
-) -> tuple[Float64, Float64]:
-    """Those of the places and of the queries, in metres."""
-    if positions is not None:
-        mapped = read_positions(positions)
-    elif of_map is not None:
-        mapped = Positions("the map", of_map)
-    else:
-        raise typer.BadParameter("--positions: expected those of the places, as the map has none")
-    there, here = on_one_plane(mapped, read_positions(driven))
-    _check_positions("--positions", there, places)
-    _check_positions("--query-positions", here, queries)
-    if there.shape[1] != here.shape[1]:
-        got = f"{there.shape[1]} of places and {here.shape[1]} of queries"
-        raise mismatch("--query-positions", "the coordinates of --positions", got)
-    return there, here
-
-
-def _check_positions(option: str, array: Float64, count: int) -> None:
-    if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) != count:
-        raise mismatch(option, f"{count} rows of 2 or 3 metres", f"the shape {array.shape}")
-    if not np.isfinite(array).all():
-        row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise mismatch(option, "finite metres", f"{array[row].tolist()} in row {row}")
 
 
 def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
