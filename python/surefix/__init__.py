@@ -38,6 +38,7 @@ from surefix._core import (
     recall_at,
 )
 from surefix.auditing import Audit, Estimate, audit
+from surefix.contradicting import Contradiction, contradictions
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.matches import Matches
 from surefix.motion import Motion
@@ -46,6 +47,7 @@ from surefix.tuning import Trial, Tuned, tune
 __all__ = [
     "Alignment",
     "Audit",
+    "Contradiction",
     "Estimate",
     "Evaluation",
     "Fix",
@@ -73,6 +75,7 @@ __all__ = [
     "align",
     "audit",
     "calibrate",
+    "contradictions",
     "evaluate",
     "evaluate_trust",
     "find_images",

@@ -20,7 +20,7 @@ from surefix._core import (
     match_distances,
 )
 from surefix._progress import Bar, terminal_bar
-from surefix.contradictions import Contradiction, contradictions, true_places
+from surefix.contradicting import Contradiction, contradictions, true_places
 from surefix.errors import mismatch
 from surefix.matches import Matches
 from surefix.motion import Motion
@@ -64,7 +64,7 @@ class Drive:
         if queries is not None:
             rows = described(techniques, queries, descriptor, progress)
             given = rows if len(techniques) > 1 else rows[0]
-            return cls(techniques, given, len(rows[0]), advance, gaps)
+            return cls(techniques, given, np.shape(rows[0])[0], advance, gaps)
         if any(isinstance(each, Map) for each in techniques):
             raise mismatch("queries", "images or descriptors", "none")
         shape = np.shape(techniques[0])
@@ -177,7 +177,8 @@ class Search:
                 fair.append((setting, run))
                 self._judged = ready
         if not self._judged.any():
-            raise mismatch("queries", "some in the first half whose place is known", "none")
+            known_by = "known" if known.alignment is None else "one that the alignment is sure of"
+            raise mismatch("queries", f"some in the first half whose place is {known_by}", "none")
         self._step(fair)
         self._step(self._runs(_details(self.settings[self.best])))
         name, options = self.settings[self.best]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from surefix._core import Map, Settings, calibrate
 from surefix.auditing import Estimate
-from surefix.contradictions import Contradiction
+from surefix.contradicting import Contradiction
 from surefix.motion import Motion
 from surefix.settings_search import Drive, Known, Search
 

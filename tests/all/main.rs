@@ -30,6 +30,8 @@ mod random;
 mod sad;
 mod sad_bits;
 mod screen;
+#[cfg(feature = "toml")]
+mod settings;
 mod snapshot;
 mod steps;
 mod stream_is_batch;

@@ -15,6 +15,9 @@ SURE = 0.95
 NEAR = 2
 # Fewer queries in a row are a slip of the alignment's.
 QUERIES = 3
+# One that passes no more places may be held by a place that looks like everything: on 11 of 140
+# drives made of real routes it contradicted a right truth, each time so.
+STANDS = 1
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,8 @@ def contradictions(alignment: Alignment, truth: Any, tolerance: float = 1) -> li
     wrong.
 
     At least three queries in a row, of which the alignment is more than 95 % sure, are more than
-    ``tolerance`` + 2 places away. Queries that the truth has no place for are left out.
+    ``tolerance`` + 2 places away. Queries that the truth has no place for are left out, and
+    stretches in which the alignment stands.
 
     Parameters
     ----------
@@ -64,11 +68,10 @@ def contradictions(alignment: Alignment, truth: Any, tolerance: float = 1) -> li
     Examples
     --------
     >>> import numpy as np, surefix
-    >>> from surefix.contradictions import contradictions
     >>> alignment = surefix.align(1 - np.eye(60, dtype=np.float32), motion="steady")
     >>> truth = np.arange(60)
     >>> truth[20:30] += 9
-    >>> print(*contradictions(alignment, truth))
+    >>> print(*surefix.contradictions(alignment, truth))
     queries 20 to 29: places 29 to 38 by the truth, 20 to 29 by the alignment
     """
     places = true_places(alignment, truth, tolerance)
@@ -84,7 +87,7 @@ def contradictions(alignment: Alignment, truth: Any, tolerance: float = 1) -> li
             (int(aligned[first]), int(aligned[end - 1])),
         )
         for first, end in zip(edges[::2], edges[1::2], strict=True)
-        if end - first >= QUERIES
+        if end - first >= QUERIES and np.ptp(aligned[first:end]) > STANDS
     ]
 
 
