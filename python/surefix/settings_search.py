@@ -62,9 +62,9 @@ class Drive:
         if not techniques:
             raise mismatch("map", "a map or distances, or a list of them", "an empty list")
         if queries is not None:
-            rows = described(techniques, queries, descriptor, progress)
+            rows: list[Any] = [*described(techniques, queries, descriptor, progress)]
             given = rows if len(techniques) > 1 else rows[0]
-            return cls(techniques, given, np.shape(rows[0])[0], advance, gaps)
+            return cls(techniques, given, len(rows[0]), advance, gaps)
         if any(isinstance(each, Map) for each in techniques):
             raise mismatch("queries", "images or descriptors", "none")
         shape = np.shape(techniques[0])
