@@ -79,6 +79,7 @@ mod scan;
 mod segments;
 mod simd;
 
+pub mod calibration;
 pub mod evaluate;
 
 pub use crate::image::{Channels, Image, ImageSource, ImageView, Progress};
