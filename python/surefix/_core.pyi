@@ -1301,10 +1301,10 @@ class Alarm:
         any of these, 7 blocks after a calibration of 30, 23 after one of 8.
     block : int
         How many frames are averaged: at least twice the correlation time of the scores, after which
-        their autocorrelation is below 1 / e.
+        their autocorrelation is below 1 / e; three times it for drives of more than 1,000 blocks.
     level : float
-        The probability, at most, that a drive like the calibration's ever raises the alarm, however
-        long it is: on average over calibration drives, not for each of them.
+        The probability, at most, that a drive like the calibration's raises the alarm: on average
+        over calibration drives, not for each of them.
 
     Raises
     ------
