@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from surefix._core import (
+    Alarm,
     Alignment,
     Evaluation,
     Fix,
@@ -43,6 +44,7 @@ from surefix.matches import Matches
 from surefix.motion import Motion
 
 __all__ = [
+    "Alarm",
     "Alignment",
     "Audit",
     "Estimate",
