@@ -4,16 +4,16 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::PathBuf;
 
-use numpy::{Element, PyArray1, PyArray2};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surefix::{Drive, Floor, Motion, align_descriptors, align_distances};
 
-use crate::arrays::{matrix, numbers};
-use crate::batch::{Rows, indices};
+use crate::arrays::{numbers, whole_numbers};
+use crate::batch::{Rows, indices, matrices, views};
 use crate::error::{OrRaise as _, value};
 use crate::images::{progress_callback, with_progress};
-use crate::inputs::{descriptors, maps};
+use crate::inputs::{descriptors, listed, maps};
 use crate::map::Map;
 use crate::options::config;
 
@@ -23,7 +23,8 @@ use crate::options::config;
 /// within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
 /// query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
 /// that hold 95 % of the belief on the map. ``single_place`` is each query's best match alone, and
-/// ``single_right`` the probability that it is right.
+/// ``single_right`` the probability that it is right. ``right``, (k, m), is what is believed of the
+/// places that ``align`` was asked about with ``at``.
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Alignment(pub(crate) surefix::Alignment);
 
@@ -85,7 +86,27 @@ impl Alignment {
         self.column(py, |one| one.single_right)
     }
 
-    /// Writes a CSV file: a line of names, then a line a query.
+    /// The probability that each query is within ``tolerance`` places of those of ``at``: float64,
+    /// (k, m).
+    #[getter]
+    fn right<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let Alignment(surefix::Alignment { right, queries, .. }) = self;
+        if right.is_empty() {
+            return Ok(PyArray2::zeros(py, [0, queries.len()], false));
+        }
+        Ok(PyArray2::from_vec2(py, right)?)
+    }
+    /// The position of each query's place in metres: float64, (m, 2) or (m, 3); None if the map has
+    /// no positions.
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let Some(known) = &self.0.positions else { return Ok(None) };
+        let metres = PyArray1::from_slice(py, known.metres());
+        Ok(Some(metres.reshape([known.len(), known.axes()])?))
+    }
+
+    /// Writes a CSV file: a line of names, then a line a query. If the map has positions, that of
+    /// ``place`` is in the columns ``x``, ``y`` and ``z``.
     ///
     /// Parameters
     /// ----------
@@ -125,10 +146,10 @@ impl Alignment {
 ///
 /// Parameters
 /// ----------
-/// map : Map; or array of float32, shape (n, m)
+/// map : Map; or array of float32, shape (n, m); or a list of maps or of arrays
 ///     The known route; or distances, where ``distances[i, j]`` is between place ``i`` and query
-///     ``j``.
-/// queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
+///     ``j``. Several techniques are fused, as by ``Localizer``.
+/// queries : array of descriptors, shape (m, dim); images, as for ``Map.from_images``; or a list
 ///     As for ``match``. None with distances.
 /// motion : {"any", "steady", "free"} or Motion
 ///     How the robot moves. "steady" is the most exact if both drives took frames at the same
@@ -139,8 +160,11 @@ impl Alignment {
 ///     As for ``match``.
 /// tolerance : int
 ///     The confidence is the belief within this many places.
+/// at : array of int, shape (k, m), optional
+///     Places to ask about, one a query in each row, such as the matches of other methods:
+///     ``Alignment.right`` is what is believed of them.
 /// descriptor : surefix.descriptors.Descriptor, optional
-///     On a map of learned descriptors: what describes the images.
+///     On maps of learned descriptors: what describes the images, as for ``match``.
 /// progress : callable, optional
 ///     As for ``Map.from_images``.
 ///
@@ -151,7 +175,7 @@ impl Alignment {
 /// Raises
 /// ------
 /// SurefixValueError
-///     As for ``match`` and ``match_distances``.
+///     As for ``match`` and ``match_distances``, and for a place in ``at`` that there is not.
 ///
 /// Examples
 /// --------
@@ -160,11 +184,14 @@ impl Alignment {
 /// >>> alignment = surefix.align(distances, motion="steady")
 /// >>> alignment.place.tolist() == list(range(30))
 /// True
+/// >>> at = [alignment.place, alignment.place[::-1]]
+/// >>> surefix.align(distances, motion="steady", at=at).right.mean(1).round(1)
+/// array([1. , 0.1])
 #[pyfunction]
 #[pyo3(
     signature = (
-        map, queries=None, *, motion=None, advance=None, gaps=None, tolerance=None, descriptor=None,
-        progress=None
+        map, queries=None, *, motion=None, advance=None, gaps=None, tolerance=None, at=None,
+        descriptor=None, progress=None
     )
 )]
 #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
@@ -176,6 +203,7 @@ pub(crate) fn align(
     advance: Option<&Bound<'_, PyAny>>,
     gaps: Option<&Bound<'_, PyAny>>,
     tolerance: Option<&Bound<'_, PyAny>>,
+    at: Option<&Bound<'_, PyAny>>,
     descriptor: Option<&Bound<'_, PyAny>>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Alignment> {
@@ -192,29 +220,42 @@ pub(crate) fn align(
     let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
     let mut drive = Drive::default().gaps(&gaps);
     drive.advance = advance.as_deref();
+    let at = at.map(places).transpose()?.unwrap_or_default();
+    let at: Vec<&[usize]> = at.iter().map(Vec::as_slice).collect();
     let Some(queries) = queries else {
-        if map.is_instance_of::<Map>() {
+        let listed = listed(map).unwrap_or_else(|| vec![map.clone()]);
+        if listed.iter().any(PyAnyMethods::is_instance_of::<Map>) {
             return Err(value(py, "queries: expected images or descriptors, got none".to_owned()));
         }
-        let matrix = matrix(map, "distances")?;
-        let view = matrix.as_array().into_dimensionality().map_err(|e| value(py, e.to_string()))?;
+        let matrices = matrices(map)?;
+        let views = views(py, &matrices)?;
         let callback = progress_callback(py, progress, "Aligning")?;
         let alignment = with_progress(py, callback.as_ref(), |progress| {
-            Ok(py.detach(|| align_distances(view, &config, drive, progress)))
+            Ok(py.detach(|| align_distances(&views, &config, drive, &at, progress)))
         });
         return Ok(Alignment(alignment?));
     };
     let maps = maps(map)?;
-    let [map] = &maps[..] else {
-        return Err(value(py, format!("map: expected one, got {}", maps.len())));
-    };
     let descriptors = descriptors(descriptor, &maps)?;
-    let descriptor = descriptors[0].as_ref().map(|given| given.bind(py));
-    let rows = Rows::new(queries, map, descriptor, progress)?;
-    let view = rows.view()?;
+    let rows = Rows::of_each(queries, &maps, &descriptors, progress)?;
+    let views = rows.iter().map(Rows::view).collect::<PyResult<Vec<_>>>()?;
     let callback = progress_callback(py, progress, "Aligning")?;
     let alignment = with_progress(py, callback.as_ref(), |progress| {
-        Ok(py.detach(|| align_descriptors(map, view, &config, drive, progress)))
+        Ok(py.detach(|| align_descriptors(&maps, &views, &config, drive, &at, progress)))
     });
     Ok(Alignment(alignment?))
+}
+
+/// Lists of places, one a query in each.
+fn places(at: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<usize>>> {
+    let py = at.py();
+    let refused =
+        |got: String| value(py, format!("at: expected places, (k, m), from 0, got {got}"));
+    let rows = at.try_iter().map_err(|_| refused("no array".to_owned()))?;
+    rows.map(|row| {
+        let places = whole_numbers(&row?, "at: each row")?.into_iter();
+        let places = places.map(|at| usize::try_from(at).map_err(|_| refused(at.to_string())));
+        places.collect()
+    })
+    .collect()
 }

@@ -176,6 +176,16 @@ impl<'py> Numbers<'py> {
         Err(wrong_dtype(array, what, "float32, float16, int8 or uint8", "float32"))
     }
 
+    /// The array itself.
+    pub(crate) fn object(&self) -> Bound<'py, PyAny> {
+        match self {
+            Self::F32(v) => v.as_any().clone(),
+            Self::F16(v) => v.as_any().clone(),
+            Self::I8(v) => v.as_any().clone(),
+            Self::U8(v) => v.as_any().clone(),
+        }
+    }
+
     pub(crate) fn view(&self) -> PyResult<View<'_>> {
         Ok(match self {
             Self::F32(v) => View::F32(v.as_slice()?),

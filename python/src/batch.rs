@@ -3,16 +3,18 @@
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use numpy::{Element, PyArray1, PyUntypedArrayMethods as _};
+use ndarray::ArrayView2;
+use numpy::{Element, PyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::exceptions::{PyIndexError, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use surefix::{Drive, Floor, Recipe, Values, View, describe_all, match_descriptors};
 
 use crate::arrays::{
-    Numbers, as_array, dtype_of, flags, matrix, numbers, query, sequence_or_array, shape_of,
-    whole_numbers,
+    Numbers, as_array, dtype_of, flags, matrix, numbers, query, rows_to_py, sequence_or_array,
+    shape_of, whole_numbers,
 };
 use crate::error::{OrRaise as _, to_py, value};
 use crate::fix::Fix;
@@ -247,19 +249,13 @@ pub(crate) fn match_distances(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Run> {
     let config = config(py, options, Floor::Global)?;
-    let matrices = match listed(distances) {
-        Some(each) if is_matrices(&each) => {
-            each.iter().map(|each| matrix(each, "distances")).collect::<PyResult<Vec<_>>>()?
-        }
-        _ => vec![matrix(distances, "distances")?],
-    };
+    let matrices = matrices(distances)?;
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
     let advance = advance.map(|advance| numbers(advance, "advance")).transpose()?;
     let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
     let mut drive = Drive::default().gaps(&gaps);
     (drive.trusted, drive.advance) = (trusted.as_deref(), advance.as_deref());
-    let views = matrices.iter().map(|matrix| matrix.as_array().into_dimensionality());
-    let views = views.collect::<Result<Vec<_>, _>>().map_err(|e| value(py, e.to_string()))?;
+    let views = views(py, &matrices)?;
     let run = py.detach(|| match views[..] {
         [view] => surefix::match_distances(view, &config, drive),
         _ => surefix::match_fused_distances(&views, &config, drive),
@@ -333,24 +329,7 @@ pub(crate) fn match_(
     (drive.trusted, drive.advance) = (trusted.as_deref(), advance.as_deref());
     let maps = maps(map)?;
     let descriptors = descriptors(descriptor, &maps)?;
-    let stacked = stacked(queries)?;
-    let queries = stacked.as_ref().unwrap_or(queries);
-    // Images for all maps, or a list of descriptors for each. What a map has described by itself
-    // may be grey images, which have two axes, too.
-    let fits = |index: usize, each: &Bound<'_, PyAny>| {
-        let described = maps[index].recipe() != Recipe::Ready || descriptors[index].is_some();
-        let is_wide = as_array(each, "queries").map(|a| a.shape()[1] == maps[index].input_dim());
-        !described || is_wide.unwrap_or(false)
-    };
-    let each = listed(queries).filter(|each| {
-        let several = maps.len() > 1 && each.len() == maps.len() && is_matrices(each);
-        several && each.iter().enumerate().all(|(index, each)| fits(index, each))
-    });
-    let rows = maps.iter().zip(&descriptors).enumerate().map(|(index, (map, descriptor))| {
-        let queries = each.as_ref().map_or(queries, |each| &each[index]);
-        Rows::new(queries, map, descriptor.as_ref().map(|given| given.bind(py)), progress)
-    });
-    let rows = rows.collect::<PyResult<Vec<_>>>()?;
+    let rows = Rows::of_each(queries, &maps, &descriptors, progress)?;
     let views = rows.iter().map(Rows::view).collect::<PyResult<Vec<_>>>()?;
     // Describing has shown its own progress.
     let described = rows.iter().any(|rows| matches!(rows, Rows::Described(_)));
@@ -364,6 +343,49 @@ pub(crate) fn match_(
     Ok(Run(run?))
 }
 
+/// The queries' descriptors for each map, (m, dim): images are described, ready ones are as given.
+#[pyfunction]
+#[pyo3(signature = (map, queries, descriptor=None, progress=None))]
+pub(crate) fn described<'py>(
+    map: &Bound<'py, PyAny>,
+    queries: &Bound<'py, PyAny>,
+    descriptor: Option<&Bound<'py, PyAny>>,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let maps = maps(map)?;
+    let descriptors = descriptors(descriptor, &maps)?;
+    let rows = Rows::of_each(queries, &maps, &descriptors, progress)?;
+    let array = |(rows, map): (&Rows<'py>, &Arc<surefix::Map>)| match rows {
+        Rows::Given(numbers) => Ok(numbers.object()),
+        Rows::Described(values) => {
+            let dim = map.input_dim();
+            rows_to_py(queries.py(), values.view(), &[values.len() / dim, dim])
+        }
+    };
+    rows.iter().zip(&maps).map(array).collect()
+}
+
+/// Matrices of distances: one, or a list of those of several techniques.
+pub(crate) fn matrices<'py>(
+    distances: &Bound<'py, PyAny>,
+) -> PyResult<Vec<PyReadonlyArrayDyn<'py, f32>>> {
+    match listed(distances) {
+        Some(each) if is_matrices(&each) => {
+            each.iter().map(|each| matrix(each, "distances")).collect()
+        }
+        _ => Ok(vec![matrix(distances, "distances")?]),
+    }
+}
+
+/// The same, as the crate takes them.
+pub(crate) fn views<'a>(
+    py: Python<'_>,
+    matrices: &'a [PyReadonlyArrayDyn<'_, f32>],
+) -> PyResult<Vec<ArrayView2<'a, f32>>> {
+    let views = matrices.iter().map(|matrix| matrix.as_array().into_dimensionality());
+    views.collect::<Result<_, _>>().map_err(|e| value(py, e.to_string()))
+}
+
 /// The descriptors of all queries, for one map.
 pub(crate) enum Rows<'py> {
     Given(Numbers<'py>),
@@ -371,7 +393,36 @@ pub(crate) enum Rows<'py> {
 }
 
 impl<'py> Rows<'py> {
-    pub(crate) fn new(
+    /// Those for each of some maps, from images for all of them, or a list of descriptors.
+    pub(crate) fn of_each(
+        queries: &Bound<'py, PyAny>,
+        maps: &[Arc<surefix::Map>],
+        descriptors: &[Option<Py<PyAny>>],
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vec<Self>> {
+        let py = queries.py();
+        let stacked = stacked(queries)?;
+        let queries = stacked.as_ref().unwrap_or(queries);
+        // Images for all maps, or a list of descriptors for each. What a map has described by itself
+        // may be grey images, which have two axes, too.
+        let fits = |index: usize, each: &Bound<'_, PyAny>| {
+            let described = maps[index].recipe() != Recipe::Ready || descriptors[index].is_some();
+            let is_wide =
+                as_array(each, "queries").map(|a| a.shape()[1] == maps[index].input_dim());
+            !described || is_wide.unwrap_or(false)
+        };
+        let each = listed(queries).filter(|each| {
+            let several = maps.len() > 1 && each.len() == maps.len() && is_matrices(each);
+            several && each.iter().enumerate().all(|(index, each)| fits(index, each))
+        });
+        let rows = maps.iter().zip(descriptors).enumerate().map(|(index, (map, descriptor))| {
+            let queries = each.as_ref().map_or(queries, |each| &each[index]);
+            Self::new(queries, map, descriptor.as_ref().map(|given| given.bind(py)), progress)
+        });
+        rows.collect()
+    }
+
+    fn new(
         queries: &Bound<'py, PyAny>,
         map: &surefix::Map,
         descriptor: Option<&Bound<'py, PyAny>>,

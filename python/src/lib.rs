@@ -40,7 +40,7 @@ mod _core {
     #[pymodule_export]
     use crate::align::{Alignment, align};
     #[pymodule_export]
-    use crate::batch::{Run, match_, match_distances};
+    use crate::batch::{Run, described, match_, match_distances};
     #[pymodule_export]
     use crate::calibrate::{Threshold, calibrate, correlation_time};
     #[pymodule_export]

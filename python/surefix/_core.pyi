@@ -52,6 +52,7 @@ __all__ = [
     "calibrate",
     "correlation_time",
     "decode_image",
+    "described",
     "evaluate",
     "evaluate_trust",
     "find_images",
@@ -1389,7 +1390,8 @@ class Alignment:
     within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
     query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
     that hold 95 % of the belief on the map. ``single_place`` is each query's best match alone, and
-    ``single_right`` the probability that it is right.
+    ``single_right`` the probability that it is right. ``right``, (k, m), is what is believed of the
+    places that ``align`` was asked about with ``at``.
     """
 
     @property
@@ -1413,8 +1415,19 @@ class Alignment:
     @property
     def single_right(self) -> _Float64:
         """The probability that this match is right, within ``tolerance`` places: float64."""
+    @property
+    def right(self) -> _Float64:
+        """The probability that each query is within ``tolerance`` places of those of ``at``: float64,
+        (k, m).
+        """
+    @property
+    def position(self) -> _Float64 | None:
+        """The position of each query's place in metres: float64, (m, 2) or (m, 3); None if the map has
+        no positions.
+        """
     def to_csv(self, path: _Path, least: float = 0.0) -> None:
-        """Writes a CSV file: a line of names, then a line a query.
+        """Writes a CSV file: a line of names, then a line a query. If the map has positions, that of
+        ``place`` is in the columns ``x``, ``y`` and ``z``.
 
         Parameters
         ----------
@@ -1431,14 +1444,15 @@ class Alignment:
     def __len__(self) -> int: ...
 
 def align(
-    map: Map | _Array,
+    map: Map | _Array | _Sequence[Map] | _Sequence[_Array],
     queries: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse | None = None,
     *,
     motion: Motion | str | None = None,
     advance: _Array | list[float] | None = None,
     gaps: _Array | list[int] | None = None,
     tolerance: SupportsIndex | None = None,
-    descriptor: _Descriptor | None = None,
+    at: _Array | _Sequence[_Array | list[int]] | None = None,
+    descriptor: _Descriptor | _Sequence[_Descriptor | None] | None = None,
     progress: _Progress = None,
 ) -> Alignment:
     """Aligns a whole drive with a route, without any label: the tracker in both directions (method
@@ -1446,10 +1460,10 @@ def align(
 
     Parameters
     ----------
-    map : Map; or array of float32, shape (n, m)
+    map : Map; or array of float32, shape (n, m); or a list of maps or of arrays
         The known route; or distances, where ``distances[i, j]`` is between place ``i`` and query
-        ``j``.
-    queries : array of descriptors, shape (m, dim); or images, as for ``Map.from_images``
+        ``j``. Several techniques are fused, as by ``Localizer``.
+    queries : array of descriptors, shape (m, dim); images, as for ``Map.from_images``; or a list
         As for ``match``. None with distances.
     motion : {"any", "steady", "free"} or Motion
         How the robot moves. "steady" is the most exact if both drives took frames at the same
@@ -1460,8 +1474,11 @@ def align(
         As for ``match``.
     tolerance : int
         The confidence is the belief within this many places.
+    at : array of int, shape (k, m), optional
+        Places to ask about, one a query in each row, such as the matches of other methods:
+        ``Alignment.right`` is what is believed of them.
     descriptor : surefix.descriptors.Descriptor, optional
-        On a map of learned descriptors: what describes the images.
+        On maps of learned descriptors: what describes the images, as for ``match``.
     progress : callable, optional
         As for ``Map.from_images``.
 
@@ -1472,7 +1489,7 @@ def align(
     Raises
     ------
     SurefixValueError
-        As for ``match`` and ``match_distances``.
+        As for ``match`` and ``match_distances``, and for a place in ``at`` that there is not.
 
     Examples
     --------
@@ -1481,7 +1498,18 @@ def align(
     >>> alignment = surefix.align(distances, motion="steady")
     >>> alignment.place.tolist() == list(range(30))
     True
+    >>> at = [alignment.place, alignment.place[::-1]]
+    >>> surefix.align(distances, motion="steady", at=at).right.mean(1).round(1)
+    array([1. , 0.1])
     """
+
+def described(
+    map: Map | _Sequence[Map],
+    queries: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
+    descriptor: _Descriptor | _Sequence[_Descriptor | None] | None = None,
+    progress: _Progress = None,
+) -> list[_Array]:
+    """The queries' descriptors for each map, (m, dim): images are described, ready ones are as given."""
 
 def match_distances(
     distances: _Array | _Sequence[_Array],

@@ -1,18 +1,22 @@
-"""What a technique is worth on a route, without ground truth."""
+"""What techniques are worth on a route, without ground truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Map, align, match, match_distances
+from surefix._core import Map, Run, align, described, match, match_distances
 from surefix.errors import mismatch
+from surefix.matches import Matches
 from surefix.motion import Motion
 
 __all__ = ["Audit", "Estimate", "audit"]
 
 SAMPLES = 1000
+
+Float64 = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 class Estimate(float):
@@ -58,6 +62,14 @@ class Audit:
         Whether it is trusted (Eq. 3).
     confidence : array of float64, shape (m,)
         How sure the alignment is of each query. Where it is low, ``right`` says little.
+    fix_right : array of float64, shape (m,); or None
+        The probability that each fix of the ``run`` is right, if there is one.
+    score : array of float32, shape (m,); or None
+        The score of that fix, less is better; infinite in the warm-up.
+    techniques : tuple of Audit
+        Of several techniques: an audit of each one's single matches, all by the one alignment, in
+        the order in which they were given. The audit itself is that of their fusion. Empty for one
+        technique.
 
     Examples
     --------
@@ -68,44 +80,86 @@ class Audit:
     (True, True)
     """
 
-    right: npt.NDArray[np.float64]
+    right: Float64
     distance: npt.NDArray[np.float32]
-    trusted: npt.NDArray[np.bool_]
-    confidence: npt.NDArray[np.float64]
+    trusted: Flags
+    confidence: Float64
+    fix_right: Float64 | None
+    score: npt.NDArray[np.float32] | None
+    techniques: tuple["Audit", ...]
 
     @property
     def recall_at_1(self) -> Estimate:
         """The share of the queries whose best match is right."""
-        return self._share(np.ones(len(self.right), bool))
+        return _share(self.right, np.ones(len(self), bool))
 
     @property
     def trusted_precision(self) -> Estimate:
         """The share of the trusted matches that are right; NaN if none is trusted."""
-        return self._share(self.trusted)
+        return _share(self.right, self.trusted)
 
     def precision_at(self, distance: float) -> Estimate:
         """The share that is right of the matches at this distance or a smaller one; NaN if there
         are none.
         """
-        return self._share(self.distance <= distance)
+        return _share(self.right, self.distance <= distance)
 
-    def _share(self, chosen: npt.NDArray[np.bool_]) -> Estimate:
-        """The mean of ``right`` over the chosen, with the interval of a bootstrap over blocks of
-        consecutive queries, as ``Evaluation.auc_interval`` takes them: neighbours err together.
+    def accepted(self, score: float) -> Flags:
+        """Which fixes of the run have this score or a smaller one: bool, shape (m,). The score of a
+        tracker's fix is 1 - its confidence.
+
+        Raises
+        ------
+        SurefixValueError
+            If the audit was not given a ``run``.
         """
-        m = len(self.right)
-        if not chosen.any():
-            return Estimate(np.nan, np.nan, np.nan)
-        length = max(1, round(m**0.5))
-        generator = np.random.default_rng(0)
-        starts = generator.integers(m, size=(SAMPLES, -(-m // length)))
-        drawn = (starts[:, :, None] + np.arange(length)).reshape(SAMPLES, -1)[:, :m] % m
-        counts = chosen[drawn].sum(1)
-        sums = np.where(chosen, self.right, 0)[drawn].sum(1)
-        # The alignment's own doubt, beside that of which queries were driven.
-        shares = sums[counts > 0] / counts[counts > 0]
-        low, high = np.quantile(shares, (0.025, 0.975))
-        return Estimate(float(self.right[chosen].mean()), float(low), float(high))
+        if self.score is None:
+            raise mismatch("run", "the fixes to audit, as audit(..., run=run)", "none")
+        return np.less_equal(self.score, np.float32(score)) & np.isfinite(self.score)
+
+    def accepted_precision(self, score: float) -> Estimate:
+        """The share that is right of the fixes of the run at this score or a smaller one; NaN if
+        there are none.
+
+        Raises
+        ------
+        SurefixValueError
+            If the audit was not given a ``run``.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> distances = 1 - np.eye(40, dtype=np.float32)
+        >>> run = surefix.match_distances(distances, motion="steady")
+        >>> audit = surefix.audit(distances, motion="steady", run=run)
+        >>> audit.accepted_precision(1 - 0.95) > 0.95
+        True
+        """
+        accepted = self.accepted(score)
+        assert self.fix_right is not None
+        return _share(self.fix_right, accepted)
+
+    def difference(self, other: "Audit") -> Estimate:
+        """How much higher the recall@1 is than another technique's of the same audit. If the
+        interval holds 0, the drive does not tell which is better.
+
+        Raises
+        ------
+        SurefixValueError
+            If the other audit is of another number of queries.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> good = 1 - np.eye(60, dtype=np.float32)
+        >>> bad = np.random.default_rng(0).random((60, 60), np.float32)
+        >>> one, two = surefix.audit([good, bad], motion="steady").techniques
+        >>> one.difference(two).low > 0.5
+        True
+        """
+        if len(other) != len(self):
+            raise mismatch("other", f"an audit of the same {len(self)} queries", len(other))
+        return _share(self.right - other.right, np.ones(len(self), bool))
 
     def __len__(self) -> int:
         """The number of queries."""
@@ -114,13 +168,37 @@ class Audit:
     def __repr__(self) -> str:
         """The estimates in a line."""
         said = f"recall@1 {self.recall_at_1}, trusted precision {self.trusted_precision}"
-        return f"Audit({len(self)} queries, {said})"
+        of = f" of {len(self.techniques)} techniques" if self.techniques else ""
+        return f"Audit({len(self)} queries{of}, {said})"
+
+
+def _share(right: Float64, chosen: Flags) -> Estimate:
+    """The mean over the chosen, with the interval of a block bootstrap; NaN if none is chosen."""
+    if not chosen.any():
+        return Estimate(np.nan, np.nan, np.nan)
+    block = max(1, round(len(right) ** 0.5))
+    counts, sums = redrawn_sums(np.stack([chosen, np.where(chosen, right, 0.0)]), block)
+    low, high = np.quantile(sums[counts > 0] / counts[counts > 0], (0.025, 0.975))
+    return Estimate(float(right[chosen].mean()), float(low), float(high))
+
+
+def redrawn_sums(rows: Float64, block: int) -> Float64:
+    """The sum of each row, (k, m), over drives redrawn from blocks of this many consecutive queries
+    (the first follows on the last), as neighbours err together: shape (k, ``SAMPLES``). All rows
+    are redrawn alike.
+    """
+    m = rows.shape[1]
+    starts = np.random.default_rng(0).integers(m, size=(SAMPLES, -(-m // block)))
+    lengths = np.minimum(block, m - block * np.arange(starts.shape[1]))
+    along = np.cumsum(np.hstack([np.zeros((len(rows), 1)), rows, rows[:, :block]]), axis=1)
+    return np.asarray((along[:, starts + lengths] - along[:, starts]).sum(-1))
 
 
 def audit(
     map: Any,
     queries: Any = None,
     *,
+    run: Run | Matches | None = None,
     motion: Motion | str = "any",
     advance: npt.ArrayLike | None = None,
     gaps: list[int] | None = None,
@@ -128,18 +206,22 @@ def audit(
     descriptor: Any = None,
     progress: Any = None,
 ) -> Audit:
-    """Estimates how often a technique is right on a drive, without ground truth (method 1.11).
+    """Estimates how often techniques are right on a drive, without ground truth (method 1.11).
 
     The drive is aligned with the route by ``align``; the belief of all queries at the place of each
-    query's best match is the probability that this match is right.
+    query's best match is the probability that this match is right. Several techniques are fused for
+    the alignment: one that is weak alone is audited better beside a strong one, and which of them
+    is best does not depend on each one's own alignment.
 
     Parameters
     ----------
-    map : Map; or array of float32, shape (n, m)
+    map : Map; or array of float32, shape (n, m); or a list of maps or of arrays
         The known route; or distances, where ``distances[i, j]`` is between place ``i`` and query
-        ``j``.
-    queries : array or images, optional
+        ``j``. One for each technique.
+    queries : array, images or a list, optional
         As for ``match``; none with distances.
+    run : Run or Matches, optional
+        Fixes of the same drive, of any method, for ``accepted_precision``.
     motion : {"any", "steady", "free"} or Motion
         How the robot moved. The estimates are as good as it: "steady" if both drives took frames
         at the same distances.
@@ -155,7 +237,8 @@ def audit(
     Raises
     ------
     SurefixValueError
-        As for ``align``, and for no query.
+        As for ``align``; for no query; and for a run of another number of queries, or of places
+        that there are not.
 
     Examples
     --------
@@ -166,21 +249,51 @@ def audit(
     >>> abs(audit.recall_at_1 - np.mean(audit.right)) < 1e-9
     True
     """
-    how: dict[str, Any] = {"advance": advance, "gaps": gaps}
-    aligned = align(
-        map,
-        queries,
-        motion=motion,
-        tolerance=tolerance,
-        descriptor=descriptor,
-        progress=progress,
-        **how,
-    )
-    if not len(aligned):
-        raise mismatch("queries", "at least one query", "none")
-    options: Any = {"sequence_length": 1, "tolerance": tolerance}
-    if isinstance(map, Map):
-        run = match(map, queries, descriptor=descriptor, gaps=gaps, **options)
+    techniques = list(map) if isinstance(map, (list, tuple)) else [map]
+    if not techniques:
+        raise mismatch("map", "a map or distances, or a list of them", "an empty list")
+    alone: dict[str, Any] = {"gaps": gaps, "sequence_length": 1, "tolerance": tolerance}
+    # What is matched: each technique alone, and first their fusion if there are several.
+    several = len(techniques) > 1
+    if queries is not None:
+        rows = described(map, queries, descriptor, progress)
+        drive: tuple[Any, ...] = (techniques, rows if several else rows[0])
+        parts = list(zip(techniques, rows, strict=True))
+        alone["progress"] = progress
+        matched = [match(*part, **alone) for part in ([drive] if several else []) + parts]
     else:
-        run = match_distances(map, gaps=gaps, **options)
-    return Audit(aligned.single_right, run.single_distance, run.trusted, aligned.confidence)
+        if any(isinstance(each, Map) for each in techniques):
+            raise mismatch("queries", "images or descriptors", "none")
+        drive = (techniques,)
+        matched = [match_distances(techniques, **alone)] if several else []
+        matched += [match_distances(each, **alone) for each in techniques]
+    singles: list[Any] = [each.single_place for each in matched]
+    if not len(singles[0]):
+        raise mismatch("queries", "at least one query", "none")
+    how: dict[str, Any] = {"motion": motion, "advance": advance, "gaps": gaps}
+    how |= {"tolerance": tolerance, "progress": progress}
+    aligned = align(*drive, at=[*singles, *_places(run, techniques[0], len(singles[0]))], **how)
+    audits = [
+        Audit(right, each.single_distance, each.trusted, aligned.confidence, None, None, ())
+        for right, each in zip(aligned.right, matched, strict=False)
+    ]
+    whole = replace(audits[0], techniques=tuple(audits[1:]))
+    if run is None:
+        return whole
+    ready: Any = run.ready
+    score = np.where(ready, run.score, np.float32(np.inf))
+    return replace(whole, fix_right=aligned.right[-1], score=score)
+
+
+def _places(run: Any, first: Any, queries: int) -> list[npt.NDArray[np.int64]]:
+    """The places of the run, checked; none without one."""
+    if run is None:
+        return []
+    if len(run) != queries:
+        raise mismatch("run", f"a fix for each of {queries} queries", len(run))
+    places = len(first)
+    wrong = np.flatnonzero((run.place < 0) | (run.place >= places))
+    if len(wrong):
+        got = f"{run.place[wrong[0]]} at query {wrong[0]}"
+        raise mismatch("run", f"places from 0 to {places - 1}", got)
+    return [run.place]

@@ -1,18 +1,20 @@
 //! Alignment (method 1.10): where each query of a whole drive was, by all of its queries.
 
 use std::io::{self, Write};
+use std::sync::Arc;
 
 use ndarray::ArrayView2;
 
 use super::drive::{Drive, Flags};
-use super::{Columns, REPORTED, count};
+use super::fused::{one_drive, one_shape};
+use super::{AT_ONCE, Columns, REPORTED};
 use crate::config::Config;
 use crate::error::Error;
 use crate::evaluate::Match;
 use crate::image::Progress;
-use crate::map::Map;
-use crate::method::{Aligned, Aligner, Given, Source, Track};
-use crate::motion::Motion;
+use crate::localizer::one_route;
+use crate::map::{Map, Positions};
+use crate::method::{Aligned, Aligner, Given, Source, Track, stretch};
 use crate::numbers::{View, first_not_finite};
 use crate::segments::Segments;
 
@@ -22,6 +24,11 @@ use crate::segments::Segments;
 pub struct Alignment {
     /// One a query, in order.
     pub queries: Vec<Aligned>,
+    /// For each list of places that was asked about, one a query: the probability that the query is
+    /// within `tolerance` places of it.
+    pub right: Vec<Vec<f64>>,
+    /// The position of each query's place, if the map (the first that has any) has positions.
+    pub positions: Option<Positions>,
     /// How many places the route has.
     pub places: usize,
 }
@@ -45,14 +52,17 @@ impl Alignment {
     }
 
     /// Writes the tracks as CSV: a line of names, then a line a query. `reference` is the place,
-    /// and -1 if the confidence is below `least`: with the column `query` it is a truth.
+    /// and -1 if the confidence is below `least`: with the column `query` it is a truth. Positions
+    /// are the columns `x`, `y` and `z`.
     ///
     /// # Errors
     /// Whatever `out` gives.
     pub fn write_csv(&self, out: &mut impl Write, least: f64) -> io::Result<()> {
+        let axes = self.positions.as_ref().map_or(0, Positions::axes);
+        let names = &",x,y,z"[..2 * axes];
         writeln!(
             out,
-            "query,reference,place,confidence,off_map,speed,place_low,place_high,single_place,single_right"
+            "query,reference,place,confidence,off_map,speed,place_low,place_high,single_place,single_right{names}"
         )?;
         for (query, Aligned { track, single, single_right }) in self.queries.iter().enumerate() {
             let Track { place, confidence, off_map, speed, interval: (low, high) } = track;
@@ -61,22 +71,33 @@ impl Alignment {
             } else {
                 write!(out, "{query},{place}")?;
             }
-            writeln!(
+            write!(
                 out,
                 ",{place},{confidence},{off_map},{speed},{low},{high},{},{single_right}",
                 single.place
             )?;
+            for metres in
+                self.positions.iter().flat_map(|known| &known.metres()[query * axes..][..axes])
+            {
+                write!(out, ",{metres}")?;
+            }
+            writeln!(out)?;
         }
         Ok(())
     }
 }
 
-/// Aligns the drive of a whole distance matrix, as for [`match_distances`](super::match_distances):
-/// the tracker of [`Config::motion`](crate::Config::motion) in both directions (method 1.10). No
-/// label is needed: for two recorded drives it stands in for the truth.
+/// Aligns the drive of a whole distance matrix, as for [`match_distances`](super::match_distances),
+/// or of those of several techniques, fused as by
+/// [`match_fused_distances`](super::match_fused_distances): the tracker of
+/// [`Config::motion`](crate::Config::motion) in both directions (method 1.10). No label is needed:
+/// for two recorded drives it stands in for the truth.
 ///
-/// Beside the matrix, `2 sqrt(m) (V + 2) n` numbers of 8 bytes are held for `n` places, `m` queries
-/// and `V` speeds.
+/// `at` are places to ask about: lists of one a query, such as the matches of other methods. What
+/// is believed of them is [`Alignment::right`].
+///
+/// Beside the matrix, about `2 sqrt(m) (V + 2) n` numbers of 8 bytes are held for `n` places, `m`
+/// queries and `V` speeds, and `sqrt(m) n` for each of several techniques.
 ///
 /// ```
 /// use ndarray::Array2;
@@ -85,65 +106,67 @@ impl Alignment {
 /// let mut config = Config::default();
 /// config.motion = Some(Motion::steady());
 /// let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
-/// let alignment = align_distances(distances.view(), &config, Drive::default(), &mut go_on)?;
+/// let at: Vec<usize> = (0..30).collect();
+/// let drive = Drive::default();
+/// let alignment = align_distances(&[distances.view()], &config, drive, &[&at], &mut go_on)?;
 /// assert!(alignment.queries.iter().enumerate().all(|(query, one)| one.track.place == query));
+/// assert!(alignment.right[0].iter().all(|&right| right > 0.5));
 /// # Ok::<(), surefix::Error>(())
 /// ```
 ///
 /// # Errors
-/// As for [`match_distances`](super::match_distances), and [`Error::Option`] without a motion;
-/// [`Error::Interrupted`] if `progress` breaks.
-#[expect(clippy::needless_pass_by_value, reason = "a view is a borrow already")]
+/// As for [`match_fused_distances`](super::match_fused_distances), and [`Error::Option`] without a
+/// motion; [`Error::Length`] unless each list in `at` has one place a query, and [`Error::Option`]
+/// for a place that there is not; [`Error::Interrupted`] if `progress` breaks.
 pub fn align_distances(
-    distances: ArrayView2<'_, f32>,
+    distances: &[ArrayView2<'_, f32>],
     config: &Config,
     drive: Drive<'_>,
+    at: &[&[usize]],
     progress: Progress<'_>,
 ) -> Result<Alignment, Error> {
-    let (places, queries) = distances.dim();
-    let motion = motion_of(config, places)?;
+    let (places, queries) = one_shape(distances)?;
     let flags = Flags::new(drive, queries)?;
-    let segments = Segments::one(places);
-    let column = |query: usize, out: &mut [f32]| {
-        out.iter_mut().zip(distances.column(query)).for_each(|(out, &distance)| *out = distance);
+    let column = |technique: usize, query: usize, out: &mut [f32]| {
+        let column = distances[technique].column(query);
+        out.iter_mut().zip(column).for_each(|(out, &distance)| *out = distance);
         finite(out, query)
     };
-    let source = Drives { queries, flags, column };
-    run(motion, config.tolerance, &segments, source, progress)
+    let source = Drives { queries, techniques: distances.len(), flags, column };
+    run(config, &Segments::one(places), source, at, progress)
 }
 
-/// Aligns many descriptors, one after the other in `queries`, with a map: as
-/// [`align_distances`], without holding a matrix. The distances are computed twice, on all cores.
+/// Aligns many descriptors, one after the other, with a map; or those of several techniques, one
+/// list for each map: as [`align_distances`], without holding a matrix. The distances are computed
+/// twice, on all cores.
 ///
 /// # Errors
-/// As for [`match_descriptors`](super::match_descriptors), and [`Error::Option`] without a motion.
-pub fn align_descriptors<'a>(
-    map: &Map,
-    queries: impl Into<View<'a>>,
+/// As for [`match_fused`](super::match_fused) and [`align_distances`].
+pub fn align_descriptors(
+    maps: &[Arc<Map>],
+    queries: &[View<'_>],
     config: &Config,
     drive: Drive<'_>,
+    at: &[&[usize]],
     progress: Progress<'_>,
 ) -> Result<Alignment, Error> {
-    let queries = queries.into();
-    let total = count(map, queries)?;
-    let motion = motion_of(config, map.places())?;
+    let segments = one_route(maps)?;
+    let total = one_drive(maps, queries)?;
     let flags = Flags::new(drive, total)?;
-    queries.check_finite("queries", map.input_dim())?;
-    let mut columns = Columns::new(map, queries, total)?;
-    let column = |query: usize, out: &mut [f32]| {
-        out.copy_from_slice(columns.of(query)?);
+    let mut each = Vec::with_capacity(maps.len());
+    for (map, queries) in maps.iter().zip(queries) {
+        queries.check_finite("queries", map.input_dim())?;
+        each.push(Columns::new(map, *queries, total, AT_ONCE.min(stretch(total)))?);
+    }
+    let column = |technique: usize, query: usize, out: &mut [f32]| {
+        out.copy_from_slice(each[technique].of(query)?);
         finite(out, query)
     };
-    let source = Drives { queries: total, flags, column };
-    run(motion, config.tolerance, map.route().segments(), source, progress)
-}
-
-fn motion_of(config: &Config, places: usize) -> Result<&Motion, Error> {
-    config.validate(places)?;
-    config.motion.as_ref().ok_or_else(|| {
-        let expected = "\"steady\", \"free\" or \"any\" for an alignment".to_owned();
-        Error::Option { name: "motion", expected, got: "none".to_owned() }
-    })
+    let source = Drives { queries: total, techniques: maps.len(), flags, column };
+    let mut alignment = run(config, segments, source, at, progress)?;
+    let places = alignment.queries.iter().map(|one| one.track.place);
+    alignment.positions = maps.iter().find_map(|map| Some(map.positions()?.of(places.clone())));
+    Ok(alignment)
 }
 
 fn finite(column: &[f32], query: usize) -> Result<(), Error> {
@@ -156,39 +179,59 @@ fn finite(column: &[f32], query: usize) -> Result<(), Error> {
     }
 }
 
-fn run(
-    motion: &Motion,
-    tolerance: usize,
+fn run<C: FnMut(usize, usize, &mut [f32]) -> Result<(), Error>>(
+    config: &Config,
     segments: &Segments,
-    mut source: impl Source,
+    mut source: Drives<'_, C>,
+    at: &[&[usize]],
     progress: Progress<'_>,
 ) -> Result<Alignment, Error> {
-    let steps = 2 * source.queries();
-    let aligner = Aligner::new(motion, tolerance, segments)?;
-    let queries = aligner.align(&mut source, |done| {
+    let places = segments.places();
+    config.validate(places)?;
+    if config.motion.is_none() {
+        let expected = "\"steady\", \"free\" or \"any\" for an alignment".to_owned();
+        return Err(Error::Option { name: "motion", expected, got: "none".to_owned() });
+    }
+    for list in at {
+        let (expected, got) = (source.queries, list.len());
+        if expected != got {
+            return Err(Error::Length { what: "at, places to ask about", expected, got });
+        }
+        if let Some(place) = list.iter().find(|&&place| place >= places) {
+            let expected = format!("places from 0 to {}", places - 1);
+            return Err(Error::Option { name: "at", expected, got: place.to_string() });
+        }
+    }
+    let steps = 2 * source.queries;
+    let aligner = Aligner::new(config, source.techniques, segments)?;
+    let (queries, right) = aligner.align(&mut source, at, |done| {
         let due = done.is_multiple_of(REPORTED) || done == steps;
         if due && progress(done, steps).is_break() {
             return Err(Error::Interrupted { done, total: steps });
         }
         Ok(())
     })?;
-    Ok(Alignment { queries, places: segments.places() })
+    Ok(Alignment { queries, right, positions: None, places })
 }
 
-/// A drive whose columns are computed when they are asked for.
+/// A drive whose columns are computed when they are asked for, by technique and query.
 struct Drives<'a, C> {
     queries: usize,
+    techniques: usize,
     flags: Flags<'a>,
     column: C,
 }
 
-impl<C: FnMut(usize, &mut [f32]) -> Result<(), Error>> Source for Drives<'_, C> {
+impl<C: FnMut(usize, usize, &mut [f32]) -> Result<(), Error>> Source for Drives<'_, C> {
     fn queries(&self) -> usize {
         self.queries
     }
 
-    fn column(&mut self, query: usize, out: &mut [f32]) -> Result<(bool, Given), Error> {
-        (self.column)(query, out)?;
+    fn column(&mut self, technique: usize, query: usize, out: &mut [f32]) -> Result<(), Error> {
+        (self.column)(technique, query, out)
+    }
+
+    fn given(&self, query: usize) -> Result<(bool, Given), Error> {
         let mut cut = false;
         let given = self.flags.before(query, |_| {
             cut = true;

@@ -25,17 +25,7 @@ pub fn match_fused_distances(
     config: &Config,
     drive: Drive<'_>,
 ) -> Result<Run, Error> {
-    let Some(first) = distances.first() else {
-        return Err(wrong_number(0));
-    };
-    if distances.len() > MAX_TECHNIQUES {
-        return Err(wrong_number(distances.len()));
-    }
-    let (places, queries) = first.dim();
-    if let Some(other) = distances.iter().find(|other| other.dim() != first.dim()) {
-        let (expected, got) = (format!("{:?}", first.dim()), format!("{:?}", other.dim()));
-        return Err(Error::Shape { what: "distances of several techniques", expected, got });
-    }
+    let (places, queries) = one_shape(distances)?;
     config.validate(places)?;
     let flags = Flags::new(drive, queries)?;
     let fixes = twice_if_global(config, |config| {
@@ -57,9 +47,40 @@ pub fn match_fused_distances(
     Ok(Run { fixes, places })
 }
 
-fn wrong_number(got: usize) -> Error {
-    let expected = format!("1 to {MAX_TECHNIQUES} matrices");
-    Error::Option { name: "distances", expected, got: got.to_string() }
+/// The places and the queries of several techniques' distances.
+///
+/// # Errors
+/// [`Error::Option`] for no matrix or more than 32, [`Error::Shape`] for different shapes.
+pub(super) fn one_shape(distances: &[ArrayView2<'_, f32>]) -> Result<(usize, usize), Error> {
+    let Some(first) = distances.first().filter(|_| distances.len() <= MAX_TECHNIQUES) else {
+        let expected = format!("1 to {MAX_TECHNIQUES} matrices");
+        let got = distances.len().to_string();
+        return Err(Error::Option { name: "distances", expected, got });
+    };
+    if let Some(other) = distances.iter().find(|other| other.dim() != first.dim()) {
+        let (expected, got) = (format!("{:?}", first.dim()), format!("{:?}", other.dim()));
+        return Err(Error::Shape { what: "distances of several techniques", expected, got });
+    }
+    Ok(first.dim())
+}
+
+/// The number of queries in several techniques' lists of descriptors.
+///
+/// # Errors
+/// [`Error::Length`] unless there is one list for each map, all with one number of rows;
+/// [`Error::Shape`] if a map's dimension does not divide the numbers.
+pub(super) fn one_drive(maps: &[Arc<Map>], queries: &[View<'_>]) -> Result<usize, Error> {
+    let (expected, got) = (maps.len(), queries.len());
+    if expected != got {
+        return Err(Error::Length { what: "queries, one list for each map", expected, got });
+    }
+    let counts = maps.iter().zip(queries).map(|(map, queries)| count(map, *queries));
+    let counts = counts.collect::<Result<Vec<_>, _>>()?;
+    let expected = counts.first().copied().unwrap_or_default();
+    if let Some(&got) = counts.iter().find(|&&count| count != expected) {
+        return Err(Error::Length { what: "queries of a map, as of the first", expected, got });
+    }
+    Ok(expected)
 }
 
 /// Matches descriptors of several techniques, one list of rows for each map: the answers are those
@@ -76,23 +97,8 @@ pub fn match_fused(
     drive: Drive<'_>,
     progress: Progress<'_>,
 ) -> Result<Run, Error> {
-    let (expected, got) = (maps.len(), queries.len());
-    if expected != got {
-        return Err(Error::Length { what: "queries, one list for each map", expected, got });
-    }
-    let counts = maps.iter().zip(queries).map(|(map, queries)| count(map, *queries));
-    let counts = counts.collect::<Result<Vec<_>, _>>()?;
-    let (places, total) = match (maps.first(), counts.first()) {
-        (Some(map), Some(&count)) => (map.places(), count),
-        _ => (0, 0),
-    };
-    if let Some(&got) = counts.iter().find(|&&count| count != total) {
-        return Err(Error::Length {
-            what: "queries of a map, as of the first",
-            expected: total,
-            got,
-        });
-    }
+    let total = one_drive(maps, queries)?;
+    let places = maps.first().map_or(0, |map| map.places());
     let flags = Flags::new(drive, total)?;
     let mut report = |done: usize| {
         if done.is_multiple_of(REPORTED) && progress(done, total).is_break() {

@@ -27,6 +27,8 @@ use drive::Flags;
 const REPORTED: usize = 64;
 /// Distances that are held at a time while descriptors are matched: 16 MB.
 const HELD: usize = 1 << 22;
+/// Queries whose distances are computed at a time, at most.
+const AT_ONCE: usize = 256;
 
 /// The fixes of a whole run, one a query, in order.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -278,7 +280,7 @@ pub fn match_descriptors<'a>(
             Ok(())
         }
     };
-    let mut columns = Columns::new(map, queries, count)?;
+    let mut columns = Columns::new(map, queries, count, AT_ONCE)?;
     let mut scanned = 0;
     if config.floor == Floor::Global {
         let mut lowest = f32::INFINITY;
@@ -322,12 +324,15 @@ struct Columns<'a> {
     count: usize,
     /// The queries after a post-processing whose statistics depend on the queries before.
     passed: Option<Vec<f32>>,
+    /// How many are computed at a time.
+    at_once: usize,
     first: usize,
     held: Vec<Vec<f32>>,
 }
 
 impl<'a> Columns<'a> {
-    fn new(map: &'a Map, queries: View<'a>, count: usize) -> Result<Self, Error> {
+    /// At most `at_once` are computed at a time.
+    fn new(map: &'a Map, queries: View<'a>, count: usize, at_once: usize) -> Result<Self, Error> {
         let passed = match map.post().filter(|post| post.runs()) {
             None => None,
             Some(post) => {
@@ -344,13 +349,13 @@ impl<'a> Columns<'a> {
                 Some(passed)
             }
         };
-        Ok(Self { map, queries, count, passed, first: 0, held: Vec::new() })
+        let at_once = (HELD / map.places()).min(at_once).max(1);
+        Ok(Self { map, queries, count, passed, at_once, first: 0, held: Vec::new() })
     }
 
     fn of(&mut self, query: usize) -> Result<&[f32], Error> {
-        let Self { map, queries, count, ref passed, .. } = *self;
+        let Self { map, queries, count, ref passed, at_once, .. } = *self;
         if !(self.first..self.first + self.held.len()).contains(&query) {
-            let at_once = (HELD / map.places()).clamp(1, 256);
             let columns = each(
                 query..count.min(query + at_once),
                 || (),

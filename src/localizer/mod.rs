@@ -15,6 +15,7 @@ use crate::method::{Fix, Fusion, Given, MAX_TECHNIQUES, Matcher, Owner, load};
 use crate::numbers::View;
 use crate::post::Running;
 use crate::scan::{Pool, threads_for};
+use crate::segments::Segments;
 use judge::Judge;
 use screening::Screening;
 pub use technique::Input;
@@ -90,8 +91,7 @@ impl Localizer {
     /// As for [`Matcher::new`]; [`Error::Option`] for no map or more than 32, and
     /// [`Error::Length`] unless all have one number of places.
     pub fn fused(maps: Vec<Arc<Map>>, config: Config) -> Result<Self, Error> {
-        let Some(first) = maps.first() else { return Err(wrong_number(0)) };
-        let matcher = Matcher::along(first.route().segments().clone(), config)?;
+        let matcher = Matcher::along(one_route(&maps)?.clone(), config)?;
         Self::with_matcher(maps, matcher)
     }
 
@@ -176,17 +176,9 @@ impl Localizer {
     }
 
     fn with_matcher(maps: Vec<Arc<Map>>, mut matcher: Matcher) -> Result<Self, Error> {
-        let places = matcher.places();
-        if !(1..=MAX_TECHNIQUES).contains(&maps.len()) {
-            return Err(wrong_number(maps.len()));
-        }
-        if let Some(other) = maps.iter().find(|map| map.places() != places) {
-            let what = "places of a map, as of the first";
-            return Err(Error::Length { what, expected: places, got: other.places() });
-        }
         let fusion = match maps.len() {
             1 if matcher.config().technique_weights.len() <= 1 => None,
-            count => Some(Fusion::new(count, places, matcher.config())?),
+            count => Some(Fusion::new(count, matcher.places(), matcher.config())?),
         };
         let screening = match &maps[..] {
             // The tracker and the fusion need all distances: bounds would only be work before them.
@@ -441,8 +433,7 @@ impl Localizer {
         snapshot: &[u8],
         expected: Option<&Config>,
     ) -> Result<Self, Error> {
-        let Some(first) = maps.first() else { return Err(wrong_number(0)) };
-        let segments = first.route().segments();
+        let segments = one_route(&maps)?;
         let owner = Owner { fingerprint: fingerprint(&maps), segments };
         let saved = load(snapshot, expected, Some(&owner))?;
         let running = saved.running.iter().map(|running| Running::restore(running));
@@ -478,6 +469,25 @@ impl Localizer {
     /// How many frames it has taken since the start or the last reset.
     pub fn frames(&self) -> u64 {
         self.matcher.frames()
+    }
+}
+
+/// The segments of the first of some techniques' maps.
+///
+/// # Errors
+/// [`Error::Option`] for no map or more than 32, [`Error::Length`] unless all have one number of
+/// places.
+pub(crate) fn one_route(maps: &[Arc<Map>]) -> Result<&Segments, Error> {
+    let Some(first) = maps.first().filter(|_| maps.len() <= MAX_TECHNIQUES) else {
+        return Err(wrong_number(maps.len()));
+    };
+    let expected = first.places();
+    match maps.iter().find(|map| map.places() != expected) {
+        None => Ok(first.route().segments()),
+        Some(other) => {
+            let what = "places of a map, as of the first";
+            Err(Error::Length { what, expected, got: other.places() })
+        }
     }
 }
 

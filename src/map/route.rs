@@ -133,6 +133,12 @@ impl Positions {
         Self { metres: [self.metres(), more.metres()].concat(), axes: self.axes }
     }
 
+    /// Those of some places, in this order.
+    pub(crate) fn of(&self, places: impl Iterator<Item = usize>) -> Self {
+        let metres = places.flat_map(|place| &self.metres[place * self.axes..][..self.axes]);
+        Self { metres: metres.copied().collect(), axes: self.axes }
+    }
+
     fn slice(&self, places: Range<usize>) -> Self {
         let metres = self.metres[places.start * self.axes..places.end * self.axes].to_vec();
         Self { metres, axes: self.axes }

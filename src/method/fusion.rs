@@ -97,6 +97,11 @@ impl Fusion {
         self.techniques.iter().map(|hubness| (hubness.columns, &hubness.sums[..]))
     }
 
+    /// The same, to go on with later.
+    pub(super) fn known(&self) -> Vec<Hubness> {
+        self.techniques.clone()
+    }
+
     /// Goes on with known statistics, of as many places; false if they do not fit.
     pub(crate) fn resume(&mut self, known: Vec<Hubness>) -> bool {
         let fits = known.len() == self.techniques.len();

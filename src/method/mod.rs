@@ -49,7 +49,7 @@ pub use single::Single;
 pub(crate) use single::minimum;
 pub(crate) use snapshot::{Owner, load};
 pub use track::{Aligned, Track};
-pub(crate) use track::{Aligner, Source};
+pub(crate) use track::{Aligner, Source, stretch};
 pub(crate) use window::{Column, Exact, Ring};
 
 use crate::config::{Config, Floor};

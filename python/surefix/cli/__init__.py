@@ -49,12 +49,13 @@ app.command(
 app.command(
     "align",
     epilog="Example: surefix align route.safetensors todays_photos/ -o truth.csv\n\n"
-    "Example: surefix eval route.safetensors todays_photos/ --truth truth.csv",
+    "Example: surefix eval route.safetensors todays_photos/ --truth truth.csv\n\n"
+    "Example: surefix align sad.npy --fuse netvlad.npy --report page/ -o truth.csv",
 )(align_)
 app.command(
     "audit",
     epilog="Example: surefix audit route.safetensors todays_photos/ --motion steady\n\n"
-    "Example: surefix audit distances.npy",
+    "Example: surefix audit sad.npy --fuse netvlad.npy --accept 0.95",
 )(audit_)
 app.command(
     "eval",

@@ -1,19 +1,22 @@
 """``surefix align``: where each query of a recorded drive was, without any label."""
 
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
+import numpy.typing as npt
 import typer
 
-from surefix import Map, SurefixValueError, align
+from surefix import SurefixError, SurefixValueError, align
 from surefix._progress import terminal_bar
 from surefix._words import plural
 from surefix.cli import inputs
+from surefix.cli.drives import Drive, open_drive
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read, refuse
-from surefix.tables.matrices import read_matrix
 
 T = TypeVar("T")
 
@@ -23,58 +26,94 @@ def align_(
     route: str,
     queries: Annotated[str | None, typer.Argument()] = None,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("truth.csv"),
+    report: Path | None = None,
     motion: str = "any",
     tolerance: Annotated[int, typer.Option(min=0)] = 1,
     least: Annotated[float, typer.Option(min=0, max=1)] = 0.5,
+    fuse: list[str] | None = None,
     similarity: bool = False,
     model: Path | None = None,
+    topic: inputs.Topic = None,
+    stride: inputs.Stride = 1,
+    every: inputs.Every = None,
+    metres: inputs.Metres = None,
+    odometry: inputs.Odometry = None,
+    spacing: inputs.Spacing = None,
+    places_per_metre: inputs.PlacesPerMetre = None,
 ) -> None:
     """Align a recorded drive with a route, without any label: a truth for `surefix eval`.
 
     Parameters
     ----------
     route: The map, from `surefix map build`; or a .npy of distances, (places, queries).
-    queries: A folder of images, a pattern, or a .npy of images or of descriptors; none with
-        distances.
-    out: The .csv to write: query,reference and the confidence of each.
+    queries: A folder of images, a pattern, a .npy of images or of descriptors, a video or a bag;
+        none with distances.
+    out: The .csv to write: query,reference and the confidence of each; and positions, if the map
+        has them.
+    report: A folder for a page with the track over the distances, and where it is doubtful.
     motion: steady if both drives took frames at the same distances, free for 0 to 2 places a
         query, any for 0 to 5.
     tolerance: The confidence is the belief within this many places.
     least: A query of a lower confidence has no reference in the file: -1.
+    fuse: Another technique's map of the same places, or .npy of distances, once each: their
+        evidence is fused.
     similarity: The .npy holds similarities s: the distances are 1 - s.
-    model: A map of `surefix map build --model`: the ONNX file, to describe the images.
+    model: A map of `surefix map build --model`, of --fuse too: the ONNX file, to describe the
+        images.
     """
     refuse(out.suffix != ".csv", f"--out: expected a name that ends in .csv, got {out}")
-    check_not_read(out, [route, queries])
-    drive, given = open_drive(route, queries, similarity, model)
-    given |= {"motion": motion, "tolerance": tolerance}
-    alignment = refusing_options(align, *drive, **given)
+    check_not_read(out, [route, queries, *(fuse or ())])
+    write_report = None if report is None else _writer(report)
+    sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
+    sampling |= {"metres": metres, "odometry": odometry}
+    scale = {"spacing": spacing, "places_per_metre": places_per_metre}
+    drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
+    given: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
+    given["progress"] = terminal_bar("Aligning")
+    alignment = refusing_options(align, *drive.given, **given)
     alignment.to_csv(out, least)
     found = int((alignment.confidence >= least).sum())
     away = int((alignment.off_map >= 0.5).sum())
+    where = str(out)
+    if write_report is not None:
+        command, how = shlex.join(["surefix", *sys.argv[1:]]), {"motion": motion}
+        page = write_report(
+            alignment,
+            lambda queries: _shown(drive, queries),
+            report,
+            command,
+            places=drive.places,
+            query_names=drive.queries,
+            **how,
+        )
+        where += f", and a report, {page}"
     print(
         f"{plural(len(alignment), 'query', 'queries')}, {found} with a reference of confidence "
-        f"{least:g} or more, {away} probably off the map, in {out}",
+        f"{least:g} or more, {away} probably off the map, in {where}",
         file=sys.stderr,
     )
 
 
-def open_drive(
-    route: str, queries: str | None, similarity: bool, model: Path | None
-) -> tuple[tuple[Any, ...], dict[str, Any]]:
-    """The arguments and options of ``surefix.align``: distances, or a map and queries."""
-    matrix = Path(route).suffix == ".npy"
-    refuse(similarity and not matrix, "--similarity: expected a .npy of similarities, got a map")
-    refuse(matrix and queries is not None, f"QUERIES: expected none with distances, got {queries}")
-    refuse(matrix and model is not None, f"--model: expected a map, got the distances {route}")
-    refuse(not matrix and queries is None, "QUERIES: expected images or descriptors, got none")
-    given: dict[str, Any] = {"progress": terminal_bar("Aligning")}
-    if matrix:
-        return (read_matrix(route, similarity),), given
-    place_map = Map.open(route)
-    ready = inputs.open_frames(str(queries)).ready
-    given["descriptor"] = None if model is None else inputs.network_of(place_map, route, model)
-    return (place_map, queries if ready is None else ready), given
+def _writer(folder: Path) -> Callable[..., Path]:
+    """What writes the report; the folder is made before the slow part."""
+    try:
+        # Not at the top: matplotlib is an extra, and slow to import.
+        from surefix.report.align import write_report
+        from surefix.report.page import output_folder
+    except ModuleNotFoundError as error:
+        raise SurefixError(str(error)) from None
+    output_folder(folder)
+    return write_report
+
+
+def _shown(drive: Drive, queries: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
+    """The distances to these queries; of several techniques, the mean of their standardised."""
+    D = [drive.distances(technique, queries) for technique in range(len(drive.names))]
+    if len(D) == 1:
+        return D[0]
+    spread = [np.maximum(each.std(axis=0), np.float32(1e-12)) for each in D]
+    parts = [(each - each.mean(axis=0)) / by for each, by in zip(D, spread, strict=True)]
+    return np.asarray(np.mean(parts, axis=0), np.float32)
 
 
 def refusing_options(call: Callable[..., T], *arguments: Any, **options: Any) -> T:

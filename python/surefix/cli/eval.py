@@ -15,16 +15,22 @@ import numpy.typing as npt
 import typer
 from rich.console import Console
 
-from surefix import Localizer, Map, SurefixError, SurefixValueError, match_distances
-from surefix._progress import Bar, terminal_bar
+from surefix import Map, SurefixError, SurefixValueError, match_distances
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
 from surefix.cli import inputs, scenarios
+from surefix.cli.drives import (
+    check_kind,
+    describe,
+    distances_of,
+    known,
+    names_and_advances,
+    open_map,
+)
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import refuse
-from surefix.descriptors import Onnx, extract
-from surefix.descriptors.mapping import sad_map
+from surefix.descriptors import Onnx
 from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.images import Images, open_images
@@ -180,7 +186,7 @@ def eval_(
         refuse(model is not None, expected)
         D = read_matrix(route, similarity)
     else:
-        place_map = _open_map(route)
+        place_map = open_map(route)
         # Of several maps, those of learned descriptors are the model's.
         of_model = model is not None and not (fuse and place_map.descriptor is not None)
         network = inputs.network_of(place_map, route, model) if model and of_model else None
@@ -189,7 +195,7 @@ def eval_(
         sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
         refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
     frames = None if queries is None else inputs.open_frames(queries, **sampling)
-    names, advance = ([], []) if frames is None else _names(frames)
+    names, advance = ([], []) if frames is None else names_and_advances(frames)
     if D is not None:
         places, count = D.shape
         if isinstance(frames, ImageFrames):
@@ -202,21 +208,21 @@ def eval_(
         assert place_map is not None
         assert frames is not None
         places, count = len(place_map), len(names)
-        _check_kind(place_map, route, frames, network)
+        check_kind(place_map, route, frames, network)
 
     # Read the truth.
     where = None if place_map is None else place_map.positions
     along = None
     if truth is not None:
-        known: Truth = read_truth(truth, places, count)
+        judge: Truth = read_truth(truth, places, count)
         tolerance = 1 if tolerance is None else int(tolerance)
     else:
         assert query_positions is not None
-        known = where, here = _positions(places, count, where, positions, query_positions)
+        judge = where, here = _positions(places, count, where, positions, query_positions)
         steps = np.linalg.norm(np.diff(here, axis=0), axis=1)
         along = np.concatenate(([0.0], np.cumsum(steps)))
     assert tolerance is not None
-    context = replace(context, truth=known, truth_tolerance=tolerance)
+    context = replace(context, truth=judge, truth_tolerance=tolerance)
     if where is not None:
         context = replace(context, positions=where)
     if calibration is not None and calibration_truth is not None:
@@ -224,10 +230,7 @@ def eval_(
         lesson = read_truth(calibration_truth, *learned.shape)
         context = replace(context, calibration=(learned, lesson))
     if moved:
-        unknown = advance[1:].count(None)
-        got = f"none for {plural(unknown, 'frame')}"
-        refuse(unknown > 0, f"--odometry: expected positions at the times of all frames, got {got}")
-        context = replace(context, advance=np.array([0.0, *advance[1:]], np.float64))
+        context = replace(context, advance=known(advance))
     others = [
         _Technique.open(file, places, count, frames, model, similarity) for file in fuse or ()
     ]
@@ -240,11 +243,11 @@ def eval_(
     if D is None:
         assert place_map is not None
         assert frames is not None
-        D = _distances(place_map, frames, count, network, cache)
+        D = distances_of(place_map, describe(place_map, frames, network, cache))
     elif not similarity:
         _warn_of_similarities(D, context)
     if others:
-        techniques = [other.distances(frames, count) for other in others]
+        techniques = [other.distances(frames) for other in others]
         context = replace(context, techniques=techniques)
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
@@ -316,7 +319,7 @@ class _Technique:
             if ready.shape != (places, count):
                 raise mismatch(f"--fuse {file}", f"the shape {(places, count)}", ready.shape)
             return cls(ready)
-        place_map = _open_map(file)
+        place_map = open_map(file)
         if len(place_map) != places:
             raise mismatch(f"--fuse {file}", f"a map of {places} places", len(place_map))
         if frames is None:
@@ -325,22 +328,15 @@ class _Technique:
             )
         learned = model is not None and place_map.descriptor is None
         network = inputs.network_of(place_map, file, model) if model and learned else None
-        _check_kind(place_map, file, frames, network)
+        check_kind(place_map, file, frames, network)
         return cls(None, place_map, network)
 
-    def distances(self, frames: Frames | None, count: int) -> npt.NDArray[np.float32]:
+    def distances(self, frames: Frames | None) -> npt.NDArray[np.float32]:
         if self.ready is not None:
             return self.ready
         assert self.place_map is not None
         assert frames is not None
-        return _distances(self.place_map, frames, count, self.network, None)
-
-
-def _open_map(route: str) -> Map:
-    if Path(route).is_dir():
-        got = f"a folder; make a map of it: surefix map build {route}"
-        raise mismatch(route, "a map or a matrix", got)
-    return Map.open(route)
+        return distances_of(self.place_map, describe(self.place_map, frames, self.network))
 
 
 def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
@@ -355,40 +351,6 @@ def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
         raise refusal(out, "cannot make the output folder", error) from None
 
 
-def _check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None) -> None:
-    """Refuses queries that the map cannot take."""
-    if frames.ready is not None:
-        got = f"got the ready descriptors {frames.files[0]}"
-        refuse(network is not None, f"--model: expected images, {got}")
-    elif network is None and place_map.descriptor is None:
-        name = None if place_map.recipe is None else str(place_map.recipe.get("name"))
-        if name is not None and name.startswith("onnx:"):
-            raise inputs.no_model(name, route)
-        holds = f"is by {name!r}, which is no ONNX file"
-        why = f"as this map {'holds ready descriptors' if name is None else holds}"
-        raise SurefixValueError(
-            f"QUERIES: expected descriptors, a .npy (m, dim), {why}; got images"
-        )
-
-
-def _names(frames: Frames) -> tuple[list[str], list[float | None]]:
-    """The name and the advance of each frame; a recording is read for them."""
-    if isinstance(frames, ImageFrames):
-        return frames.images.names, []
-    names: list[str] = []
-    advance: list[float | None] = []
-    bar = Bar(terminal_bar("Counting"), None, frames.estimate)
-    with closing(frames.shots()) as shots:
-        for shot in shots:
-            names.append(shot.name)
-            advance.append(shot.advance)
-            bar.show(len(names))
-    bar.end(len(names))
-    if not names:
-        raise mismatch(frames.files[0], "frames", "none")
-    return names, advance
-
-
 def _pictures(frames: Frames, wanted: Collection[int]) -> Pictures | None:
     """The images of these frames at least; a recording is read again, up to the last of them."""
     if isinstance(frames, ImageFrames):
@@ -396,33 +358,6 @@ def _pictures(frames: Frames, wanted: Collection[int]) -> Pictures | None:
     with closing(frames.shots()) as shots:
         until = islice(shots, max(wanted, default=-1) + 1)
         return {index: shot.read() for index, shot in enumerate(until) if index in wanted}
-
-
-def _distances(
-    place_map: Map, frames: Frames, count: int, network: Onnx | None, cache: Path | None
-) -> npt.NDArray[np.float32]:
-    """Between each place and each query, shape (n, m)."""
-    if frames.ready is not None:
-        described = frames.ready
-    elif network is not None:
-        described = extract(frames, network, cache=cache)
-    else:
-        assert place_map.descriptor is not None
-        described = sad_map(frames, place_map.descriptor).descriptors
-    D = np.empty((len(place_map), count), np.float32, order="F")
-    # With running statistics a query's distances depend on those before: a localizer keeps them.
-    post = () if place_map.post is None else place_map.post.steps
-    running = any(step["step"] == "standardize_running" for step in post)
-    localizer = Localizer(place_map, sequence_length=1) if running else None
-    bar = Bar(terminal_bar("Comparing"), count, count)
-    for query, descriptor in enumerate(described):
-        if localizer is None:
-            D[:, query] = place_map.distances(descriptor)
-        else:
-            localizer.push(descriptor)
-            D[:, query] = localizer.distances
-        bar.show(query + 1)
-    return D
 
 
 def _reference_images(place: str, places: int) -> Images:

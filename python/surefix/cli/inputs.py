@@ -36,6 +36,18 @@ Odometry = Annotated[
     ),
 ]
 
+Spacing = Annotated[
+    float | None,
+    typer.Option(
+        help="--odometry: metres from one place of the map to the next; by default by the map's "
+        "positions."
+    ),
+]
+PlacesPerMetre = Annotated[
+    float | None,
+    typer.Option(help="The same the other way round; below 0 if the robot drives backward."),
+]
+
 NO_SCALE = "--odometry: expected a map with positions, --spacing or --places-per-metre"
 
 Model = Annotated[

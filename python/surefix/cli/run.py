@@ -11,11 +11,12 @@ import typer
 
 from surefix import Localizer, Map, Settings, SurefixValueError, frames
 from surefix._words import plural
+from surefix.cli.drives import networks_of, others_of
 from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
-from surefix.cli.inputs import NO_SCALE, check_not_read, network_of, refuse, scale_of
+from surefix.cli.inputs import NO_SCALE, check_not_read, refuse, scale_of
 from surefix.cli.views import open_views
-from surefix.errors import mismatch, refusal
+from surefix.errors import refusal
 from surefix.frames import Advances, Frame, Frames
 from surefix.live import View
 
@@ -126,17 +127,8 @@ def run(
         places_per_metre=scale,
         newest=newest,
     )
-    names = [route, *(fuse or ())]
-    maps = [places, *map(Map.open, names[1:])]
-    for name, each in zip(names, maps, strict=True):
-        if len(each) != len(places):
-            raise mismatch(f"--fuse {name}", f"a map of {len(places)} places", len(each))
-    # Of several maps, those of learned descriptors are the model's.
-    alone = len(maps) == 1
-    networks = [
-        network_of(each, name, model) if model and (alone or each.descriptor is None) else None
-        for each, name in zip(maps, names, strict=True)
-    ]
+    names, maps = [route, *(fuse or ())], [places, *others_of(places, fuse or ())]
+    networks = networks_of(maps, names, model)
     try:
         scanned = [each.with_screen(screen) if screen else each for each in maps]
         localizer = Localizer(scanned, descriptor=networks, config=settings)

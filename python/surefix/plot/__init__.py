@@ -43,7 +43,7 @@ from surefix.plot.images import (
     montage,
     montage_height,
 )
-from surefix.plot.matrix import busiest_window, distance_matrix
+from surefix.plot.matrix import aligned_track, busiest_window, distance_matrix
 from surefix.plot.outcome import Outcome, is_right, outcomes
 from surefix.plot.theme import DARK, LIGHT, Theme, png
 
@@ -58,6 +58,7 @@ __all__ = [
     "Pair",
     "Theme",
     "ablation",
+    "aligned_track",
     "auc_intervals",
     "busiest_window",
     "confidence",

@@ -17,20 +17,20 @@ def confidence(
     ax: Axes,
     confidence: NDArray[np.float64],
     off_map: NDArray[np.float64],
-    right: NDArray[np.bool_],
+    right: NDArray[np.bool_] | None = None,
     *,
     stretches: Sequence[tuple[str, range]] = (),
     accept: float = 0.95,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the tracker's confidence and its belief to be off the map, over the queries; below
-    them, which places are right.
+    them, which places are right, if that is known.
 
     Parameters
     ----------
     confidence, off_map : array of float, shape (m,)
         As of ``surefix.Run``.
-    right : array of bool, shape (m,)
+    right : array of bool, shape (m,), optional
         Which places of the tracker are right.
     stretches : sequence of (name, queries)
         Stretches of the drive to shade, as one off the map.
@@ -48,15 +48,16 @@ def confidence(
     off: Any = {"color": theme.trusted_wrong, "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
     ax.plot(off_map, label="belief to be off the map", zorder=4, **off)
     ax.axhline(accept, color=theme.muted, linewidth=0.9, linestyle=(0, (1, 2)), zorder=2)
-    for mask, low, colour in (
-        (right, -0.12, theme.trusted_right),
-        (~right, -0.22, theme.trusted_wrong),
-    ):
-        ax.broken_barh(spans(edges, mask), (low, 0.08), facecolors=colour, linewidth=0)
-    ax.text(m, -0.08, " right", va="center", fontsize=8.5, color=theme.ink)
-    ax.text(m, -0.18, " wrong", va="center", fontsize=8.5, color=theme.ink)
+    if right is not None:
+        for mask, low, colour in (
+            (right, -0.12, theme.trusted_right),
+            (~right, -0.22, theme.trusted_wrong),
+        ):
+            ax.broken_barh(spans(edges, mask), (low, 0.08), facecolors=colour, linewidth=0)
+        ax.text(m, -0.08, " right", va="center", fontsize=8.5, color=theme.ink)
+        ax.text(m, -0.18, " wrong", va="center", fontsize=8.5, color=theme.ink)
     ax.set_xlim(-0.5, m - 0.5)
-    ax.set_ylim(-0.25, 1.03)
+    ax.set_ylim(-0.03 if right is None else -0.25, 1.03)
     ax.set_yticks([0, 0.5, 1])
     ax.set_xlabel("query (frame)")
     ax.set_ylabel("belief")

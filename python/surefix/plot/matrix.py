@@ -4,14 +4,16 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from surefix.plot.bars import spans
 from surefix.plot.outcome import Outcome, outcomes
 from surefix.plot.theme import LIGHT, MARKS, Theme
 
-__all__ = ["Window", "busiest_window", "distance_matrix"]
+__all__ = ["Window", "aligned_track", "busiest_window", "distance_matrix"]
 
 Window = tuple[int, int]
 """The first of some consecutive places or queries, and their number."""
@@ -20,6 +22,14 @@ Window = tuple[int, int]
 TONES = (0.1, 60.0)
 
 ENOUGH = 8
+
+LEGEND: Any = {
+    "loc": "lower center",
+    "bbox_to_anchor": (0.5, 1.0),
+    "ncols": 2,
+    "handletextpad": 0.4,
+    "columnspacing": 1.6,
+}
 
 
 def distance_matrix(
@@ -64,20 +74,8 @@ def distance_matrix(
     close = queries is not None or places is not None
     first_query, query_count = queries or (0, distances.shape[1])
     first_place, place_count = places or (0, distances.shape[0])
-    nearest, furthest = np.percentile(distances, TONES)
-    if furthest <= nearest:
-        furthest = nearest + 1.0
     cell = 0.5
-    tones = ax.imshow(
-        distances,
-        cmap=theme.distance_map,
-        vmin=float(nearest),
-        vmax=float(furthest),
-        origin="lower",
-        # A square cell says that queries and places are counted alike, if there is room for it.
-        aspect="equal" if 1 / 3 < query_count / place_count < 3 else "auto",
-        interpolation="nearest" if close else "antialiased",
-    )
+    tones = _tones(ax, distances, theme, (query_count, place_count), distances.shape, close)
     shown = np.arange(len(place))
     seen = np.ones(len(place), np.bool_) if judged is None else judged
     inside = seen & (shown >= first_query) & (shown < first_query + query_count)
@@ -120,17 +118,101 @@ def distance_matrix(
         corner = x - cell, y - cell
         style: Any = {"edgecolor": theme.ink, "linewidth": 1.1, "zorder": 10}
         ax.add_patch(Rectangle(corner, width, height, fill=False, **style))
-    ax.set_xlim(first_query - cell, first_query + query_count - cell)
-    ax.set_ylim(first_place - cell, first_place + place_count - cell)
-    ax.set_xlabel("query (frame of the second drive)")
-    ax.set_ylabel("place (frame of the map)")
+    _axes(ax, (first_query, query_count), (first_place, place_count))
     if not close:
         entries = [
             _entry(outcome, int((masks[outcome] & seen).sum()), theme) for outcome in Outcome
         ]
-        spacing: Any = {"ncols": 2, "handletextpad": 0.4, "columnspacing": 1.6}
-        ax.legend(handles=entries, loc="lower center", bbox_to_anchor=(0.5, 1.0), **spacing)
+        ax.legend(handles=entries, **LEGEND)
     return ax
+
+
+def aligned_track(
+    ax: Axes,
+    distances: NDArray[np.float32],
+    place: NDArray[np.int64],
+    confidence: NDArray[np.float64],
+    off_map: NDArray[np.float64],
+    *,
+    places: int | None = None,
+    least: float = 0.5,
+    theme: Theme = LIGHT,
+) -> Axes:
+    """Draws the distances, and the place of each query by an alignment over them; the stretches in
+    which it is not sure are shaded.
+
+    Parameters
+    ----------
+    distances : array of float32, shape (n, m)
+        Or, of a long drive, a thinned matrix: each row of as many places, each column of as many
+        queries as the others, the last ones of fewer.
+    place, confidence, off_map : arrays, shape (m,)
+        As of a ``surefix.Alignment``.
+    places : int
+        The number of places of the map; by default that of the rows.
+    least : float
+        A query of a lower confidence is doubtful. It is off the map if ``off_map`` is 0.5 or more.
+    """
+    count = (len(place), len(distances) if places is None else places)
+    # As much as the rows and the columns cover.
+    rows, columns = distances.shape
+    size = rows * -(-count[1] // rows), columns * -(-count[0] // columns)
+    _tones(ax, distances, theme, count, size)
+    doubtful, off = confidence < least, off_map >= 0.5
+    edges = np.arange(len(place) + 1, dtype=np.float64) - 0.5
+    for mask, colour in ((doubtful & ~off, theme.trusted_wrong), (off, theme.muted)):
+        for start, width in spans(edges, mask):
+            ax.axvspan(start, start + width, color=colour, alpha=0.22, linewidth=0, zorder=2)
+    entries = []
+    for name, mask, colour in (
+        ("sure", ~doubtful & ~off, theme.trusted_right),
+        ("doubtful", doubtful & ~off, theme.trusted_wrong),
+        ("probably off the map", off, theme.muted),
+    ):
+        at = np.flatnonzero(mask)
+        # Where it would be if it were on the map, says nothing.
+        shown = at if name != "probably off the map" else at[:0]
+        ax.scatter(shown, place[shown], s=5, color=colour, linewidths=0, zorder=3)
+        entries.append(Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour))
+        entries[-1].set_label(f"{name} ({len(at)})")
+    _axes(ax, (0, count[0]), (0, count[1]))
+    ax.legend(handles=entries, **(LEGEND | {"ncols": 3}))
+    return ax
+
+
+def _tones(
+    ax: Axes,
+    distances: NDArray[np.float32],
+    theme: Theme,
+    counts: tuple[int, int],
+    size: tuple[int, ...],
+    close: bool = False,
+) -> AxesImage:
+    """The distances as tones: ``size`` places by queries, of which ``counts`` (queries, places) are
+    seen.
+    """
+    nearest, furthest = np.percentile(distances, TONES)
+    if furthest <= nearest:
+        furthest = nearest + 1.0
+    queries, places = counts
+    return ax.imshow(
+        distances,
+        cmap=theme.distance_map,
+        vmin=float(nearest),
+        vmax=float(furthest),
+        origin="lower",
+        extent=(-0.5, size[1] - 0.5, -0.5, size[0] - 0.5),
+        # A square cell says that queries and places are counted alike, if there is room for it.
+        aspect="equal" if 1 / 3 < queries / places < 3 else "auto",
+        interpolation="nearest" if close else "antialiased",
+    )
+
+
+def _axes(ax: Axes, queries: Window, places: Window) -> None:
+    ax.set_xlim(queries[0] - 0.5, sum(queries) - 0.5)
+    ax.set_ylim(places[0] - 0.5, sum(places) - 0.5)
+    ax.set_xlabel("query (frame of the second drive)")
+    ax.set_ylabel("place (frame of the map)")
 
 
 def busiest_window(

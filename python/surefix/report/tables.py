@@ -20,6 +20,7 @@ __all__ = [
     "drive",
     "every",
     "methods",
+    "named",
     "worst",
     "write_csv",
     "write_drives",
@@ -185,9 +186,9 @@ def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Tabl
     ):
         rows = [
             (
-                _named(query, names),
-                _named(int(place[query]), places),
-                "none" if study.true_place[query] < 0 else _named(study.true_place[query], places),
+                named(query, names),
+                named(int(place[query]), places),
+                "none" if study.true_place[query] < 0 else named(study.true_place[query], places),
                 study.off(query, int(place[query])).removesuffix(" off"),
                 f"{score[query]:.4g}",
                 "yes" if run.trusted[query] else "no",
@@ -199,7 +200,8 @@ def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Tabl
     return found
 
 
-def _named(index: int, names: Names) -> str:
+def named(index: int, names: Names) -> str:
+    """The index of a query or a place, and its name if it has another."""
     name = "" if names is None or names[index] == str(index) else f" ({names[index]})"
     return f"{index}{name}"
 

@@ -6,52 +6,68 @@
 //! the queries between two of these are tracked again.
 
 use super::answer::Belief;
+use super::later::Later;
 use super::state::Saved;
-use super::steps::{Steps, Tap, arriving, known};
 use super::sums::{CHUNK, sum};
-use super::{Step, Taken, Track, Tracker};
+use super::{Hubness, Step, Taken, Track, Tracker};
 use crate::archive::Refusal;
+use crate::config::Config;
 use crate::error::Error;
-use crate::method::Given;
+use crate::method::fusion::Fusion;
 use crate::method::single::{Single, minimum};
-use crate::motion::Motion;
+use crate::method::{Column, Given};
 use crate::segments::Segments;
+use crate::simd::Isa;
 
 /// A drive that can be read twice.
 pub(crate) trait Source {
     /// How many queries it has.
     fn queries(&self) -> usize;
 
-    /// Writes the distances of a query to all places, which are finite, and says what else is
-    /// known: whether there is a gap before it, and its advance.
-    fn column(&mut self, query: usize, out: &mut [f32]) -> Result<(bool, Given), Error>;
+    /// Writes a technique's distances of a query to all places, which are finite.
+    fn column(&mut self, technique: usize, query: usize, out: &mut [f32]) -> Result<(), Error>;
+
+    /// What else is known of a query: whether there is a gap before it, and its advance.
+    fn given(&self, query: usize) -> Result<(bool, Given), Error>;
+}
+
+/// How many queries are between two checkpoints: they are read in order, twice.
+pub(crate) fn stretch(queries: usize) -> usize {
+    (queries as f64).sqrt().ceil().max(1.0) as usize
 }
 
 /// Aligns drives along a route.
 pub(crate) struct Aligner<'a> {
     tracker: Tracker,
+    /// If there are several techniques.
+    fusion: Option<Fusion>,
     segments: &'a Segments,
+    isa: Isa,
+    /// The distances of a query by each technique.
+    columns: Vec<Vec<f32>>,
 }
 
 /// A tracker's state at a query.
 struct Checkpoint {
     saved: Saved,
     tensors: [Vec<f64>; 3],
+    techniques: Vec<Hubness>,
 }
 
 /// What the backward pass needs of a query.
-struct Recorded {
+pub(super) struct Recorded {
+    query: usize,
     /// The belief, as the tracker keeps it.
     mass: Vec<f64>,
     joint: bool,
     scale: f64,
     off: f64,
     /// The evidence, and its mean.
-    e: Vec<f64>,
-    mean: f64,
-    step: Step,
+    pub(super) e: Vec<f64>,
+    pub(super) mean: f64,
+    pub(super) step: Step,
     /// The probabilities to leave, to restart and to rejoin.
-    rates: [f64; 3],
+    pub(super) rates: [f64; 3],
     advance: Option<f64>,
     /// Whether the query before is unknown: at the start, and after a gap.
     fresh: bool,
@@ -70,105 +86,134 @@ pub struct Aligned {
     pub single_right: f64,
 }
 
-/// How likely the queries after one are, for each speed and place after the change of speed, and
-/// off the map.
-struct Later {
-    rows: Vec<f64>,
-    off: f64,
-}
-
 impl<'a> Aligner<'a> {
+    /// Of drives of some techniques, at least 1, with the motion of `config`.
+    ///
     /// # Errors
     /// [`Error::Memory`] if there is not enough.
     pub(crate) fn new(
-        motion: &Motion,
-        tolerance: usize,
+        config: &Config,
+        techniques: usize,
         segments: &'a Segments,
     ) -> Result<Self, Error> {
-        let tracker = Tracker::new(motion, tolerance, segments.places())?;
-        Ok(Self { tracker, segments })
+        let places = segments.places();
+        let motion = config.motion.clone().unwrap_or_default();
+        let several = (techniques > 1).then(|| Fusion::new(techniques, places, config));
+        Ok(Self {
+            tracker: Tracker::new(&motion, config.tolerance, places)?,
+            fusion: several.transpose()?,
+            segments,
+            isa: Isa::best(),
+            columns: vec![vec![0.0; places]; techniques],
+        })
     }
 
-    /// Each query, aligned. `report` is told how many of `2 queries` steps are done.
+    /// Each query, aligned; and for each list of places in `at`, one a query, the probability that
+    /// the query is within `tolerance` places of it. `report` is told how many of `2 queries` steps
+    /// are done.
     ///
     /// # Errors
     /// Those of the source and of `report`.
     pub(crate) fn align(
         mut self,
         source: &mut impl Source,
+        at: &[&[usize]],
         mut report: impl FnMut(usize) -> Result<(), Error>,
-    ) -> Result<Vec<Aligned>, Error> {
+    ) -> Result<(Vec<Aligned>, Vec<Vec<f64>>), Error> {
         let queries = source.queries();
-        let length = (queries as f64).sqrt().ceil().max(1.0) as usize;
-        let mut column = vec![0.0; self.segments.places()];
+        let length = stretch(queries);
         let mut checkpoints = Vec::new();
         for query in 0..queries {
             if query % length == 0 {
-                checkpoints.push(Checkpoint::of(&self.tracker));
+                checkpoints.push(Checkpoint::of(&self.tracker, self.fusion.as_ref()));
             }
-            self.push(source, query, &mut column)?;
+            self.push(source, query, |_| ())?;
             report(query + 1)?;
         }
         let mut later = Later::none(&self.tracker);
         let mut aligned = Vec::with_capacity(queries);
-        for (index, checkpoint) in checkpoints.iter().enumerate().rev() {
-            checkpoint.restore(&mut self.tracker)?;
+        let mut right = vec![vec![0.0; queries]; at.len()];
+        for (index, checkpoint) in checkpoints.into_iter().enumerate().rev() {
+            checkpoint.restore(&mut self.tracker, self.fusion.as_mut())?;
             let span = index * length..queries.min((index + 1) * length);
-            let recorded = span.map(|query| self.push(source, query, &mut column));
+            let recorded = span.map(|query| self.push(source, query, |recorded| recorded()));
             let recorded = recorded.collect::<Result<Vec<_>, _>>()?;
             for one in recorded.iter().rev() {
-                aligned.push(self.answer(one, &later));
+                let asked = at.iter().zip(&mut right);
+                let asked = asked.map(|(at, right)| (at[one.query], &mut right[one.query]));
+                aligned.push(self.answer(one, &later, asked));
                 if one.fresh {
                     later = Later::none(&self.tracker);
                 } else {
-                    self.step_back(one, &mut later);
+                    let Self { tracker, segments, isa, .. } = &self;
+                    isa.run(|| later.step_back(one, tracker, segments));
                 }
                 report(queries + aligned.len())?;
             }
         }
         aligned.reverse();
-        Ok(aligned)
+        Ok((aligned, right))
     }
 
-    /// Tracks a query.
-    fn push(
+    /// Tracks a query; `keep` is given what makes the record of it.
+    fn push<T>(
         &mut self,
         source: &mut impl Source,
         query: usize,
-        column: &mut [f32],
-    ) -> Result<Recorded, Error> {
+        keep: impl FnOnce(&dyn Fn() -> Recorded) -> T,
+    ) -> Result<T, Error> {
         use crate::method::estimator::Estimator as _;
-        let (gap, given) = source.column(query, column)?;
+        let Self { tracker, fusion, segments, isa, columns } = self;
+        for (technique, column) in columns.iter_mut().enumerate() {
+            source.column(technique, query, column)?;
+        }
+        let Column { lower: column, evidence: z, .. } = match fusion {
+            None => Column::exact(&columns[0]),
+            Some(fusion) => {
+                fusion.fuse(|technique| &columns[technique])?;
+                fusion.column()
+            }
+        };
+        let (gap, given) = source.given(query)?;
         if gap && given.advance.is_none() {
-            self.tracker.clear();
+            tracker.clear();
         }
-        let fresh = self.tracker.state.fresh;
+        let fresh = tracker.state.fresh;
         let Taken { advance, evidence, novelty, step, .. } =
-            self.tracker.take(column, None, given.advance, self.segments);
-        let tracker = &self.tracker;
-        let mut e = vec![0.0; column.len()];
-        for (index, e) in e.chunks_mut(CHUNK).enumerate() {
-            evidence.of(column, &tracker.hubness.sums, index * CHUNK, e);
-        }
-        let mean = e.chunks(CHUNK).map(sum).sum::<f64>() / column.len() as f64;
-        let count = if tracker.state.joint { column.len() } else { tracker.mass.len() };
-        Ok(Recorded {
-            mass: tracker.mass[..count].to_vec(),
-            joint: tracker.state.joint,
-            scale: tracker.state.scale,
-            off: tracker.state.off,
-            e,
-            mean,
-            step,
-            rates: tracker.motion.rates(novelty.happens),
-            advance,
-            fresh,
-            single: minimum(column),
-        })
+            isa.run(|| tracker.take(column, z, given.advance, segments));
+        let tracker = &*tracker;
+        Ok(keep(&|| {
+            let mut e = vec![0.0; column.len()];
+            for (index, e) in e.chunks_mut(CHUNK).enumerate() {
+                evidence.of(column, &tracker.hubness.sums, index * CHUNK, e);
+            }
+            let mean = e.chunks(CHUNK).map(sum).sum::<f64>() / column.len() as f64;
+            let count = if tracker.state.joint { column.len() } else { tracker.mass.len() };
+            Recorded {
+                query,
+                mass: tracker.mass[..count].to_vec(),
+                joint: tracker.state.joint,
+                scale: tracker.state.scale,
+                off: tracker.state.off,
+                e,
+                mean,
+                step,
+                rates: tracker.motion.rates(novelty.happens),
+                advance,
+                fresh,
+                single: minimum(column),
+            }
+        }))
     }
 
     /// The answer of all queries: the belief after this one, times how likely those after it are.
-    fn answer(&self, one: &Recorded, later: &Later) -> Aligned {
+    /// Writes how much of it is near each place that is asked about.
+    fn answer<'b>(
+        &self,
+        one: &Recorded,
+        later: &Later,
+        asked: impl Iterator<Item = (usize, &'b mut f64)>,
+    ) -> Aligned {
         let Tracker { motion, steps, tolerance, .. } = &self.tracker;
         let places = self.segments.places();
         let mut mass = vec![0.0; places];
@@ -192,113 +237,22 @@ impl<'a> Aligner<'a> {
         let track = belief.answer(*tolerance, self.segments, |place| {
             one.advance.unwrap_or(motion.pace * speed[place] / mass[place])
         });
+        let near = |place| belief.near(place, *tolerance, self.segments);
+        asked.for_each(|(place, right)| *right = near(place));
         let single = one.single;
-        let single_right = belief.near(single.place, *tolerance, self.segments);
+        let single_right = near(single.place);
         Aligned { track, single, single_right }
-    }
-
-    /// From how likely the queries after one are to how likely it and those are.
-    fn step_back(&self, one: &Recorded, later: &mut Later) {
-        let Tracker { motion, steps, .. } = &self.tracker;
-        let (places, speeds) = (self.segments.places(), motion.speeds.len());
-        let [leave, restart, rejoin] = one.rates;
-        let keep = (1.0 - leave) * (1.0 - restart);
-        // Before the change of speed, times the evidence.
-        let before = later.before_the_change(steps, places, matches!(one.step, Step::Known { .. }));
-        let mut h = before;
-        for row in h.chunks_exact_mut(places) {
-            row.iter_mut().zip(&one.e).for_each(|(h, e)| *h *= e);
-        }
-        let anywhere = h.chunks(CHUNK).map(sum).sum::<f64>() / h.len() as f64;
-        let off = one.mean * later.off;
-        let rest = (1.0 - leave) * restart * anywhere + leave * off;
-        let mut rows = vec![0.0; places * speeds];
-        match one.step {
-            Step::Known { shift, part, jitter } => {
-                let (row, others) = rows.split_at_mut(places);
-                self.leading(&h, &known(shift, part, jitter), 1.0, anywhere, row);
-                weigh(row, keep, rest);
-                others.chunks_exact_mut(places).for_each(|other| other.copy_from_slice(row));
-            }
-            Step::Speeds { moved, .. } => {
-                let all = rows.chunks_exact_mut(places).zip(h.chunks_exact(places));
-                for (speed, (row, h)) in all.enumerate() {
-                    self.leading(h, steps.of(speed), moved, anywhere, row);
-                    weigh(row, keep, rest);
-                }
-            }
-        }
-        let off = rejoin * anywhere + (1.0 - rejoin) * off;
-        // The size does not matter: it must only stay within the range of numbers.
-        let mean = rows.chunks(CHUNK).map(sum).sum::<f64>() / rows.len() as f64;
-        weigh(&mut rows, 1.0 / mean, 0.0);
-        *later = Later { rows, off: off / mean };
-    }
-
-    /// For each place, the mean of `h` where a move leads from it: with probability `moved` by the
-    /// taps, and to `anywhere` beyond the end of its segment; else it stays.
-    fn leading(&self, h: &[f64], taps: &[Tap], moved: f64, anywhere: f64, out: &mut [f64]) {
-        // The same taps, taken backwards; in the order of their shifts.
-        let back: Vec<Tap> =
-            taps.iter().rev().map(|tap| Tap { shift: -tap.shift, weight: tap.weight }).collect();
-        let ones = vec![1.0; h.len()];
-        let mut inside = [0.0; CHUNK];
-        for (index, out) in out.chunks_mut(CHUNK).enumerate() {
-            let start = index * CHUNK;
-            let inside = &mut inside[..out.len()];
-            arriving(h, &back, self.segments, moved, start, out);
-            arriving(&ones, &back, self.segments, moved, start, inside);
-            for ((out, &inside), &stays) in out.iter_mut().zip(&*inside).zip(&h[start..]) {
-                *out += (moved - inside) * anywhere + (1.0 - moved) * stays;
-            }
-        }
-    }
-}
-
-/// Each number times `factor`, and `more`.
-fn weigh(numbers: &mut [f64], factor: f64, more: f64) {
-    for number in numbers {
-        *number = factor * *number + more;
-    }
-}
-
-impl Later {
-    /// No query follows.
-    fn none(tracker: &Tracker) -> Self {
-        Self { rows: vec![1.0; tracker.mass.len()], off: 1.0 }
-    }
-
-    /// The same before the change of speed; one row if the speeds are `joint`.
-    fn before_the_change(&self, steps: &Steps, places: usize, joint: bool) -> Vec<f64> {
-        let speeds = steps.shares.len();
-        let row = |speed: usize| &self.rows[speed * places..][..places];
-        let mut out = vec![0.0; if joint { places } else { self.rows.len() }];
-        for to in 0..speeds {
-            if joint {
-                let share = steps.shares[to];
-                out.iter_mut().zip(row(to)).for_each(|(out, x)| *out += share * x);
-                continue;
-            }
-            // What the speed `to` has of its own and of its neighbours.
-            let shares = steps.switches(to);
-            let from = [to.checked_sub(1), Some(to), Some(to + 1).filter(|&from| from < speeds)];
-            for (from, share) in from.into_iter().zip(shares) {
-                let Some(from) = from else { continue };
-                let out = &mut out[from * places..][..places];
-                out.iter_mut().zip(row(to)).for_each(|(out, x)| *out += share * x);
-            }
-        }
-        out
     }
 }
 
 impl Checkpoint {
-    fn of(tracker: &Tracker) -> Self {
+    fn of(tracker: &Tracker, fusion: Option<&Fusion>) -> Self {
         let tensors = tracker.tensors().map(|(_, numbers)| numbers.to_vec());
-        Self { saved: tracker.saved(), tensors }
+        let techniques = fusion.map(Fusion::known).unwrap_or_default();
+        Self { saved: tracker.saved(), tensors, techniques }
     }
 
-    fn restore(&self, tracker: &mut Tracker) -> Result<(), Error> {
+    fn restore(self, tracker: &mut Tracker, fusion: Option<&mut Fusion>) -> Result<(), Error> {
         let names = tracker.tensors().map(|(name, _)| name);
         let tensor = |name: &str, _: usize| {
             let index = names.iter().position(|known| *known == name);
@@ -306,6 +260,9 @@ impl Checkpoint {
             numbers.ok_or_else(|| Refusal::Foreign(format!("no tensor {name}")))
         };
         let resumed = tracker.resume(self.saved, tensor);
+        if let Some(fusion) = fusion {
+            fusion.resume(self.techniques);
+        }
         resumed.map_err(|refusal| refusal.of_snapshot("a checkpoint"))
     }
 }

@@ -147,12 +147,7 @@ pub(super) fn arriving(
     start: usize,
     out: &mut [f64],
 ) {
-    let (Some(first), Some(last)) = (taps.first(), taps.last()) else { return out.fill(0.0) };
-    let segment = segments.of(start);
-    let (low, high) = (start as isize - last.shift, (start + out.len()) as isize - first.shift);
-    let inside = low.min(start as isize) >= segment.start as isize
-        && high.max((start + out.len()) as isize) <= segment.end as isize;
-    if !inside {
+    if !inside(taps, segments, start, out.len()) {
         return arriving_at_ends(source, taps, segments, factor, start, out);
     }
     let count = out.len();
@@ -188,6 +183,17 @@ pub(super) fn arriving(
             }
         }
     }
+}
+
+/// Whether all that arrives at `count` places from `start` on, and they themselves, are in one
+/// segment.
+#[inline(always)]
+pub(super) fn inside(taps: &[Tap], segments: &Segments, start: usize, count: usize) -> bool {
+    let (Some(first), Some(last)) = (taps.first(), taps.last()) else { return false };
+    let segment = segments.of(start);
+    let (low, high) = (start as isize - last.shift, (start + count) as isize - first.shift);
+    low.min(start as isize) >= segment.start as isize
+        && high.max((start + count) as isize) <= segment.end as isize
 }
 
 /// [`arriving`] near the ends of segments: the same sums, with terms left out.

@@ -65,12 +65,13 @@ def slow_threshold(score, wrong, most, sure):
         counts.append(int(count))
         count *= 1.1
     lines = [ordered[count - 1] for count in [*counts, len(score)]]
-    block, blocks = slow_block(wrong, score) if np.ptp(score) else len(score), []
+    block = both = slow_block(wrong, score) if np.ptp(score) else len(score)
+    blocks = []
     for line in lines[::-1]:
         those = wrong * (score <= line)
         if np.sum(those) >= 5 and np.ptp(those):
-            block = slow_block(those, score)
-        blocks.insert(0, block)
+            block = min(both, slow_block(those, score))
+        blocks.insert(0, int(np.ceil(np.sqrt(both * block))))
     for few in (1 / 3, 1 / 6, 0):
         enough = [
             capital(np.full(len(score), few * most), score <= line, block) >= 1 / (1 - sure)

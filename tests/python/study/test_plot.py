@@ -73,8 +73,15 @@ def strip(ax: Axes, count: int = M, **options: Any) -> Axes:
     )
 
 
+def aligned(ax: Axes, **options: Any) -> Axes:
+    D = np.random.default_rng(1).random((N, M)).astype(np.float32)
+    found = surefix.align(D, motion="free")
+    return plot.aligned_track(ax, D, found.place, found.confidence, found.off_map, **options)
+
+
 W = np.linspace(0, 1, 11)
 FIGURES: dict[str, Callable[[Axes, plot.Theme], Axes]] = {
+    "aligned_track": lambda ax, t: aligned(ax, theme=t),
     "precision_recall": lambda ax, t: plot.precision_recall(
         ax, CURVES, trusted=(0.3, 0.9), theme=t
     ),

@@ -1,0 +1,245 @@
+"""The maps or distances of a command, and the whole drive that goes with them."""
+
+import sys
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix import Localizer, Map, SurefixValueError
+from surefix._progress import Bar, terminal_bar
+from surefix._words import plural
+from surefix.cli import inputs
+from surefix.cli.inputs import refuse
+from surefix.descriptors import Onnx, extract
+from surefix.descriptors.mapping import sad_map
+from surefix.errors import mismatch
+from surefix.frames import Frames, ImageFrames
+from surefix.frames import open as open_frames
+from surefix.tables.matrices import read_matrix
+from surefix.tables.vectors import ENDINGS
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A whole drive as ``surefix.align`` and ``surefix.audit`` take it.
+
+    Attributes
+    ----------
+    names : list of str
+        The technique of each map or matrix, by its file.
+    maps : list of Map
+        None of distances.
+    rows : list of arrays
+        The queries' descriptors for each map, (m, dim); or the distances, (n, m).
+    advance : array of float64, shape (m,), or None
+        By the odometry, in places.
+    queries : list of str, or None
+        The name of each query.
+    """
+
+    names: list[str]
+    maps: list[Map]
+    rows: list[npt.NDArray[Any]]
+    advance: Float64 | None = None
+    queries: list[str] | None = None
+
+    @property
+    def given(self) -> tuple[Any, ...]:
+        """The arguments of ``surefix.align``."""
+        if not self.maps:
+            return (self.rows,)
+        return self.maps, self.rows if len(self.maps) > 1 else self.rows[0]
+
+    @property
+    def places(self) -> int:
+        """The number of places of the map."""
+        return len(self.maps[0] if self.maps else self.rows[0])
+
+    def distances(self, technique: int, queries: npt.NDArray[np.int64]) -> Float32:
+        """Between each place and some of the queries, in order."""
+        if not self.maps:
+            return np.asarray(self.rows[technique][:, queries])
+        return distances_of(self.maps[technique], self.rows[technique], queries)
+
+
+def open_drive(
+    route: str,
+    queries: str | None,
+    fuse: Sequence[str],
+    similarity: bool,
+    model: Path | None,
+    spacing: float | None = None,
+    places_per_metre: float | None = None,
+    **sampling: Any,
+) -> Drive:
+    """Distances; or maps and queries, described for each map, with their advances by odometry."""
+    files = [route, *fuse]
+    matrices = [Path(file).suffix == ".npy" for file in files]
+    matrix = matrices[0]
+    refuse(similarity and not matrix, "--similarity: expected a .npy of similarities, got a map")
+    kind = "a .npy of distances" if matrix else "a map"
+    for file, other in zip(files, matrices, strict=True):
+        refuse(other != matrix, f"--fuse {file}: expected {kind}, as {route} is one")
+    if matrix:
+        refuse(queries is not None, f"QUERIES: expected none with distances, got {queries}")
+        refuse(model is not None, f"--model: expected a map, got the distances {route}")
+        inputs.check_sampling(f"the distances {route}", **sampling)
+        read = [read_matrix(file, similarity) for file in files]
+        for file, each in zip(files, read, strict=True):
+            if each.shape != read[0].shape:
+                raise mismatch(f"--fuse {file}", f"the shape {read[0].shape}", each.shape)
+        return Drive(_named(files), [], [*read])
+    refuse(queries is None, "QUERIES: expected images or descriptors, got none")
+    first = open_map(route)
+    maps = [first, *others_of(first, fuse)]
+    networks = networks_of(maps, files, model)
+    odometry = sampling.get("odometry")
+    scaled = spacing is not None or places_per_metre is not None
+    refuse(scaled and odometry is None, "--spacing, --places-per-metre: expected --odometry too")
+    scale, of = None, ""
+    if odometry is not None:
+        scale, of = inputs.scale_of(maps[0].positions, spacing, places_per_metre)
+        refuse(scale is None, inputs.NO_SCALE)
+        sampling["places_per_metre"] = scale
+    place = str(queries)
+    if odometry is not None and Path(place).suffix.lower() in ENDINGS:
+        # Rows of an array, a row of the odometry each.
+        how = {"odometry": sampling.pop("odometry"), "places_per_metre": scale}
+        del sampling["places_per_metre"]
+        frames = inputs.open_frames(place, **sampling)
+        moved = open_frames(place, **how)
+    else:
+        frames = moved = inputs.open_frames(place, **sampling)
+    for file, place_map, network in zip(files, maps, networks, strict=True):
+        check_kind(place_map, file, frames, network)
+    names, advances = names_and_advances(moved)
+    advance = None if odometry is None else known(advances)
+    if advance is not None:
+        print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
+    rows = [describe(each, frames, network) for each, network in zip(maps, networks, strict=True)]
+    named = None if frames.ready is not None else names
+    return Drive(_named(files), maps, rows, advance, named)
+
+
+def _named(files: Sequence[str]) -> list[str]:
+    """The files' stems, or the whole paths if these are not all different."""
+    stems = [Path(file).stem for file in files]
+    return stems if len({*stems}) == len(stems) else [*files]
+
+
+def others_of(first: Map, fuse: Sequence[str | Path]) -> list[Map]:
+    """The maps of other techniques, of the same places as the first."""
+    maps = [open_map(str(file)) for file in fuse]
+    for file, each in zip(fuse, maps, strict=True):
+        if len(each) != len(first):
+            raise mismatch(f"--fuse {file}", f"a map of {len(first)} places", len(each))
+    return maps
+
+
+def open_map(route: str) -> Map:
+    """The map; a folder of images is none yet."""
+    if Path(route).is_dir():
+        got = f"a folder; make a map of it: surefix map build {route}"
+        raise mismatch(route, "a map or a matrix", got)
+    return Map.open(route)
+
+
+def networks_of(
+    maps: Sequence[Map], names: Sequence[object], model: Path | None
+) -> list[Onnx | None]:
+    """The network of each map, of the model's file: of several maps, those of learned descriptors
+    are the model's.
+    """
+    alone = len(maps) == 1
+    return [
+        inputs.network_of(each, name, model)
+        if model and (alone or each.descriptor is None)
+        else None
+        for each, name in zip(maps, names, strict=True)
+    ]
+
+
+def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None) -> None:
+    """Refuses queries that the map cannot take."""
+    if frames.ready is not None:
+        got = f"got the ready descriptors {frames.files[0]}"
+        refuse(network is not None, f"--model: expected images, {got}")
+    elif network is None and place_map.descriptor is None:
+        name = None if place_map.recipe is None else str(place_map.recipe.get("name"))
+        if name is not None and name.startswith("onnx:"):
+            raise inputs.no_model(name, route)
+        holds = f"is by {name!r}, which is no ONNX file"
+        why = f"as this map {'holds ready descriptors' if name is None else holds}"
+        raise SurefixValueError(
+            f"QUERIES: expected descriptors, a .npy (m, dim), {why}; got images"
+        )
+
+
+def names_and_advances(frames: Frames) -> tuple[list[str], list[float | None]]:
+    """The name and the advance of each frame; a recording is read for them."""
+    if isinstance(frames, ImageFrames):
+        return frames.images.names, []
+    names: list[str] = []
+    advance: list[float | None] = []
+    bar = Bar(terminal_bar("Counting"), None, frames.estimate)
+    with closing(frames.shots()) as shots:
+        for shot in shots:
+            names.append(shot.name)
+            advance.append(shot.advance)
+            bar.show(len(names))
+    bar.end(len(names))
+    if not names:
+        raise mismatch(frames.files[0], "frames", "none")
+    return names, advance
+
+
+def known(advance: Sequence[float | None]) -> Float64:
+    """The advances of frames that all lie within the odometry's times; the first has none."""
+    unknown = advance[1:].count(None)
+    got = f"none for {plural(unknown, 'frame')}"
+    refuse(unknown > 0, f"--odometry: expected positions at the times of all frames, got {got}")
+    return np.array([0.0, *advance[1:]], np.float64)
+
+
+def describe(
+    place_map: Map, frames: Frames, network: Onnx | None, cache: Path | None = None
+) -> npt.NDArray[Any]:
+    """The descriptors of the frames, as the map's own, (m, dim)."""
+    if frames.ready is not None:
+        return np.asarray(frames.ready)
+    if network is not None:
+        return extract(frames, network, cache=cache)
+    assert place_map.descriptor is not None
+    return sad_map(frames, place_map.descriptor).descriptors
+
+
+def distances_of(
+    place_map: Map, rows: npt.NDArray[Any], queries: npt.NDArray[np.int64] | None = None
+) -> Float32:
+    """Between each place and each query, or some of them in order: shape (n, m)."""
+    queries = np.arange(len(rows)) if queries is None else queries
+    D = np.empty((len(place_map), len(queries)), np.float32, order="F")
+    # With running statistics a query's distances depend on those before: a localizer keeps them.
+    post = () if place_map.post is None else place_map.post.steps
+    running = any(step["step"] == "standardize_running" for step in post)
+    localizer = Localizer(place_map, sequence_length=1) if running else None
+    bar = Bar(terminal_bar("Comparing"), len(queries), len(queries))
+    pushed = 0
+    for column, query in enumerate(queries):
+        if localizer is None:
+            D[:, column] = place_map.distances(rows[query])
+        else:
+            for row in rows[pushed : query + 1]:
+                localizer.push(row)
+            pushed = int(query) + 1
+            D[:, column] = localizer.distances
+        bar.show(column + 1)
+    return D
