@@ -42,7 +42,7 @@ mod _core {
     #[pymodule_export]
     use crate::batch::{Run, described, match_, match_distances};
     #[pymodule_export]
-    use crate::calibrate::{Threshold, calibrate, correlation_time};
+    use crate::calibrate::{Threshold, block_length, calibrate};
     #[pymodule_export]
     use crate::evaluate::{Evaluation, evaluate, recall_at};
     #[pymodule_export]

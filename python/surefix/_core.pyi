@@ -49,8 +49,8 @@ __all__ = [
     "Trust",
     "__version__",
     "align",
+    "block_length",
     "calibrate",
-    "correlation_time",
     "decode_image",
     "described",
     "evaluate",
@@ -1970,17 +1970,18 @@ def calibrate(
     True
     """
 
-def correlation_time(values: _Array) -> float | None:
-    """For how many values in a row a series says as much as one independent value: its integrated
-    autocorrelation time (Geyer 1992). None if all are equal.
+def block_length(errors: _Array) -> int | None:
+    """The queries a block, by how long errors last: an upper bound of their correlation time (method
+    1.12). None if all are equal.
 
     Parameters
     ----------
-    values : array of float32, shape (m,)
+    errors : array of float32, shape (m,)
+        How wrong each query is, from 0 to 1.
 
     Returns
     -------
-    float or None
+    int or None
     """
 
 @final

@@ -8,7 +8,7 @@ from sklearn.isotonic import IsotonicRegression
 
 import surefix
 from surefix import SurefixValueError
-from surefix._core import correlation_time
+from surefix._core import block_length
 
 
 def matches(wrong, score):
@@ -109,12 +109,12 @@ def test_the_threshold_is_that_of_the_oracle(tau, most, sure):
     assert promised > 2
 
 
-def test_the_correlation_time_is_that_of_the_oracle():
+def test_the_block_length_is_that_of_the_oracle():
     rng = np.random.default_rng(0)
     for tau in (0, 3, 20):
-        x = lasting(rng, 500, tau).astype(np.float32)
-        assert correlation_time(x) == pytest.approx(slow_time(x), rel=1e-9)
-    assert correlation_time(np.full(9, 0.3, np.float32)) is None
+        wrong = (lasting(rng, 500, tau) > 1).astype(np.float32)
+        assert block_length(wrong) == slow_block(wrong.astype(float), wrong)
+    assert block_length(np.full(9, 0.3, np.float32)) is None
 
 
 @pytest.mark.parametrize("seed", range(6))
