@@ -18,6 +18,7 @@ use std::thread;
 
 use cases::{DTYPES, Kind, all_bits, columns, numbers};
 use random::SplitMix64;
+use surefix::calibration::Alarm;
 use surefix::{
     Channels, Config, Dtype, Error, Fix, Floor, Given, Gradient, Image, Input, Localizer, Map,
     Matcher, Metric, Motion, Post, Run, Sad, Step, Values, View,
@@ -362,6 +363,24 @@ fn memory_grows_to_the_largest_size_seen_and_no_further() {
         }
     });
     assert_eq!(calls, 0, "two cameras in turn cost nothing more");
+}
+
+#[test]
+fn an_alarm_allocates_nothing_before_or_after_it_is_raised() {
+    let scores: Vec<f32> = (0..300).map(|frame| (frame * 7 % 11) as f32).collect();
+    let mut alarm = Alarm::new(&scores, 10, 0.01).unwrap();
+    let calls = allocations(|| {
+        for &score in &scores {
+            assert!(!alarm.push(score).unwrap());
+        }
+        alarm.push(f32::NAN).unwrap_err();
+        for _ in 0..300 {
+            alarm.push(20.0).unwrap();
+        }
+        assert!(alarm.raised());
+        alarm.reset();
+    });
+    assert_eq!(calls, 0);
 }
 
 #[test]

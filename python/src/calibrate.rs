@@ -331,19 +331,20 @@ pub(crate) fn calibrate(
         .or_raise(py)
 }
 
-/// For how many values in a row a series says as much as one independent value: its integrated
-/// autocorrelation time (Geyer 1992). None if all are equal.
+/// The queries a block, by how long errors last: an upper bound of their correlation time (method
+/// 1.12). None if all are equal.
 ///
 /// Parameters
 /// ----------
-/// values : array of float32, shape (m,)
+/// errors : array of float32, shape (m,)
+///     How wrong each query is, from 0 to 1.
 ///
 /// Returns
 /// -------
-/// float or None
+/// int or None
 #[pyfunction]
-pub(crate) fn correlation_time(values: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    let values = floats(values, "values", 1)?;
-    let values: Vec<f64> = values.as_slice()?.iter().copied().map(f64::from).collect();
-    Ok(surefix::evaluate::correlation_time(&values))
+pub(crate) fn block_length(errors: &Bound<'_, PyAny>) -> PyResult<Option<usize>> {
+    let errors = floats(errors, "errors", 1)?;
+    let errors: Vec<f64> = errors.as_slice()?.iter().copied().map(f64::from).collect();
+    Ok(surefix::evaluate::block_length(&errors))
 }

@@ -2,6 +2,7 @@
 #![allow(clippy::doc_markdown, reason = "docstrings are for Python readers, in reStructuredText")]
 #![allow(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
 
+mod alarm;
 mod align;
 mod arrays;
 mod batch;
@@ -35,11 +36,13 @@ fn instruction_set() -> String {
 #[pymodule]
 mod _core {
     #[pymodule_export]
+    use crate::alarm::Alarm;
+    #[pymodule_export]
     use crate::align::{Alignment, align};
     #[pymodule_export]
     use crate::batch::{Run, described, match_, match_distances};
     #[pymodule_export]
-    use crate::calibrate::{Threshold, calibrate, correlation_time};
+    use crate::calibrate::{Threshold, block_length, calibrate};
     #[pymodule_export]
     use crate::evaluate::{Evaluation, evaluate, recall_at};
     #[pymodule_export]

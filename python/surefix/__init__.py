@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from surefix._core import (
+    Alarm,
     Alignment,
     Evaluation,
     Fix,
@@ -45,6 +46,7 @@ from surefix.motion import Motion
 from surefix.tuning import Trial, Tuned, tune
 
 __all__ = [
+    "Alarm",
     "Alignment",
     "Audit",
     "Contradiction",

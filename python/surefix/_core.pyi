@@ -26,6 +26,7 @@ from surefix.options import Options
 
 __version__: str
 __all__ = [
+    "Alarm",
     "Alignment",
     "Evaluation",
     "Fix",
@@ -48,8 +49,8 @@ __all__ = [
     "Trust",
     "__version__",
     "align",
+    "block_length",
     "calibrate",
-    "correlation_time",
     "decode_image",
     "described",
     "evaluate",
@@ -1321,6 +1322,67 @@ class Run:
     def __getitem__(self, key: SupportsIndex, /) -> Fix: ...
 
 @final
+class Alarm:
+    """Notices that scores have become worse than those of a calibration drive, so that what was
+    measured there (a threshold, a probability) holds no longer. It needs no truth.
+
+    A score is better the smaller it is. Frames are averaged in blocks, as neighbours are not
+    independent, and each block's mean is bet upon once: a conformal test martingale (Vovk, Gammerman
+    and Shafer, *Algorithmic Learning in a Random World*, 2005), whose money mixes over when the
+    change came. Scores that become better raise no alarm, and neither does a robot that is sure and
+    wrong: only what the scores show is noticed.
+
+    Parameters
+    ----------
+    scores : array of float32, shape (m,)
+        Of the calibration drive, one a frame. A last block that is not complete is left out. The
+        fewer blocks there are, the longer it takes to notice a change: if all scores are worse than
+        any of these, 7 blocks after a calibration of 30, 23 after one of 8.
+    block : int
+        How many frames are averaged: at least twice the correlation time of the scores, after which
+        their autocorrelation is below 1 / e; three times it for drives of more than 1,000 blocks.
+    level : float
+        The probability, at most, that a drive like the calibration's raises the alarm: on average
+        over calibration drives, not for each of them.
+
+    Raises
+    ------
+    SurefixValueError
+        For an option outside its range, fewer scores than a block, a NaN or an infinity.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> calibration = np.float32(np.arange(300) * 7 % 11 / 100)
+    >>> alarm = surefix.Alarm(calibration, block=10)
+    >>> any(alarm.push(score) for score in calibration)
+    False
+    >>> [alarm.push(0.9) for _ in range(70)].index(True)
+    69
+    """
+
+    def __new__(cls, scores: _Array, block: int, level: float = 0.01) -> Alarm: ...
+    def push(self, score: float) -> bool:
+        """The next frame's score; whether the alarm is raised. Once raised, it stays so until
+        ``reset``.
+
+        Raises
+        ------
+        SurefixValueError
+            For a NaN or an infinity; nothing has changed then.
+        """
+    @property
+    def raised(self) -> bool:
+        """Whether the alarm has been raised."""
+    @property
+    def evidence(self) -> float:
+        """What has become of an initial 1 by betting that scores are worse: the martingale. The alarm
+        is raised at ``1 / level**2``.
+        """
+    def reset(self) -> None:
+        """Forgets the drive, for a new one."""
+
+@final
 class Alignment:
     """Where each query of a drive was, by all of its queries: arrays of the shape (m,).
 
@@ -1911,17 +1973,18 @@ def calibrate(
     True
     """
 
-def correlation_time(values: _Array) -> float | None:
-    """For how many values in a row a series says as much as one independent value: its integrated
-    autocorrelation time (Geyer 1992). None if all are equal.
+def block_length(errors: _Array) -> int | None:
+    """The queries a block, by how long errors last: an upper bound of their correlation time (method
+    1.12). None if all are equal.
 
     Parameters
     ----------
-    values : array of float32, shape (m,)
+    errors : array of float32, shape (m,)
+        How wrong each query is, from 0 to 1.
 
     Returns
     -------
-    float or None
+    int or None
     """
 
 @final

@@ -6,7 +6,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Map, Run, align, described, match, match_distances
+from surefix._core import (
+    Map,
+    Run,
+    align,
+    block_length,
+    described,
+    match,
+    match_distances,
+)
 from surefix.errors import mismatch
 from surefix.matches import Matches
 from surefix.motion import Motion
@@ -176,7 +184,7 @@ def _share(right: Float64, chosen: Flags) -> Estimate:
     """The mean over the chosen, with the interval of a block bootstrap; NaN if none is chosen."""
     if not chosen.any():
         return Estimate(np.nan, np.nan, np.nan)
-    block = max(1, round(len(right) ** 0.5))
+    block = block_length(np.float32(1 - right)) or 1
     counts, sums = redrawn_sums(np.stack([chosen, np.where(chosen, right, 0.0)]), block)
     low, high = np.quantile(sums[counts > 0] / counts[counts > 0], (0.025, 0.975))
     return Estimate(float(right[chosen].mean()), float(low), float(high))

@@ -16,6 +16,7 @@ mod generated_route;
 #[cfg(feature = "image")]
 mod image_files;
 mod instruction_sets;
+mod judge;
 mod map_file;
 #[cfg(unix)]
 mod map_file_unix;

@@ -8,7 +8,7 @@ from sklearn.isotonic import IsotonicRegression
 
 import surefix
 from surefix import SurefixValueError
-from surefix._core import correlation_time
+from surefix._core import block_length
 
 
 def matches(wrong, score):
@@ -50,8 +50,10 @@ def slow_block(wrong, score):
     return min(m, int(np.ceil(t * (1 + 1.64 * np.sqrt(10 * t / m + t / (2 * few))))))
 
 
-def slow_threshold(score, wrong, most, sure, block):
-    def capital(flags, accepted):
+def slow_threshold(score, wrong, most, sure):
+    """The threshold and the block of its test."""
+
+    def capital(flags, accepted, block):
         gain = np.where(accepted, flags - most, 0.0)
         gain = np.append(gain, np.zeros(-len(gain) % block)).reshape(-1, block).mean(1)
         bets = np.array([0.3, 0.6, 0.95])[:, None] / (1 - most)
@@ -63,21 +65,28 @@ def slow_threshold(score, wrong, most, sure, block):
         counts.append(int(count))
         count *= 1.1
     lines = [ordered[count - 1] for count in [*counts, len(score)]]
+    block = both = slow_block(wrong, score) if np.ptp(score) else len(score)
+    blocks = []
+    for line in lines[::-1]:
+        those = wrong * (score <= line)
+        if np.sum(those) >= 5 and np.ptp(those):
+            block = min(both, slow_block(those, score))
+        blocks.insert(0, int(np.ceil(np.sqrt(both * block))))
     for few in (1 / 3, 1 / 6, 0):
         enough = [
-            capital(np.full(len(score), few * most), score <= line) >= 1 / (1 - sure)
-            for line in lines
+            capital(np.full(len(score), few * most), score <= line, block) >= 1 / (1 - sure)
+            for line, block in zip(lines, blocks, strict=True)
         ]
         if any(enough):
-            lines = lines[enough.index(True) :]
+            lines, blocks = lines[enough.index(True) :], blocks[enough.index(True) :]
             break
     else:
-        return None
-    found = None
-    for line in lines:
-        if capital(wrong, score <= line) < 1 / (1 - sure):
+        return None, blocks[-1]
+    found = None, blocks[0]
+    for line, block in zip(lines, blocks, strict=True):
+        if capital(wrong, score <= line, block) < 1 / (1 - sure):
             break
-        found = line
+        found = line, block
     return found
 
 
@@ -91,10 +100,8 @@ def test_the_threshold_is_that_of_the_oracle(tau, most, sure):
         score = np.round(lasting(rng, count, tau), 1 + seed % 2).astype(np.float32)
         wrong = lasting(rng, count, tau) + 0.8 * score > rng.uniform(0.5, 3)
         found = surefix.calibrate(*matches(wrong, score), wrong=most, sure=sure)
-        block = slow_block(wrong.astype(float), score) if np.ptp(score) else count
-        assert found.block == block
-        expected = slow_threshold(score, wrong.astype(float), most, sure, block)
-        assert found.score == expected
+        expected, block = slow_threshold(score, wrong.astype(float), most, sure)
+        assert (found.score, found.block) == (expected, block)
         if expected is not None:
             promised += 1
             assert found.accepted == np.sum(score <= expected)
@@ -102,12 +109,12 @@ def test_the_threshold_is_that_of_the_oracle(tau, most, sure):
     assert promised > 2
 
 
-def test_the_correlation_time_is_that_of_the_oracle():
+def test_the_block_length_is_that_of_the_oracle():
     rng = np.random.default_rng(0)
     for tau in (0, 3, 20):
-        x = lasting(rng, 500, tau).astype(np.float32)
-        assert correlation_time(x) == pytest.approx(slow_time(x), rel=1e-9)
-    assert correlation_time(np.full(9, 0.3, np.float32)) is None
+        wrong = (lasting(rng, 500, tau) > 1).astype(np.float32)
+        assert block_length(wrong) == slow_block(wrong.astype(float), wrong)
+    assert block_length(np.full(9, 0.3, np.float32)) is None
 
 
 @pytest.mark.parametrize("seed", range(6))

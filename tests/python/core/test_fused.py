@@ -125,3 +125,40 @@ def test_as_many_grey_images_as_maps_are_images() -> None:
     assert run.single_place.tolist() == [2, 3]
     rows = [each.descriptors[3:5] for each in maps]
     assert surefix.match(maps, rows).single_place.tolist() == [3, 4]
+
+
+def test_weights_of_techniques(maps, road):
+    winter = np.stack(list(road[1]))
+    rows = [[maps[0].descriptor.describe(image) for image in winter], Columns().describe(winter)]
+    D = [
+        np.stack([each.distances(row) for row in of_map], axis=1)
+        for each, of_map in zip(maps, rows, strict=True)
+    ]
+    options = {"motion": "any", "sequence_length": 3}
+    equal = list(surefix.match_distances(D, **options))
+    assert list(surefix.match_distances(D, technique_weights=[3, 3], **options)) == equal
+    # A technique of weight 0 is as good as none, and one that comes twice as one of twice the weight.
+    alone = surefix.match_distances([D[0], D[0]], **options)
+    only = surefix.match_distances(D, technique_weights=[1, 0], **options)
+    assert only.single_place.tolist() == alone.single_place.tolist()
+    np.testing.assert_allclose(only.single_distance, alone.single_distance, rtol=1e-5)
+    twice = surefix.match_distances([D[0], D[0], D[1]], sequence_length=3)
+    weighted = surefix.match_distances(D, technique_weights=[2, 1], sequence_length=3)
+    np.testing.assert_allclose(weighted.single_distance, twice.single_distance, rtol=1e-5)
+    assert weighted.place.tolist() == twice.place.tolist()
+    # The evidence of one technique is that of a track without fusion.
+    track = surefix.match(maps[0], winter, **options)
+    assert only.place.tolist() == track.place.tolist()
+    np.testing.assert_allclose(only.confidence, track.confidence, rtol=1e-6)
+
+    for weights, words in (
+        ([1, 1, 1], "expected one of each of 2 techniques, got 3"),
+        ([0, 0], "one of them above 0"),
+        ([-1, 1], "numbers from 0 to"),
+        ([np.nan, 1], "numbers from 0 to"),
+        ("ab", "a sequence of numbers, one a technique"),
+    ):
+        with pytest.raises(surefix.SurefixValueError, match=words):
+            surefix.Localizer(maps, technique_weights=weights)
+    with pytest.raises(surefix.SurefixValueError, match="one of each of 1 techniques, got 2"):
+        surefix.Localizer(maps[0], technique_weights=[1, 1])
