@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import real_data
 import surefix
 from surefix import contradictions
 
@@ -110,6 +111,24 @@ def test_what_the_default_is_best_for_is_unchanged():
     assert found.settings.threshold == surefix.calibrate(run, truth, 0.2)
     assert found.settings.measured["calibrated_on"] == "the whole drive"
     assert "any, area" in repr(found)
+
+
+@pytest.mark.slow
+def test_on_a_real_route_it_is_better_on_the_half_that_it_did_not_see():
+    """As the table of docs/howto/tune.md says."""
+    folder = real_data.folder() / "nordland"
+    summer, winter = (np.load(folder / f"{name}_0000_1149.npy") for name in ("summer", "winter"))
+    route = surefix.Map.from_images(list(summer), progress=False)
+    rows = surefix.Map.from_images(list(winter), progress=False).descriptors
+    truth, later = np.arange(1150), np.arange(1150) >= 575
+    found = tune(route, rows, truth)
+    assert found.chosen.name == "steady"
+    assert found.contradictions == []
+    runs = [surefix.match(route, rows, config=found.settings, progress=False)]
+    runs.append(surefix.match(route, rows, motion="any", floor="running", progress=False))
+    one, two = (area(run, truth, later).auc(1.0) for run in runs)
+    assert one > two + 0.1
+    assert tune(route, rows).chosen.name == "any"
 
 
 @pytest.mark.parametrize("aligned", [False, True])
