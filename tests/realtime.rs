@@ -18,7 +18,8 @@ use std::thread;
 
 use cases::{DTYPES, Kind, all_bits, columns, numbers};
 use random::SplitMix64;
-use surefix::calibration::Alarm;
+use surefix::calibration::{Alarm, Calibrate, calibrate};
+use surefix::evaluate::Match;
 use surefix::{
     Channels, Config, Dtype, Error, Fix, Floor, Given, Gradient, Image, Input, Localizer, Map,
     Matcher, Metric, Motion, Post, Run, Sad, Step, Values, View,
@@ -164,6 +165,27 @@ fn a_tracker_allocates_nothing_after_construction() {
         });
         assert_eq!(calls, 0, "{motion:?}");
     }
+}
+
+#[test]
+fn judged_fixes_allocate_nothing_either() {
+    const DIM: usize = 20;
+    let map = Map::from_descriptors(numbers(Dtype::F32, 40 * DIM, 7), DIM, Metric::Euclidean);
+    let mut localizer = Localizer::new(Arc::new(map.unwrap()), Config::default()).unwrap();
+    let found =
+        |query: usize| Match { place: 0, score: query as f32 / 200.0, ready: true, accepted: true };
+    let matches: Vec<Match> = (0..200).map(found).collect();
+    let wrong: Vec<_> = (0..200).map(|query| Some(f64::from(query > 150))).collect();
+    let threshold = calibrate(&matches, &wrong, &Calibrate::default()).unwrap();
+    localizer = localizer.with_threshold(threshold).unwrap();
+    localizer.on_alarm(|_| ());
+    let query = numbers(Dtype::F32, DIM, 8);
+    let calls = allocations(|| {
+        for _ in 0..300 {
+            assert!(localizer.push_descriptor(&query).unwrap().accepted.is_some());
+        }
+    });
+    assert_eq!(calls, 0);
 }
 
 #[test]

@@ -74,6 +74,8 @@ class Audit:
         The probability that each fix of the ``run`` is right, if there is one.
     score : array of float32, shape (m,); or None
         The score of that fix, less is better; infinite in the warm-up.
+    confirmed : array of bool, shape (m,); or None
+        Whether a verifier agrees with the best match, if there are ``reranked`` distances.
     techniques : tuple of Audit
         Of several techniques: an audit of each one's single matches, all by the one alignment, in
         the order in which they were given. The audit itself is that of their fusion. Empty for one
@@ -94,6 +96,7 @@ class Audit:
     confidence: Float64
     fix_right: Float64 | None
     score: npt.NDArray[np.float32] | None
+    confirmed: Flags | None
     techniques: tuple["Audit", ...]
 
     @property
@@ -105,6 +108,14 @@ class Audit:
     def trusted_precision(self) -> Estimate:
         """The share of the trusted matches that are right; NaN if none is trusted."""
         return _share(self.right, self.trusted)
+
+    @property
+    def confirmed_share(self) -> Estimate:
+        """The share of the queries whose best match a verifier confirms: a second estimate of
+        ``recall_at_1``, cruder and independent of the motion; NaN without ``reranked`` distances.
+        """
+        agreed = np.zeros(len(self)) if self.confirmed is None else self.confirmed.astype(float)
+        return _share(agreed, np.full(len(self), self.confirmed is not None))
 
     def precision_at(self, distance: float) -> Estimate:
         """The share that is right of the matches at this distance or a smaller one; NaN if there
@@ -207,6 +218,7 @@ def audit(
     queries: Any = None,
     *,
     run: Run | Matches | None = None,
+    reranked: npt.ArrayLike | None = None,
     motion: Motion | str = "any",
     advance: npt.ArrayLike | None = None,
     gaps: list[int] | None = None,
@@ -230,6 +242,9 @@ def audit(
         As for ``match``; none with distances.
     run : Run or Matches, optional
         Fixes of the same drive, of any method, for ``accepted_precision``.
+    reranked : array of float, shape (n, m), optional
+        Distances by ``surefix.descriptors.Reranker``, of the same places and queries: a match is
+        confirmed if their least one is within ``tolerance`` places of it.
     motion : {"any", "steady", "free"} or Motion
         How the robot moved. The estimates are as good as it: "steady" if both drives took frames
         at the same distances.
@@ -245,8 +260,8 @@ def audit(
     Raises
     ------
     SurefixValueError
-        As for ``align``; for no query; and for a run of another number of queries, or of places
-        that there are not.
+        As for ``align``; for no query; for re-ranked distances of another shape; and for a run of
+        another number of queries, or of places that there are not.
 
     Examples
     --------
@@ -278,11 +293,21 @@ def audit(
     singles: list[Any] = [each.single_place for each in matched]
     if not len(singles[0]):
         raise mismatch("queries", "at least one query", "none")
+    verified = _verified(reranked, (len(techniques[0]), len(singles[0])))
     how: dict[str, Any] = {"motion": motion, "advance": advance, "gaps": gaps}
     how |= {"tolerance": tolerance, "progress": progress}
     aligned = align(*drive, at=[*singles, *_places(run, techniques[0], len(singles[0]))], **how)
     audits = [
-        Audit(right, each.single_distance, each.trusted, aligned.confidence, None, None, ())
+        Audit(
+            right,
+            each.single_distance,
+            each.trusted,
+            aligned.confidence,
+            None,
+            None,
+            None if verified is None else np.abs(each.single_place - verified) <= tolerance,
+            (),
+        )
         for right, each in zip(aligned.right, matched, strict=False)
     ]
     whole = replace(audits[0], techniques=tuple(audits[1:]))
@@ -291,6 +316,18 @@ def audit(
     ready: Any = run.ready
     score = np.where(ready, run.score, np.float32(np.inf))
     return replace(whole, fix_right=aligned.right[-1], score=score)
+
+
+def _verified(reranked: Any, shape: tuple[int, int]) -> npt.NDArray[np.int64] | None:
+    """The verified place of each query; None without re-ranked distances."""
+    if reranked is None:
+        return None
+    given = np.asarray(reranked)
+    if given.shape != shape or given.dtype.kind not in "fiu":
+        got = f"{given.dtype} {given.shape}"
+        raise mismatch("reranked", f"numbers of the shape {shape}, (places, queries)", got)
+    places: npt.NDArray[np.int64] = given.argmin(0)
+    return places
 
 
 def _places(run: Any, first: Any, queries: int) -> list[npt.NDArray[np.int64]]:

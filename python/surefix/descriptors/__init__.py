@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from surefix.descriptors.hub import HUB_MODELS, from_hub
     from surefix.descriptors.onnx import Onnx
     from surefix.descriptors.patch_netvlad import PatchNetVlad
-    from surefix.descriptors.reranked import confirmed, read_pairs, reranked_distances
+    from surefix.descriptors.reranked import read_pairs, reranked_distances
     from surefix.descriptors.reranker import Reranker
     from surefix.descriptors.torch import Torch
     from surefix.descriptors.verifier import Verifier
@@ -36,7 +36,6 @@ __all__ = [
     "Torch",
     "Verifier",
     "XFeat",
-    "confirmed",
     "extract",
     "from_hub",
     "load",
@@ -51,7 +50,7 @@ _MODULES = {
     "surefix.descriptors.hub": ("HUB_MODELS", "from_hub"),
     "surefix.descriptors.onnx": ("Onnx",),
     "surefix.descriptors.patch_netvlad": ("PatchNetVlad",),
-    "surefix.descriptors.reranked": ("confirmed", "read_pairs", "reranked_distances"),
+    "surefix.descriptors.reranked": ("read_pairs", "reranked_distances"),
     "surefix.descriptors.reranker": ("Reranker",),
     "surefix.descriptors.torch": ("Torch",),
     "surefix.descriptors.verifier": ("Verifier",),

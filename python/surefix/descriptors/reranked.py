@@ -81,41 +81,6 @@ def reranked_distances(
     return distances.astype(np.float32)
 
 
-def confirmed(
-    places: npt.ArrayLike, reranked: npt.ArrayLike, tolerance: int = 1
-) -> npt.NDArray[np.bool_]:
-    """Whether a verifier agrees with each query's match: a second estimate of how many are right.
-
-    It takes no motion and no ground truth. Its errors are its own: see the how-to.
-
-    Parameters
-    ----------
-    places : array of int, shape (m,)
-        Such as ``Run.single_place`` by the first descriptor.
-    reranked : array, shape (n, m)
-        By ``Reranker.distances``: the least of a column is the verified place.
-    tolerance : int
-        The most places between the two.
-
-    Returns
-    -------
-    array of bool, shape (m,)
-
-    Examples
-    --------
-    >>> from surefix.descriptors import confirmed
-    >>> confirmed([0, 2], [[0.0, 0.1], [0.5, 0.5], [0.5, 0.5]])
-    array([ True, False])
-    """
-    matched, verified = np.asarray(places), np.asarray(reranked)
-    if matched.ndim != 1 or matched.dtype.kind not in "iu":
-        raise mismatch("places", "whole numbers, (m,)", f"{matched.dtype} {matched.shape}")
-    if verified.ndim != 2 or verified.shape[1] != len(matched) or not len(verified):
-        raise mismatch("reranked", f"a column for each of {len(matched)} matches", verified.shape)
-    agree: npt.NDArray[np.bool_] = np.abs(verified.argmin(0) - matched) <= tolerance
-    return agree
-
-
 def read_pairs(
     path: str | PathLike[str],
     references: Sequence[str | PathLike[str]],

@@ -12,7 +12,7 @@ import pytest
 
 import real_data
 import surefix
-from surefix.descriptors import Reranker, Verifier, confirmed, reranked_distances
+from surefix.descriptors import Reranker, Verifier, reranked_distances
 from surefix.simulate import Route
 
 
@@ -82,7 +82,7 @@ def test_folders_lists_and_generators_are_references(tmp_path: Path) -> None:
         )
 
 
-def test_confirmed_is_the_agreement_of_both() -> None:
+def test_an_audit_says_which_matches_are_confirmed() -> None:
     reranked = made(candidates=3).distances(COARSE, IMAGES, progress=False)
     places = COARSE.argmin(axis=0)
     for tolerance in (0, 1, 3):
@@ -90,11 +90,14 @@ def test_confirmed_is_the_agreement_of_both() -> None:
             abs(int(reranked[:, query].argmin()) - int(place)) <= tolerance
             for query, place in enumerate(places)
         ]
-        assert confirmed(places, reranked, tolerance).tolist() == expected
-    with pytest.raises(surefix.SurefixValueError, match="places: expected whole numbers"):
-        confirmed(places + 0.5, reranked)
-    with pytest.raises(surefix.SurefixValueError, match="a column for each of 11 matches"):
-        confirmed(places[:11], reranked)
+        found = surefix.audit(COARSE, reranked=reranked, tolerance=tolerance)
+        assert found.confirmed is not None
+        assert found.confirmed.tolist() == expected
+        assert found.confirmed_share == np.mean(expected)
+    assert np.isnan(surefix.audit(COARSE).confirmed_share)
+    for wrong in (reranked[:-1], reranked[:, 1:], reranked.astype(str)):
+        with pytest.raises(surefix.SurefixValueError, match="reranked: expected numbers of the"):
+            surefix.audit(COARSE, reranked=wrong)
 
 
 def test_bad_input_is_named() -> None:
@@ -393,7 +396,8 @@ def test_more_single_matches_are_right_on_a_real_route(
     }
     assert right["both"].mean() > least
     assert right["both"].mean() > right["alone"].mean() + 0.15
-    agreed = confirmed(alone.argmin(0), reranked)
+    agreed = surefix.audit(alone, reranked=reranked).confirmed
+    assert agreed is not None
     # Within one place it is an estimate that is too high; it tells right from wrong.
     assert abs(agreed.mean() - right["alone"].mean()) < confirming
     assert right["alone"][agreed].mean() > 3 * right["alone"][~agreed].mean()
