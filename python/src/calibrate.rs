@@ -45,7 +45,7 @@ use crate::truth::truth_of;
 /// >>> truth = np.where(np.arange(500) < 400, np.arange(500), 0)
 /// >>> threshold = surefix.calibrate(matches, truth, wrong=0.1, block=2)
 /// >>> threshold.accepted, threshold.score > 0.7
-/// (403, True)
+/// (418, True)
 /// >>> threshold.probability(matches)[[0, 499]] > 0.5
 /// array([ True, False])
 #[pyclass(frozen, eq, module = "surefix")]

@@ -214,7 +214,7 @@ pub fn calibrate(
         tested.clone().take_while(|&(score, block)| options.passes(accepted_at(score), block));
     let passed = passing.last();
     let score = passed.map(|(score, _)| score);
-    let block = passed.or_else(|| tested.clone().next()).or_else(|| tried().last());
+    let block = passed.or_else(|| tested.clone().next()).or_else(|| tried().next_back());
     let more = || {
         let needed =
             tried().filter_map(|(score, block)| options.needed(accepted_at(score), queries, block));

@@ -51,7 +51,8 @@ def test_docstrings_are_copied_once_into_a_stub_without_them(stubs: ModuleType) 
 
 def test_the_table_of_options_has_those_of_the_binding() -> None:
     names = [option.name for option in OPTIONS]
-    assert sorted(names) == sorted(Options.__annotations__)
+    # `config` holds all of them.
+    assert sorted([*names, "config"]) == sorted(Options.__annotations__)
     with pytest.raises(surefix.SurefixValueError) as refused:
         surefix.Matcher(3, nothing=1)  # type: ignore[call-arg]
     expected = str(refused.value).partition("expected one of ")[2].split(", ")
