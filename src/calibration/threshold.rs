@@ -183,7 +183,11 @@ impl fmt::Display for Threshold {
         }
         let Self { accepted, queries, errors, .. } = self;
         write!(to, "at most {wrong} % of the accepted are wrong, with {sure} % probability; ")?;
-        write!(to, "here {errors:.1} of {accepted}, of {queries} queries")
+        write!(to, "here {errors:.1} of {accepted}, of {queries} queries")?;
+        match self.block {
+            Some(block) if block > 1 => write!(to, " in blocks of {block}"),
+            _ => Ok(()),
+        }
     }
 }
 
