@@ -260,8 +260,8 @@ def audit(
     Raises
     ------
     SurefixValueError
-        As for ``align``; for no query; for re-ranked distances of another shape; and for a run of
-        another number of queries, or of places that there are not.
+        As for ``align``; for no query; for re-ranked distances of another shape or with a NaN; and
+        for a run of another number of queries, or of places that there are not.
 
     Examples
     --------
@@ -326,6 +326,9 @@ def _verified(reranked: Any, shape: tuple[int, int]) -> npt.NDArray[np.int64] | 
     if given.shape != shape or given.dtype.kind not in "fiu":
         got = f"{given.dtype} {given.shape}"
         raise mismatch("reranked", f"numbers of the shape {shape}, (places, queries)", got)
+    if np.isnan(given).any():
+        place, query = np.argwhere(np.isnan(given))[0]
+        raise mismatch("reranked", "numbers", f"NaN at place {place}, query {query}")
     places: npt.NDArray[np.int64] = given.argmin(0)
     return places
 

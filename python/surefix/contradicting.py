@@ -97,17 +97,23 @@ def true_places(alignment: Alignment, truth: Any, tolerance: float) -> npt.NDArr
     Raises
     ------
     SurefixValueError
-        If the truth is of another number of queries.
+        If the truth is of another number of queries, or not as for ``evaluate``.
     """
     aligned = np.asarray(alignment.place)
     if not isinstance(truth, tuple) and np.ndim(truth) == 1:
-        places = np.asarray(truth).astype(np.int64)
+        given = np.asarray(truth)
+        if given.size and given.dtype.kind not in "iu":
+            raise mismatch("truth", "whole numbers, -1 for no place", given.dtype)
+        places = given.astype(np.int64)
         if len(places) != len(aligned):
             raise mismatch("truth", f"a place for each of {len(aligned)} queries", len(places))
         return places
     found = np.full(len(aligned), -1)
     if isinstance(truth, tuple):
         there, here = (np.asarray(each, np.float64) for each in truth)
+        if there.ndim != 2 or here.ndim != 2 or there.shape[1] != here.shape[1]:
+            expected = "positions of the places and of the queries, with the same axes"
+            raise mismatch("truth", expected, f"{there.shape} and {here.shape}")
         count = len(here)
     else:
         cells = np.asarray(truth)

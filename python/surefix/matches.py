@@ -26,8 +26,8 @@ class Matches:
         False if the method rejects the match at any score, as a mask does: such queries still count
         towards recall. All True by default.
     confidence, off_map : arrays of float, shape (m,), optional
-        The probabilities, from 0 to 1, that the match is right and that the robot is off the map,
-        if the method says any.
+        What the method believes, from 0 to 1: that the match is right, and that the robot is off
+        the map, if it says so.
 
     Examples
     --------

@@ -165,6 +165,7 @@ def tune(
         "route": f"{len(drive.techniques[0])} places",
         "queries": f"{drive.queries}",
         "truth": known.kind,
+        "right_within": _within(known, tolerance),
         "chosen": f"{name}, of {len(trials)} tried",
         "judged": f"{search.queries} queries of the first half",
         "area": str(trials[search.best].area),
@@ -188,6 +189,12 @@ def _trials(search: Search) -> list[Trial]:
         difference = Estimate(curve.auc(1.0) - default.auc(1.0), *apart)
         trials.append(Trial(name, options, area, difference, index == search.best))
     return trials
+
+
+def _within(known: Known, tolerance: float) -> str:
+    """What counts as right, which the promise and the probabilities are about."""
+    unit = "metre" if isinstance(known.truth, tuple) else "place"
+    return f"{tolerance:g} {unit}{'' if tolerance == 1 else 's'}"
 
 
 def _metres(drive: Drive, known: Known, part: npt.NDArray[np.bool_]) -> float | None:

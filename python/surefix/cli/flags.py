@@ -90,7 +90,9 @@ def _parameter(option: Option, name: str, default: Any) -> inspect.Parameter:
         kind = str
     names = [f"--{name.replace('_', '-')}", *([f"-{option.short}"] if option.short else [])]
     help_ = option.help if option.type is str else f"{option.help[:-1]}: {option.range}."
-    flag = typer.Option(*names, help=f"{help_[:-1]}; {default} by default.")
+    # An empty list is as the help says.
+    usual = "" if default == "" else f"; {default} by default"
+    flag = typer.Option(*names, help=f"{help_[:-1]}{usual}.")
     only, annotation = inspect.Parameter.KEYWORD_ONLY, Annotated[kind | None, flag]
     return inspect.Parameter(name, only, default=None, annotation=annotation)
 

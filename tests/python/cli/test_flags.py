@@ -46,3 +46,4 @@ def test_the_help_has_a_flag_for_each_in_the_tables_order(command: str) -> None:
     flags = [f"--{names.get(each.name, each.name).replace('_', '-')} " for each in OPTIONS]
     places = [text.index(flag) for flag in flags]
     assert places == sorted(places)
+    assert "; by default" not in " ".join(text.split())

@@ -157,6 +157,8 @@ def test_what_does_not_fit_is_refused():
     D, _ = road(1, 2.0, 30)
     run = surefix.match_distances(D)
     route = surefix.Map.from_descriptors(np.eye(30, dtype=np.float32))
+    holed = D.copy()
+    holed[7, 3] = np.nan
     cases = {
         "run: expected a fix for each of 12 queries, got 30": ([D[:, :12]], {"run": run}),
         "run: expected places from 0 to 9, got": ([D[:10]], {"run": run}),
@@ -166,6 +168,7 @@ def test_what_does_not_fit_is_refused():
         "map: expected a surefix.Map": ([[route, 3], np.eye(30, dtype=np.float32)], {}),
         "got an empty list": ([[]], {}),
         "1 to 32": ([[D] * 33], {}),
+        "reranked: .* NaN at place 7, query 3": ([D], {"reranked": holed}),
     }
     for words, (given, options) in cases.items():
         with pytest.raises(surefix.SurefixValueError, match=words):

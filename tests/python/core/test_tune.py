@@ -160,6 +160,7 @@ def test_an_alignment_chooses_no_motion_and_leaves_out_what_it_is_unsure_of(twic
     assert found.chosen.area == expected.auc(1.0)
     assert found.settings.threshold == surefix.calibrate(run, alignment)
     assert found.settings.measured["truth"] == "an alignment, motion any"
+    assert found.settings.measured["right_within"] == "1 place"
     free = tune(D, None, None, gaps=gaps, motion="free")
     assert free.settings.options == surefix.Settings(motion="free").options
 
@@ -203,7 +204,9 @@ def test_positions_and_matrices_are_truths_too():
     where = np.stack([truth * 2.0, truth * 0.0], axis=1)
     cells = np.abs(truth[:, None] - truth) <= 1
     by_place = tune(D, None, truth)
-    assert tune(D, None, (where, where), tolerance=2.5).trials == by_place.trials
+    by_metres = tune(D, None, (where, where), tolerance=2.5)
+    assert by_metres.trials == by_place.trials
+    assert by_metres.settings.measured["right_within"] == "2.5 metres"
     assert tune(D, None, cells, tolerance=0).trials == by_place.trials
 
 
@@ -250,6 +253,17 @@ def test_a_truth_that_contradicts_a_sure_alignment_is_named():
     assert contradictions(stood, np.arange(100)) == []
     unsure = surefix.align(np.random.default_rng(0).random((200, 200)).astype(np.float32))
     assert contradictions(unsure, wrong) == []
+    flat = where[:, 0]
+    cases = {
+        "each of 200 queries, got 199": wrong[1:],
+        "whole numbers.*float64": np.where(wrong < 0, np.nan, wrong),
+        "whole numbers.*<U1": ["a"] * 200,
+        r"the same axes, got \(200, 2\) and \(200, 3\)": (where, np.zeros((200, 3))),
+        r"the same axes, got \(200,\) and \(200,\)": (flat, flat),
+    }
+    for words, bad in cases.items():
+        with pytest.raises(surefix.SurefixValueError, match=words):
+            contradictions(alignment, bad)
 
 
 def test_what_a_drive_cannot_tell_is_said_or_refused():
