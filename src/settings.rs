@@ -149,7 +149,10 @@ impl Settings {
     /// [`Error::Settings`].
     pub fn from_toml(text: &str) -> Result<Self, Error> {
         let refused = |error: toml::de::Error| error.to_string().trim_end().to_owned();
-        toml::from_str(text).map_err(|error| Error::Settings { reason: refused(error) })
+        let settings: Self =
+            toml::from_str(text).map_err(|error| Error::Settings { reason: refused(error) })?;
+        settings.threshold.as_ref().map_or(Ok(()), Threshold::check)?;
+        Ok(settings)
     }
 
     /// The text of a file.

@@ -19,11 +19,11 @@ use crate::options::config;
 
 /// Where each query of a drive was, by all of its queries: arrays of the shape (m,).
 ///
-/// ``place`` is the most probable place, int64; ``confidence`` the probability that the query is
+/// ``place`` is the most probable place, int64; ``confidence`` the belief that the query is
 /// within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
 /// query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
 /// that hold 95 % of the belief on the map. ``single_place`` is each query's best match alone, and
-/// ``single_right`` the probability that it is right. ``right``, (k, m), is what is believed of the
+/// ``single_right`` the belief that it is right. ``right``, (k, m), is what is believed of the
 /// places that ``align`` was asked about with ``at``.
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Alignment(pub(crate) surefix::Alignment);
@@ -45,12 +45,12 @@ impl Alignment {
     fn place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.column(py, |one| one.track.place as i64)
     }
-    /// The probability that the query is within ``tolerance`` places of it: float64.
+    /// The belief that the query is within ``tolerance`` places of it: float64.
     #[getter]
     fn confidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |one| one.track.confidence)
     }
-    /// The probability that the query is off the map: float64.
+    /// The belief that the query is off the map: float64.
     #[getter]
     fn off_map<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |one| one.track.off_map)
@@ -80,13 +80,13 @@ impl Alignment {
     fn single_place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.column(py, |one| one.single.place as i64)
     }
-    /// The probability that this match is right, within ``tolerance`` places: float64.
+    /// The belief that this match is right, within ``tolerance`` places: float64.
     #[getter]
     fn single_right<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |one| one.single_right)
     }
 
-    /// The probability that each query is within ``tolerance`` places of those of ``at``: float64,
+    /// The belief that each query is within ``tolerance`` places of those of ``at``: float64,
     /// (k, m).
     #[getter]
     fn right<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -99,7 +99,7 @@ impl Run {
     fn speed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |fix| fix.speed().unwrap_or(f64::NAN))
     }
-    /// The probability that the robot is within ``tolerance`` places of the track's place: float64.
+    /// The belief that the robot is within ``tolerance`` places of the track's place: float64.
     #[getter]
     fn confidence<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.of_tracks(py, surefix::Fix::confidence)

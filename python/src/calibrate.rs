@@ -85,7 +85,7 @@ impl Threshold {
             tracked(run.get().is_tracked())?;
         }
         let matches = matches_of(of)?;
-        let each = matches.iter().map(|found| each(found.score, found.ready));
+        let each = matches.iter().map(|found| each(found.score, found.ready && found.accepted));
         Ok(PyArray1::from_iter(py, each).into_any())
     }
 }
@@ -169,7 +169,7 @@ impl Threshold {
         self.judged(
             fixes,
             |fix| self.0.accepts(fix),
-            |score, ready| ready && least.is_some_and(|least| score <= least),
+            |score, counts| counts && least.is_some_and(|least| score <= least),
         )
     }
 
@@ -245,8 +245,8 @@ impl Threshold {
 /// tolerance : float
 ///     As for ``evaluate``.
 /// block : int, optional
-///     Consecutive queries a block; by default twice the correlation time of the errors, of the
-///     scores if there are no errors.
+///     Consecutive queries a block; by default for how long errors last (method 1.12); the root of
+///     the number of queries if there are no errors.
 /// independent : bool
 ///     Queries are independent of each other, such as one of each of many drives: the exact
 ///     binomial test, without blocks.
@@ -308,7 +308,12 @@ pub(crate) fn calibrate(
             let got = tolerance.to_string();
             return Err(Error::Option { name: "tolerance", expected, got }).or_raise(py);
         }
-        alignment.get().0.wrong(&found, tolerance as usize)
+        let (alignment, places) = (&alignment.get().0, run.map(|run| run.get().0.places));
+        if let Some(expected) = places.filter(|&places| places != alignment.places) {
+            let what = "alignment: the route";
+            return Err(Error::Length { what, expected, got: alignment.places }).or_raise(py);
+        }
+        alignment.wrong(&found, tolerance as usize)
     } else {
         let truth = truth_of(truth, tolerance)?;
         if let Some(run) = run {

@@ -207,7 +207,7 @@ impl Sequence {
 /// Where the robot is by all queries so far: a Bayes filter over places, speeds and a state off the
 /// map (method 1.9).
 ///
-/// ``place`` is the most probable place; ``confidence`` the probability that the robot is within
+/// ``place`` is the most probable place; ``confidence`` the belief that the robot is within
 /// ``tolerance`` places of it; ``off_map`` the belief that it is off the map, which ranks well and
 /// is a lower bound as a probability; ``speed`` in places a query, or the advance if it is known;
 /// ``interval`` the first and the last place of those that hold 95 % of the belief on the map.
@@ -222,7 +222,7 @@ impl Track {
     fn place(&self) -> usize {
         self.0.place
     }
-    /// The probability that the robot is within ``tolerance`` places of it.
+    /// The belief that the robot is within ``tolerance`` places of it.
     #[getter]
     fn confidence(&self) -> f64 {
         self.0.confidence

@@ -26,8 +26,8 @@ use crate::options::{config, given, settings, whole};
 ///     On a map of learned descriptors: it describes the images that are pushed. Its name is the
 ///     one in the map's recipe.
 /// config : Settings or path, optional
-///     The settings of this route, as ``tune`` makes them: their options, over which those of
-///     ``**options`` go, and a threshold, by which fixes have ``accepted`` and ``probability``.
+///     The settings of this route, as ``tune`` makes them: options, and a threshold, by which fixes
+///     have ``accepted`` and ``probability``. Beside a threshold, ``**options`` can change none.
 /// threads : int, optional
 ///     The number of threads of the scan, the caller's own among them. None chooses by size: one
 ///     for every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to
@@ -64,7 +64,7 @@ impl Localizer {
         threads: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let settings = settings(py, options, Floor::Running)?;
+        let settings = settings(py, options, Floor::Running, false)?;
         let threads = threads.map(|given| whole("threads", given)).transpose()?;
         let maps = maps(map)?;
         let descriptors = descriptors(descriptor, &maps)?;

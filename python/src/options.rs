@@ -16,14 +16,16 @@ pub(crate) fn config(
     options: Option<&Bound<'_, PyDict>>,
     floor: Floor,
 ) -> PyResult<Config> {
-    Ok(settings(py, options, floor)?.config)
+    Ok(settings(py, options, floor, true)?.config)
 }
 
-/// The settings of `config`, with the options of `**options` in place of its own.
+/// The settings of `config`, with the options of `**options` in place of its own: another value only
+/// if there is no threshold, or if it is `renewed`.
 pub(crate) fn settings(
     py: Python<'_>,
     options: Option<&Bound<'_, PyDict>>,
     floor: Floor,
+    renewed: bool,
 ) -> PyResult<surefix::Settings> {
     let mut settings = surefix::Settings::default();
     settings.config.floor = floor;
@@ -40,7 +42,20 @@ pub(crate) fn settings(
             return Err(value(py, message));
         };
     }
-    settings.config = merged(py, &settings.config, options)?;
+    let known = std::mem::take(&mut settings.config);
+    settings.config = merged(py, &known, options)?;
+    // A threshold is of the options that it was calibrated with.
+    let other = settings.threshold.is_some() && settings.config != known;
+    if other && !renewed {
+        let names = options.into_iter().flatten().map(|(name, _)| name.to_string());
+        let names: Vec<_> = names.filter(|name| name != "config").collect();
+        let message = format!(
+            "option `{}`: expected that of the settings, whose threshold was calibrated with it, got \
+             another",
+            names.join("`, `")
+        );
+        return Err(value(py, message));
+    }
     Ok(settings)
 }
 

@@ -56,7 +56,7 @@ impl Settings {
         measured: Option<BTreeMap<String, String>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let mut settings = settings(py, options, Floor::Running)?;
+        let mut settings = settings(py, options, Floor::Running, threshold.is_some())?;
         if let Some(threshold) = threshold {
             settings.threshold = Some(threshold.0.clone());
         }

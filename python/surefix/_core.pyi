@@ -156,7 +156,7 @@ class Track:
     """Where the robot is by all queries so far: a Bayes filter over places, speeds and a state off the
     map (method 1.9).
 
-    ``place`` is the most probable place; ``confidence`` the probability that the robot is within
+    ``place`` is the most probable place; ``confidence`` the belief that the robot is within
     ``tolerance`` places of it; ``off_map`` the belief that it is off the map, which ranks well and
     is a lower bound as a probability; ``speed`` in places a query, or the advance if it is known;
     ``interval`` the first and the last place of those that hold 95 % of the belief on the map.
@@ -167,7 +167,7 @@ class Track:
         """The most probable place."""
     @property
     def confidence(self) -> float:
-        """The probability that the robot is within ``tolerance`` places of it."""
+        """The belief that the robot is within ``tolerance`` places of it."""
     @property
     def off_map(self) -> float:
         """The belief that the robot is off the map."""
@@ -1041,8 +1041,8 @@ class Localizer:
         On a map of learned descriptors: it describes the images that are pushed. Its name is the
         one in the map's recipe.
     config : Settings or path, optional
-        The settings of this route, as ``tune`` makes them: their options, over which those of
-        ``**options`` go, and a threshold, by which fixes have ``accepted`` and ``probability``.
+        The settings of this route, as ``tune`` makes them: options, and a threshold, by which fixes
+        have ``accepted`` and ``probability``. Beside a threshold, ``**options`` can change none.
     threads : int, optional
         The number of threads of the scan, the caller's own among them. None chooses by size: one
         for every 8 MB, up to all cores, so one for a map below 16 MB. The answers are the same to
@@ -1286,7 +1286,7 @@ class Run:
         """The track's speed, else the slope of the winning diagonal, in places a query: float64."""
     @property
     def confidence(self) -> _Float64 | None:
-        """The probability that the robot is within ``tolerance`` places of the track's place: float64."""
+        """The belief that the robot is within ``tolerance`` places of the track's place: float64."""
     @property
     def off_map(self) -> _Float64 | None:
         """The belief that the robot is off the map: float64."""
@@ -1386,11 +1386,11 @@ class Alarm:
 class Alignment:
     """Where each query of a drive was, by all of its queries: arrays of the shape (m,).
 
-    ``place`` is the most probable place, int64; ``confidence`` the probability that the query is
+    ``place`` is the most probable place, int64; ``confidence`` the belief that the query is
     within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
     query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
     that hold 95 % of the belief on the map. ``single_place`` is each query's best match alone, and
-    ``single_right`` the probability that it is right. ``right``, (k, m), is what is believed of the
+    ``single_right`` the belief that it is right. ``right``, (k, m), is what is believed of the
     places that ``align`` was asked about with ``at``.
     """
 
@@ -1399,10 +1399,10 @@ class Alignment:
         """The most probable place: int64."""
     @property
     def confidence(self) -> _Float64:
-        """The probability that the query is within ``tolerance`` places of it: float64."""
+        """The belief that the query is within ``tolerance`` places of it: float64."""
     @property
     def off_map(self) -> _Float64:
-        """The probability that the query is off the map: float64."""
+        """The belief that the query is off the map: float64."""
     @property
     def speed(self) -> _Float64:
         """The speed in places a query, or the advance if it is known: float64."""
@@ -1414,10 +1414,10 @@ class Alignment:
         """The best match of each query alone: int64."""
     @property
     def single_right(self) -> _Float64:
-        """The probability that this match is right, within ``tolerance`` places: float64."""
+        """The belief that this match is right, within ``tolerance`` places: float64."""
     @property
     def right(self) -> _Float64:
-        """The probability that each query is within ``tolerance`` places of those of ``at``: float64,
+        """The belief that each query is within ``tolerance`` places of those of ``at``: float64,
         (k, m).
         """
     @property
@@ -1942,8 +1942,8 @@ def calibrate(
     tolerance : float
         As for ``evaluate``.
     block : int, optional
-        Consecutive queries a block; by default twice the correlation time of the errors, of the
-        scores if there are no errors.
+        Consecutive queries a block; by default for how long errors last (method 1.12); the root of
+        the number of queries if there are no errors.
     independent : bool
         Queries are independent of each other, such as one of each of many drives: the exact
         binomial test, without blocks.

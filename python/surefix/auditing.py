@@ -63,7 +63,7 @@ class Audit:
     Attributes
     ----------
     right : array of float64, shape (m,)
-        The probability that each query's best match alone is right (method 1.11).
+        The belief that each query's best match alone is right (method 1.11).
     distance : array of float32, shape (m,)
         The distance of that match.
     trusted : array of bool, shape (m,)
@@ -71,7 +71,7 @@ class Audit:
     confidence : array of float64, shape (m,)
         How sure the alignment is of each query. Where it is low, ``right`` says little.
     fix_right : array of float64, shape (m,); or None
-        The probability that each fix of the ``run`` is right, if there is one.
+        The belief that each fix of the ``run`` is right, if there is one.
     score : array of float32, shape (m,); or None
         The score of that fix, less is better; infinite in the warm-up.
     confirmed : array of bool, shape (m,); or None
@@ -229,7 +229,7 @@ def audit(
     """Estimates how often techniques are right on a drive, without ground truth (method 1.11).
 
     The drive is aligned with the route by ``align``; the belief of all queries at the place of each
-    query's best match is the probability that this match is right. Several techniques are fused for
+    query's best match is the belief that this match is right. Several techniques are fused for
     the alignment: one that is weak alone is audited better beside a strong one, and which of them
     is best does not depend on each one's own alignment.
 

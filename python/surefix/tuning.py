@@ -160,7 +160,6 @@ def tune(
     promise: dict[str, Any] = {"wrong": wrong, "sure": sure, "tolerance": tolerance}
     promise |= {"metres": _metres(drive, known, part), "only": part}
     threshold = calibrate(drive.matched(options), truth, **promise)
-    block = search.curves[search.best].block
     measured = {
         "route": f"{len(drive.techniques[0])} places",
         "queries": f"{drive.queries}",
@@ -170,7 +169,6 @@ def tune(
         "judged": f"{search.queries} queries of the first half",
         "area": str(trials[search.best].area),
         "area_of_default": str(trials[0].area),
-        "block": "unknown, as all are right or all wrong" if block is None else str(block),
         "calibrated_on": "the second half" if changed else "the whole drive",
         "promise": threshold.promise,
     }

@@ -24,7 +24,7 @@ use crate::segments::Segments;
 pub struct Alignment {
     /// One a query, in order.
     pub queries: Vec<Aligned>,
-    /// For each list of places that was asked about, one a query: the probability that the query is
+    /// For each list of places that was asked about, one a query: the belief that the query is
     /// within `tolerance` places of it.
     pub right: Vec<Vec<f64>>,
     /// The position of each query's place, if the map (the first that has any) has positions.

@@ -22,8 +22,8 @@ pub struct Calibrate {
     pub wrong: f64,
     /// With at least this probability, over drives like this one. 0.95 by default.
     pub sure: f64,
-    /// Consecutive queries a block; by default for how long the accepted errors last, or scores if
-    /// there are no errors ([`block_length`]).
+    /// Consecutive queries a block; by default for how long errors last ([`block_length`]), or the
+    /// root of their number if there are none.
     pub block: Option<usize>,
     /// Queries are independent of each other, such as one of each of many drives: the exact
     /// binomial test, and no blocks.
@@ -71,7 +71,7 @@ impl Calibrate {
 
     /// The queries a block for each threshold, strict to lax: the geometric mean of how long errors
     /// last, of all fixes and of those that it accepts. If the accepted ones are too few to tell,
-    /// those of a laxer one; without any errors, the scores.
+    /// those of a laxer one; without any errors, the root of the number of queries.
     ///
     /// A tracker that is lost errs for long, but fixes that it is sure of do not: with all errors
     /// alone, next to nothing could be promised. With the accepted alone, if scores tell nothing and
@@ -80,8 +80,8 @@ impl Calibrate {
         if let Some(block) = self.block {
             return vec![block; lines.len()];
         }
-        let by_scores = || block_length(&scores.iter().copied().map(f64::from).collect::<Vec<_>>());
-        let all = block_length(wrong).or_else(by_scores).unwrap_or(scores.len());
+        let unknown = (wrong.len() as f64).sqrt().ceil() as usize;
+        let all = block_length(wrong).unwrap_or(unknown);
         let mut own = all;
         let mut blocks: Vec<usize> = Vec::with_capacity(lines.len());
         for &line in lines.iter().rev() {
@@ -186,7 +186,7 @@ pub fn calibrate(
     if wrong.len() != matches.len() {
         return Err(Error::Length { what: "wrong", expected: matches.len(), got: wrong.len() });
     }
-    let known = matches.iter().zip(wrong).filter(|(found, _)| found.ready);
+    let known = matches.iter().zip(wrong).filter(|(found, _)| found.ready && found.accepted);
     let (scores, wrong): (Vec<f32>, Vec<f64>) =
         known.filter_map(|(found, &wrong)| wrong.map(|wrong| (found.score, wrong))).unzip();
     let strict = sorted(&scores)?;
@@ -202,7 +202,7 @@ pub fn calibrate(
     let lines: Vec<f32> = grid(options, queries).map(|count| strict[count - 1]).collect();
     let blocks = options.blocks(&lines, &scores, &wrong);
     let tried = || lines.iter().copied().zip(blocks.iter().copied());
-    // Without labels: the first is the strictest that passes if a third of the promised are wrong,
+    // Without labels but for the blocks: the first is the strictest that passes if a third of the promised are wrong,
     // or, on a short drive, a sixth or none. Of a stricter one, few errors by chance end it all.
     let first = FEW.into_iter().find_map(|few| {
         let wrong = few * options.wrong;
@@ -237,6 +237,7 @@ pub fn calibrate(
         carried: false,
         probability: Probability::fit(
             scores.iter().zip(&wrong).map(|(&score, wrong)| (score, 1.0 - wrong)),
+            options.tracked,
         ),
         scores: Quantiles::new(&strict),
         means: Means::new(&scores),

@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 ///
 /// It is the isotonic regression of a calibration drive (pool adjacent violators), between whose
 /// scores it is linear. The drive counts as if it had one wrong query more, of its best score, and
-/// one right query more, of its worst: so that no drive makes a probability of 0 or 1.
+/// one right query more, of its worst: so that no drive makes a probability of 0 or 1. Scores worse
+/// than all of the drive's are unknown: there it falls linearly to 0, which it is at a confidence of
+/// 0, or for other scores as far beyond the worst as that is from the best.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Probability {
     /// Scores, ascending.
@@ -31,7 +33,7 @@ impl Pool {
 
 impl Probability {
     /// Of queries: their scores, and how right each is, from 0 to 1.
-    pub(super) fn fit(queries: impl IntoIterator<Item = (f32, f64)>) -> Self {
+    pub(super) fn fit(queries: impl IntoIterator<Item = (f32, f64)>, tracked: bool) -> Self {
         let mut sorted: Vec<(f32, f64)> = queries.into_iter().collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (Some(&(best, _)), Some(&(worst, _))) = (sorted.first(), sorted.last()) else {
@@ -54,12 +56,17 @@ impl Probability {
             }
             pools.push(pool);
         }
+        let zero = if tracked { 1.0 } else { worst + (worst - best) };
         let mut fitted = Self::default();
         for pool in pools {
             let scores =
                 if pool.last > pool.first { vec![pool.first, pool.last] } else { vec![pool.first] };
             fitted.right.extend(scores.iter().map(|_| pool.mean()));
             fitted.scores.extend(scores);
+        }
+        if zero > worst && zero.is_finite() {
+            fitted.scores.push(zero);
+            fitted.right.push(0.0);
         }
         fitted
     }
@@ -93,8 +100,27 @@ impl Probability {
         self.right[after - 1] + along * (self.right[after] - self.right[after - 1])
     }
 
+    /// Refuses numbers that no drive makes, as of a damaged file.
+    pub(super) fn check(&self) -> Result<(), &'static str> {
+        let ascending = self.scores.is_sorted_by(|a, b| a < b) && finite(&self.scores);
+        let falling = self.right.is_sorted_by(|a, b| a >= b);
+        let shares = self.right.iter().all(|right| (0.0..=1.0).contains(right));
+        if self.scores.is_empty() || self.scores.len() != self.right.len() {
+            return Err("threshold.probability: expected as many of `right` as of `scores`");
+        }
+        if !(ascending && falling && shares) {
+            return Err("threshold.probability: expected ascending scores and falling shares");
+        }
+        Ok(())
+    }
+
     /// The scores between which it is linear, ascending, and the probability at each.
     pub fn knots(&self) -> impl Iterator<Item = (f32, f64)> {
         self.scores.iter().copied().zip(self.right.iter().copied())
     }
+}
+
+/// Whether all are numbers.
+pub(super) fn finite(scores: &[f32]) -> bool {
+    scores.iter().all(|score| score.is_finite())
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::probability::finite;
+
 /// How many scores are kept of a drive at most.
 pub(super) const KEPT: usize = 257;
 
@@ -17,6 +19,14 @@ impl Quantiles {
         let count = sorted.len().min(KEPT);
         let of = |index: usize| sorted[index * (sorted.len() - 1) / (count - 1).max(1)];
         Self((0..count).map(of).collect())
+    }
+
+    /// Refuses numbers that no drive makes, as of a damaged file.
+    pub(super) fn check(&self) -> Result<(), &'static str> {
+        if self.0.is_empty() || !self.0.is_sorted() || !finite(&self.0) {
+            return Err("threshold.scores: expected at least one number, ascending");
+        }
+        Ok(())
     }
 
     /// The scores, ascending.

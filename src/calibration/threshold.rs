@@ -10,6 +10,7 @@ use super::quantiles::Quantiles;
 use crate::error::Error;
 use crate::evaluate::block_length;
 use crate::method::Fix;
+use crate::numbers::first_not_finite;
 
 /// A threshold from a calibration drive, by [`calibrate`](super::calibrate): the fixes that it
 /// accepts, with what promise, and how probable it is that a fix is right.
@@ -100,6 +101,38 @@ impl Threshold {
         &self.probability
     }
 
+    /// Refuses what no calibration makes, as of a damaged file.
+    ///
+    /// # Errors
+    /// [`Error::Settings`], which names the number.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        let share = |x: f64| x > 0.0 && x < 1.0;
+        let counts = self.queries >= 1 && self.accepted <= self.queries;
+        let errors = (0.0..=self.accepted as f64).contains(&self.errors);
+        let metres = self.metres.is_none_or(|metres| metres >= 0.0 && metres.is_finite());
+        let score = self.score.is_none_or(|score| {
+            score.is_finite() && (!self.tracked || (0.0..=1.0).contains(&score))
+        });
+        let Means { block, scores } = &self.means;
+        let means = *block >= 1 && scores.iter().all(|mean| mean.is_finite());
+        let checks = [
+            (score, "threshold.score: expected a number, from 0 to 1 if tracked"),
+            (share(self.wrong), "threshold.wrong: expected a share between 0 and 1"),
+            (share(self.sure), "threshold.sure: expected a share between 0 and 1"),
+            (counts, "threshold.queries: expected at least 1, and as many as are accepted"),
+            (errors, "threshold.errors: expected from 0 to those that are accepted"),
+            (self.block != Some(0), "threshold.block: expected at least 1 query"),
+            (metres, "threshold.metres: expected a number, 0 or more"),
+            (means, "threshold.means: expected numbers, and a block of at least 1"),
+        ];
+        let wrong =
+            checks.into_iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, why)| Err(why));
+        wrong
+            .and_then(|()| self.probability.check())
+            .and_then(|()| self.scores.check())
+            .map_err(|reason| Error::Settings { reason: reason.to_owned() })
+    }
+
     /// An alarm for scores that are worse than those of the calibration drive; false with
     /// probability `level` at most.
     ///
@@ -120,7 +153,7 @@ impl Threshold {
     /// it accepts the same share (method 1.12). That is a guess, for which nothing is promised.
     ///
     /// # Errors
-    /// [`Error::Shape`] without a score; [`Error::NotFinite`] for one that is a NaN.
+    /// [`Error::Shape`] without a score; [`Error::NotFinite`] for a NaN or an infinity.
     pub fn carried_to(&self, scores: &[f32]) -> Result<Self, Error> {
         let sorted = sorted(scores)?;
         let rank = self.accepted as f64 / self.queries as f64 * sorted.len() as f64;
@@ -140,10 +173,10 @@ impl Threshold {
 /// The scores in ascending order.
 ///
 /// # Errors
-/// [`Error::Shape`] if there is none; [`Error::NotFinite`] for one that is a NaN.
+/// [`Error::Shape`] if there is none; [`Error::NotFinite`] for a NaN or an infinity.
 pub(super) fn sorted(scores: &[f32]) -> Result<Vec<f32>, Error> {
-    if let Some(index) = scores.iter().position(|score| score.is_nan()) {
-        return Err(Error::NotFinite { what: "scores", row: None, index, value: f32::NAN });
+    if let Some((index, value)) = first_not_finite(scores) {
+        return Err(Error::NotFinite { what: "scores", row: None, index, value });
     }
     if scores.is_empty() {
         let expected = "at least one that has a fix and a truth".to_owned();
@@ -160,18 +193,26 @@ impl fmt::Display for Threshold {
         let (wrong, sure) = (percent(self.wrong), percent(self.sure));
         let Some(score) = self.score else {
             let queries = self.queries;
-            write!(to, "nothing can be promised: {queries} queries are too few to tell whether ")?;
-            write!(to, "at most {wrong} % of the accepted are wrong")?;
+            write!(to, "nothing can be promised: ")?;
+            let Some(more) = self.more else {
+                write!(to, "the {queries} queries have no threshold at which surely at most ")?;
+                return write!(
+                    to,
+                    "{wrong} % are wrong, and more like these would not change that"
+                );
+            };
+            write!(to, "{queries} queries are too few to tell whether at most {wrong} % of the ")?;
+            write!(to, "accepted are wrong")?;
             if let Some(block) = self.block.filter(|&block| block > 1) {
                 write!(to, ", as errors last: {block} queries count as one")?;
             }
-            return match (self.more, self.more_metres()) {
-                (Some(more), None) => write!(to, "; {more} more like these would do"),
-                (Some(more), Some(metres)) => {
-                    write!(to, "; {more} more like these, {:.1} km, would do", metres / 1000.0)
-                }
-                (None, _) => write!(to, "; more like these would not do, as too many are wrong"),
-            };
+            write!(to, "; {more} more like these")?;
+            match self.more_metres() {
+                Some(metres) if metres >= 1000.0 => write!(to, ", {:.1} km,", metres / 1000.0)?,
+                Some(metres) => write!(to, ", {metres:.0} m,")?,
+                None => {}
+            }
+            return write!(to, " would do");
         };
         if self.tracked {
             write!(to, "accept a confidence of at least {:.4}: ", 1.0 - f64::from(score))?;

@@ -34,8 +34,8 @@ pub fn correlation_time(values: &[f64]) -> Option<f64> {
 /// `t (1 + 1.64 sqrt(10 t / m + t / (2 r)))` for `m` queries, of which the rarer of right and wrong
 /// are `r`. `None` if all values are equal, so that nothing is known.
 ///
-/// In simulated drives whose errors last 3 to 100 queries, promises made with such blocks break as
-/// rarely as they say; with blocks of `t`, up to three times as often.
+/// Promises made with blocks of `t` broke two to three times as often as they said in simulated
+/// drives, as `t` is an estimate.
 pub fn block_length(errors: &[f64]) -> Option<usize> {
     let time = correlation_time(errors)?;
     let count = errors.len() as f64;

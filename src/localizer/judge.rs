@@ -12,19 +12,19 @@ const LEVEL: f64 = 0.01;
 
 /// Told once that the scores are no longer those of the calibration drive, with the fix that raised
 /// the alarm.
-type Told = Arc<dyn Fn(&Fix) + Send + Sync>;
-
 #[derive(Clone)]
+pub(super) struct Told(pub(super) Arc<dyn Fn(&Fix) + Send + Sync>);
+
+#[derive(Clone, Debug)]
 pub(super) struct Judge {
     pub(super) threshold: Threshold,
     pub(super) alarm: Alarm,
-    pub(super) told: Option<Told>,
 }
 
 impl Judge {
     /// # Errors
     /// [`Error::Option`] for a threshold of fixes with a track if these have none, or the other way
-    /// round; those of [`Threshold::alarm`].
+    /// round; [`Error::Settings`] for one that no calibration makes.
     pub(super) fn new(threshold: Threshold, tracked: bool) -> Result<Self, Error> {
         if threshold.tracked != tracked {
             let kind = |tracked| if tracked { "with a track" } else { "without a track" };
@@ -32,27 +32,27 @@ impl Judge {
             let got = format!("one of fixes {}", kind(!tracked));
             return Err(Error::Option { name, expected, got });
         }
+        threshold.check()?;
         let alarm = threshold.alarm(LEVEL)?;
-        Ok(Self { threshold, alarm, told: None })
+        Ok(Self { threshold, alarm })
     }
 
-    /// The fix, judged.
-    pub(super) fn judge(&mut self, mut fix: Fix) -> Fix {
+    /// The fix, judged; `told` is called if it raises the alarm.
+    pub(super) fn judge(&mut self, mut fix: Fix, told: Option<&Told>) -> Fix {
         fix.accepted = Some(self.threshold.accepts(&fix));
         fix.probability = self.threshold.probability_of(&fix);
         let before = self.alarm.raised();
         // A score that is not finite says nothing.
         let raised = fix.is_ready() && self.alarm.push(fix.score).is_ok_and(|raised| raised);
-        if let (true, false, Some(told)) = (raised, before, &self.told) {
-            told(&fix);
+        if let (true, false, Some(told)) = (raised, before, told) {
+            told.0(&fix);
         }
         fix
     }
 }
 
-impl fmt::Debug for Judge {
+impl fmt::Debug for Told {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { threshold, alarm, told: _ } = self;
-        to.debug_struct("Judge").field("threshold", threshold).field("alarm", alarm).finish()
+        to.write_str("a function")
     }
 }

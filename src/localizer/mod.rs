@@ -16,7 +16,7 @@ use crate::numbers::View;
 use crate::post::Running;
 use crate::scan::{Pool, threads_for};
 use crate::segments::Segments;
-use judge::Judge;
+use judge::{Judge, Told};
 use screening::Screening;
 pub use technique::Input;
 use technique::{Scan, Technique};
@@ -61,6 +61,7 @@ pub struct Localizer {
     /// The bounds of a map with a screen.
     screening: Option<Box<Screening>>,
     judge: Option<Box<Judge>>,
+    told: Option<Told>,
 }
 
 impl Localizer {
@@ -134,7 +135,8 @@ impl Localizer {
     ///
     /// # Errors
     /// [`Error::Option`] if the threshold is of fixes with a track and there is no
-    /// [`Config::motion`], or the other way round.
+    /// [`Config::motion`], or the other way round; [`Error::Settings`] for a threshold that no
+    /// calibration makes.
     pub fn with_threshold(mut self, threshold: Threshold) -> Result<Self, Error> {
         let tracked = self.config().motion.is_some();
         self.judge = Some(Box::new(Judge::new(threshold, tracked)?));
@@ -154,9 +156,7 @@ impl Localizer {
     /// # Ok::<(), surefix::Error>(())
     /// ```
     pub fn on_alarm(&mut self, told: impl Fn(&Fix) + Send + Sync + 'static) {
-        if let Some(judge) = &mut self.judge {
-            judge.told = Some(Arc::new(told));
-        }
+        self.told = Some(Told(Arc::new(told)));
     }
 
     /// The threshold that judges its fixes.
@@ -192,7 +192,7 @@ impl Localizer {
             _ => None,
         };
         let techniques = maps.into_iter().map(Technique::new).collect();
-        Ok(Self { techniques, fusion, matcher, screening, judge: None })
+        Ok(Self { techniques, fusion, matcher, screening, judge: None, told: None })
     }
 
     /// Localizes by a camera image, described as the map's own images were.
@@ -259,7 +259,7 @@ impl Localizer {
         given: Given,
     ) -> Result<Fix, Error> {
         given.check()?;
-        let Self { techniques, fusion, matcher, screening, judge } = self;
+        let Self { techniques, fusion, matcher, screening, judge, told } = self;
         let fix = match (fusion, &mut techniques[..], screening) {
             (None, [one], Some(screening)) => {
                 let (query, Scan { map, pool, column }) = one.query(input(0))?;
@@ -284,7 +284,7 @@ impl Localizer {
             technique.commit(input(index));
         }
         Ok(match judge {
-            Some(judge) => judge.judge(fix),
+            Some(judge) => judge.judge(fix, told.as_ref()),
             None => fix,
         })
     }

@@ -49,7 +49,7 @@ impl Fix {
         self.track.map(|track| track.speed).or(self.sequence.map(|sequence| sequence.speed))
     }
 
-    /// The probability that the robot is within `tolerance` places of the track's place.
+    /// The belief that the robot is within `tolerance` places of the track's place.
     pub fn confidence(&self) -> Option<f64> {
         self.track.map(|track| track.confidence)
     }

@@ -14,6 +14,11 @@ from surefix._words import plural
 from surefix.cli.tracked import Tracked
 from surefix.frames import Frame
 
+ALARM = (
+    "warning: from frame {} on, scores are worse than on the calibration drive: what is promised "
+    "may not hold; calibrate anew"
+)
+
 Row = dict[str, Any]
 Writer = Callable[[Row], None]
 
@@ -135,8 +140,5 @@ class Summary:
         )
         judged = [f"{self.accepted} accepted ({self.accepted / count:.0%})"] if self.judged else []
         if self.alarm is not None:
-            judged.append(
-                f"warning: from frame {self.alarm} on, scores are worse than on the calibration "
-                "drive: what is promised may not hold; calibrate anew"
-            )
+            judged.append(ALARM.format(self.alarm))
         return "\n".join([counts, *self.track.lines(), *judged])

@@ -12,7 +12,7 @@ import typer
 from surefix import Localizer, Map, Settings, SurefixValueError, frames
 from surefix._words import plural
 from surefix.cli.drives import networks_of, others_of
-from surefix.cli.fixes import Summary, Writer, csv_writer, json_writer, row_of
+from surefix.cli.fixes import ALARM, Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import NO_SCALE, check_not_read, refuse, scale_of
 from surefix.cli.views import open_views
@@ -68,8 +68,8 @@ def run(
         URL, or a .npy of images or of descriptors.
     out: Write the fixes to this file.
     form: A line a fix, as CSV or JSON; by the file's ending, else CSV.
-    config: The settings of this route, as `surefix tune` writes them: options, over which the flags
-        go, and the threshold of accepted fixes, with their probability and an alarm.
+    config: The settings of this route, as `surefix tune` writes them: options, which flags cannot
+        change beside a threshold, and the threshold of accepted fixes, with an alarm.
     accept: Mark a fix as accepted if its confidence is at least this, such as 0.95.
     fuse: Another technique's map of the same places, once each: their evidence is fused.
     screen: With --motion none: scan a copy of float32 descriptors in bytes: faster on a large map,
@@ -204,10 +204,14 @@ def localize(
             before = frame.image.shape
             place_name = names[fix.place] if names else None
             timed = source.timed or source.live
+            alarm = localizer.alarm
+            if alarm and summary.alarm is None and not views:
+                print(ALARM.format(fix.frame), file=sys.stderr)
             row = row_of(frame, fix, place_name, latency, timed, summary.track.accept)
+            row |= {} if fix.accepted is None else {"alarm": alarm}
             if write is not None:
                 write(row)
-            summary.add(frame, fix, latency, localizer.alarm)
+            summary.add(frame, fix, latency, alarm)
             for view in views:
                 view.update(frame, fix, localizer, latency)
 

@@ -82,7 +82,7 @@ pub struct Aligned {
     pub track: Track,
     /// Its best match alone.
     pub single: Single,
-    /// The probability that this match is right, within `tolerance` places.
+    /// The belief that this match is right, within `tolerance` places.
     pub single_right: f64,
 }
 

@@ -15,7 +15,7 @@ const TAIL: f64 = 0.025;
 pub struct Track {
     /// The most probable place, from 0.
     pub place: usize,
-    /// The probability that the robot is within `tolerance` places of it.
+    /// The belief that the robot is within `tolerance` places of it.
     pub confidence: f64,
     /// The belief that the robot is off the map. It ranks well; as a probability it is a lower
     /// bound, as places that the map lacks have no evidence of their own.
