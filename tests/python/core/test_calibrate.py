@@ -237,6 +237,24 @@ def test_few_dependent_drives_of_10000_break_their_promise(slope):
     assert promised > 0.5 * drives if slope else promised < 0.05 * drives
 
 
+@pytest.mark.slow
+def test_a_drive_that_happens_to_have_no_error_promises_little():
+    """Errors in stretches of 30 queries, two a drive, which scores do not show."""
+    rng, queries, share, length = np.random.default_rng(1), 1150, 0.055, 30
+    broken = without = 0
+    for _ in range(1000):
+        wrong, now = np.zeros(queries, bool), rng.random() < share
+        for query, chance in enumerate(rng.random(queries)):
+            wrong[query] = now
+            ends, begins = 1 / length, share / (1 - share) / length
+            now = chance >= ends if now else chance < begins
+        found = surefix.calibrate(*matches(wrong, rng.random(queries).astype(np.float32)))
+        broken += found.score is not None
+        without += not wrong.any()
+    assert 70 < without < 150
+    assert broken < 65
+
+
 def test_what_nothing_can_be_promised_of():
     score = np.arange(40, dtype=np.float32)
     short = surefix.calibrate(*matches(score < 0, score), block=1, metres=400)
