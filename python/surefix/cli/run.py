@@ -135,7 +135,8 @@ def run(
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     if screen and (motion or fuse):
-        why = "a motion" if motion else "--fuse"
+        kind = options.get("motion") or "of --config"
+        why = f"--motion {kind}" if motion else "--fuse"
         print(f"--screen: unused, as {why} needs all distances", file=sys.stderr)
     read = [*names, *map(Path, source.files)]
     if out is not None:
