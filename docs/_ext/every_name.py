@@ -13,7 +13,10 @@ from sphinx.util import logging
 import surefix
 
 # The command line has a reference of its own; the others serve it.
-NOT_FOR_USERS = {"auditing", "cli", "errors", "machine", "matches", "motion", "options", "tables"}
+NOT_FOR_USERS = {
+    *("auditing", "cli", "contradicting", "errors", "machine", "matches", "motion", "options"),
+    *("settings_search", "tables", "tuning"),
+}
 
 
 def _modules() -> list[str]:
