@@ -35,9 +35,9 @@ WARM_UP = 0.2
 # An alignment that is less sure of a query does not count as its truth.
 SURE = 0.5
 KINDS: tuple[Literal["any", "steady", "free"], ...] = ("any", "steady", "free")
-# The pace is that over so many queries; one that is nearer to 1 than this is 1.
+# The queries over which the pace is taken; and how near to 1 it counts as 1.
 ALONG, NEAR = 10, 0.15
-# All choices together are right with this probability, by so many samples of the bootstrap.
+# The probability that all choices together are right, and the samples of the bootstrap for it.
 LEVEL, SAMPLES = 0.95, 5000
 # Of fewer blocks a bootstrap tells nothing: all of its drives are nearly the same.
 BLOCKS = 8

@@ -11,7 +11,7 @@ use crate::random::SplitMix64;
 
 /// Bet `k` pays the derivative of `p^k` at rank `p`, 0 the worst: the smaller, the bolder.
 const BETS: [f64; 3] = [0.1, 0.3, 0.6];
-/// After so many blocks half of the money is staked.
+/// The number of blocks after which half of the money is staked.
 const HALF_STAKED: f64 = 50.0;
 
 /// A block's mean, and a random number that decides between equal ones.
@@ -197,8 +197,8 @@ impl Alarm {
     }
 }
 
-/// The money that is not staked after so many blocks. As it never ends, a change is noticed however
-/// late it comes: the evidence that it takes grows with the logarithm of the drive.
+/// The money that is not staked after this number of blocks. As it never ends, a change is noticed
+/// however late it comes: the evidence that it takes grows with the logarithm of the drive.
 fn reserve(blocks: u64) -> f64 {
     HALF_STAKED / (HALF_STAKED + blocks as f64)
 }

@@ -3,7 +3,7 @@
 /// The stakes, as shares of the most that can be lost.
 const STAKES: [f64; 3] = [0.3, 0.6, 0.95];
 
-/// The capital of somebody who has 1 for each stake and bets it, block by block, that fewer than
+/// The capital of a bettor who has 1 for each stake and bets it, block by block, that fewer than
 /// `wrong` of the accepted are wrong; as logarithms.
 ///
 /// `errors` has a number a query: none if it is not accepted, else how wrong it is, from 0 to 1.

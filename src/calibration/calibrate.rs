@@ -9,7 +9,7 @@ use crate::evaluate::{Match, Truth, Verdict, block_length};
 
 /// From one threshold to the next, how many times as many queries are accepted.
 const STEP: f64 = 1.1;
-/// From so many errors on, they tell for how long errors last.
+/// The least number of errors that tells for how long errors last.
 const ENOUGH: f64 = 5.0;
 /// How many errors the first threshold may have, as shares of those promised.
 const FEW: [f64; 3] = [1.0 / 3.0, 1.0 / 6.0, 0.0];
@@ -202,8 +202,9 @@ pub fn calibrate(
     let lines: Vec<f32> = grid(options, queries).map(|count| strict[count - 1]).collect();
     let blocks = options.blocks(&lines, &scores, &wrong);
     let tried = || lines.iter().copied().zip(blocks.iter().copied());
-    // Without labels but for the blocks: the first is the strictest that passes if a third of the promised are wrong,
-    // or, on a short drive, a sixth or none. Of a stricter one, few errors by chance end it all.
+    // Without labels but for the blocks: the first is the strictest that passes if a third of the
+    // promised are wrong, or, on a short drive, a sixth or none. Of a stricter one, few errors by
+    // chance end it all.
     let first = FEW.into_iter().find_map(|few| {
         let wrong = few * options.wrong;
         let at = |score| accepted_at(score).map(move |error| error.map(|_| wrong));
