@@ -22,6 +22,7 @@ use crate::images::{Images, path_of, progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
 use crate::learned;
 use crate::options::config;
+use crate::pickle::pickled;
 use crate::simulate::Traverse;
 
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
@@ -40,6 +41,8 @@ use crate::simulate::Traverse;
 /// Fix(frame=3, place=3, score=0, trusted=True)
 #[pyclass(frozen, sequence, module = "surefix")]
 pub(crate) struct Run(pub(crate) surefix::Run);
+
+pickled!(Run);
 
 impl Run {
     fn column<'py, T: Element>(

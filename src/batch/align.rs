@@ -1,5 +1,6 @@
 //! Alignment (method 1.10): where each query of a whole drive was, by all of its queries.
 
+use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -19,7 +20,7 @@ use crate::numbers::{View, first_not_finite};
 use crate::segments::Segments;
 
 /// The track of each query of a drive by all of its queries, those after it too.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Alignment {
     /// One a query, in order.

@@ -4,6 +4,7 @@ mod align;
 mod drive;
 mod fused;
 
+use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 
 use ndarray::ArrayView2;
@@ -31,7 +32,7 @@ const HELD: usize = 1 << 22;
 const AT_ONCE: usize = 256;
 
 /// The fixes of a whole run, one a query, in order.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Run {
     /// One fix a query.
