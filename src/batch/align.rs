@@ -102,14 +102,13 @@ impl Alignment {
 ///
 /// ```
 /// use ndarray::Array2;
-/// use surefix::{Config, Drive, Motion, align_distances};
+/// use surefix::{Config, Drive, Motion, align_distances, quiet};
 /// let distances = Array2::from_shape_fn((30, 30), |(i, j)| f32::from(i != j));
 /// let mut config = Config::default();
 /// config.motion = Some(Motion::steady());
-/// let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
 /// let at: Vec<usize> = (0..30).collect();
 /// let drive = Drive::default();
-/// let alignment = align_distances(&[distances.view()], &config, drive, &[&at], &mut go_on)?;
+/// let alignment = align_distances(&[distances.view()], &config, drive, &[&at], &mut quiet)?;
 /// assert!(alignment.queries.iter().enumerate().all(|(query, one)| one.track.place == query));
 /// assert!(alignment.right[0].iter().all(|&right| right > 0.5));
 /// # Ok::<(), surefix::Error>(())

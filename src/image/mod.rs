@@ -18,5 +18,5 @@ mod view;
 pub use files::{ImageFiles, decode_image, read_image};
 pub(crate) use resize::Resize;
 pub(crate) use source::go_on;
-pub use source::{ImageSource, Progress};
+pub use source::{ImageSource, Progress, quiet};
 pub use view::{Channels, Image, ImageView};
