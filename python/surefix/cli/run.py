@@ -164,6 +164,8 @@ def run(
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
             print(summary.text(out), file=sys.stderr)
+            if out is None and sys.stdout.isatty() and summary.latencies:
+                print("not kept: add -o fixes.csv", file=sys.stderr)
             if isinstance(source, Advances):
                 print(_said(source, of, motion), file=sys.stderr)
 

@@ -13,6 +13,8 @@ from surefix.live.viewer import viewer_obstacle
 
 __all__ = ["open_views"]
 
+NARROW = 110
+
 
 @contextmanager
 def open_views(
@@ -47,6 +49,10 @@ def open_views(
             print(f"--live: {obstacle} ({instead})", file=sys.stderr)
         if terminal is not None:
             console = Console(file=terminal)
-            view = TerminalView(route, total=total, references=references, console=console)
+            # The summary's lines, which are broken on a narrow terminal.
+            spare = 6 if console.width < NARROW else 4
+            view = TerminalView(
+                route, total=total, references=references, console=console, spare=spare
+            )
             views.append(open_.enter_context(closing(view)))
         yield views

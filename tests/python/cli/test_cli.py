@@ -208,6 +208,7 @@ def test_a_terminal_gets_a_live_table_and_a_summary(drives: Path) -> None:
     os.close(leader)
     assert process.wait(timeout=60) == 0
     text = seen.decode()
+    assert "not kept: add -o fixes.csv" in text
     assert "\x1b[" in text
     assert "frame59.png" in text
     assert "frame 60 of 60" in text
