@@ -432,7 +432,11 @@ impl<'py> Rows<'py> {
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         let py = queries.py();
-        let array = if is_images(queries) { None } else { as_array(queries, "queries").ok() };
+        let array = match as_array(queries, "queries") {
+            _ if is_images(queries) => None,
+            Err(refused) if queries.hasattr("__array__")? => return Err(refused),
+            array => array.ok(),
+        };
         let are_rows = array.as_ref().is_some_and(|array| array.ndim() == 2);
         let extracted = match descriptor.filter(|_| !are_rows) {
             None => None,
@@ -515,6 +519,9 @@ fn stacked<'py>(queries: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny
         || as_array(&first, "queries").map_or(true, |first| first.ndim() != 1)
     {
         return Ok(None);
+    }
+    if first.is_instance_of::<PyList>() || first.is_instance_of::<PyTuple>() {
+        return as_array(queries, "queries").map(|array| Some(array.into_any()));
     }
     let py = queries.py();
     let stacked = py.import("numpy")?.call_method1("stack", (queries,));

@@ -105,7 +105,8 @@ def test_what_goes_on_goes_on_alike_and_alone(way: Callable[[Any], Any]) -> None
     alarm.push(0.9)
     other = way(alarm)
     assert [alarm.push(0.9) for _ in range(90)] == [other.push(0.9) for _ in range(90)]
-    assert alarm.raised and alarm.evidence == other.evidence
+    assert alarm.raised
+    assert alarm.evidence == other.evidence
 
     running = post.Running(3)
     running.push(np.float32([1, 2, 3]))
