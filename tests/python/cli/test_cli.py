@@ -398,6 +398,7 @@ def test_every_command_has_help_with_an_example() -> None:
         ["demo"],
     ):
         text = surefix_(*command, "--help").stdout
+        assert surefix_(*command, "-h").stdout == text
         assert "Usage:" in text
         if len(command) == 2 or command in (["run"], ["demo"]):
             assert "Example: surefix" in text
