@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList, PySequence, PyString, PyTuple};
 use surefix::{Channels, Dtype, Image, View};
 
-use crate::error::value;
+use crate::error::{refused, value};
 
 /// `object` as a NumPy array: itself, or by `__array__` or DLPack (a torch tensor, for one), in the
 /// same memory if possible; or of a list of numbers or of arrays.
@@ -37,9 +37,8 @@ pub(crate) fn as_array<'py>(
         let expected = "a NumPy array, or anything with __array__ or __dlpack__";
         return Err(value(py, format!("{what}: expected {expected}, got {kind}")));
     };
-    let converted = converted.map_err(|e| {
-        value(py, format!("{what}: cannot be read as a NumPy array: {}", e.value(py)))
-    })?;
+    let converted = converted
+        .map_err(|e| refused(py, e, |e| format!("{what}: cannot be read as a NumPy array: {e}")))?;
     in_native_order(converted.cast_into()?)
 }
 
@@ -265,7 +264,7 @@ pub(crate) fn coordinates(object: &Bound<'_, PyAny>, what: &str) -> PyResult<(Ve
     let numpy = py.import("numpy")?;
     let array =
         numpy.call_method1("ascontiguousarray", (object, dtype::<f64>(py))).map_err(|e| {
-            value(py, format!("{what}: expected numbers (n, 2) or (n, 3), got {}", e.value(py)))
+            refused(py, e, |e| format!("{what}: expected numbers (n, 2) or (n, 3), got {e}"))
         })?;
     let array = array.cast::<PyUntypedArray>()?;
     check_axes(array, what, 2)?;
@@ -322,7 +321,7 @@ pub(crate) fn sequence_or_array<'py>(
     let text = object.is_instance_of::<PyString>() || object.is_instance_of::<PyBytes>();
     if !text && !object.hasattr("__array__")? && object.cast::<PySequence>().is_ok() {
         let array = py.import("numpy")?.call_method1("asarray", (object,));
-        let array = array.map_err(|e| value(py, format!("{what}: {}", e.value(py))))?;
+        let array = array.map_err(|e| refused(py, e, |e| format!("{what}: {e}")))?;
         return array.cast_into().map_err(PyErr::from);
     }
     as_array(object, what)

@@ -16,7 +16,7 @@ use crate::arrays::{
     Numbers, as_array, dtype_of, flags, matrix, numbers, query, rows_to_py, sequence_or_array,
     shape_of, whole_numbers,
 };
-use crate::error::{OrRaise as _, to_py, value};
+use crate::error::{OrRaise as _, refused, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
@@ -525,7 +525,7 @@ fn stacked<'py>(queries: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny
     }
     let py = queries.py();
     let stacked = py.import("numpy")?.call_method1("stack", (queries,));
-    Ok(Some(stacked.map_err(|e| value(py, format!("queries: {}", e.value(py))))?))
+    Ok(Some(stacked.map_err(|e| refused(py, e, |e| format!("queries: {e}")))?))
 }
 
 /// Whether the queries can only be images: paths, a generated traverse, or a list (of arrays).

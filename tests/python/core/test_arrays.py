@@ -281,3 +281,32 @@ def test_a_sequence_is_asked_for_one_image_at_a_time() -> None:
     assert seen[1] < 100
     with pytest.raises(surefix.SurefixValueError, match=r"image 13: the disk is gone"):
         surefix.Map.from_images(Lazy(frames[:14]))
+
+
+@pytest.mark.parametrize("raised", [KeyboardInterrupt, SystemExit, MemoryError])
+def test_what_is_no_mistake_of_the_values_stays_what_it_is(raised: type[BaseException]) -> None:
+    class Lazy:
+        def __array__(self, *args: Any, **kwargs: Any) -> Any:
+            raise raised("now")
+
+    route = surefix.Map.from_descriptors(ROWS)
+    localizer = surefix.Localizer(route)
+    for call in (
+        lambda: localizer.push(Lazy()),
+        lambda: surefix.Map.from_descriptors(Lazy()),
+        lambda: surefix.Map.from_descriptors(ROWS, positions=Lazy()),
+        lambda: surefix.match(route, Lazy()),
+        lambda: surefix.evaluate(surefix.match(route, ROWS), Lazy()),
+    ):
+        with pytest.raises(raised, match="now"):
+            call()
+
+
+def test_the_cause_of_a_refusal_is_kept() -> None:
+    class Broken:
+        def __array__(self, *args: Any, **kwargs: Any) -> Any:
+            raise OSError("the disk is gone")
+
+    with pytest.raises(surefix.SurefixValueError, match="the disk is gone") as refused:
+        surefix.Map.from_descriptors(Broken())
+    assert isinstance(refused.value.__cause__, OSError)
