@@ -16,7 +16,7 @@ from surefix.descriptors.extraction import described
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
-from surefix.frames.sampling import EveryMetres
+from surefix.frames.nearest import EveryMetres
 
 # Images are described in parallel, this many at a time; no more are held.
 AT_ONCE = 128

@@ -1,0 +1,138 @@
+"""One clock for the messages of a topic, and their order by it."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix._words import plural
+
+Int64 = npt.NDArray[np.int64]
+
+SECOND = 1_000_000_000
+# Messages that go on after a jump back tell a clock that was set back from a message that is late.
+BACK = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """When the messages of a topic were taken.
+
+    The clock is that of the stamps; or that of the recording, for all messages, if a stamp is 0 or
+    more than one in ten is that of the message before.
+
+    A message that is later than one recorded after it is put in its place. If the clock goes back
+    and stays back, a new stretch begins there: times ascend within a stretch. Of messages with
+    equal times in a stretch, and of copies in several files, the first is kept.
+
+    Attributes
+    ----------
+    order : list of int
+        The numbers of the messages that are kept, in their order.
+    time : array of int64
+        Of each message, kept or not, in nanoseconds.
+    breaks : set of int
+        The numbers of the messages before which the drive is broken: a new stretch, or a pause
+        between two files.
+    recorded : bool
+        Whether the clock is that of the recording.
+    remarks : list of str
+        All of the above that happened.
+    """
+
+    order: list[int]
+    time: Int64
+    breaks: set[int]
+    recorded: bool
+    remarks: list[str]
+
+
+def timeline(
+    stamps: Int64, recorded: Int64, file: Int64, whole: npt.NDArray[np.bool_], files: list[str]
+) -> Timeline:
+    """Of messages in the order of their recording: their stamps (0 if they have none) and the times
+    of their recording in nanoseconds, the file of each, and whether it can be read.
+    """
+    remarks: list[str] = []
+    numbers = np.flatnonzero(whole)
+    # The same message in two files, or twice in one.
+    pairs = np.stack([stamps[numbers], recorded[numbers]], axis=1)
+    first = np.sort(np.unique(pairs, axis=0, return_index=True)[1])
+    if copies := len(numbers) - len(first):
+        remarks.append(f"{plural(copies, 'message')} left out: a copy of the one before")
+    numbers = numbers[first]
+    given = stamps[numbers]
+    zero, still = int((given <= 0).sum()), int((np.diff(given) == 0).sum())
+    by_recording = zero > 0 or 10 * still > len(given)
+    if by_recording:
+        count = plural(len(given), "stamp")
+        why = f"{zero} of {count} are 0" if zero else f"{still} of {count} repeat the one before"
+        remarks.append(f"{why}: times are those of the recording")
+    time = recorded.copy() if by_recording else stamps.copy()
+    stretches = _stretches(numbers, time)
+    order: list[int] = []
+    breaks: set[int] = set()
+    late = equal = 0
+    for stretch in stretches:
+        ranked = stretch[np.argsort(time[stretch], kind="stable")]
+        late += int((np.diff(time[stretch]) < 0).sum())
+        fresh = np.concatenate([[True], np.diff(time[ranked]) > 0])
+        equal += int((~fresh).sum())
+        kept = ranked[fresh].tolist()
+        if order:
+            breaks.add(kept[0])
+            back = (time[order[-1]] - time[kept[0]]) / SECOND
+            remarks.append(f"the clock goes back by {back:.3f} s at message {kept[0]}: a gap")
+        order += kept
+    if late:
+        remarks.append(f"{plural(late, 'message')} recorded late, put in order")
+    if equal:
+        remarks.append(f"{plural(equal, 'message')} left out: the time of another message")
+    pauses, said = _pauses(order, time, file, files)
+    return Timeline(order, time, breaks | pauses, by_recording, remarks + said)
+
+
+def _stretches(numbers: Int64, time: Int64) -> list[Int64]:
+    """The messages between two times at which the clock is set back."""
+    starts, peak = [0], -1
+    times = time[numbers].tolist()
+    for at, now in enumerate(times):
+        if now < peak:
+            after = times[at + 1 : at + 1 + BACK]
+            if after and all(each < peak for each in after):
+                starts.append(at)
+                peak = now
+        peak = max(peak, now)
+    return [part for part in np.split(numbers, starts[1:]) if len(part)]
+
+
+def _pauses(
+    order: list[int], time: Int64, file: Int64, files: list[str]
+) -> tuple[set[int], list[str]]:
+    """Pauses and overlaps between files."""
+    breaks: set[int] = set()
+    remarks: list[str] = []
+    if len(order) < 2 or len(files) < 2:
+        return breaks, remarks
+    steps = np.diff(time[order])
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    longest = max(SECOND, 5 * usual)
+    for (before, after), step in zip(pairwise(order), steps.tolist(), strict=True):
+        if file[before] != file[after] and step > longest:
+            breaks.add(after)
+            between = f"between {files[file[before]]} and {files[file[after]]}"
+            remarks.append(f"a gap of {step / SECOND:.1f} s {between}")
+    present = [number for number in range(len(files)) if (file[order] == number).any()]
+    spans = sorted(
+        (int(of.min()), int(of.max()), number)
+        for number in present
+        for of in [time[[each for each in order if file[each] == number]]]
+    )
+    for (_, end, one), (start, _, other) in pairwise(spans):
+        if start < end:
+            text = f"{files[one]} and {files[other]} overlap by {(end - start) / SECOND:.1f} s"
+            remarks.append(f"{text}: their messages are taken by time")
+    missing = [name for number, name in enumerate(files) if number not in present]
+    remarks += [f"{name} has none of these messages" for name in missing]
+    return breaks, remarks
