@@ -202,8 +202,8 @@ class BagFrames(Frames):
                     bar.show(number + 1)
             bar.end(len(stamps))
             damaged = [*bag.remarks]
-        if problems and len(problems) == len(stamps):
-            raise SurefixValueError(next(iter(problems.values())))
+        if len(problems) == len(stamps) and error is None and (problems or damaged):
+            raise SurefixValueError(next(iter([*problems.values(), *damaged])))
         if problems:
             of = f"{plural(len(problems), 'message')} of {len(stamps)} passed over"
             damaged.append(f"{of}; the first: {next(iter(problems.values()))}")

@@ -69,6 +69,8 @@ class Recording:
     files : list of str
     topics : dict of Topic
         By name, those of all files.
+    strict : bool
+        Whether the end of a damaged file is a damaged message.
     remarks : list of str
         What is damaged, and so passed over.
     """
@@ -76,6 +78,7 @@ class Recording:
     files: list[str]
     readers: list[Any]
     name: str
+    strict: bool = False
     remarks: list[str] = field(default_factory=list)
     topics: dict[str, Topic] = field(default_factory=dict)
 
@@ -102,11 +105,14 @@ class Recording:
         if not connections:
             return
         count, total = 0, sum(int(each.msgcount) for each in connections)
+        last = 0
         with closing(reader.messages(connections=connections)) as found:
             while True:
                 try:
                     one = next(found, None)
                 except Exception as error:  # It depends on the damaged bytes.
+                    if self.strict:
+                        yield Message(last, file, None, "", f"a damaged bag: {reason(error)}")
                     lost = plural(max(total - count, 0), "message")
                     self._remark(
                         f"{self.files[file]}: damaged: the last {lost} of {topic} cannot be read "
@@ -115,14 +121,14 @@ class Recording:
                     return
                 if one is None:
                     return
-                connection, recorded, data = one
+                connection, last, data = one
                 count += 1
                 try:
                     content = reader.deserialize(data, connection.msgtype)
                 except Exception as error:  # As above.
-                    yield Message(recorded, file, None, "", f"a damaged bag: {reason(error)}")
+                    yield Message(last, file, None, "", f"a damaged bag: {reason(error)}")
                 else:
-                    yield Message(recorded, file, content, "")
+                    yield Message(last, file, content, "")
 
     def _remark(self, text: str) -> None:
         # Once, however often it is read.
@@ -160,7 +166,7 @@ def open_recording(place: Place | Sequence[Place], strict: bool = False) -> Iter
             readers.append(reader)
         if errors and (strict or not readers):
             raise errors[0]
-        yield Recording(files, readers, name, [f"passed over: {error}" for error in errors])
+        yield Recording(files, readers, name, strict, [f"passed over: {error}" for error in errors])
 
 
 def bag_parts(place: Place | Iterable[Place]) -> list[Path]:

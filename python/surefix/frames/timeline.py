@@ -89,8 +89,11 @@ def timeline(
         remarks.append(f"{plural(late, 'message')} recorded late, put in order")
     if equal:
         remarks.append(f"{plural(equal, 'message')} left out: the time of another message")
-    pauses, said = _pauses(order, time, file, files)
-    return Timeline(order, time, breaks | pauses, by_recording, remarks + said)
+    if len(order) > 1 and len(files) > 1:
+        pauses, said = _pauses(order, time, file, files)
+        breaks |= pauses
+        remarks += [*said, *_overlaps(np.flatnonzero(whole), time, file, files)]
+    return Timeline(order, time, breaks, by_recording, remarks)
 
 
 def _stretches(numbers: Int64, time: Int64) -> list[Int64]:
@@ -110,29 +113,29 @@ def _stretches(numbers: Int64, time: Int64) -> list[Int64]:
 def _pauses(
     order: list[int], time: Int64, file: Int64, files: list[str]
 ) -> tuple[set[int], list[str]]:
-    """Pauses and overlaps between files."""
-    breaks: set[int] = set()
-    remarks: list[str] = []
-    if len(order) < 2 or len(files) < 2:
-        return breaks, remarks
+    """The messages before which there is a pause between two files."""
     steps = np.diff(time[order])
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    longest = max(SECOND, 5 * usual)
-    for (before, after), step in zip(pairwise(order), steps.tolist(), strict=True):
-        if file[before] != file[after] and step > longest:
-            breaks.add(after)
-            between = f"between {files[file[before]]} and {files[file[after]]}"
-            remarks.append(f"a gap of {step / SECOND:.1f} s {between}")
-    present = [number for number in range(len(files)) if (file[order] == number).any()]
-    spans = sorted(
-        (int(of.min()), int(of.max()), number)
-        for number in present
-        for of in [time[[each for each in order if file[each] == number]]]
-    )
-    for (_, end, one), (start, _, other) in pairwise(spans):
-        if start < end:
-            text = f"{files[one]} and {files[other]} overlap by {(end - start) / SECOND:.1f} s"
-            remarks.append(f"{text}: their messages are taken by time")
-    missing = [name for number, name in enumerate(files) if number not in present]
-    remarks += [f"{name} has none of these messages" for name in missing]
-    return breaks, remarks
+    ahead = steps[steps > 0]
+    longest = max(SECOND, 5 * float(np.median(ahead)) if len(ahead) else 0)
+    found = [
+        (before, after, step / SECOND)
+        for (before, after), step in zip(pairwise(order), steps.tolist(), strict=True)
+        if file[before] != file[after] and step > longest
+    ]
+    names = ((files[file[before]], files[file[after]], step) for before, after, step in found)
+    remarks = [f"a gap of {step:.1f} s between {one} and {other}" for one, other, step in names]
+    return {after for _, after, _ in found}, remarks
+
+
+def _overlaps(numbers: Int64, time: Int64, file: Int64, files: list[str]) -> list[str]:
+    """Files of which one begins before another ends; and those without any of the messages."""
+    of_file = [time[numbers[file[numbers] == number]] for number in range(len(files))]
+    known = zip(of_file, files, strict=True)
+    spans = sorted((int(of.min()), int(of.max()), name) for of, name in known if len(of))
+    remarks = [
+        f"{one} and {other} overlap by {(min(end, last) - start) / SECOND:.1f} s: taken by time"
+        for (_, end, one), (start, last, other) in pairwise(spans)
+        if start < end
+    ]
+    known = zip(of_file, files, strict=True)
+    return [*remarks, *(f"{name} has none of these messages" for of, name in known if not len(of))]
