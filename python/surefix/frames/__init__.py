@@ -19,6 +19,7 @@ from surefix.frames.nearest import Every, EveryMetres
 from surefix.frames.newest import KeepNewest
 from surefix.frames.odometry import Odometry
 from surefix.frames.opening import open
+from surefix.frames.passing import SkipBad
 from surefix.frames.ros_image import image_of
 from surefix.frames.sampling import Gaps, Selection, Stride
 from surefix.frames.video import VideoFrames
@@ -38,6 +39,7 @@ __all__ = [
     "Odometry",
     "Selection",
     "Shot",
+    "SkipBad",
     "Stride",
     "VideoFrames",
     "image_of",

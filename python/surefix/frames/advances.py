@@ -69,8 +69,8 @@ class Advances(Derived):
 
     @property
     def remarks(self) -> list[str]:
-        """Those of the source, and the frames whose advance is not known."""
-        return [*super().remarks, *self._placed.remarks("without an advance")]
+        """The frames whose advance is not known, and what was assumed of the odometry."""
+        return self._placed.remarks("without an advance")
 
     def shots(self) -> Generator[Shot, None, None]:
         """All, with their advances."""

@@ -8,12 +8,11 @@ from os import PathLike, fspath
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from surefix._progress import Bar, terminal_bar
 from surefix._words import plural
 from surefix.errors import SurefixValueError, mismatch
-from surefix.frames.frame import Frames, Shot, UndecodableError
+from surefix.frames.frame import Frames, Shot
 from surefix.frames.image_topic import choose_topic
 from surefix.frames.packets import codec_of, decoded, rgb
 from surefix.frames.recording import Message, Place, Recording, bag_parts, open_recording
@@ -34,19 +33,26 @@ class BagFrames(Frames):
     as in a bag that was recorded in a loop, a new stretch begins: its first frame has ``gap`` set.
     So has the first frame after a pause of more than a second between two files.
 
-    A message that cannot be read or decoded is passed over, and counts as dropped before the next.
-    ``remarks`` says all of this, once it is read.
+    ``remarks`` says all of this, once it is read; and how many messages of a video come before its
+    first key frame, which are left out.
 
     Parameters
     ----------
     path : str or path, or list of them
         A ``.bag`` of ROS 1, the folder of a ROS 2 bag, a ``.mcap`` or a ``.db3``; a folder or a
-        pattern of these, or a list, which are one drive. Of several, damaged ones are passed over.
+        pattern of these, or a list, which are one drive.
     topic : str, optional
         The image topic. By default the only camera's: depth images, masks, images of 16 bits beside
-        a camera's, and its compressed form beside itself, are passed over.
-    strict : bool
-        Refuse what is damaged instead of passing it over.
+        a camera's, and its compressed form beside itself, are left aside.
+    skip_bad : bool
+        Pass over messages that cannot be read, and of a video those that cannot be decoded; they
+        count as dropped before the next frame. Of several files, pass over damaged ones, and the
+        rest of a file from where it is damaged. (``SkipBad`` does it for images by themselves.)
+
+    Attributes
+    ----------
+    bad : list of str
+        Why each message was passed over, in the newest iteration so far.
 
     Raises
     ------
@@ -56,19 +62,24 @@ class BagFrames(Frames):
         If there is no such file.
     SurefixValueError
         If it is no bag, or a damaged one, or has no such topic, or the images of several cameras
-        (the error lists the topics); while it is read, if none of the first ten images can be
-        decoded, or with ``strict`` if one cannot: the error names the topic and the message.
+        (the error lists the topics); while it is read, for an image that cannot be decoded, unless
+        it is passed over: the error names the topic and the message.
     """
 
     timed = True
 
     def __init__(
-        self, path: Place | Iterable[Place], topic: str | None = None, strict: bool = False
+        self,
+        path: Place | Iterable[Place],
+        topic: str | None = None,
+        *,
+        skip_bad: bool = False,
     ) -> None:
         self.place = path if isinstance(path, (str, PathLike)) else list(path)
         self.path = fspath(self.place) if isinstance(self.place, (str, PathLike)) else ""
-        self.strict = strict
-        with open_recording(self.place, strict) as bag:
+        self.skip_bad = skip_bad
+        self.bad: list[str] = []
+        with open_recording(self.place, skip_bad) as bag:
             self.path = bag.name
             self.topic, self._said = choose_topic(bag, topic)
             self._messages = bag.topics[self.topic].count
@@ -76,7 +87,7 @@ class BagFrames(Frames):
         parts = bag_parts(self.place)
         inside = [list(part.iterdir()) if part.is_dir() else [part] for part in parts]
         self._files = [str(file) for part in inside for file in part]
-        self._undecoded: list[str] = []
+        self._early = 0
 
     @property
     def count(self) -> int | None:
@@ -102,19 +113,21 @@ class BagFrames(Frames):
 
     @property
     def remarks(self) -> list[str]:
-        """The topic if it was chosen, the clock, and what is passed over."""
+        """The topic if it was chosen, the clock, damaged files, and messages left out."""
         known = self.__dict__.get("_read")
         read = [] if known is None else [*known.timeline.remarks, *known.damaged]
-        return [*self._said, *self._damaged, *read, *self._undecoded, *super().remarks]
+        early = f"{plural(self._early, 'message')} before the first key frame left out"
+        return [*self._said, *self._damaged, *read, *([early] if self._early else [])]
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each image, by its number from 0 on the topic."""
-        read, self._undecoded = self._read, []
+        read = self._read
+        self.bad, self._early = list(read.bad.values()), 0
         line = read.timeline
         rank = {number: at for at, number in enumerate(line.order)}
         waiting: dict[int, Shot | None] = {}
         taken, lost, gap = 0, 0, False
-        with open_recording(self.place, self.strict) as bag:
+        with open_recording(self.place, self.skip_bad) as bag:
             found = self._pictures(bag, read) if read.codec else self._images(bag, read)
             with closing(found):
                 for number, image in found:
@@ -140,10 +153,10 @@ class BagFrames(Frames):
         """Of each message its number, and the call that decodes it, None if it is damaged."""
         with closing(bag.messages(self.topic)) as found:
             for number, message in enumerate(found):
-                if number >= len(read.whole):
+                if number >= read.messages:
                     return
-                image = partial(_decode, message, self.strict)
-                yield number, image if read.whole[number] else None
+                image = partial(image_of, message.content, message.where)
+                yield number, None if number in read.bad else image
 
     def _pictures(self, bag: Recording, read: "_Read") -> Generator[tuple[int, Any], None, None]:
         """The same of the packets of a video."""
@@ -153,28 +166,24 @@ class BagFrames(Frames):
         def packets() -> Iterator[tuple[int, Any]]:
             with closing(bag.messages(self.topic)) as found:
                 for number, message in enumerate(found):
-                    if number < len(read.whole) and read.whole[number]:
+                    if number < read.messages and number not in read.bad:
                         wheres[number] = message.where
                         yield number, message.content
 
-        early, damaged = 0, 0
         good = False
         for number, picture in decoded(read.codec, packets()):
             where = wheres.pop(number)
-            if picture is None and good and self.strict:
-                raise SurefixValueError(f"{where}: a damaged video: it cannot be decoded whole")
-            early, damaged = early + (picture is None and not good), damaged + (picture is None)
+            if picture is None and good:
+                problem = f"{where}: a damaged video: it cannot be decoded whole"
+                if not self.skip_bad:
+                    raise SurefixValueError(problem)
+                self.bad.append(problem)
+            self._early += picture is None and not good
             good = good or picture is not None
             yield number, None if picture is None else partial(rgb, picture, where)
         if not good:
-            got = f"none in {plural(len(read.whole), 'message')} of {read.codec}"
+            got = f"none in {plural(read.messages, 'message')} of {read.codec}"
             raise mismatch(f"{self.path}, {self.topic}", "a picture that can be decoded", got)
-        if early:
-            text = "before the first key frame are left out"
-            self._undecoded.append(f"{plural(early, 'message')} {text}")
-        if damaged - early:
-            text = "of a damaged video are passed over"
-            self._undecoded.append(f"{plural(damaged - early, 'message')} {text}")
 
     @cached_property
     def _read(self) -> "_Read":
@@ -185,11 +194,11 @@ class BagFrames(Frames):
         problems: dict[int, str] = {}
         codec, error, known = None, None, False
         bar = Bar(terminal_bar("Reading times"), None, self._messages)
-        with open_recording(self.place, self.strict) as bag:
+        with open_recording(self.place, self.skip_bad) as bag:
             with closing(bag.messages(self.topic)) as found:
                 for number, message in enumerate(found):
                     problem = _problem(message)
-                    if problem and self.strict:
+                    if problem and not self.skip_bad:
                         error = SurefixValueError(problem)
                         break
                     if problem:
@@ -204,23 +213,21 @@ class BagFrames(Frames):
             damaged = [*bag.remarks]
         if len(problems) == len(stamps) and error is None and (problems or damaged):
             raise SurefixValueError(next(iter([*problems.values(), *damaged])))
-        if problems:
-            of = f"{plural(len(problems), 'message')} of {len(stamps)} passed over"
-            damaged.append(f"{of}; the first: {next(iter(problems.values()))}")
         whole = np.array([number not in problems for number in range(len(stamps))], bool)
         at, received, files = (np.array(each, np.int64) for each in (stamps, recorded, file))
         line = timeline(at, received, files, whole, bag.files)
         damaged = [each for each in damaged if each not in self._damaged]
-        return _Read(line, whole, codec, damaged, error)
+        return _Read(line, len(stamps), problems, codec, damaged, error)
 
 
 class _Read(NamedTuple):
-    """What is known of a topic once all messages were read: which are whole; the codec of a video;
-    what is passed over; and the error at which it ends if it is strict.
+    """What is known of a topic once all messages were read: how many there are; which are bad, and
+    why; the codec of a video; damaged files; and the error at which it ends.
     """
 
     timeline: Timeline
-    whole: npt.NDArray[np.bool_]
+    messages: int
+    bad: dict[int, str]
     codec: str | None
     damaged: list[str]
     error: SurefixValueError | None
@@ -242,10 +249,3 @@ def _problem(message: Message) -> str:
     except SurefixValueError as error:
         return str(error)
     return ""
-
-
-def _decode(message: Message, strict: bool) -> Any:
-    try:
-        return image_of(message.content, message.where)
-    except SurefixValueError as error:
-        raise error if strict else UndecodableError(str(error)) from None

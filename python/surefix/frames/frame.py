@@ -3,19 +3,12 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Sized
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from surefix._words import plural, verb
-from surefix.errors import SurefixValueError
-
-
-class UndecodableError(SurefixValueError):
-    """An image that cannot be decoded, in a recording that goes on without it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,10 +111,6 @@ class Frames(ABC):
     _count: int | None = None
     _estimate: int | None = None
     _files: Sequence[str] = ()
-    # Of the newest iteration, the errors.
-    _undecodable: Sequence[str] = ()
-    # The first images of a recording, if none can be decoded, are no damage.
-    UNDECODABLE = 10
 
     @abstractmethod
     def shots(self) -> Generator[Shot, None, None]:
@@ -147,9 +136,6 @@ class Frames(ABC):
         """The files that are read, if they are known, in their order."""
         return list(self._files)
 
-    def close(self) -> None:  # noqa: B027 (most do not wait)
-        """Ends an iteration that waits for frames, from any thread."""
-
     @property
     def span(self) -> tuple[float, float] | None:
         """The first and the last time in seconds, if they are known beforehand."""
@@ -157,39 +143,19 @@ class Frames(ABC):
 
     @property
     def remarks(self) -> list[str]:
-        """What was assumed, put in order or left out in the newest iteration, for the user."""
-        count = len(self._undecodable)
-        if not count:
-            return []
-        of = f"{plural(count, 'image')} that cannot be decoded {verb(count)} passed over"
-        return [f"{of}; the first: {self._undecodable[0]}"]
+        """What was assumed, put in order or left out in the newest iteration so far, but for what
+        the frames that these are made of say themselves.
+        """
+        return []
+
+    def close(self) -> None:  # noqa: B027 (most do not wait)
+        """Ends an iteration that waits for frames, from any thread."""
 
     def frames(self) -> Generator[Frame, None, None]:
-        """Each frame, decoded. Its ``close`` releases files, cameras and threads at once.
-
-        One that raises ``UndecodableError`` is passed over, and counts as dropped before the next;
-        if the first ten do, it is an error.
-        """
-        bad: list[str] = []
-        self._undecodable = bad
-        dropped, gap, good = 0, False, False
-        moved: float | None = 0.0
+        """Each frame, decoded. Its ``close`` releases files, cameras and threads at once."""
         with closing(self.shots()) as shots:
             for shot in shots:
-                dropped, gap = dropped + shot.dropped, gap or shot.gap
-                moved = added(moved, shot.advance)
-                try:
-                    frame = replace(shot, dropped=dropped, gap=gap, advance=moved).frame()
-                except UndecodableError as error:
-                    bad.append(str(error))
-                    if not good and len(bad) == self.UNDECODABLE:
-                        break
-                    dropped += 1
-                    continue
-                yield frame
-                dropped, gap, moved, good = 0, False, 0.0, True
-        if bad and not good:
-            raise SurefixValueError(bad[0])
+                yield shot.frame()
 
     def __iter__(self) -> Iterator[Frame]:
         """Each frame, decoded."""

@@ -184,8 +184,8 @@ class EveryMetres(Nearest):
 
     @property
     def remarks(self) -> list[str]:
-        """Those of the source, and the frames whose position is not known."""
-        return [*super().remarks, *self._placed.remarks("passed over")]
+        """The frames whose position is not known, and what was assumed of the odometry."""
+        return self._placed.remarks("passed over")
 
     def ruler(self) -> Ruler:
         """The way by the odometry."""

@@ -215,7 +215,7 @@ class Odometry:
             As ``BagFrames`` does; a SurefixValueError if there is no such topic: it lists those
             there are.
         """
-        with open_recording(path) as bag:
+        with open_recording(path, skip_bad=True) as bag:
             topic, kind = _topic(bag, topic)
             with closing(bag.messages(topic)) as found:
                 read = list(map(partial(_known, kind), found))

@@ -14,6 +14,7 @@ from surefix.frames.images import ImageFrames
 from surefix.frames.nearest import Every, EveryMetres
 from surefix.frames.newest import KeepNewest
 from surefix.frames.odometry import Odometry
+from surefix.frames.passing import SkipBad
 from surefix.frames.recording import BAG_ENDINGS, is_bag, is_bags
 from surefix.frames.sampling import Gaps, Stride, check_stride
 from surefix.frames.video import VIDEO_ENDINGS, VideoFrames, is_video
@@ -35,6 +36,7 @@ def open(
     odometry: Odometry | Place | None = None,
     places_per_metre: float | None = None,
     newest: bool | int | None = None,
+    skip_bad: bool = False,
 ) -> Frames:
     """The frames of images, a folder that grows, a video, a bag, a camera or an array.
 
@@ -71,6 +73,9 @@ def open(
         Read in a thread, and keep the newest frame, or this many, for a slow reader
         (``KeepNewest``). By default for a camera only: the frames of a folder wait.
 
+    skip_bad : bool
+        Pass over frames that cannot be decoded, and say so (``SkipBad``, ``BagFrames``).
+
     Returns
     -------
     Frames
@@ -89,7 +94,7 @@ def open(
     >>> localizer.stream(surefix.frames.open("drive.mp4", every=0.5, gap=2))     # doctest: +SKIP
     >>> bag = surefix.frames.open("drive.bag", metres=3, odometry="/odom")       # doctest: +SKIP
     """
-    source = _source(place, topic, follow, idle)
+    source = _source(place, topic, follow, idle, skip_bad)
     for option, value in (("gap", gap), ("every", every)):
         if value is not None and not source.timed:
             raise mismatch(option, "frames with times, as of a video or a bag", place)
@@ -111,6 +116,9 @@ def open(
         frames = Every(frames, every)
     if metres is not None and track is not None:
         frames = EveryMetres(frames, track, metres)
+    # Of the frames that are left: the others are not decoded.
+    if skip_bad and not (source.live or isinstance(source, VideoFrames)):
+        frames = SkipBad(frames)
     if newest is None:
         newest = isinstance(source, CameraFrames)
     if newest:
@@ -127,14 +135,18 @@ def is_recording(place: str) -> bool:
 
 
 def _source(
-    place: Place | int | Iterable[Place], topic: str | None, follow: bool, idle: float | None
+    place: Place | int | Iterable[Place],
+    topic: str | None,
+    follow: bool,
+    idle: float | None,
+    skip_bad: bool,
 ) -> Frames:
     if idle is not None and not follow:
         raise mismatch("idle", "follow too", "none")
     if not isinstance(place, (str, PathLike, int)):
         place = list(place)
         if is_bags(place) and not follow:
-            return BagFrames(place, topic)
+            return BagFrames(place, topic, skip_bad=skip_bad)
         if follow or topic is not None:
             raise SurefixValueError(f"{'follow' if follow else 'topic'}: not for a list of files")
         return ImageFrames(place)
@@ -149,7 +161,7 @@ def _source(
             raise mismatch("follow", "a folder or a pattern", name)
         return FollowFrames(name, idle=idle)
     if bag:
-        return BagFrames(name, topic)
+        return BagFrames(name, topic, skip_bad=skip_bad)
     for fits, kind in ((array, ImageFrames), (camera, CameraFrames), (video, VideoFrames)):
         if fits:
             return kind(name)

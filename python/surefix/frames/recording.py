@@ -69,8 +69,8 @@ class Recording:
     files : list of str
     topics : dict of Topic
         By name, those of all files.
-    strict : bool
-        Whether the end of a damaged file is a damaged message.
+    skip_bad : bool
+        Whether the end of a damaged file is no damaged message.
     remarks : list of str
         What is damaged, and so passed over.
     """
@@ -78,7 +78,7 @@ class Recording:
     files: list[str]
     readers: list[Any]
     name: str
-    strict: bool = False
+    skip_bad: bool = False
     remarks: list[str] = field(default_factory=list)
     topics: dict[str, Topic] = field(default_factory=dict)
 
@@ -111,7 +111,7 @@ class Recording:
                 try:
                     one = next(found, None)
                 except Exception as error:  # It depends on the damaged bytes.
-                    if self.strict:
+                    if not self.skip_bad:
                         yield Message(last, file, None, "", f"a damaged bag: {reason(error)}")
                     lost = plural(max(total - count, 0), "message")
                     self._remark(
@@ -137,9 +137,9 @@ class Recording:
 
 
 @contextmanager
-def open_recording(place: Place | Sequence[Place], strict: bool = False) -> Iterator[Recording]:
+def open_recording(place: Place | Sequence[Place], skip_bad: bool = False) -> Iterator[Recording]:
     """The open bags of a drive: a file, a ROS 2 bag's folder, a folder of either, a pattern, or a
-    list of them. Of several, damaged ones are passed over, and remarked, unless it is ``strict``.
+    list of them. With ``skip_bad``, of several, damaged ones are passed over, and remarked.
     """
     require("rosbags", "a bag", "rosbags", "surefix[bags]")
     parts = bag_parts(place)
@@ -156,7 +156,7 @@ def open_recording(place: Place | Sequence[Place], strict: bool = False) -> Iter
             except SurefixFileError:
                 raise
             except SurefixError as error:
-                inside = [] if strict or not part.is_dir() else _inside(part)
+                inside = _inside(part) if skip_bad and part.is_dir() else []
                 # Of a ROS 2 bag whose list of files is wrong, those that are there.
                 waiting[:0] = inside
                 errors.append(error)
@@ -164,9 +164,11 @@ def open_recording(place: Place | Sequence[Place], strict: bool = False) -> Iter
             stack.callback(reader.close)
             files.append(fspath(part))
             readers.append(reader)
-        if errors and (strict or not readers):
+        if errors and not (skip_bad and readers):
             raise errors[0]
-        yield Recording(files, readers, name, strict, [f"passed over: {error}" for error in errors])
+        yield Recording(
+            files, readers, name, skip_bad, [f"passed over: {error}" for error in errors]
+        )
 
 
 def bag_parts(place: Place | Iterable[Place]) -> list[Path]:

@@ -74,8 +74,9 @@ def image_of(message: Any, where: str = "image") -> UInt8:
     """The picture of an image message of rclpy, rospy or rosbags: ``sensor_msgs`` Image or
     CompressedImage, or Foxglove's of the same names.
 
-    16 bits are rounded to the upper 8. Of 32FC1, 0 to 1 is black to white if no pixel is above 1,
-    else 0 to 65535 is; what is no number is black. A Bayer mosaic becomes a colour image of half
+    16 bits are rounded to the upper 8. Floats become 16 bits: 0 to 1 are black to white if no pixel
+    is above 1; else hundredths are counted, such as those of kelvin or metres, if none is above
+    655.35; else ones. What is no number is black. A Bayer mosaic becomes a colour image of half
     its sides (``surefix.datasets.demosaic``). Of YUV the brightness is taken. An alpha channel is
     left out.
 
@@ -121,7 +122,7 @@ def _raw(message: Any, where: str) -> UInt8:
     name = KNOWN[str(message.encoding).lower()]
     if name in BAYER:
         try:
-            return demosaic(np.ascontiguousarray(upper_8(samples[..., 0])), BAYER[name][1])
+            return upper_8(demosaic(samples[..., 0], BAYER[name][1]))
         except SurefixValueError as error:
             raise SurefixValueError(f"{where}: {error}") from None
     channels = layout.channels[0] if len(layout.channels) == 1 else layout.channels
@@ -131,9 +132,10 @@ def _raw(message: Any, where: str) -> UInt8:
 def upper_8(samples: Pixels) -> UInt8:
     """The range rule: how samples of more than 8 bits become 8."""
     if samples.dtype == np.float32:
-        known = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0).clip(0, 65535)
-        scaled = known * (65535 if known.max(initial=0) <= 1 else 1)
-        samples = np.rint(scaled).astype(np.uint16)
+        known = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)
+        top = known.max(initial=0)
+        scale = 65535 if top <= 1 else 100 if top <= 655.35 else 1
+        samples = np.rint((known * scale).clip(0, 65535)).astype(np.uint16)
     if samples.dtype == np.uint16:
         samples = ((samples.astype(np.uint32) + 128) // 257).astype(np.uint8)
     return samples

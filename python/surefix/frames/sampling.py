@@ -25,11 +25,6 @@ class Derived(Frames):
         """Those of the source."""
         return self.source.files
 
-    @property
-    def remarks(self) -> list[str]:
-        """Those of the source, and its own."""
-        return [*self.source.remarks, *super().remarks]
-
     def close(self) -> None:
         """Ends the source's iteration."""
         self.source.close()

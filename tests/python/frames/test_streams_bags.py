@@ -17,7 +17,7 @@ from PIL import Image
 import surefix
 from recordings import KINDS, Bag, pictures
 from surefix.datasets import demosaic
-from surefix.frames import BagFrames, image_of
+from surefix.frames import BagFrames, SkipBad, image_of
 from surefix.frames import open as frames_open
 
 IMAGES = pictures(6)
@@ -198,13 +198,13 @@ def test_a_damaged_image_in_a_bag_is_passed_over_and_said(tmp_path: Path) -> Non
         for index in range(4):
             data = content.getvalue() if index != 2 else b"\x89PNG not really"
             bag.compressed("/image", data, "png", TIMES[index])
-    source = frames_open(bag.path)
+    source = frames_open(bag.path, skip_bad=True)
+    assert isinstance(source, SkipBad)
     frames = list(source)
     assert [(frame.name, frame.dropped) for frame in frames] == [("0", 0), ("1", 0), ("3", 1)]
-    (remark,) = source.remarks
-    assert remark.startswith("1 image that cannot be decoded is passed over; the first: ")
-    assert "drive_mcap, /image, message 2: " in remark
-    stream = iter(BagFrames(bag.path, strict=True))
+    (bad,) = source.bad
+    assert "drive_mcap, /image, message 2: " in bad
+    stream = iter(frames_open(bag.path))
     assert [next(stream).name for _ in range(2)] == ["0", "1"]
     with pytest.raises(surefix.SurefixValueError, match=r"drive_mcap, /image, message 2: "):
         next(stream)
@@ -216,7 +216,7 @@ def test_a_bag_of_which_no_image_can_be_decoded_is_an_error(tmp_path: Path, coun
         for index in range(count):
             bag.compressed("/image", b"no picture", "png", 1.0 + index)
     with pytest.raises(surefix.SurefixValueError, match=r"/image, message 0: "):
-        list(frames_open(bag.path))
+        list(frames_open(bag.path, skip_bad=True))
 
 
 def test_depth_is_no_camera_image() -> None:
@@ -273,15 +273,15 @@ def test_what_is_no_bag_is_refused(
         path.write_bytes(content)
     kind_of_error = surefix.SurefixFileError if content is None else surefix.SurefixValueError
     with pytest.raises(kind_of_error, match=rf"drive\.{ending}"):
-        list(BagFrames(path, strict=True))
+        list(frames_open(path))
     if (ending, content) == ("db3", "cut"):
         # Its pages are read as far as they go.
-        source = frames_open(path)
+        source = BagFrames(path, skip_bad=True)
         assert len(list(source)) == 5
         assert "the last 1 message of /image cannot be read" in source.remarks[0]
         return
     with pytest.raises(kind_of_error, match=rf"drive\.{ending}") as refused:
-        list(frames_open(path))
+        list(frames_open(path, skip_bad=True))
     if content == "cut":
         tool = {"bag": "rosbag reindex", "mcap": "mcap recover"}[ending]
         assert str(refused.value).endswith(f"if its recorder was interrupted: {tool}")
@@ -296,13 +296,11 @@ def test_a_bag_damaged_in_its_middle_keeps_what_came_before(tmp_path: Path) -> N
     at = data.rindex(b"rgb8") - 4
     data[at : at + 4] = b"\xff\xff\xff\x7f"
     bag.path.write_bytes(data)
-    source = frames_open(bag.path)
+    source = BagFrames(bag.path, skip_bad=True)
     assert [frame.name for frame in source] == [str(index) for index in range(39)]
     assert len(source) == 39
-    assert re.search(
-        r"^1 message of 40 passed over; .*drive\.bag, /image, message 39", source.remarks[0]
-    )
-    stream = iter(BagFrames(bag.path, strict=True))
+    assert re.search(r"drive\.bag, /image, message 39: a damaged bag: ", source.bad[0])
+    stream = iter(BagFrames(bag.path))
     assert [next(stream).name for _ in range(39)] == [str(index) for index in range(39)]
     with pytest.raises(surefix.SurefixValueError, match=r"drive\.bag, /image, message 39"):
         next(stream)
