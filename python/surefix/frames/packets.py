@@ -70,12 +70,17 @@ def decoded(
     # The numbers of the packets whose pictures have not come.
     waiting: deque[int] = deque()
 
+    # After a damaged picture, those up to the next key frame are made of it.
+    whole = True
+
     def pictures(packet: Any) -> Generator[tuple[int, Any | None], None, None]:
+        nonlocal whole
         try:
             found = context.decode(packet)
         except (av.FFmpegError, EOFError):
             found = []
             if packet is not None and packet.pts in waiting:
+                whole = False
                 waiting.remove(packet.pts)
                 yield packet.pts, None
         late = REORDERED if context.has_b_frames else 0
@@ -83,11 +88,18 @@ def decoded(
             while waiting and waiting[0] < frame.pts - late:
                 yield waiting.popleft(), None
             if frame.pts in waiting:
+                whole = (whole or frame.key_frame) and not frame.is_corrupt
                 waiting.remove(frame.pts)
-                yield frame.pts, None if frame.is_corrupt else frame
+                yield frame.pts, frame if whole else None
 
     for number, message in packets:
-        packet = av.Packet(bytes(bytes_of(message)))
+        data = bytes(bytes_of(message))
+        if not data:
+            # To FFmpeg it would be the end.
+            whole = False
+            yield number, None
+            continue
+        packet = av.Packet(data)
         packet.pts = number
         waiting.append(number)
         yield from pictures(packet)

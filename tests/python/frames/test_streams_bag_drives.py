@@ -125,7 +125,9 @@ def test_one_clock_if_stamps_are_missing(tmp_path: Path, zero: list[bool]) -> No
     frames = list(source)
     assert [frame.time for frame in frames] == [1000 + index / 8 for index in range(10)]
     assert not any(frame.gap for frame in frames)
-    assert source.source.remarks == [f"{sum(zero)} of 10 stamps are 0: times are those of the recording"]
+    assert source.source.remarks == [
+        f"{sum(zero)} of 10 stamps are 0: times are those of the recording"
+    ]
 
 
 def test_the_odometry_of_a_bag_has_the_clock_of_its_images(tmp_path: Path) -> None:
