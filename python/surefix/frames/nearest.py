@@ -13,8 +13,6 @@ from surefix.frames.sampling import Derived, above_0, follow, time_of
 
 # In steps: a frame this little before a mark is at it.
 ROUNDING = 1e-6
-# In steps: the last frame is that of a mark that the frames end this little before.
-END = 0.25
 
 
 class Ruler(ABC):
@@ -59,6 +57,8 @@ class Nearest(Derived):
         held: Shot | None = None
         held_at: Any = None
         passed: Shot | None = None
+        # Where the last two frames are.
+        two: tuple[Any, Any] = (None, None)
         with closing(self.source.shots()) as shots:
             for shot in shots:
                 at = ruler.at(shot)
@@ -69,13 +69,15 @@ class Nearest(Derived):
                 off = math.inf if begins else ruler.off(at)
                 if held is not None and off >= -ROUNDING:
                     before = -ruler.off(held_at)
-                    if before < 0.5 and before <= off + ROUNDING:
+                    nearer = before < 0.5 and before <= off + ROUNDING
+                    if _is_last(ruler, held_at, two) if off > 1 else nearer:
                         yield held
                         ruler.take(held_at)
                         off = math.inf if begins else ruler.off(at)
                     else:
                         passed = follow(held, passed)
                     held = None
+                two = two[1], at
                 if off >= -ROUNDING:
                     yield follow(passed, shot)
                     (ruler.begin if begins or off > 1 else ruler.take)(at)
@@ -84,8 +86,15 @@ class Nearest(Derived):
                     held, held_at, passed = follow(held, passed, shot), at, None
                 else:
                     passed = follow(passed, shot)
-        if held is not None and ruler.off(held_at) > -END:
+        if held is not None and _is_last(ruler, held_at, two):
             yield held
+
+
+def _is_last(ruler: Ruler, held: Any, two: tuple[Any, Any]) -> bool:
+    """Whether a frame is that of the next mark if no frame follows the last two: one more, as far
+    on, would not be nearer.
+    """
+    return ruler.off(held) > (ruler.off(two[0]) - ruler.off(two[1])) / 2
 
 
 class Every(Nearest):

@@ -77,7 +77,9 @@ def test_a_frame_every_so_many_seconds_is_the_nearest_to_each_tick(seed: int) ->
     # Whole sixteenths are exact, so that both sides divide alike.
     times = 1000 + np.cumsum(generator.integers(1, 10, 90)) / 16
     seconds = generator.integers(21, 64) / 16
-    ticks = np.arange(times[0], times[-1] + seconds / 4, seconds)
+    # The last if one more frame, as far on, would not be nearer.
+    until = times[-1] + (times[-1] - times[-2]) / 2
+    ticks = np.arange(times[0], until, seconds)
     nearest = np.abs(times[:, None] - ticks).argmin(axis=0)
     assert names(Every(frames(times.tolist()), seconds)) == nearest.tolist()
 

@@ -33,15 +33,18 @@ def nearest(reach: Callable[[int, int], Float64], count: int, step: float) -> li
     while True:
         start = chosen[-1]
         off = (reach(start, count)[1:] + over) / step - 1
+        if not len(off):
+            return chosen
         late = np.flatnonzero(off >= -1e-6)
         before = off[: late[0] if len(late) else None]
         # Of frames that stand at the same distance, the last.
         best = len(before) - 1 - int(np.argmax(before[::-1])) if len(before) else -1
         near = -before[best] if best >= 0 else np.inf
-        # At the end, it must be nearer to the mark.
-        if near < (0.5 if len(late) else 0.25) and near <= (
-            off[late[0]] + 1e-6 if len(late) else 1
-        ):
+        # At the end, or before a jump, one more frame like the last must not be nearer.
+        ends = not len(late) or off[late[0]] > 1
+        last = np.concatenate([[over / step - 1], before])
+        bound = (last[-1] - last[max(len(last) - 2, 0)]) / 2 if ends else 0.5
+        if near < bound and (ends or near <= off[late[0]] + 1e-6):
             over, taken = step * off[best], best
         elif len(late):
             taken = late[0]
