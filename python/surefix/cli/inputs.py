@@ -14,6 +14,7 @@ from surefix._words import plural
 from surefix.descriptors import Onnx
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.frames.opening import is_recording
+from surefix.frames.recording import is_bag
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.metres import places_per_metre
 from surefix.tables.vectors import ENDINGS
@@ -79,7 +80,7 @@ def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.F
     if key is not None and not array:
         raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
     if recording:
-        return frames.open(place, **sampling, skip_bad=True)
+        return frames.open(place, **sampling, skip_bad=is_bag(place))
     check_sampling(place, **sampling)
     return frames.ImageFrames(place, key)
 

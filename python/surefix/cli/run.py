@@ -18,6 +18,7 @@ from surefix.cli.inputs import NO_SCALE, check_not_read, notes_on, refuse, scale
 from surefix.cli.views import open_views
 from surefix.errors import refusal
 from surefix.frames import Advances, Frame, Frames
+from surefix.frames.recording import is_bag
 from surefix.live import View
 
 # The headings in the help, of the options about frames and about seeing them.
@@ -127,7 +128,7 @@ def run(
         odometry=odometry,
         places_per_metre=scale,
         newest=newest,
-        skip_bad=True,
+        skip_bad=is_bag(queries),
     )
     names, maps = [route, *(fuse or ())], [places, *others_of(places, fuse or ())]
     networks = networks_of(maps, names, model)

@@ -246,10 +246,10 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
         1,
         "gone.mkv: cannot read the video: there is no such file",
     ),
-    "a video of references": (
+    "a video that the map was not made of": (
         ("sad.safetensors", "winter", "--references", "winter.mkv"),
         1,
-        "--references: expected a folder of images, a pattern or a .npy, got the recording winter.mkv",
+        "--references winter.mkv: expected images of the map, got none: its first is ",
     ),
     "descriptors beside distances": (
         ("D.npy", "winter.npy"),
