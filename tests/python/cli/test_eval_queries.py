@@ -246,11 +246,6 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
         1,
         "gone.mkv: cannot read the video: there is no such file",
     ),
-    "a video that the map was not made of": (
-        ("sad.safetensors", "winter", "--references", "winter.mkv"),
-        1,
-        "--references winter.mkv: expected images of the map, got none: its first is ",
-    ),
     "descriptors beside distances": (
         ("D.npy", "winter.npy"),
         1,

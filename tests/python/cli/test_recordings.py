@@ -122,6 +122,20 @@ def test_references_are_whatever_the_map_was_made_of(
         assert re.search(r"^surefix: .*(expected|cannot)", refused, re.MULTILINE)
 
 
+def test_a_report_shows_the_references_of_a_video(drive: Path, tmp_path: Path) -> None:
+    made(drive, tmp_path / "route", drive / "drive.mkv")
+    wrong = tmp_path / "truth.csv"
+    wrong.write_text("query,place\n" + "".join(f"{i},{(i + 20) % 40}\n" for i in range(PLACES)))
+    options = ["--truth", wrong, "--method", "single", "-o", tmp_path / "out"]
+    options += ["--references", drive / "drive.mkv"]
+    surefix_("eval", tmp_path / "route", drive / "drive.mkv", *options)
+    assert (tmp_path / "out" / "mistakes.png").is_file()
+    # A map of other names.
+    made(drive, tmp_path / "files", drive / "images")
+    refused = surefix_("eval", tmp_path / "files", drive / "drive.mkv", *options, code=1).stderr
+    assert "drive.mkv: expected images of the map, got none: its first is frame0.png" in refused
+
+
 @pytest.mark.slow
 def test_a_terminal_shows_the_references_of_a_video(drive: Path, tmp_path: Path) -> None:
     made(drive, tmp_path / "route", drive / "drive.mkv")
