@@ -125,7 +125,7 @@ def test_references_are_whatever_the_map_was_made_of(
 def test_a_report_shows_the_references_of_a_video(drive: Path, tmp_path: Path) -> None:
     made(drive, tmp_path / "route", drive / "drive.mkv")
     wrong = tmp_path / "truth.csv"
-    wrong.write_text("query,place\n" + "".join(f"{i},{(i + 20) % 40}\n" for i in range(PLACES)))
+    wrong.write_text("query,reference\n" + "".join(f"{i},{(i + 20) % 40}\n" for i in range(PLACES)))
     options = ["--truth", wrong, "--method", "single", "-o", tmp_path / "out"]
     options += ["--references", drive / "drive.mkv"]
     surefix_("eval", tmp_path / "route", drive / "drive.mkv", *options)
