@@ -70,7 +70,8 @@ def _references(
     """The folder of the map's images, or the images themselves, of whatever the map is made of; if
     they are not wanted, they are only looked for.
     """
-    if Path(place).is_dir() and not is_recording(place):
+    images = Path(place).is_file() or any(mark in place for mark in "*?[")
+    if not (images or is_recording(place)):
         # Refuses another folder.
         References(route, place)
         return place

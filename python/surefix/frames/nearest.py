@@ -40,7 +40,8 @@ class Ruler(ABC):
 
 
 class Nearest(Derived):
-    """Of the frames around each mark of a ruler, the nearest; none is taken twice.
+    """Of the frames around each mark of a ruler, the nearest; of two as near, the one after it.
+    None is taken twice.
 
     A frame shortly before a mark waits for the one after it, to see which is nearer. So a stream is
     at most one frame of its source behind.
@@ -69,7 +70,7 @@ class Nearest(Derived):
                 off = math.inf if begins else ruler.off(at)
                 if held is not None and off >= -ROUNDING:
                     before = -ruler.off(held_at)
-                    nearer = before < 0.5 and before <= off + ROUNDING
+                    nearer = before < off - ROUNDING
                     if _is_last(ruler, held_at, two) if off > 1 else nearer:
                         yield held
                         ruler.take(held_at)
@@ -123,7 +124,7 @@ class Every(Nearest):
         self.seconds = above_0("every", "seconds", seconds)
 
     def ruler(self) -> Ruler:
-        """The clock."""
+        """Ticks of a clock."""
         return _Clock(self.seconds)
 
 
@@ -197,7 +198,7 @@ class EveryMetres(Nearest):
         return self._placed.remarks("passed over")
 
     def ruler(self) -> Ruler:
-        """The way by the odometry."""
+        """Marks along the odometry's way."""
         self._placed = Placed(self.odometry)
         return _Way(self.metres, self._placed)
 

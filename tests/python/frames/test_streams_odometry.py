@@ -43,8 +43,8 @@ def nearest(reach: Callable[[int, int], Float64], count: int, step: float) -> li
         # At the end, or before a jump, one more frame like the last must not be nearer.
         ends = not len(late) or off[late[0]] > 1
         last = np.concatenate([[over / step - 1], before])
-        bound = (last[-1] - last[max(len(last) - 2, 0)]) / 2 if ends else 0.5
-        if near < bound and (ends or near <= off[late[0]] + 1e-6):
+        bound = (last[-1] - last[max(len(last) - 2, 0)]) / 2 if ends else off[late[0]] - 1e-6
+        if near < bound:
             over, taken = step * off[best], best
         elif len(late):
             taken = late[0]
