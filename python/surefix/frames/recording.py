@@ -1,7 +1,7 @@
 """The bags of one drive as one: ROS 1, ROS 2 and MCAP, by rosbags, without ROS."""
 
 from collections.abc import Generator, Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from heapq import merge
 from os import PathLike, fspath
@@ -18,6 +18,7 @@ from surefix.errors import (
     mismatch,
     refusal,
 )
+from surefix.frames.mcap_stream import McapStream
 
 Place = str | PathLike[str]
 
@@ -148,11 +149,12 @@ def open_recording(place: Place | Sequence[Place], skip_bad: bool = False) -> It
         files: list[str] = []
         readers: list[Any] = []
         errors: list[SurefixError] = []
+        cut: list[str] = []
         waiting = list(parts)
         while waiting:
             part = waiting.pop(0)
             try:
-                reader = _opened(part)
+                reader = _opened(part, skip_bad)
             except SurefixFileError:
                 raise
             except SurefixError as error:
@@ -164,11 +166,12 @@ def open_recording(place: Place | Sequence[Place], skip_bad: bool = False) -> It
             stack.callback(reader.close)
             files.append(fspath(part))
             readers.append(reader)
+            if damage := getattr(reader, "damage", ""):
+                cut.append(f"{part}: damaged: read as far as it goes ({damage})")
         if errors and not (skip_bad and readers):
             raise errors[0]
-        yield Recording(
-            files, readers, name, skip_bad, [f"passed over: {error}" for error in errors]
-        )
+        remarks = [*cut, *(f"passed over: {error}" for error in errors)]
+        yield Recording(files, readers, name, skip_bad, remarks)
 
 
 def bag_parts(place: Place | Iterable[Place]) -> list[Path]:
@@ -229,7 +232,7 @@ def _inside(folder: Path) -> list[Path]:
     return sorted(part for part in folder.iterdir() if _is_part(part))
 
 
-def _opened(path: Path) -> Any:
+def _opened(path: Path, skip_bad: bool) -> Any:
     highlevel = require("rosbags.highlevel", "a bag", "rosbags", "surefix[bags]")
     typesys = require("rosbags.typesys", "a bag", "rosbags", "surefix[bags]")
     if not path.exists():
@@ -243,7 +246,12 @@ def _opened(path: Path) -> Any:
     except PermissionError as error:
         raise refusal(path, "cannot read the bag", error) from None
     except Exception as error:  # It depends on the damaged bytes.
-        expected = "a bag of ROS 1 or 2, or an MCAP file with ROS messages"
+        if path.suffix.lower() == ".mcap" and path.is_file() and _has_data(path):
+            with suppress(SurefixValueError):
+                other = McapStream(path)
+                if skip_bad or not other.damage:
+                    return other
+        expected = "a bag of ROS 1 or 2, or an MCAP file with messages of ROS or protobuf"
         got = f"none, or a damaged one ({reason(error)})"
         tool = MEND.get("" if path.is_dir() else path.suffix.lower())
         # A recorder that was interrupted has not written the index.

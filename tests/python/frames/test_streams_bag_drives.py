@@ -9,10 +9,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+from mcap_protobuf.writer import Writer
 from PIL import Image
 
 import surefix
-from recordings import KINDS, Bag, pictures
+from recordings import KINDS, Bag, packets, pictures
 from surefix.frames import BagFrames, Frames, Odometry, image_of
 from surefix.frames import open as frames_open
 
@@ -286,3 +289,43 @@ def test_other_encodings_of_drivers() -> None:
     assert np.array_equal(image_of(raw(alone, "mono8", (4, 6), 0)), alone)
     with pytest.raises(surefix.SurefixValueError, match=r"12 rows of 6 bytes .*nv24"):
         image_of(raw(full[:8], "nv24", (4, 6), 6))
+
+
+def test_a_recording_that_was_cut_short_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
+    images = pictures(60, 240, 320)
+    with Bag(tmp_path, "mcap") as bag:
+        for index, image in enumerate(images):
+            bag.image("/image", image, START + index / 8)
+    (file,) = bag.path.glob("*.mcap")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(file.read_bytes()[: file.stat().st_size * 2 // 3])
+    source = BagFrames(cut, skip_bad=True)
+    frames = list(source)
+    assert 30 <= len(frames) <= 40
+    assert all(np.array_equal(frame.image, images[int(frame.name)]) for frame in frames)
+    assert [int(frame.name) for frame in frames] == [*range(len(frames))]
+    assert source.remarks[0].startswith(f"{cut}: damaged: read as far as it goes (")
+    with pytest.raises(surefix.SurefixValueError, match=r"cut\.mcap: expected .*: mcap recover$"):
+        frames_open(cut)
+    # As does a folder whose recorder was cut off.
+    (bag.path / "metadata.yaml").unlink()
+    file.write_bytes(cut.read_bytes())
+    assert len(list(BagFrames(bag.path, skip_bad=True))) == len(frames)
+
+
+def test_messages_of_protobuf(tmp_path: Path) -> None:
+    video = packets(IMAGES)
+    with (tmp_path / "foxglove.mcap").open("wb") as file, Writer(file) as writer:
+        for number, data in video:
+            message = CompressedVideo(data=data, format="h264", frame_id="camera")
+            message.timestamp.FromNanoseconds(int(START) * 10**9 + number * 125_000_000)
+            writer.write_message("/video", message, int(1e9 * (1 + number)))
+        for number in range(5):
+            still = CompressedImage(data=png(IMAGES[number]), format="png")
+            still.timestamp.FromNanoseconds(int(START) * 10**9 + number * 125_000_000)
+            writer.write_message("/still", still, int(1e9 * (1 + number)))
+    source = frames_open(tmp_path / "foxglove.mcap", topic="/video")
+    frames = list(source)
+    assert [frame.time for frame in frames] == [START + number / 8 for number in range(30)]
+    assert np.abs(frames[9].image.astype(int) - IMAGES[9]).mean() < 12
+    assert shown(frames_open(tmp_path / "foxglove.mcap", topic="/still")) == [*range(5)]
