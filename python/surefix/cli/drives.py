@@ -128,6 +128,8 @@ def open_drive(
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
     rows = [describe(each, frames, network) for each, network in zip(maps, networks, strict=True)]
+    for note in inputs.notes_on(moved):
+        print(note, file=sys.stderr)
     named = None if frames.ready is not None else names
     return Drive(_named(files), maps, rows, advance, named)
 

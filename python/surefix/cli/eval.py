@@ -255,6 +255,8 @@ def eval_(
         context = replace(context, techniques=techniques)
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
+    for note in [] if frames is None else inputs.notes_on(frames):
+        print(note, file=sys.stderr)
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Comparing the methods") as status:
 

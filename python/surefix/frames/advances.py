@@ -122,10 +122,13 @@ def on_clock(source: Frames, odometry: Odometry) -> tuple[Frames, Odometry]:
         if source.span is not None:
             check_ranges(odometry, source.span)
         return source, odometry
-    nameless = [file for file in source.files if time_in(Path(file).name) is None]
+    times = [time_in(Path(file).name) for file in source.files]
+    named = [time for time in times if time is not None]
+    nameless = [file for file, time in zip(source.files, times, strict=True) if time is None]
     if nameless or not source.files:
         expected = "frames with times, as of a video or a bag, or files named by their times"
         raise mismatch(odometry.source, expected, nameless[0] if nameless else "neither")
+    check_ranges(odometry, (min(named), max(named)))
     return Clocked(source, by_number=False), odometry
 
 
