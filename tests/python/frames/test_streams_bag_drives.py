@@ -147,6 +147,15 @@ def test_the_odometry_of_a_bag_has_the_clock_of_its_images(tmp_path: Path) -> No
     assert Odometry.from_bag(bag.path).times[0] == 7.0
 
 
+def test_the_clock_of_a_simulator_begins_at_0(tmp_path: Path) -> None:
+    with Bag(tmp_path, "mcap") as bag:
+        for index in range(10):
+            bag.image("/image", IMAGES[index], index / 8, recorded=1000 + index / 4)
+    source = frames_open(bag.path)
+    assert [frame.time for frame in source] == [index / 8 for index in range(10)]
+    assert source.remarks == []
+
+
 def test_stamps_that_stand_still_are_none(tmp_path: Path) -> None:
     with Bag(tmp_path, "mcap") as bag:
         for index in range(10):
