@@ -132,6 +132,7 @@ class BagFrames(Frames):
             with closing(found):
                 for number, image in found:
                     if number not in rank:
+                        lost += number in read.bad
                         continue
                     broken = number in line.breaks
                     time = int(line.time[number]) / SECOND

@@ -13,6 +13,8 @@ Int64 = npt.NDArray[np.int64]
 SECOND = 1_000_000_000
 # Messages that go on after a jump back tell a clock that was set back from a message that is late.
 BACK = 5
+# In messages: how late one may be and still be put in its place. Videos send a few out of order.
+LATE = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,9 +24,10 @@ class Timeline:
     The clock is that of the stamps; or that of the recording, for all messages, if a stamp is 0 or
     more than one in ten is that of the message before.
 
-    A message that is later than one recorded after it is put in its place. If the clock goes back
-    and stays back, a new stretch begins there: times ascend within a stretch. Of messages with
-    equal times in a stretch, and of copies in several files, the first is kept.
+    A message that was recorded late is put in its place, unless more than ``LATE`` recorded before
+    it are newer: then it is left out. If the clock goes back and stays back, a new stretch begins
+    there: times ascend within a stretch. Of messages with equal times in a stretch, and of copies
+    in several files, the first is kept.
 
     Attributes
     ----------
@@ -74,11 +77,13 @@ def timeline(
         why = f"{zero} of {count} are 0" if zero else f"{still} of {count} repeat the one before"
         remarks.append(f"{why}: times are those of the recording")
     time = recorded.copy() if by_recording else stamps.copy()
-    stretches = _stretches(numbers, time)
     order: list[int] = []
     breaks: set[int] = set()
-    late = equal = 0
-    for stretch in stretches:
+    late = equal = stray = 0
+    for whole_stretch in _stretches(numbers, time):
+        rank = np.argsort(np.argsort(time[whole_stretch], kind="stable"), kind="stable")
+        stretch = whole_stretch[np.arange(len(rank)) - rank <= LATE]
+        stray += len(whole_stretch) - len(stretch)
         ranked = stretch[np.argsort(time[stretch], kind="stable")]
         late += int((np.diff(time[stretch]) < 0).sum())
         fresh = np.concatenate([[True], np.diff(time[ranked]) > 0])
@@ -91,6 +96,8 @@ def timeline(
         order += kept
     if late:
         remarks.append(f"{plural(late, 'message')} recorded late, put in order")
+    if stray:
+        remarks.append(f"{plural(stray, 'message')} left out: older than {LATE} recorded before")
     if equal:
         remarks.append(f"{plural(equal, 'message')} left out: the time of another message")
     if len(order) > 1 and len(files) > 1:

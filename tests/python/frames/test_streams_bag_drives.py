@@ -196,6 +196,17 @@ def test_messages_that_come_late_are_put_in_order(tmp_path: Path) -> None:
     ]
 
 
+def test_a_stamp_out_of_place_is_left_out(tmp_path: Path) -> None:
+    stamps = [100 + index / 8 for index in range(30)]
+    stamps[25] = 7.0
+    with Bag(tmp_path, "mcap") as bag:
+        for index, stamp in enumerate(stamps):
+            bag.image("/image", IMAGES[index], stamp, recorded=1000 + index / 8)
+    source = frames_open(bag.path)
+    assert shown(source) == [*range(25), *range(26, 30)]
+    assert "1 message left out: older than 16 recorded before" in source.remarks
+
+
 def png(image: npt.NDArray[np.generic]) -> bytes:
     content = io.BytesIO()
     Image.fromarray(image).save(content, "png")

@@ -306,6 +306,25 @@ def test_a_bag_damaged_in_its_middle_keeps_what_came_before(tmp_path: Path) -> N
         next(stream)
 
 
+def test_damaged_messages_count_as_dropped(tmp_path: Path) -> None:
+    with Bag(tmp_path, "mcap") as bag:
+        for index in range(6):
+            size = (999, 64) if index in (2, 3) else None
+            step = None if size is None else 192
+            bag.image("/image", IMAGES[index], TIMES[index], size=size, step=step)
+    source = BagFrames(bag.path, skip_bad=True)
+    assert [(frame.name, frame.dropped) for frame in source] == [
+        ("0", 0),
+        ("1", 0),
+        ("4", 2),
+        ("5", 0),
+    ]
+    assert [re.search(r"message \d: expected 999 rows", bad) is not None for bad in source.bad] == [
+        True,
+        True,
+    ]
+
+
 def test_a_bag_of_an_older_ros2_does_not_say_what_its_messages_look_like(tmp_path: Path) -> None:
     with Bag(tmp_path, "sqlite3") as bag:
         bag.image("/image", IMAGES[0], TIMES[0])
