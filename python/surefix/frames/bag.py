@@ -167,14 +167,14 @@ class BagFrames(Frames):
         def packets() -> Iterator[tuple[int, Any]]:
             with closing(bag.messages(self.topic)) as found:
                 for number, message in enumerate(found):
-                    if number < read.messages and number not in read.bad:
+                    if number < read.messages:
                         wheres[number] = message.where
-                        yield number, message.content
+                        yield number, None if number in read.bad else message.content
 
         good = False
         for number, picture in decoded(read.codec, packets()):
             where = wheres.pop(number)
-            if picture is None and good:
+            if picture is None and good and number not in read.bad:
                 problem = f"{where}: a damaged video: it cannot be decoded whole"
                 if not self.skip_bad:
                     raise SurefixValueError(problem)

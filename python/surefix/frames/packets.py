@@ -56,7 +56,7 @@ def decoded(
     codec: str, packets: Iterable[tuple[int, Any]]
 ) -> Generator[tuple[int, Any | None], None, None]:
     """Of each packet's number, in the order of the pictures, its picture; None if there is none: it
-    comes before the first whole picture, or is damaged.
+    comes before the first whole picture, or is damaged, as is a message of None.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def decoded(
                 yield frame.pts, frame if whole else None
 
     for number, message in packets:
-        data = bytes(bytes_of(message))
+        data = b"" if message is None else bytes(bytes_of(message))
         if not data:
             # To FFmpeg it would be the end.
             whole = False
