@@ -21,6 +21,7 @@ from surefix.descriptors.mapping import sad_map
 from surefix.errors import mismatch
 from surefix.frames import Frames, ImageFrames
 from surefix.frames import open as open_frames
+from surefix.frames.sampling import Derived
 from surefix.tables.matrices import read_matrix
 from surefix.tables.positions import Positions, on_one_plane, read_positions
 from surefix.tables.vectors import ENDINGS
@@ -127,6 +128,8 @@ def open_drive(
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
     rows = [describe(each, frames, network) for each, network in zip(maps, networks, strict=True)]
+    for note in inputs.notes_on(moved):
+        print(note, file=sys.stderr)
     named = None if frames.ready is not None else names
     return Drive(_named(files), maps, rows, advance, named)
 
@@ -149,8 +152,8 @@ def others_of(first: Map, fuse: Sequence[str | Path]) -> list[Map]:
 def open_map(route: str) -> Map:
     """The map; a folder of images is none yet."""
     if Path(route).is_dir():
-        got = f"a folder; make a map of it: surefix map build {route}"
-        raise mismatch(route, "a map or a matrix", got)
+        got = f"a folder of images; make a map of it: surefix map build {route}"
+        raise mismatch(route, "a map", got)
     return Map.open(route)
 
 
@@ -171,7 +174,10 @@ def networks_of(
 
 def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None) -> None:
     """Refuses queries that the map cannot take."""
-    if frames.ready is not None:
+    source: Any = frames
+    while not isinstance(source, ImageFrames) and isinstance(source, Derived):
+        source = source.source
+    if source.ready is not None:
         got = f"got the ready descriptors {frames.files[0]}"
         refuse(network is not None, f"--model: expected images, {got}")
     elif network is None and place_map.descriptor is None:

@@ -1,7 +1,7 @@
 """Inputs that several commands take: images or recordings, and the network of a map."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,9 +10,11 @@ import numpy.typing as npt
 import typer
 
 from surefix import Map, SurefixValueError, frames
+from surefix._words import plural
 from surefix.descriptors import Onnx
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.frames.opening import is_recording
+from surefix.frames.recording import is_bag
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.metres import places_per_metre
 from surefix.tables.vectors import ENDINGS
@@ -70,7 +72,7 @@ def refuse(wrong: bool, message: str) -> None:
 
 def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.Frames:
     """The frames of a video or a bag, or of images with odometry, sampled; or all those of images
-    or an array.
+    or an array. Bad frames of recordings are passed over.
     """
     array = Path(place).suffix.lower() in ENDINGS
     recording = is_recording(place) or (sampling.get("odometry") is not None and not array)
@@ -78,9 +80,26 @@ def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.F
     if key is not None and not array:
         raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
     if recording:
-        return frames.open(place, **sampling)
+        return frames.open(place, **sampling, skip_bad=is_bag(place))
     check_sampling(place, **sampling)
     return frames.ImageFrames(place, key)
+
+
+def notes_on(given: frames.Frames, kept: Sequence[str] | None = None) -> list[str]:
+    """What to say of the frames in a command's last line: the files that were left out, and the
+    images and frames that were passed over. ``kept`` are the names of those that were used.
+    """
+    notes: list[str] = []
+    bad: list[str] = []
+    source: Any = given
+    while isinstance(source, frames.Frames):
+        bad += getattr(source, "bad", [])
+        notes += source.remarks
+        source = getattr(source, "source", None)
+    if bad:
+        some = ", ".join(bad[:3]) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
+        notes.insert(0, f"{plural(len(bad), 'bad image')} passed over: {some}")
+    return [*dict.fromkeys(notes)]
 
 
 def scale_of(
@@ -128,7 +147,8 @@ def open_network(
         return Onnx(model, output, size, means, spreads, batch)
     except SurefixValueError as error:
         # An output or a size that the model does not have is a mistake of the command line's.
-        raise typer.BadParameter(str(error)) from None
+        said = str(error).replace("output=NAME", "--output NAME")
+        raise typer.BadParameter(said) from None
 
 
 def network_of(known: Map, route: object, model: Path) -> Onnx:
@@ -151,7 +171,7 @@ def network_of(known: Map, route: object, model: Path) -> Onnx:
 def no_model(name: str, route: object) -> typer.BadParameter:
     """The refusal of images for a network's map without the network."""
     wanted = f"--model with {name}, which {route} was made with"
-    return typer.BadParameter(f"expected {wanted}, got none")
+    return typer.BadParameter(f"expected {wanted}, got none: add --model FILE")
 
 
 def steps_of(text: str) -> list[Step]:

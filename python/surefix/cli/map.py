@@ -3,7 +3,7 @@
 import json
 import time
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -13,6 +13,7 @@ from rich.text import Text
 from surefix import Map, Sad, SurefixValueError
 from surefix._words import plural
 from surefix.cli import inputs
+from surefix.cli.drives import check_kind, open_map
 from surefix.cli.flags import documented
 from surefix.cli.inputs import refuse
 from surefix.descriptors import metric_of
@@ -126,7 +127,8 @@ def build(
             Map.build(out, frames.source, sad, positions=where)
         else:
             sad_map(frames, sad, where).save(out)
-    print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
+    made = f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s"
+    print("; ".join([made, *inputs.notes_on(frames)]))
 
 
 @documented
@@ -136,6 +138,11 @@ def append(
     positions: Path | None = None,
     model: inputs.Model = None,
     cache: inputs.Cache = None,
+    topic: inputs.Topic = None,
+    stride: inputs.Stride = 1,
+    every: inputs.Every = None,
+    metres: inputs.Metres = None,
+    odometry: inputs.Odometry = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.
@@ -146,11 +153,14 @@ def append(
     Parameters
     ----------
     file: The map that becomes longer.
-    references: The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.
+    references: The places that follow: a folder of images, a pattern ("more/*.png"), a .npy, a
+        video or a bag.
     positions: A .npy or .csv of each new place's position, if the map has positions.
     """
     start, old = time.perf_counter(), _look(file)
-    frames = ImageFrames(references)
+    frames = inputs.open_frames(
+        references, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
+    )
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
     where = None if positions is None else read_metres(positions)
@@ -167,11 +177,30 @@ def append(
         more = Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe)
         Map.append(file, more)
     elif network is not None:
-        Map.append(file, frames.source, network, positions=where, cache=cache)
-    else:
+        images: Any = frames.source if isinstance(frames, ImageFrames) else frames
+        Map.append(file, images, network, positions=where, cache=cache)
+    elif isinstance(frames, ImageFrames):
         Map.append(file, frames.source, positions=where)
-    added, seconds = plural(len(frames), "place"), time.perf_counter() - start
-    print(f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s")
+    elif old.descriptor is None:
+        check_kind(old, str(file), frames, None)
+    else:
+        Map.append(file, sad_map(frames, old.descriptor, where))
+    longer, seconds = _look(file), time.perf_counter() - start
+    added = plural(len(longer) - len(old), "place")
+    said = f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
+    print("; ".join([said, *_again(old, longer), *inputs.notes_on(frames)]))
+
+
+def _again(old: Map, longer: Map) -> list[str]:
+    """The names of added places that the map had before: perhaps the same drive once more."""
+    if old.names is None or longer.names is None:
+        return []
+    known = set(old.names)
+    twice = [name for name in longer.names[len(old) :] if name in known]
+    if not twice:
+        return []
+    span = twice[0] if len(twice) == 1 else f"{twice[0]} to {twice[-1]}"
+    return [f"warning: {plural(len(twice), 'name')} were in the map before: {span}"]
 
 
 @documented
@@ -197,6 +226,7 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
         "post": None if route.post is None else route.post.steps,
         "input_dim": route.input_dim,
         "names": [names[0], names[-1]] if names else None,
+        "repeated": _repeated(names),
         "positions": None if where is None else list(where.shape),
     }
     if as_json:
@@ -210,13 +240,35 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
             "descriptor": _descriptor_of(route),
             "post": repr(route.post),
             "names": f"{names[0]} to {names[-1]}" if names else "none",
+            "repeated": _said(facts["repeated"]),
             "positions": coordinates,
         }.get(name, str(value))
         # The descriptor's name stands for the recipe; --json has all of it.
-        if name in ("recipe", "input_dim") or (name == "post" and route.post is None):
+        absent = (name == "post" and route.post is None) or (name == "repeated" and not value)
+        if name in ("recipe", "input_dim") or absent:
             continue
         table.add_row(name, Text(shown))
     Console(highlight=False, soft_wrap=True).print(table)
+
+
+def _repeated(names: list[str] | None) -> list[list[int]]:
+    """The stretches of places whose names come earlier in the map: first and last of each."""
+    known: set[str] = set()
+    found: list[list[int]] = []
+    for place, name in enumerate(names or ()):
+        if name in known:
+            if found and found[-1][1] == place - 1:
+                found[-1][1] = place
+            else:
+                found.append([place, place])
+        known.add(name)
+    return found
+
+
+def _said(repeated: Any) -> str:
+    parts = [f"{first} to {last}" if first != last else str(first) for first, last in repeated[:5]]
+    more = f" and {len(repeated) - 5} stretches more" if len(repeated) > 5 else ""
+    return f"places {', '.join(parts)}{more} have names that come before"
 
 
 def _descriptor_of(route: Map) -> str:
@@ -229,6 +281,8 @@ def _descriptor_of(route: Map) -> str:
 
 def _look(file: Path) -> Map:
     """The map without its rows: a file of gigabytes takes no longer than a small one."""
+    if file.is_dir():
+        return open_map(str(file))
     return Map.open(file, mmap=file.is_file())
 
 

@@ -16,7 +16,8 @@ from surefix.descriptors.extraction import described
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
-from surefix.frames.sampling import EveryMetres
+from surefix.frames.nearest import EveryMetres
+from surefix.frames.passing import SkipBad
 
 # Images are described in parallel, this many at a time; no more are held.
 AT_ONCE = 128
@@ -59,6 +60,8 @@ def append_images(
     _check_own(old, descriptor)
     _check_positions(frames, positions)
     rows, shots = described(frames, descriptor, cache=cache, progress=progress)
+    if isinstance(images, Frames):
+        positions = _positions(images, shots, positions)
     names = None
     if old.names is not None:
         # Those that are only numbers count on.
@@ -105,6 +108,8 @@ def _positions(frames: Frames, taken: Sequence[Frame | Shot], positions: Any) ->
         if len(positions) != len(taken):
             raise _not_each(frames, len(positions), len(taken))
         return positions
+    while isinstance(frames, SkipBad):
+        frames = frames.source
     if not isinstance(frames, EveryMetres) or frames.odometry.positions.shape[1] < 2:
         return None
     times = [frame.time if frame.clock is None else frame.clock for frame in taken]

@@ -6,14 +6,17 @@ from pathlib import Path
 
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.advances import Advances, on_clock
-from surefix.frames.bag import BAG_ENDINGS, BagFrames, is_bag
+from surefix.frames.bag import BagFrames
 from surefix.frames.camera import CameraFrames, is_camera
 from surefix.frames.follow import FollowFrames
 from surefix.frames.frame import Frames
 from surefix.frames.images import ImageFrames
+from surefix.frames.nearest import Every, EveryMetres
 from surefix.frames.newest import KeepNewest
 from surefix.frames.odometry import Odometry
-from surefix.frames.sampling import Every, EveryMetres, Gaps, Stride, check_stride
+from surefix.frames.passing import SkipBad
+from surefix.frames.recording import BAG_ENDINGS, is_bag, is_bags
+from surefix.frames.sampling import Gaps, Stride, check_stride
 from surefix.frames.video import VIDEO_ENDINGS, VideoFrames, is_video
 from surefix.tables.vectors import ENDINGS
 
@@ -33,6 +36,7 @@ def open(
     odometry: Odometry | Place | None = None,
     places_per_metre: float | None = None,
     newest: bool | int | None = None,
+    skip_bad: bool = False,
 ) -> Frames:
     """The frames of images, a folder that grows, a video, a bag, a camera or an array.
 
@@ -40,10 +44,11 @@ def open(
     ----------
     place : str, path, int, or list of files
         A folder of images or a pattern; a ``.npy``, or another file of descriptors; a video file; a
-        bag (``.bag``, ``.mcap``, ``.db3``, or the folder of a ROS 2 bag); a camera's number, device
-        file or URL; or a list of image files.
+        bag (``.bag``, ``.mcap``, ``.db3``, or the folder of a ROS 2 bag), or a folder, a pattern or
+        a list of the bags of one drive; a camera's number, device file or URL; or a list of image
+        files.
     topic : str, optional
-        Of a bag: the images' topic, if there are several.
+        Of a bag: the images' topic, if there are several cameras.
     follow : bool
         Of a folder or a pattern: go on with the files that come.
     idle : float, optional
@@ -53,9 +58,9 @@ def open(
     stride : int
         Take every n-th frame.
     every : float, optional
-        Take a frame every this many seconds.
+        Take the frame nearest to each tick of this many seconds (``Every``).
     metres : float, optional
-        Take a frame every this many metres, by ``odometry``.
+        Take the frame nearest to each mark of this many metres, by ``odometry`` (``EveryMetres``).
     odometry : Odometry, str or path, optional
         For ``metres``, ``places_per_metre`` or both: a ``.csv`` or a trajectory of TUM, KITTI or
         EuRoC (``Odometry.from_file``), a topic of poses of the bag that the images are in, or
@@ -67,6 +72,9 @@ def open(
     newest : bool or int, optional
         Read in a thread, and keep the newest frame, or this many, for a slow reader
         (``KeepNewest``). By default for a camera only: the frames of a folder wait.
+
+    skip_bad : bool
+        Pass over frames that cannot be decoded, and say so (``SkipBad``, ``BagFrames``).
 
     Returns
     -------
@@ -86,7 +94,7 @@ def open(
     >>> localizer.stream(surefix.frames.open("drive.mp4", every=0.5, gap=2))     # doctest: +SKIP
     >>> bag = surefix.frames.open("drive.bag", metres=3, odometry="/odom")       # doctest: +SKIP
     """
-    source = _source(place, topic, follow, idle)
+    source = _source(place, topic, follow, idle, skip_bad)
     for option, value in (("gap", gap), ("every", every)):
         if value is not None and not source.timed:
             raise mismatch(option, "frames with times, as of a video or a bag", place)
@@ -108,6 +116,9 @@ def open(
         frames = Every(frames, every)
     if metres is not None and track is not None:
         frames = EveryMetres(frames, track, metres)
+    # Of the frames that are left: the others are not decoded.
+    if skip_bad and not (source.live or isinstance(source, VideoFrames)):
+        frames = SkipBad(frames)
     if newest is None:
         newest = isinstance(source, CameraFrames)
     if newest:
@@ -120,21 +131,28 @@ def open(
 
 def is_recording(place: str) -> bool:
     """Whether this names a video or a bag."""
-    return is_bag(Path(place)) or is_video(Path(place))
+    return is_bag(place) or is_video(Path(place))
 
 
 def _source(
-    place: Place | int | Iterable[Place], topic: str | None, follow: bool, idle: float | None
+    place: Place | int | Iterable[Place],
+    topic: str | None,
+    follow: bool,
+    idle: float | None,
+    skip_bad: bool,
 ) -> Frames:
     if idle is not None and not follow:
         raise mismatch("idle", "follow too", "none")
     if not isinstance(place, (str, PathLike, int)):
+        place = list(place)
+        if is_bags(place) and not follow:
+            return BagFrames(place, topic, skip_bad=skip_bad)
         if follow or topic is not None:
             raise SurefixValueError(f"{'follow' if follow else 'topic'}: not for a list of files")
         return ImageFrames(place)
     name = str(place) if isinstance(place, int) else fspath(place)
     file = Path(name)
-    bag, video = is_bag(file), is_video(file)
+    bag, video = is_bag(name), is_video(file)
     if topic is not None and not bag:
         raise mismatch("topic", "a bag", name)
     array, camera = file.suffix.lower() in ENDINGS, is_camera(name) and not file.is_dir()
@@ -143,7 +161,7 @@ def _source(
             raise mismatch("follow", "a folder or a pattern", name)
         return FollowFrames(name, idle=idle)
     if bag:
-        return BagFrames(name, topic)
+        return BagFrames(name, topic, skip_bad=skip_bad)
     for fits, kind in ((array, ImageFrames), (camera, CameraFrames), (video, VideoFrames)):
         if fits:
             return kind(name)
@@ -151,26 +169,18 @@ def _source(
         endings = ", ".join(sorted({*VIDEO_ENDINGS, *BAG_ENDINGS, *ENDINGS}))
         expected = f"a folder of images, a pattern, or a file that ends in {endings}"
         raise SurefixValueError(f"{name}: expected {expected}")
-    try:
-        return ImageFrames(name)
-    except SurefixValueError:
-        # A recorder that was interrupted leaves a bag's folder without its metadata.
-        parts = sorted(p.name for p in file.glob("*") if is_bag(p)) if file.is_dir() else []
-        if not parts:
-            raise
-        expected = "expected images, or the metadata.yaml of a bag"
-        raise SurefixValueError(f"{name}: {expected}; name one of {', '.join(parts)}") from None
+    return ImageFrames(name)
 
 
 def _odometry(given: Odometry | Place, source: Frames) -> Odometry:
     if isinstance(given, Odometry):
         return given
     name = fspath(given)
-    if is_bag(Path(name)):
+    if is_bag(name):
         return Odometry.from_bag(name)
     if not name.startswith("/") or Path(name).is_file():
         return Odometry.from_file(name)
     if not isinstance(source, BagFrames):
         expected = "a .csv or a trajectory's file, or a topic of the bag that the images are in"
         raise mismatch("odometry", expected, name)
-    return Odometry.from_bag(source.path, name)
+    return Odometry.from_bag(source.place, name, recorded=source.recorded)
