@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from surefix.errors import mismatch, refusal
 
-
 DECIMAL_COMMA = re.compile(r"^([-+]?\d+),(\d+)$")
 # Cells of a value that is not known.
 UNKNOWN = frozenset({"", "nan", "na", "n/a", "none", "null", "<na>"})
