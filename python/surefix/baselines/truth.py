@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix.baselines.distances import Flags, Places, number, whole
+from surefix.contradicting import known_queries
 from surefix.errors import mismatch
 
 __all__ = ["Truth", "by_metres", "right_matches"]
@@ -29,8 +30,11 @@ def right_matches(
     array = np.asarray(truth)
     if array.size == 0:
         array = array.astype(np.int64)
-    if array.shape == place.shape and array.dtype.kind in "iu":
-        return _by_place(place, places, array.astype(np.int64), frames)
+    if array.shape == place.shape and array.dtype.kind in "iuf":
+        known = known_queries(array)
+        whole_places = np.where(known, array, -1).astype(np.int64)
+        right, _ = _by_place(place, places, whole_places, frames)
+        return right, known
     if array.shape == (places, m) and array.dtype.kind in "biu":
         return _by_cell(place, array, frames)
     kinds = f"a place a query ({m},), a matrix ({places}, {m}) or a pair of positions"
@@ -79,4 +83,4 @@ def _by_position(
         expected = f"{places} positions of places and {len(place)} of queries"
         raise mismatch("truth", expected, f"{len(there)} and {len(here)}")
     apart = np.sqrt(((there[place] - here) ** 2).sum(axis=1))
-    return apart <= metres, np.ones(len(place), bool)
+    return apart <= metres, known_queries(truth)

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import typer
 
 from surefix import Localizer, Map, SurefixValueError
 from surefix._progress import Bar, terminal_bar
@@ -21,8 +20,8 @@ from surefix.descriptors.mapping import sad_map
 from surefix.errors import mismatch
 from surefix.frames import Frames, ImageFrames
 from surefix.frames import open as open_frames
+from surefix.frames.advances import time_in
 from surefix.tables.matrices import read_matrix
-from surefix.tables.positions import Positions, on_one_plane, read_positions
 from surefix.tables.vectors import ENDINGS
 
 Float32 = npt.NDArray[np.float32]
@@ -45,6 +44,8 @@ class Drive:
         By the odometry, in places.
     queries : list of str, or None
         The name of each query.
+    times : sequence of float or None
+        When each query was taken, in seconds; empty if unknown.
     """
 
     names: list[str]
@@ -52,6 +53,7 @@ class Drive:
     rows: list[npt.NDArray[Any]]
     advance: Float64 | None = None
     queries: list[str] | None = None
+    times: Sequence[float | None] = ()
 
     @property
     def given(self) -> tuple[Any, ...]:
@@ -122,13 +124,13 @@ def open_drive(
         frames = moved = inputs.open_frames(place, **sampling)
     for file, place_map, network in zip(files, maps, networks, strict=True):
         check_kind(place_map, file, frames, network)
-    names, advances = names_and_advances(moved)
+    names, advances, times = names_and_advances(moved)
     advance = None if odometry is None else known(advances)
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
     rows = [describe(each, frames, network) for each, network in zip(maps, networks, strict=True)]
     named = None if frames.ready is not None else names
-    return Drive(_named(files), maps, rows, advance, named)
+    return Drive(_named(files), maps, rows, advance, named, times)
 
 
 def _named(files: Sequence[str]) -> list[str]:
@@ -185,22 +187,33 @@ def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None)
         )
 
 
-def names_and_advances(frames: Frames) -> tuple[list[str], list[float | None]]:
-    """The name and the advance of each frame; a recording is read for them."""
+class Listed(NamedTuple):
+    """The name, the advance and the time of each frame; the last two are empty if unknown."""
+
+    names: list[str]
+    advances: list[float | None]
+    times: list[float | None]
+
+
+def names_and_advances(frames: Frames) -> Listed:
+    """Those of each frame; a recording is read for them."""
     if isinstance(frames, ImageFrames):
-        return frames.images.names, []
-    names: list[str] = []
-    advance: list[float | None] = []
+        names = frames.images.names
+        # Files may be named by their times.
+        times = [time_in(Path(name).name) for name in names]
+        return Listed(names, [], [] if None in times else times)
+    listed = Listed([], [], [])
     bar = Bar(terminal_bar("Counting"), None, frames.estimate)
     with closing(frames.shots()) as shots:
         for shot in shots:
-            names.append(shot.name)
-            advance.append(shot.advance)
-            bar.show(len(names))
-    bar.end(len(names))
-    if not names:
+            listed.names.append(shot.name)
+            listed.advances.append(shot.advance)
+            listed.times.append(time_in(shot.name) if shot.time is None else shot.time)
+            bar.show(len(listed.names))
+    bar.end(len(listed.names))
+    if not listed.names:
         raise mismatch(frames.files[0], "frames", "none")
-    return names, advance
+    return listed
 
 
 def known(advance: Sequence[float | None]) -> Float64:
@@ -245,30 +258,3 @@ def distances_of(
             D[:, column] = localizer.distances
         bar.show(column + 1)
     return D
-
-
-def positions_of(
-    places: int, queries: int, of_map: Float64 | None, positions: Path | None, driven: Path
-) -> tuple[Float64, Float64]:
-    """Those of the places and of the queries, in metres."""
-    if positions is not None:
-        mapped = read_positions(positions)
-    elif of_map is not None:
-        mapped = Positions("the map", of_map)
-    else:
-        raise typer.BadParameter("--positions: expected those of the places, as the map has none")
-    there, here = on_one_plane(mapped, read_positions(driven))
-    _check_positions("--positions", there, places)
-    _check_positions("--query-positions", here, queries)
-    if there.shape[1] != here.shape[1]:
-        got = f"{there.shape[1]} of places and {here.shape[1]} of queries"
-        raise mismatch("--query-positions", "the coordinates of --positions", got)
-    return there, here
-
-
-def _check_positions(option: str, array: Float64, count: int) -> None:
-    if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) != count:
-        raise mismatch(option, f"{count} rows of 2 or 3 metres", f"the shape {array.shape}")
-    if not np.isfinite(array).all():
-        row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise mismatch(option, "finite metres", f"{array[row].tolist()} in row {row}")

@@ -18,7 +18,7 @@ from rich.console import Console
 from surefix import Map, SurefixError, SurefixValueError, match_distances
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
-from surefix.baselines.truth import Truth, right_matches
+from surefix.baselines.truth import right_matches
 from surefix.cli import inputs, scenarios
 from surefix.cli.drives import (
     check_kind,
@@ -27,10 +27,10 @@ from surefix.cli.drives import (
     known,
     names_and_advances,
     open_map,
-    positions_of,
 )
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import refuse
+from surefix.cli.where import GAP, Places, PositionGap, Queries, by_positions, by_truth
 from surefix.descriptors import Onnx
 from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
@@ -61,6 +61,7 @@ def eval_(
     truth: str | None = None,
     positions: Path | None = None,
     query_positions: Path | None = None,
+    position_gap: PositionGap = GAP,
     tolerance: Annotated[float | None, typer.Option(min=0)] = None,
     method: Annotated[
         list[str] | None,
@@ -104,11 +105,15 @@ def eval_(
     queries: A folder of images, a pattern, a .npy of images, a video or a bag; or ready
         descriptors, as for `surefix map build`. With a .npy of distances: the images of its
         queries, if any, for the pictures.
-    truth: "identity" (query i is place i); a .npy of places (m,), -1 for none, or of a matrix (n,
-        m); or a .csv with the columns query,reference, a row a query.
-    positions: In place of --truth: metres of each place, .npy or .csv; or a .csv with the header
-        latitude,longitude. The map's by default.
-    query_positions: In place of --truth: those of each query, as for --positions.
+    truth: "identity" (query i is place i); a .npy of places (m,), -1 for none, of lists of them, or
+        of a matrix (n, m); a .csv with the columns query,reference, a row a query; or
+        Patch-NetVLAD's .npz of positions.
+    positions: In place of --truth: metres of each place, .npy or .csv; a .csv with the header
+        latitude,longitude; a trajectory of TUM, KITTI or EuRoC; or a folder of images named
+        @east@north@. The map's by default.
+    query_positions: In place of --truth: those of each query, as for --positions; or at times of
+        their own, in a column time, if the queries have times. Those that are empty or nan are not
+        known, and left out.
     tolerance: The greatest distance from the truth of a right match: in places, 1 by default; with
         positions in metres.
     out: The folder to write; an earlier report in it is replaced.
@@ -153,11 +158,14 @@ def eval_(
         refuse(not is_matrix, "QUERIES: expected the drive's images or descriptors, got none")
     both = truth is not None and (by_position or positions is not None)
     refuse(both, "--truth: expected it or positions, got both")
-    neither = truth is None and not by_position
-    refuse(neither, "--truth: expected it, or --query-positions; got neither")
+    expected = (
+        "--truth: expected it, or --query-positions; got neither (query i is place i: --truth "
+    )
+    refuse(truth is None and not by_position, expected + "identity)")
     expected = "--tolerance: expected how many metres from the truth are right, got none"
     refuse(by_position and tolerance is None, expected)
     part = truth is not None and tolerance is not None and not tolerance.is_integer()
+    part = part and not str(truth).lower().endswith(".npz")
     refuse(part, f"--tolerance: expected a whole number of places, got {tolerance}")
     expected = "--calibration: expected it and --calibration-truth, or neither"
     refuse(taught != (calibration_truth is not None), expected)
@@ -195,7 +203,7 @@ def eval_(
         sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
         refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
     frames = None if queries is None else inputs.open_frames(queries, **sampling)
-    names, advance = ([], []) if frames is None else names_and_advances(frames)
+    names, advance, times = ([], [], []) if frames is None else names_and_advances(frames)
     if D is not None:
         places, count = D.shape
         if isinstance(frames, ImageFrames):
@@ -212,17 +220,19 @@ def eval_(
 
     # Read the truth.
     where = None if place_map is None else place_map.positions
-    along = None
+    mapped = Places(places, where, None if place_map is None else place_map.names)
+    driven = Queries(count, [] if frames is None or frames.ready is not None else names, times)
     if truth is not None:
-        judge: Truth = read_truth(truth, places, count)
-        tolerance = 1 if tolerance is None else int(tolerance)
+        judged = by_truth(truth, mapped, driven, tolerance)
     else:
         assert query_positions is not None
-        judge = where, here = positions_of(places, count, where, positions, query_positions)
-        steps = np.linalg.norm(np.diff(here, axis=0), axis=1)
-        along = np.concatenate(([0.0], np.cumsum(steps)))
-    assert tolerance is not None
-    context = replace(context, truth=judge, truth_tolerance=tolerance)
+        assert tolerance is not None
+        given = (positions, query_positions, mapped, driven)
+        judged = by_positions(*given, tolerance, position_gap)
+    if isinstance(judged.truth, tuple):
+        where = np.asarray(judged.truth[0], np.float64)
+    along = judged.along
+    context = replace(context, truth=judged.truth, truth_tolerance=judged.tolerance)
     if where is not None:
         context = replace(context, positions=where)
     if calibration is not None and calibration_truth is not None:

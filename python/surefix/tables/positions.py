@@ -12,7 +12,7 @@ import numpy.typing as npt
 from surefix._core import find_images
 from surefix.errors import SurefixValueError, mismatch
 from surefix.tables.headings import heading, is_time, number, seconds, stamps
-from surefix.tables.metres import centre, local_metres
+from surefix.tables.metres import centre, interpolate, local_metres
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import cells_of, is_number
 
@@ -49,13 +49,33 @@ class Positions:
     @property
     def known(self) -> npt.NDArray[np.bool_]:
         """Which rows are known, (n,)."""
-        return np.isfinite(self.values).all(axis=1)
+        return np.asarray(np.isfinite(self.values).all(axis=1), np.bool_)
 
     def at(self, rows: Sequence[int]) -> "Positions":
         """Some rows, -1 for one that is not known; without times and names."""
         index = np.asarray(rows, np.int64)
         values = np.where((index >= 0)[:, None], self.values[index], np.nan)
         return replace(self, values=values, times=None, names=None)
+
+    def at_times(self, times: Float64, longest_gap: float) -> "Positions":
+        """A row for each time in seconds, linear between the known rows around it if these are at
+        most ``longest_gap`` seconds apart; else it is not known.
+        """
+        assert self.times is not None
+        known = np.flatnonzero(self.known & np.isfinite(self.times))
+        # In its order of time; of equal times the first.
+        stamps, first = np.unique(_nanoseconds(self.times[known]), return_index=True)
+        values = self.values[known][first]
+        if self.degrees:
+            values[:, 1] = np.unwrap(values[:, 1], period=360)
+        found = np.full((len(times), values.shape[1]), np.nan)
+        asked = np.isfinite(times)
+        if len(stamps) and asked.any():
+            gap = round(longest_gap * 1e9)
+            there, sure = interpolate(_nanoseconds(times[asked]), stamps, values, gap)
+            there[~sure] = np.nan
+            found[asked] = there
+        return replace(self, values=found, times=None, names=None)
 
     def all_known(self, of: str = "place") -> "Positions":
         """Itself; refused if a row is not known."""
@@ -153,6 +173,10 @@ def in_names(names: Sequence[str], source: str) -> Positions | None:
         raise mismatch(source, ZONES, f"the zones {', '.join(sorted(zones))}")
     own = [name for name, _ in hits]
     return Positions(source, values, said=True, names=own, zone=next(iter(zones), None))
+
+
+def _nanoseconds(seconds_: Float64) -> npt.NDArray[np.int64]:
+    return np.round(seconds_ * 1e9).astype(np.int64)
 
 
 def _planar(degrees: Float64, origin: tuple[float, float]) -> Float64:
