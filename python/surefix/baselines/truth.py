@@ -9,7 +9,7 @@ from surefix.baselines.distances import Flags, Places, number, whole
 from surefix.contradicting import known_queries
 from surefix.errors import mismatch
 
-__all__ = ["Truth", "by_metres", "right_matches"]
+__all__ = ["Truth", "by_metres", "part_of", "right_matches"]
 
 Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.ArrayLike]
 
@@ -44,6 +44,13 @@ def right_matches(
 def by_metres(truth: Truth) -> TypeGuard[tuple[npt.ArrayLike, npt.ArrayLike]]:
     """Whether the truth is a pair of positions; two numbers are the places of two queries."""
     return isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
+
+
+def part_of(truth: Truth, start: int, stop: int) -> Truth:
+    """The truth of some consecutive queries."""
+    if by_metres(truth):
+        return truth[0], np.asarray(truth[1])[start:stop]
+    return np.asarray(truth)[..., start:stop]
 
 
 def _by_place(place: Places, places: int, truth: Places, tolerance: int) -> tuple[Flags, Flags]:

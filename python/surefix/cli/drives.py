@@ -21,6 +21,7 @@ from surefix.errors import mismatch
 from surefix.frames import Frames, ImageFrames
 from surefix.frames import open as open_frames
 from surefix.frames.advances import time_in
+from surefix.tables.columns import Columns
 from surefix.tables.matrices import read_matrix
 from surefix.tables.vectors import ENDINGS
 
@@ -236,25 +237,47 @@ def describe(
     return sad_map(frames, place_map.descriptor).descriptors
 
 
+class MapColumns(Columns):
+    """The distances of a map to queries, (m, dim), each computed when it is asked for."""
+
+    def __init__(self, place_map: Map, rows: npt.NDArray[Any]) -> None:
+        self._map, self._rows = place_map, rows
+        self.shape = len(place_map), len(rows)
+        # With running statistics a query's distances depend on those before: a localizer keeps
+        # them.
+        post = () if place_map.post is None else place_map.post.steps
+        self._running = any(step["step"] == "standardize_running" for step in post)
+        self._localizer: Localizer | None = None
+        self._pushed = 0
+
+    def column(self, query: int) -> Float32:
+        """The distances to one query."""
+        if not self._running:
+            return self._map.distances(self._rows[query])
+        if self._localizer is None or query < self._pushed:
+            self._localizer, self._pushed = Localizer(self._map, sequence_length=1), 0
+        for row in self._rows[self._pushed : query + 1]:
+            self._localizer.push(row)
+        self._pushed = query + 1
+        return self._localizer.distances
+
+    def block(self, start: int, stop: int) -> Float32:
+        """Those to some queries."""
+        D = np.empty((self.shape[0], stop - start), np.float32, order="F")
+        for column, query in enumerate(range(start, stop)):
+            D[:, column] = self.column(query)
+        return D
+
+
 def distances_of(
     place_map: Map, rows: npt.NDArray[Any], queries: npt.NDArray[np.int64] | None = None
 ) -> Float32:
     """Between each place and each query, or some of them in order: shape (n, m)."""
     queries = np.arange(len(rows)) if queries is None else queries
     D = np.empty((len(place_map), len(queries)), np.float32, order="F")
-    # With running statistics a query's distances depend on those before: a localizer keeps them.
-    post = () if place_map.post is None else place_map.post.steps
-    running = any(step["step"] == "standardize_running" for step in post)
-    localizer = Localizer(place_map, sequence_length=1) if running else None
+    columns = MapColumns(place_map, rows)
     bar = Bar(terminal_bar("Comparing"), len(queries), len(queries))
-    pushed = 0
     for column, query in enumerate(queries):
-        if localizer is None:
-            D[:, column] = place_map.distances(rows[query])
-        else:
-            for row in rows[pushed : query + 1]:
-                localizer.push(row)
-            pushed = int(query) + 1
-            D[:, column] = localizer.distances
+        D[:, column] = columns.column(int(query))
         bar.show(column + 1)
     return D

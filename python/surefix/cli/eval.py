@@ -18,9 +18,10 @@ from rich.console import Console
 from surefix import Map, SurefixError, SurefixValueError, match_distances
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
-from surefix.baselines.truth import right_matches
+from surefix.baselines.truth import part_of, right_matches
 from surefix.cli import inputs, scenarios
 from surefix.cli.drives import (
+    MapColumns,
     check_kind,
     describe,
     distances_of,
@@ -36,9 +37,11 @@ from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
+from surefix.machine import room_for
 from surefix.study.scenarios import RECORDED
 from surefix.study.study import Recall
-from surefix.tables.matrices import read_matrix
+from surefix.tables.columns import Columns, is_held
+from surefix.tables.matrices import large_matrix, read_matrix
 from surefix.tables.truth import read_truth
 
 if TYPE_CHECKING:
@@ -184,15 +187,19 @@ def eval_(
         from surefix.report.eval import write_report
         from surefix.report.figures import MISTAKES
         from surefix.study import Study, compare
+        from surefix.study.streamed import compare_columns, unstreamed
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
 
     # Open the map or the distances, and the queries.
     D, place_map, network = None, None, None
+    columns: Columns | None = None
     if is_matrix:
         expected = f"--model: expected a map made with one, got the distances {route}"
         refuse(model is not None, expected)
-        D = read_matrix(route, similarity)
+        columns = large_matrix(route, similarity)
+        if columns is None:
+            D = read_matrix(route, similarity)
     else:
         place_map = open_map(route)
         # Of several maps, those of learned descriptors are the model's.
@@ -204,8 +211,9 @@ def eval_(
         refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
     frames = None if queries is None else inputs.open_frames(queries, **sampling)
     names, advance, times = ([], [], []) if frames is None else names_and_advances(frames)
-    if D is not None:
-        places, count = D.shape
+    ready = D if columns is None else columns
+    if ready is not None:
+        places, count = ready.shape
         if isinstance(frames, ImageFrames):
             # Only images are of use beside distances.
             open_images(Path(str(queries)))
@@ -218,6 +226,14 @@ def eval_(
         places, count = len(place_map), len(names)
         check_kind(place_map, route, frames, network)
 
+    # All distances are held if they are few, or if a method or a scenario needs them at once.
+    whole = [*unstreamed(methods), *(f"--scenario {name}" for name in drives)]
+    streamed = not is_held(places, count) and not whole
+    if not is_held(places, count) and whole:
+        size = f"{places} x {count} distances, for {whole[0]} all at once"
+        room_for(3 * 4 * places * count, size)
+        D, columns = read_matrix(route, similarity) if is_matrix else None, None
+
     # Read the truth.
     where = None if place_map is None else place_map.positions
     mapped = Places(places, where, None if place_map is None else place_map.names)
@@ -227,8 +243,8 @@ def eval_(
     else:
         assert query_positions is not None
         assert tolerance is not None
-        given = (positions, query_positions, mapped, driven)
-        judged = by_positions(*given, tolerance, position_gap)
+        paths = positions, query_positions
+        judged = by_positions(*paths, mapped, driven, tolerance, position_gap)
     if isinstance(judged.truth, tuple):
         where = np.asarray(judged.truth[0], np.float64)
     along = judged.along
@@ -250,17 +266,24 @@ def eval_(
 
     # Compare the methods.
     start = time.perf_counter()
-    if D is None:
+    if D is None and columns is None:
         assert place_map is not None
         assert frames is not None
-        D = distances_of(place_map, describe(place_map, frames, network, cache))
+        rows = describe(place_map, frames, network, cache)
+        if streamed:
+            columns = MapColumns(place_map, rows)
+        else:
+            D = distances_of(place_map, rows)
     elif not similarity:
-        _warn_of_similarities(D, context)
+        some = D if columns is None else columns.block(0, min(columns.width, count))
+        assert some is not None
+        _warn_of_similarities(some, context)
     if others:
         techniques = [other.distances(frames) for other in others]
         context = replace(context, techniques=techniques)
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
-    print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
+    how_long = "as they are needed" if streamed else f"in {time.perf_counter() - start:.1f} s"
+    print(f"Distances: {size}, {how_long}")
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Comparing the methods") as status:
 
@@ -270,8 +293,13 @@ def eval_(
         how: dict[str, Any] = {"profile": speeds, "spacing": spacing}
         how |= {"scale_error": odometry_scale, "noise": odometry_noise}
         if drives:
+            assert D is not None
             context = Study(D, context).driven(RECORDED, seed, **how).context
-        study = compare(D, methods, context, recall, say)
+        if columns is not None:
+            study: Study = compare_columns(columns, methods, context, recall, say)
+        else:
+            assert D is not None
+            study = compare(D, methods, context, recall, say)
         made = [study.driven(name, seed, **how) for name in drives if name != RECORDED]
         for each in made:
             status.update(f"Comparing the methods: {each.scenario}")
@@ -384,7 +412,7 @@ def _reference_images(place: str, places: int) -> Images:
 def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
     """Says so if the places of greatest distance are the right ones."""
     assert context.truth is not None
-    truth = len(D), context.truth, context.truth_tolerance
+    truth = len(D), part_of(context.truth, 0, D.shape[1]), context.truth_tolerance
     extremes = np.argmin(D, axis=0), np.argmax(D, axis=0)
     near, far = (int(right_matches(places, *truth)[0].sum()) for places in extremes)
     if far > 2 * near and far >= near + 5:

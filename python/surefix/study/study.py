@@ -44,6 +44,12 @@ Estimate = tuple[float, float, float]
 queries."""
 
 
+Window = tuple[int, int]
+"""The first of some consecutive places or queries, and their number."""
+
+Seen = tuple[Distances, tuple[Window, Window] | None]
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """The matches of one method, judged by the truth of its study."""
@@ -262,6 +268,12 @@ class Study:
         """The recall at 1, 5 and 10 of the places of least distance, as far as the map has them."""
         ks = [k for k in KS if k <= len(self.distances)]
         return recall_at(self.distances, self.truth, ks, self.tolerance)
+
+    def seen(self, queries: Window | None = None, places: Window | None = None) -> Seen:
+        """Distances for a picture, of the whole or of a part, and the queries and places that they
+        cover, None for all.
+        """
+        return self.distances, None
 
     def right(self, place: Places) -> tuple[Flags, Flags]:
         """Which of these matches are right, and which the truth judges, each of shape (m,)."""
