@@ -38,6 +38,7 @@ from surefix.frames import Frames, ImageFrames
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
 from surefix.machine import room_for
+from surefix.study.fit import better_fit
 from surefix.study.scenarios import RECORDED
 from surefix.study.study import Recall
 from surefix.tables.columns import Columns, is_held
@@ -305,6 +306,10 @@ def eval_(
             status.update(f"Comparing the methods: {each.scenario}")
             _ = each.results
     _print_results(study)
+    if not judged.by_position:
+        fit = better_fit(study.run.single_place, study.true_place, int(study.tolerance))
+        if fit is not None:
+            print(f"Warning: the truth may not be of this map and drive: {fit}", file=sys.stderr)
     if drives:
         scenarios.print_drives([study, *made])
 
