@@ -7,8 +7,9 @@ Places = npt.NDArray[np.int64]
 
 # Places a query, or a true place: in order of plainness.
 SLOPES = (1.0, -1.0, 2.0, 0.5, 3.0, 1 / 3, 4.0, 0.25, 5.0, 0.2, -2.0, -0.5)
-# How much better a line must be: this many times as many right, and this share of all more.
-TIMES, SHARE = 1.5, 0.25
+# How much better a line must be: this many times as many right, and more by this share of all
+# and by so many.
+TIMES, SHARE, LEAST = 1.5, 0.3, 6
 # A shift within the tolerance is told by this many times as many matches there.
 CLEAR = 3
 
@@ -40,7 +41,7 @@ def better_fit(place: Places, truth: Places, tolerance: int = 1) -> str | None:
     right = int((np.abs(match - true) <= tolerance).sum())
     best: tuple[int, float, int, str] = (right, 1.0, 0, "truth")
     same = np.array_equal(true, known)
-    for name, x in (("query", known), ("truth", true)):
+    for name, x in (("truth", true), ("query", known)):
         if same and name == "truth":
             continue
         for slope in SLOPES:
@@ -48,13 +49,13 @@ def better_fit(place: Places, truth: Places, tolerance: int = 1) -> str | None:
             if count > best[0]:
                 best = count, slope, shift, name
     count, slope, shift, name = best
-    if count >= TIMES * right + max(4, SHARE * len(known)):
+    if count >= TIMES * right + max(LEAST, SHARE * len(known)):
         fits = f"fits {count} of {len(known)}, the truth {right}"
         return f"place = {_said(slope, shift, name)} {fits}{_why(slope, shift)}"
     return _shifted(match, true, tolerance)
 
 
-def _line(match: Places, along: npt.NDArray[np.float64], near: int) -> tuple[int, int]:
+def _line(match: Places, along: npt.NDArray[np.floating], near: int) -> tuple[int, int]:
     """The shift with which most matches lie on a line, and how many do."""
     apart = match - np.round(along).astype(np.int64)
     low = int(apart.min())

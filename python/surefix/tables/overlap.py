@@ -20,6 +20,8 @@ ALL, MANY = 0.9, 0.25
 SAMPLE = 400
 # Fewer queries near a place than this share are worth a word.
 FEW = 0.1
+# A fit has queries at this many places.
+SEVERAL = 4
 # A place so many extents of the others away is a wrong fix.
 LOST = 10
 
@@ -119,8 +121,10 @@ def _better(references: Positions, queries: Positions, tolerance: float) -> str:
         except SurefixValueError:
             continue
         known = here[np.isfinite(here).all(axis=1)]
-        _, apart = nearest(plane, known)
-        if len(known) and np.median(apart) <= within:
+        place, apart = nearest(plane, known)
+        # In a wrong unit all may fall onto one place.
+        several = len(np.unique(place)) >= min(SEVERAL, len(known))
+        if len(known) and several and np.median(apart) <= within:
             return words
     return ""
 
@@ -159,7 +163,9 @@ def _alternatives(references: Positions, queries: Positions) -> Iterator[tuple[s
 
 
 def _metres(value: float) -> str:
-    return f"{value / 1000:,.1f} km" if value >= 10_000 else f"{value:,.3g} m"
+    if value >= 10_000:
+        return f"{value / 1000:,.1f} km"
+    return f"{value:,.0f} m" if value >= 100 else f"{value:.3g} m"
 
 
 def _extent(values: Float64) -> str:
