@@ -12,13 +12,16 @@ import typer
 
 from surefix._words import plural
 from surefix.baselines.truth import Truth
+from surefix.cli.drives import names_and_advances
 from surefix.cli.inputs import refuse
 from surefix.errors import mismatch
+from surefix.frames import Frames, ImageFrames
 from surefix.tables.overlap import check_overlap
 from surefix.tables.positions import (
     Positions,
     by_name,
     in_names,
+    metres_of,
     on_one_plane,
     read_positions,
 )
@@ -122,6 +125,17 @@ def by_positions(
     return _compared(mapped, _of_queries(driven, read, queries, gap), tolerance)
 
 
+def metres_of_frames(positions: Path, frames: Frames) -> Float64:
+    """Those of a map's places in metres, a row a frame; by their times, if the file has times."""
+    read = read_positions(positions)
+    listed = isinstance(frames, ImageFrames) and frames.ready is None
+    if not listed and (read.times is None or not frames.timed):
+        return metres_of(read).values
+    names, _, times = names_and_advances(frames)
+    queries = Queries(len(names), names, times)
+    return metres_of(_of_queries(positions, read, queries, GAP, "--positions")).values
+
+
 def _compared(mapped: Positions, driven: Positions, tolerance: float) -> Where:
     there, here, warnings = check_overlap(mapped, driven, tolerance)
     for warning in warnings:
@@ -154,8 +168,10 @@ def _of_places(positions: Path | None, places: Places) -> Positions:
     return read
 
 
-def _of_queries(driven: Path, read: Positions, queries: Queries, gap: float) -> Positions:
-    """A row for each query: by its name, by its time, or by its number."""
+def _of_queries(
+    driven: Path, read: Positions, queries: Queries, gap: float, option: str = "--query-positions"
+) -> Positions:
+    """A row for each query, or frame of a map: by its name, by its time, or by its number."""
     if read.names is not None and queries.names:
         rows = by_name(read, queries.names)
         if 2 * sum(row >= 0 for row in rows) >= len(rows):
@@ -163,8 +179,8 @@ def _of_queries(driven: Path, read: Positions, queries: Queries, gap: float) -> 
     if read.times is None:
         if len(read.values) != queries.count and queries.times:
             got = f"the shape {read.values.shape}, without times; a column time would do"
-            raise mismatch("--query-positions", f"{queries.count} rows of 2 or 3 metres", got)
-        return _each(read, queries.count, "--query-positions")
+            raise mismatch(option, f"{queries.count} rows of 2 or 3 metres", got)
+        return _each(read, queries.count, option)
     times = np.array([np.nan if time is None else time for time in queries.times], np.float64)
     clock = read.times[np.isfinite(read.times)]
     if len(times) and len(clock) and np.isfinite(times).any():
@@ -179,8 +195,8 @@ def _of_queries(driven: Path, read: Positions, queries: Queries, gap: float) -> 
             raise mismatch(driven, "positions at the times of the queries", f"{got}: two clocks")
     elif len(read.values) != queries.count:
         expected = f"queries with times, as {read.source} has them, or {queries.count} rows"
-        raise mismatch("--query-positions", expected, f"{len(read.values)} rows, no times")
-    return _each(read, queries.count, "--query-positions")
+        raise mismatch(option, expected, f"{len(read.values)} rows, no times")
+    return _each(read, queries.count, option)
 
 
 def _each(read: Positions, count: int, option: str) -> Positions:
