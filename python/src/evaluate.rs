@@ -9,7 +9,7 @@ use crate::arrays::{flags, floats, matrix, whole_numbers};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::options::whole;
-use crate::truth::truth_of;
+use crate::truth::{truth_of, warn_of_units};
 
 /// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
 /// ones together. A sequence's warm-up, and queries that the truth ignores, are left out.
@@ -44,6 +44,13 @@ use crate::truth::truth_of;
 ///     If the truth is of another length than the matches, of another type or shape, or an
 ///     option outside its range.
 ///
+/// Warns
+/// -----
+/// UserWarning
+///     Of 20 queries and places or more: if no query is within the tolerance of a place, or all
+///     places are within it. Positions of another unit, such as degrees, make all matches wrong,
+///     or right.
+///
 /// Examples
 /// --------
 /// >>> import numpy as np, surefix
@@ -63,11 +70,13 @@ pub(crate) fn evaluate(
     recall: &str,
 ) -> PyResult<Evaluation> {
     let recall: Recall = recall.parse().or_raise(py)?;
-    let truth = truth_of(truth, tolerance)?;
+    let given = truth;
+    let truth = truth_of(given, tolerance)?;
     if let Ok(run) = matches.cast::<Run>() {
         truth.check_places(run.get().0.places).or_raise(py)?;
     }
     let matches = matches_of(matches)?;
+    warn_of_units(given, &truth, tolerance)?;
     let curve = py.detach(|| surefix::evaluate::evaluate(&matches, &truth, recall));
     Ok(Evaluation(curve.or_raise(py)?))
 }

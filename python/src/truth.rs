@@ -6,11 +6,38 @@ use pyo3::types::{PyDict, PyTuple};
 use surefix::evaluate::{TrustTable, Truth};
 use surefix::{Error, Positions};
 
-use crate::arrays::{
-    contiguous, coordinates, numbers, sequence_or_array, shape_of, whole_numbers,
-};
+use crate::arrays::{contiguous, coordinates, numbers, sequence_or_array, shape_of, whole_numbers};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
+
+/// Positions of fewer places or queries may all be near, or far, by chance.
+const FEW: usize = 20;
+
+/// Warns of a truth by positions that makes all matches right, or all wrong: it may be of another
+/// unit. `given` is what `truth` was made of.
+pub(crate) fn warn_of_units(
+    given: &Bound<'_, PyAny>,
+    truth: &Truth,
+    tolerance: f64,
+) -> PyResult<()> {
+    let py = given.py();
+    let Some(extent) = truth.extent() else { return Ok(()) };
+    if truth.len() < FEW || given.get_item(0)?.len()? < FEW {
+        return Ok(());
+    }
+    let advice = "are both in metres, on one plane (surefix.datasets.local_metres)?";
+    let said = if (0..truth.len()).all(|query| !truth.exists(query)) {
+        format!("truth: no query is within the tolerance of {tolerance} m of a place: {advice}")
+    } else if extent <= tolerance {
+        format!(
+            "truth: all places lie within {extent:.3} m, the tolerance is {tolerance} m: {advice}"
+        )
+    } else {
+        return Ok(());
+    };
+    let said = std::ffi::CString::new(said)?;
+    PyErr::warn(py, &py.get_type::<pyo3::exceptions::PyUserWarning>(), &said, 1)
+}
 
 /// The truth from an array of places (m,), a matrix (n, m), or a pair of positions ((n, k), (m,
 /// k)).

@@ -2081,10 +2081,12 @@ def evaluate(
         Of any method.
     truth : array or pair of arrays
         Where each query really was. Places: int, shape (m,), -1 for a query that was off the map,
-        so that any accepted match is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the
+        so that any accepted match is a mistake; or such numbers as float, NaN for a query whose
+        place is not known, which is left out. Or a matrix, shape (n, m): bool, or int with 1 (the
         same place), 0 (not) and -1 (ignored). Or a pair of positions in planar metres, of the
-        places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3)
-        (``surefix.datasets.local_metres`` turns latitude and longitude into metres).
+        places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3), a row with a NaN
+        for one that is not known (``surefix.datasets.local_metres`` turns latitude and longitude
+        into metres).
     tolerance : float
         How far from the truth still counts as correct: places, or metres if the truth is
         positions.
@@ -2102,6 +2104,12 @@ def evaluate(
     SurefixValueError
         If the truth is of another length than the matches, of another type or shape, or an
         option outside its range.
+
+    Warns
+    -----
+    UserWarning
+        If no query of 20 or more is within the tolerance of a place, or all places are within it:
+        positions of another unit, such as degrees, make all matches wrong, or right.
 
     Examples
     --------

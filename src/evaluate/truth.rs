@@ -116,6 +116,21 @@ impl Truth {
         self
     }
 
+    /// Of positions, the diagonal of the box that holds the places, in metres: within a greater
+    /// tolerance every match is right. `None` for other truths, and without places.
+    pub fn extent(&self) -> Option<f64> {
+        let Kind::Positions { places, .. } = &self.kind else { return None };
+        if places.is_empty() {
+            return None;
+        }
+        let axes = places.axes();
+        let side = |axis: usize| {
+            let along = || places.metres().iter().skip(axis).step_by(axes).copied();
+            along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+        };
+        Some((0..axes).map(|axis| side(axis).powi(2)).sum::<f64>().sqrt())
+    }
+
     fn of(kind: Kind) -> Self {
         Self { kind, unknown: Vec::new() }
     }

@@ -365,3 +365,12 @@ def test_what_is_no_position_is_named(name: str, tmp_path: Path) -> None:
     with pytest.raises(surefix.SurefixValueError, match=words) as error:
         read_positions(tmp_path / name)
     assert name in str(error.value)
+
+
+def test_arrays_of_another_unit_are_warned_of() -> None:
+    matches = surefix.Matches(place=np.arange(N)[::-1], score=np.linspace(0, 1, N))
+    with pytest.warns(UserWarning, match=r"all places lie within .* m, the tolerance is 4 m"):
+        surefix.evaluate(matches, (NORTH, NORTH + 0.5), 4)
+    with pytest.warns(UserWarning, match="no query is within the tolerance of 4 m of a place"):
+        surefix.evaluate(matches, (PLANE, PLANE + 1e6), 4)
+    assert surefix.evaluate(matches, (PLANE, PLANE), 4).judged == N
