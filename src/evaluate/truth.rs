@@ -118,6 +118,16 @@ impl Truth {
 
     /// Of positions, the diagonal of the box that holds the places, in metres: within a greater
     /// tolerance every match is right. `None` for other truths, and without places.
+    ///
+    /// ```
+    /// use surefix::Positions;
+    /// use surefix::evaluate::Truth;
+    ///
+    /// let places = Positions::new(vec![0.0, 0.0, 3.0, 4.0], 2)?;
+    /// let truth = Truth::positions(places, Positions::new(vec![1.0, 0.0], 2)?, 5.0)?;
+    /// assert_eq!(truth.extent(), Some(5.0));
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
     pub fn extent(&self) -> Option<f64> {
         let Kind::Positions { places, .. } = &self.kind else { return None };
         if places.is_empty() {

@@ -35,6 +35,7 @@ from surefix.cli.where import GAP, Places, PositionGap, Queries, by_positions, b
 from surefix.descriptors import Onnx
 from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
+from surefix.frames.bag import is_bag
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
 from surefix.machine import room_for
@@ -64,7 +65,7 @@ def eval_(
     cache: inputs.Cache = None,
     truth: str | None = None,
     positions: Path | None = None,
-    query_positions: Path | None = None,
+    query_positions: str | None = None,
     position_gap: PositionGap = GAP,
     tolerance: Annotated[float | None, typer.Option(min=0)] = None,
     method: Annotated[
@@ -116,8 +117,8 @@ def eval_(
         latitude,longitude; a trajectory of TUM, KITTI or EuRoC; or a folder of images named
         @east@north@. The map's by default.
     query_positions: In place of --truth: those of each query, as for --positions; or at times of
-        their own, in a column time, if the queries have times. Those that are empty or nan are not
-        known, and left out.
+        their own, in a column time or a topic of the queries' bag, if the queries have times. Those
+        that are empty or nan are not known, and left out.
     tolerance: The greatest distance from the truth of a right match: in places, 1 by default; with
         positions in metres.
     out: The folder to write; an earlier report in it is replaced.
@@ -238,7 +239,9 @@ def eval_(
     # Read the truth.
     where = None if place_map is None else place_map.positions
     mapped = Places(places, where, None if place_map is None else place_map.names)
-    driven = Queries(count, [] if frames is None or frames.ready is not None else names, times)
+    named = [] if frames is None or frames.ready is not None else names
+    bag = queries if queries is not None and is_bag(Path(queries)) else None
+    driven = Queries(count, named, times, bag)
     if truth is not None:
         judged = by_truth(truth, mapped, driven, tolerance)
     else:

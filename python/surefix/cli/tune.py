@@ -16,6 +16,7 @@ from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read, refuse
 from surefix.cli.where import GAP, Places, PositionGap, Queries, Where, by_positions, by_truth
 from surefix.errors import check_folder
+from surefix.frames.bag import is_bag
 
 
 @documented
@@ -25,7 +26,7 @@ def tune_(
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.toml"),
     truth: str | None = None,
     positions: Path | None = None,
-    query_positions: Path | None = None,
+    query_positions: str | None = None,
     position_gap: PositionGap = GAP,
     tolerance: Annotated[float | None, typer.Option(min=0)] = None,
     wrong: float = 0.05,
@@ -54,7 +55,7 @@ def tune_(
         drive is aligned, which chooses no motion.
     positions: In place of --truth: metres of each place, .npy or .csv; or a .csv with the header
         latitude,longitude. The map's by default.
-    query_positions: In place of --truth: those of each query, as for --positions.
+    query_positions: In place of --truth: those of each query, as for `surefix eval`.
     tolerance: The greatest distance from the truth of a right match: in places, 1 by default; with
         positions in metres.
     wrong: The promise: at most this share of the accepted fixes is wrong ...
@@ -89,7 +90,8 @@ def tune_(
     first = drive.maps[0] if drive.maps else None
     of_map = (None, None) if first is None else (first.positions, first.names)
     mapped = Places(drive.places, *of_map)
-    driven = Queries(count, drive.queries or (), drive.times)
+    bag = queries if queries is not None and is_bag(Path(queries)) else None
+    driven = Queries(count, drive.queries or (), drive.times, bag)
     known: Where | None = None
     if truth is not None:
         known = by_truth(truth, mapped, driven, tolerance)

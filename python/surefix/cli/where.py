@@ -15,11 +15,14 @@ from surefix.baselines.truth import Truth
 from surefix.cli.drives import names_and_advances
 from surefix.cli.inputs import refuse
 from surefix.errors import mismatch
-from surefix.frames import Frames, ImageFrames
+from surefix.frames import Frames, ImageFrames, Odometry
+from surefix.frames.bag import is_bag, messages, open_bag
+from surefix.frames.odometry import NAV_SAT_FIX
 from surefix.tables.overlap import check_overlap
 from surefix.tables.positions import (
     Positions,
     by_name,
+    checked,
     in_names,
     metres_of,
     on_one_plane,
@@ -44,11 +47,12 @@ PositionGap = Annotated[
 
 @dataclass(frozen=True, eq=False)
 class Queries:
-    """The queries of a drive: how many, their names and their times, if they are known."""
+    """The queries of a drive: how many; names, times and bag, if there are such."""
 
     count: int
     names: Sequence[str] = ()
     times: Times = ()
+    bag: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +115,14 @@ def by_truth(source: str, places: Places, queries: Queries, tolerance: float | N
 
 def by_positions(
     positions: Path | None,
-    driven: Path,
+    driven: str | Path,
     places: Places,
     queries: Queries,
     tolerance: float,
     gap: float = GAP,
 ) -> Where:
     """The truth of ``--positions`` and ``--query-positions``, in metres on one plane."""
-    mapped, read = _of_places(positions, places), read_positions(driven, role="queries")
+    mapped, read = _of_places(positions, places), _read_queries(driven, queries)
     # Before they are counted: of another unit, they are of another kind altogether.
     on_one_plane(mapped, read)
     mapped = _each(mapped, places.count, "--positions").all_known()
@@ -169,7 +173,7 @@ def _of_places(positions: Path | None, places: Places) -> Positions:
 
 
 def _of_queries(
-    driven: Path, read: Positions, queries: Queries, gap: float, option: str = "--query-positions"
+    driven: object, read: Positions, queries: Queries, gap: float, option: str = "--query-positions"
 ) -> Positions:
     """A row for each query, or frame of a map: by its name, by its time, or by its number."""
     if read.names is not None and queries.names:
@@ -197,6 +201,32 @@ def _of_queries(
         expected = f"queries with times, as {read.source} has them, or {queries.count} rows"
         raise mismatch(option, expected, f"{len(read.values)} rows, no times")
     return _each(read, queries.count, option)
+
+
+def _read_queries(driven: str | Path, queries: Queries) -> Positions:
+    """Those of a file, of a bag with one topic of them, or of a topic of the queries' own bag."""
+    name, path = str(driven), Path(driven)
+    if is_bag(path):
+        return _of_bag(name, None)
+    if name.startswith("/") and not path.exists() and queries.bag is not None:
+        return _of_bag(queries.bag, name)
+    return read_positions(path, role="queries")
+
+
+def _of_bag(bag: str, topic: str | None) -> Positions:
+    """The poses or the GPS fixes of a topic, with their times."""
+    track = Odometry.from_bag(bag, topic)
+    topic = track.source.removeprefix(f"{bag}, ")
+    with open_bag(bag) as opened:
+        if opened.topics[topic].msgtype != NAV_SAT_FIX:
+            return Positions(track.source, track.positions, said=True, times=track.times)
+        fixes = [
+            (time, each.latitude, each.longitude)
+            for time, each, _ in messages(opened, bag, topic)
+            if each.status.status >= 0
+        ]
+    values = np.array(fixes)
+    return checked(Positions(track.source, values[:, 1:], True, True, values[:, 0]))
 
 
 def _each(read: Positions, count: int, option: str) -> Positions:

@@ -110,15 +110,21 @@ def read_positions(
         read = _bare(str(path), _array(path, role))
     else:
         read = _table(path, names is not None)
+    read = checked(read)
+    return read if names is None else _of_names(read, path, names).all_known("image")
+
+
+def checked(read: Positions) -> Positions:
+    """The same with rows of no fix as not known; refused if it is degrees that do not say so, or
+    that are not on the globe.
+    """
     read = _without_zeros(read)
     if _look_like_degrees(read):
         first = read.values[read.known][0].tolist()
         got = f"numbers that look like latitude and longitude, such as {first}"
         advice = "give a .csv with the header latitude,longitude, or metres (header x,y)"
-        raise mismatch(path, "metres", f"{got}; {advice}")
-    if read.degrees:
-        read = _on_globe(read)
-    return read if names is None else _of_names(read, path, names).all_known("image")
+        raise mismatch(read.source, "metres", f"{got}; {advice}")
+    return _on_globe(read) if read.degrees else read
 
 
 def read_metres(path: Path) -> Float64:

@@ -14,6 +14,7 @@ from PIL import Image
 
 import surefix
 from commands import surefix_
+from recordings import Bag
 from surefix.simulate import Route
 
 pytest.importorskip("matplotlib")
@@ -155,3 +156,31 @@ def test_patch_netvlads_archive_needs_no_tolerance(road: Path, tmp_path: Path) -
     assert said == ""
     near = [abs(int(row["place"]) - query) <= 1 for query, row in enumerate(rows)]
     assert [row["right"] == "true" for row in rows] == near
+
+
+def test_a_bag_holds_its_own_positions(road: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    drive = Route(places=N, size=(64, 32), seed=3).revisit()
+    with Bag(tmp_path, "mcap") as bag:
+        for number in range(N):
+            bag.image("/image", drive[number], 100 + number * 0.2)
+        for second in range(14):
+            fix = (51.76 + second * 9e-5, -1.26, 0.0, -1 if second == 5 else 0)
+            bag.pose("/fix", "sensor_msgs/msg/NavSatFix", fix, 100.0 + second)
+            pose = (second * 10.0, 0.0, 0.0)
+            bag.pose("/pose", "geometry_msgs/msg/PoseStamped", pose, 100.0 + second)
+    degrees = {"lat": 51.76 + np.arange(N) * 9e-5 / 5, "lon": np.full(N, -1.26)}
+    pandas.DataFrame(degrees).to_csv(tmp_path / "degrees.csv", index=False)
+    for topic, places in (("/fix", tmp_path / "degrees.csv"), ("/pose", road / "places.csv")):
+        given = ("--positions", places, "--query-positions", topic, "--tolerance", 1.5)
+        more = () if topic == "/pose" else ("--position-gap", 1.5)
+        _, said, rows = evaluated(
+            road, tmp_path / topic[1:], road / "map.safetensors", bag.path, *given, *more
+        )
+        true = [int(row["true_place"]) for row in rows]
+        if topic == "/pose":
+            assert (said, true) == ("", list(range(N)))
+        else:
+            # Without a fix for 2 s, those between are not known.
+            assert [q for q in range(N) if true[q] < 0] == list(range(21, 30))
+            assert "9 queries of 60 without a known place" in said
