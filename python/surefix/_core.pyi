@@ -2108,8 +2108,9 @@ def evaluate(
     Warns
     -----
     UserWarning
-        If no query of 20 or more is within the tolerance of a place, or all places are within it:
-        positions of another unit, such as degrees, make all matches wrong, or right.
+        Of 20 queries and places or more: if no query is within the tolerance of a place, or all
+        places are within it. Positions of another unit, such as degrees, make all matches wrong,
+        or right.
 
     Examples
     --------
