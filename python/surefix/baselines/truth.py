@@ -32,6 +32,12 @@ def right_matches(
         array = array.astype(np.int64)
     if array.shape == place.shape and array.dtype.kind in "iuf":
         known = known_queries(array)
+        part = known & ~(np.isfinite(array) & (array == np.round(array)))
+        if part.any():
+            query = int(np.argmax(part))
+            expected = "whole numbers: a place, -1 if there is none, NaN if it is not known"
+            got = f"{array.dtype} {array.shape}: {array[query]} for query {query}"
+            raise mismatch("truth", expected, got)
         whole_places = np.where(known, array, -1).astype(np.int64)
         right, _ = _by_place(place, places, whole_places, frames)
         return right, known

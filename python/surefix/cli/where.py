@@ -97,7 +97,14 @@ def by_truth(source: str, places: Places, queries: Queries, tolerance: float | N
     if found is None:
         part = tolerance is not None and not float(tolerance).is_integer()
         refuse(part, f"--tolerance: expected a whole number of places, got {tolerance}")
+        wide = tolerance is not None and tolerance >= places.count
+        expected = f"--tolerance: expected less than the {places.count} places of the map"
+        refuse(wide, f"{expected}, within which every match is right; got {tolerance}")
         truth = read_truth(source, places.count, queries.count)
+        if truth.dtype != bool and not (truth >= (1 if truth.ndim == 2 else 0)).any():
+            unknown = bool(np.isnan(truth).all()) if truth.dtype.kind == "f" else False
+            says = "of no query is the place known" if unknown else "no query has a place"
+            print(f"Warning: {source}: {says}, so that no match can be right", file=sys.stderr)
         if truth.dtype.kind == "f":
             _say_unknown(source, int(np.isnan(truth).sum()), queries.count)
         return Where(truth, 1 if tolerance is None else int(tolerance))

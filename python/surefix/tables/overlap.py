@@ -20,6 +20,8 @@ ALL, MANY = 0.9, 0.25
 SAMPLE = 400
 # Fewer queries near a place than this share are worth a word.
 FEW = 0.1
+# Queries of a drive whose extent says something, and how much smaller than the map's is small.
+ENOUGH, SMALL = 20, 50
 # A fit has queries at this many places.
 SEVERAL = 4
 # A place so many extents of the others away is a wrong fix.
@@ -61,8 +63,11 @@ def check_overlap(
         expected = f"a query within {tolerance:g} m of a place"
         raise mismatch(f"{queries.source} and {references.source}", expected, f"{numbers}{fit}")
     by_chance = _by_chance(there, known, tolerance)
-    if by_chance >= ALL:
-        means = f"a random match would be right for {by_chance:.0%} of the queries"
+    span, driven = (float(np.linalg.norm(np.ptp(each, axis=0))) for each in (there, known))
+    alike = len(there) > 2 and span <= tolerance
+    if by_chance >= ALL or alike:
+        share = f"a random match would be right for {by_chance:.0%} of the queries"
+        means = "all places lie within it of each other" if alike else share
         hint = "" if references.said and queries.said else "; are these degrees or kilometres?"
         where = f"{queries.source} and {references.source}"
         raise SurefixValueError(
@@ -75,6 +80,11 @@ def check_overlap(
             f"{_metres(tolerance)} is large beside the route ({_extent(there)}); are the positions "
             "in metres?"
         )
+    # Near the origin that both share, all of a small unit is near a place.
+    if len(known) >= ENOUGH and driven * SMALL < span:
+        fit = _better(references, queries, tolerance)
+        if fit:
+            warnings.append(f"places: {_extent(there)}; queries: {_extent(known)}; {fit}")
     if near.mean() < FEW:
         fit = _better(references, queries, tolerance)
         fit = f"; {fit}" if fit else ""

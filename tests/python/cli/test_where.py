@@ -132,7 +132,7 @@ def test_nothing_comes_out_as_all_right_or_all_wrong(road: Path, tmp_path: Path)
     bare = np.stack([58 + np.arange(N) * 0.058, 10 + np.arange(N) * 1e-3], axis=1)
     cases = {
         "are these degrees": (bare, bare + 0.5),
-        "would be right for": (np.arange(2.0 * N).reshape(N, 2) / 1000,) * 2,
+        "tells places apart": (np.arange(2.0 * N).reshape(N, 2) / 1000,) * 2,
         "expected a query within 4 m of a place": (
             np.arange(2.0 * N).reshape(N, 2) * 5,
             bare * 1e4,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import typer
 from PIL import Image
 
 import surefix
@@ -374,3 +375,24 @@ def test_arrays_of_another_unit_are_warned_of() -> None:
     with pytest.warns(UserWarning, match="no query is within the tolerance of 4 m of a place"):
         surefix.evaluate(matches, (PLANE, PLANE + 1e6), 4)
     assert surefix.evaluate(matches, (PLANE, PLANE), 4).judged == N
+
+
+def test_a_small_unit_about_a_common_origin_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table(tmp_path / "metres.csv", PLANE, "x,y")
+    table(tmp_path / "km.csv", PLANE / 1000, "x,y")
+    compared(tmp_path / "metres.csv", tmp_path / "km.csv")
+    assert "in kilometres the queries of" in capsys.readouterr().err
+    with pytest.raises(surefix.SurefixValueError, match="all places lie within it of each other"):
+        compared(tmp_path / "km.csv", tmp_path / "metres.csv")
+
+
+def test_a_tolerance_or_a_truth_that_settles_everything_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.BadParameter, match="expected less than the 60 places"):
+        by_truth("identity", Places(N), Queries(N), 60)
+    np.save(tmp_path / "none.npy", np.full(N, -1))
+    by_truth(str(tmp_path / "none.npy"), Places(N), Queries(N), 1)
+    assert "no query has a place, so that no match can be right" in capsys.readouterr().err
