@@ -203,7 +203,9 @@ def _of_queries(
                 f"positions from {clock.min():.3f} to {clock.max():.3f} s and queries from "
                 f"{np.nanmin(times):.3f} to {np.nanmax(times):.3f} s"
             )
-            raise mismatch(driven, "positions at the times of the queries", f"{got}: two clocks")
+            raise mismatch(
+                driven, "positions at the times of the queries", f"{got}: two clocks; give both one"
+            )
     elif len(read.values) != queries.count:
         expected = f"queries with times, as {read.source} has them, or {queries.count} rows"
         raise mismatch(option, expected, f"{len(read.values)} rows, no times")

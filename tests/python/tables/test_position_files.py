@@ -396,3 +396,33 @@ def test_a_tolerance_or_a_truth_that_settles_everything_is_said(
     np.save(tmp_path / "none.npy", np.full(N, -1))
     by_truth(str(tmp_path / "none.npy"), Places(N), Queries(N), 1)
     assert "no query has a place, so that no match can be right" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["positions", "places"])
+def test_all_that_takes_a_truth_leaves_unknown_queries_out(kind: str) -> None:
+    places = 300
+    D = np.random.default_rng(0).random((places, places), np.float32) + np.float32(0.5)
+    D[np.arange(places), np.arange(places)] -= np.float32(0.4)
+    truth: Any = np.arange(places, dtype=float)
+    truth[40:60] = NAN
+    tolerance: float = 1
+    if kind == "positions":
+        there = np.stack([np.arange(places) * 2.0, np.zeros(places)], axis=1)
+        here = there.copy()
+        here[40:60] = NAN
+        truth, tolerance = (there, here), 3.0
+    run = surefix.match_distances(D)
+    trust = surefix.evaluate_trust(run, truth, tolerance)
+    total = trust.true_positives + trust.false_positives
+    assert total + trust.true_negatives + trust.false_negatives == places - 20
+    known = np.delete(np.arange(places), range(40, 60))
+    hit = surefix.recall_at(D, truth, [1], tolerance)[0]
+    near = np.abs(D.argmin(0) - np.arange(places)) <= 1
+    assert hit == pytest.approx(near[known].mean())
+    threshold = surefix.calibrate(run, truth, wrong=0.2, tolerance=tolerance)
+    assert threshold.accepted <= places - 20
+    alignment = surefix.align(D, motion="steady")
+    assert surefix.contradictions(alignment, truth, tolerance) == []
+    tuned = surefix.tune(D, None, truth, tolerance=tolerance, wrong=0.2)
+    judged = int(tuned.settings.measured["judged"].split()[0])
+    assert judged <= places // 2 - 20
