@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
+from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,7 @@ from surefix.errors import SurefixValueError, mismatch
 from surefix.tables.headings import heading, is_time, number, seconds, stamps
 from surefix.tables.metres import centre, interpolate, local_metres
 from surefix.tables.npy import read_npy
-from surefix.tables.rows import cells_of, is_number
+from surefix.tables.rows import cells_of, is_number, read_text
 
 Float64 = npt.NDArray[np.float64]
 Role = Literal["places", "queries"]
@@ -95,7 +96,7 @@ def read_positions(
     - ``.npy``: 2 or 3 metres a row; ``.npz``: the one array, or Patch-NetVLAD's ``utmQ``, ``utmDb``
       by the ``role``;
     - a table whose header names its columns, in any order, among others; or 2 or 3 metres a row;
-    - trajectories: TUM (8 numbers a row), KITTI (12), EuRoC (by its header).
+    - trajectories: TUM (8 numbers a row), KITTI (12), EuRoC (by its header); ``.gpx``.
 
     A row that is empty or NaN, or 0,0 far from its neighbours, is not known. With the frames'
     ``names``, each must have a row; a column ``name`` gives them, in any order.
@@ -108,6 +109,8 @@ def read_positions(
             raise mismatch(path, "images named @east@north@... by their positions", got)
     elif suffix in (".npy", ".npz"):
         read = _bare(str(path), _array(path, role))
+    elif suffix == ".gpx":
+        read = _gpx(path)
     else:
         read = _table(path, names is not None)
     read = checked(read)
@@ -238,7 +241,7 @@ def _table(path: Path, whole: bool) -> Positions:
 def _trajectory(path: Path, table: list[tuple[int, list[str]]], whole: bool) -> Positions:
     """Numbers without a header: 2 or 3 metres, TUM or KITTI."""
     width, numbers = len(table[0][1]), [row for row, _ in table]
-    if width not in (2, 3, 8, 12):
+    if width not in (2, 3, 4, 8, 12):
         expected = "a row of 2 or 3 numbers a place, TUM's 8 or KITTI's 12, or a header"
         raise mismatch(f"{path}, row {numbers[0]}", expected, f"{width} values")
     values = np.array(
@@ -249,9 +252,31 @@ def _trajectory(path: Path, table: list[tuple[int, list[str]]], whole: bool) -> 
     if width == 8:
         read = _bare(str(path), values[:, 1:4], numbers)
         return replace(read, said=True, times=seconds(values[:, 0]))
-    if width == 3 and is_time(values[:, 0]):
+    if width in (3, 4) and is_time(values[:, 0]):
         return replace(_bare(str(path), values[:, 1:], numbers), times=seconds(values[:, 0]))
     return _bare(str(path), values, numbers)
+
+
+def _gpx(path: Path) -> Positions:
+    """The points of a GPX file's tracks, else of its routes, else its waypoints."""
+    try:
+        points = list(ElementTree.fromstring(read_text(path, "the positions").encode()).iter())
+    except ElementTree.ParseError as error:
+        raise mismatch(path, "a GPX file", error) from None
+    for kind in ("trkpt", "rtept", "wpt"):
+        found = [each for each in points if each.tag.rpartition("}")[2] == kind]
+        if not found:
+            continue
+        numbers = list(range(len(found)))
+        values = [
+            [number(each.get(name, ""), path, row, name) for name in ("lat", "lon")]
+            for row, each in enumerate(found)
+        ]
+        times = [each.findtext("{*}time") for each in found]
+        known = [time for time in times if time is not None]
+        all_ = stamps(known, path, numbers) if len(known) == len(times) else None
+        return replace(_bare(str(path), np.array(values)), degrees=True, said=True, times=all_)
+    raise mismatch(path, "a GPX file with points", "none")
 
 
 def _by_header(

@@ -426,3 +426,28 @@ def test_all_that_takes_a_truth_leaves_unknown_queries_out(kind: str) -> None:
     tuned = surefix.tune(D, None, truth, tolerance=tolerance, wrong=0.2)
     judged = int(tuned.settings.measured["judged"].split()[0])
     assert judged <= places // 2 - 20
+
+
+def test_gpx_and_times_without_a_header(tmp_path: Path) -> None:
+    points = "".join(
+        f'<trkpt lat="{lat:.7f}" lon="{lon:.7f}"><ele>90</ele>'
+        f"<time>2024-05-01T12:00:{second:02}Z</time></trkpt>"
+        for second, (lat, lon) in enumerate(DEGREES)
+    )
+    head = '<?xml version="1.0" encoding="UTF-8"?><gpx xmlns="http://www.topografix.com/GPX/1/1">'
+    (tmp_path / "log.gpx").write_text(f"{head}<trk><trkseg>{points}</trkseg></trk></gpx>")
+    read = read_positions(tmp_path / "log.gpx")
+    assert read.degrees
+    np.testing.assert_allclose(read.values, DEGREES, atol=1e-7)
+    assert read.times is not None
+    assert np.diff(read.times).tolist() == [1.0] * (N - 1)
+    (tmp_path / "cut.gpx").write_text(head)
+    with pytest.raises(surefix.SurefixValueError, match="a GPX file"):
+        read_positions(tmp_path / "cut.gpx")
+    times = 1.7e9 + np.arange(N)
+    for rows in (np.c_[times, PLANE], np.c_[times, PLANE, np.ones(N)]):
+        np.savetxt(tmp_path / "log.txt", rows)
+        read = read_positions(tmp_path / "log.txt")
+        assert read.times is not None
+        np.testing.assert_allclose(read.values[:, :2], PLANE)
+        np.testing.assert_allclose(read.times, times)
