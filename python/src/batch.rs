@@ -209,8 +209,9 @@ impl Run {
 ///     ``distances[i, j]`` is the distance between place ``i`` and query ``j``. Those of several
 ///     techniques are fused, as by ``Localizer``.
 /// floor : {"global", "running"} or float
-///     What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole
-///     matrix.
+///     What trusted cells are drawn towards. "global", the default, is the paper's own: the minimum
+///     of the whole matrix, which is there. ``match`` has "running" by default, so that its fixes
+///     are those of a ``Localizer``, which cannot know it: give both one floor to compare them.
 /// trusted : array of bool, shape (m,), optional
 ///     An external predictor's words in place of the consensus.
 /// advance : array of float, shape (m,), optional
@@ -287,7 +288,8 @@ pub(crate) fn match_distances(
 /// progress : callable, optional
 ///     As for ``Map.from_images``.
 /// **options
-///     As for ``Matcher``; ``floor="global"`` too, which scans the map twice.
+///     As for ``Matcher``, with its defaults, so that the fixes are those of a ``Localizer``;
+///     ``floor="global"`` too, that of ``match_distances``, which scans the map twice.
 ///
 /// Returns
 /// -------

@@ -10,7 +10,7 @@ use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::options::whole;
 use crate::pickle::pickled;
-use crate::truth::truth_of;
+use crate::truth::{truth_of, warn_of_units};
 
 /// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
 /// ones together. A sequence's warm-up, and queries that the truth ignores, are left out.
@@ -21,10 +21,12 @@ use crate::truth::truth_of;
 ///     Of any method.
 /// truth : array or pair of arrays
 ///     Where each query really was. Places: int, shape (m,), -1 for a query that was off the map,
-///     so that any accepted match is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the
+///     so that any accepted match is a mistake; or such numbers as float, NaN for a query whose
+///     place is not known, which is left out. Or a matrix, shape (n, m): bool, or int with 1 (the
 ///     same place), 0 (not) and -1 (ignored). Or a pair of positions in planar metres, of the
-///     places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3)
-///     (``surefix.datasets.local_metres`` turns latitude and longitude into metres).
+///     places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3), a row with a NaN
+///     for one that is not known (``surefix.datasets.local_metres`` turns latitude and longitude
+///     into metres).
 /// tolerance : float
 ///     How far from the truth still counts as correct: places, or metres if the truth is
 ///     positions.
@@ -42,6 +44,13 @@ use crate::truth::truth_of;
 /// SurefixValueError
 ///     If the truth is of another length than the matches, of another type or shape, or an
 ///     option outside its range.
+///
+/// Warns
+/// -----
+/// UserWarning
+///     Of 20 queries and places or more: if no query is within the tolerance of a place, or all
+///     places are within it. Positions of another unit, such as degrees, make all matches wrong,
+///     or right.
 ///
 /// Examples
 /// --------
@@ -62,11 +71,13 @@ pub(crate) fn evaluate(
     recall: &str,
 ) -> PyResult<Evaluation> {
     let recall: Recall = recall.parse().or_raise(py)?;
-    let truth = truth_of(truth, tolerance)?;
+    let given = truth;
+    let truth = truth_of(given, tolerance)?;
     if let Ok(run) = matches.cast::<Run>() {
         truth.check_places(run.get().0.places).or_raise(py)?;
     }
     let matches = matches_of(matches)?;
+    warn_of_units(given, &truth, tolerance)?;
     let curve = py.detach(|| surefix::evaluate::evaluate(&matches, &truth, recall));
     Ok(Evaluation(curve.or_raise(py)?))
 }

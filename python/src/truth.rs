@@ -6,10 +6,39 @@ use pyo3::types::{PyDict, PyTuple};
 use surefix::evaluate::{TrustTable, Truth};
 use surefix::{Error, Positions};
 
-use crate::arrays::{contiguous, coordinates, sequence_or_array, shape_of, whole_numbers};
+use crate::arrays::{contiguous, coordinates, numbers, sequence_or_array, shape_of, whole_numbers};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::pickle::pickled;
+
+/// Positions of fewer places or queries may all be near, or far, by chance.
+const FEW: usize = 20;
+
+/// Warns of a truth by positions that makes all matches right, or all wrong: it may be of another
+/// unit. `given` is what `truth` was made of.
+pub(crate) fn warn_of_units(
+    given: &Bound<'_, PyAny>,
+    truth: &Truth,
+    tolerance: f64,
+) -> PyResult<()> {
+    let py = given.py();
+    let Some(extent) = truth.extent() else { return Ok(()) };
+    if truth.len() < FEW || given.get_item(0)?.len()? < FEW {
+        return Ok(());
+    }
+    let advice = "are both in metres, on one plane (surefix.datasets.local_metres)?";
+    let said = if (0..truth.len()).all(|query| !truth.exists(query)) {
+        format!("truth: no query is within the tolerance of {tolerance} m of a place: {advice}")
+    } else if extent <= tolerance {
+        format!(
+            "truth: all places lie within {extent:.3} m, the tolerance is {tolerance} m: {advice}"
+        )
+    } else {
+        return Ok(());
+    };
+    let said = std::ffi::CString::new(said)?;
+    PyErr::warn(py, &py.get_type::<pyo3::exceptions::PyUserWarning>(), &said, 1)
+}
 
 /// The truth from an array of places (m,), a matrix (n, m), or a pair of positions ((n, k), (m,
 /// k)).
@@ -20,14 +49,20 @@ pub(crate) fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Tr
         && !pair.get_item(0)?.is_instance_of::<pyo3::types::PyInt>()
     {
         let (places, place_axes) = coordinates(&pair.get_item(0)?, "truth: places")?;
-        let (queries, query_axes) = coordinates(&pair.get_item(1)?, "truth: queries")?;
+        let (mut queries, query_axes) = coordinates(&pair.get_item(1)?, "truth: queries")?;
+        let unknown = without_nan(&mut queries, query_axes);
         let places = Positions::new(places, place_axes).or_raise(py)?;
         let queries = Positions::new(queries, query_axes).or_raise(py)?;
-        return py.detach(|| Truth::positions(places, queries, tolerance)).or_raise(py);
+        let truth = py.detach(|| Truth::positions(places, queries, tolerance)).or_raise(py)?;
+        return Ok(truth.ignoring(unknown));
     }
     let tolerance = frames(py, tolerance)?;
     let array = sequence_or_array(object, "truth")?;
     if array.ndim() != 2 {
+        if array.ndim() == 1 && array.dtype().kind() == b'f' {
+            let (truth, unknown) = whole_or_nan(object)?;
+            return Ok(Truth::places(truth, tolerance).ignoring(unknown));
+        }
         return Ok(Truth::places(places(object)?, tolerance));
     }
     let kind = char::from(array.dtype().kind());
@@ -47,6 +82,34 @@ pub(crate) fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Tr
     let view = cells.as_array();
     let view = view.into_dimensionality().map_err(|e| value(py, e.to_string()))?;
     py.detach(|| Truth::cells(&view, tolerance)).or_raise(py)
+}
+
+/// The rows with a NaN, which become zeros: positions that are not known.
+fn without_nan(rows: &mut [f64], axes: usize) -> Vec<usize> {
+    let mut unknown = Vec::new();
+    for (query, row) in rows.chunks_exact_mut(axes.max(1)).enumerate() {
+        if row.iter().any(|metres| metres.is_nan()) {
+            row.fill(0.0);
+            unknown.push(query);
+        }
+    }
+    unknown
+}
+
+/// Places in floats, as of a table with holes: a NaN is a query whose place is not known.
+fn whole_or_nan(object: &Bound<'_, PyAny>) -> PyResult<(Vec<Option<usize>>, Vec<usize>)> {
+    let (mut truth, mut unknown) = (Vec::new(), Vec::new());
+    for (query, place) in numbers(object, "truth")?.into_iter().enumerate() {
+        if place.is_nan() {
+            unknown.push(query);
+        } else if place < -1.0 || place.fract() != 0.0 || place > f64::from(u32::MAX) {
+            let expected = "whole numbers: a place, -1 if there is none, NaN if it is not known";
+            let message = format!("truth: expected {expected}; got {place} for query {query}");
+            return Err(value(object.py(), message));
+        }
+        truth.push((place >= 0.0).then_some(place as usize));
+    }
+    Ok((truth, unknown))
 }
 
 fn clipped<'py>(array: &Bound<'py, numpy::PyUntypedArray>) -> PyResult<Bound<'py, PyAny>> {

@@ -1528,8 +1528,9 @@ def match_distances(
         ``distances[i, j]`` is the distance between place ``i`` and query ``j``. Those of several
         techniques are fused, as by ``Localizer``.
     floor : {"global", "running"} or float
-        What trusted cells are drawn towards. "global" is the paper's own: the minimum of the whole
-        matrix.
+        What trusted cells are drawn towards. "global", the default, is the paper's own: the minimum
+        of the whole matrix, which is there. ``match`` has "running" by default, so that its fixes
+        are those of a ``Localizer``, which cannot know it: give both one floor to compare them.
     trusted : array of bool, shape (m,), optional
         An external predictor's words in place of the consensus.
     advance : array of float, shape (m,), optional
@@ -1592,7 +1593,8 @@ def match(
     progress : callable, optional
         As for ``Map.from_images``.
     **options
-        As for ``Matcher``; ``floor="global"`` too, which scans the map twice.
+        As for ``Matcher``, with its defaults, so that the fixes are those of a ``Localizer``;
+        ``floor="global"`` too, that of ``match_distances``, which scans the map twice.
 
     Returns
     -------
@@ -2081,10 +2083,12 @@ def evaluate(
         Of any method.
     truth : array or pair of arrays
         Where each query really was. Places: int, shape (m,), -1 for a query that was off the map,
-        so that any accepted match is a mistake. Or a matrix, shape (n, m): bool, or int with 1 (the
+        so that any accepted match is a mistake; or such numbers as float, NaN for a query whose
+        place is not known, which is left out. Or a matrix, shape (n, m): bool, or int with 1 (the
         same place), 0 (not) and -1 (ignored). Or a pair of positions in planar metres, of the
-        places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3)
-        (``surefix.datasets.local_metres`` turns latitude and longitude into metres).
+        places, shape (n, 2) or (n, 3), and of the queries, shape (m, 2) or (m, 3), a row with a NaN
+        for one that is not known (``surefix.datasets.local_metres`` turns latitude and longitude
+        into metres).
     tolerance : float
         How far from the truth still counts as correct: places, or metres if the truth is
         positions.
@@ -2102,6 +2106,13 @@ def evaluate(
     SurefixValueError
         If the truth is of another length than the matches, of another type or shape, or an
         option outside its range.
+
+    Warns
+    -----
+    UserWarning
+        Of 20 queries and places or more: if no query is within the tolerance of a place, or all
+        places are within it. Positions of another unit, such as degrees, make all matches wrong,
+        or right.
 
     Examples
     --------

@@ -91,8 +91,21 @@ def contradictions(alignment: Alignment, truth: Any, tolerance: float = 1) -> li
     ]
 
 
+def known_queries(truth: Any) -> npt.NDArray[np.bool_]:
+    """Which queries of a truth, as for ``evaluate``, have a place that is known, (m,): not so a
+    NaN, or a position with one.
+    """
+    pair = isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
+    here = np.asarray(truth[1] if pair else truth)
+    if here.dtype.kind != "f":
+        return np.ones(len(here) if pair else here.shape[-1], bool)
+    unknown = np.isnan(here)
+    return np.asarray(~(unknown.any(axis=1) if pair else unknown), bool)
+
+
 def true_places(alignment: Alignment, truth: Any, tolerance: float) -> npt.NDArray[np.int64]:
-    """The true place of each query, of several the one nearest to the aligned; -1 for none.
+    """The true place of each query, of several the one nearest to the aligned; -1 for none, and
+    if it is not known.
 
     Raises
     ------
@@ -102,9 +115,12 @@ def true_places(alignment: Alignment, truth: Any, tolerance: float) -> npt.NDArr
     aligned = np.asarray(alignment.place)
     if not isinstance(truth, tuple) and np.ndim(truth) == 1:
         given = np.asarray(truth)
-        if given.size and given.dtype.kind not in "iu":
+        whole = given.dtype.kind in "iu"
+        if given.dtype.kind == "f":
+            whole = bool((np.isnan(given) | (given == np.round(given))).all())
+        if given.size and not whole:
             raise mismatch("truth", "whole numbers, -1 for no place", given.dtype)
-        places = given.astype(np.int64)
+        places = np.where(np.isnan(given), -1, given).astype(np.int64)
         if len(places) != len(aligned):
             raise mismatch("truth", f"a place for each of {len(aligned)} queries", len(places))
         return places

@@ -65,7 +65,8 @@ OPTIONS: tuple[Option, ...] = (
         int,
         1,
         "0 or more",
-        "Places between minimum and gradient peak of a trusted match.",
+        "Places between minimum and gradient peak of a trusted match; a track's confidence is "
+        "of as many.",
     ),
     Option("smoothing", int, 3, "1 or more", "Gradients summed; 1 for queries in any order."),
     Option(
@@ -73,7 +74,8 @@ OPTIONS: tuple[Option, ...] = (
         float,
         "running",
         '"global", "running" or a number',
-        "The target of trusted matches: the least distance so far, of all queries, or a number.",
+        "The target of trusted matches: the least distance so far, which is all that a stream "
+        "knows; of all queries, as in the paper; or a number.",
         choices=("global", "running"),
     ),
     Option(

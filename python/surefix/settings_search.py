@@ -20,7 +20,7 @@ from surefix._core import (
     match_distances,
 )
 from surefix._progress import Bar, terminal_bar
-from surefix.contradicting import Contradiction, contradictions, true_places
+from surefix.contradicting import Contradiction, contradictions, known_queries, true_places
 from surefix.errors import mismatch
 from surefix.matches import Matches
 from surefix.motion import Motion
@@ -118,7 +118,7 @@ class Known:
         kind = "positions" if in_metres else "places" if np.ndim(truth) == 1 else "a matrix"
         places = true_places(aligned, truth, tolerance)
         found = contradictions(aligned, truth, tolerance)
-        return cls(kind, truth, tolerance, None, places, np.ones(drive.queries, bool), found)
+        return cls(kind, truth, tolerance, None, places, known_queries(truth), found)
 
     @property
     def first_half(self) -> Flags:

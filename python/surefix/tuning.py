@@ -198,7 +198,7 @@ def _within(known: Known, tolerance: float) -> str:
 def _metres(drive: Drive, known: Known, part: npt.NDArray[np.bool_]) -> float | None:
     """The length of the drive; None if the map has no positions."""
     if isinstance(known.truth, tuple):
-        way = np.asarray(known.truth[1], np.float64)[part]
+        way = np.asarray(known.truth[1], np.float64)[part & known.kept]
     else:
         first = drive.techniques[0]
         where = first.positions if isinstance(first, Map) else None

@@ -24,7 +24,11 @@ use crate::parallel::each;
 /// # Ok::<(), surefix::Error>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Truth(Kind);
+pub struct Truth {
+    kind: Kind,
+    /// Ascending: the queries whose place is not known.
+    unknown: Vec<usize>,
+}
 
 #[derive(Clone, Debug)]
 enum Kind {
@@ -51,7 +55,7 @@ impl Truth {
     /// The true place of each query; `None` for a query off the map. A match within
     /// `tolerance` places is correct.
     pub fn places(truth: Vec<Option<usize>>, tolerance: usize) -> Self {
-        Self(Kind::Places { truth, tolerance })
+        Self::of(Kind::Places { truth, tolerance })
     }
 
     /// A matrix, places by queries: 1 if they show the same place, 0 if they do not, -1 if that is
@@ -68,7 +72,7 @@ impl Truth {
             return Err(Error::Shape { what: "truth", expected, got });
         }
         let columns = cells.columns().into_iter().map(|column| column.to_vec()).collect();
-        Ok(Self(Kind::Cells { columns, tolerance }))
+        Ok(Self::of(Kind::Cells { columns, tolerance }))
     }
 
     /// The positions of places and queries. A match within `metres` is correct; a query that has no
@@ -93,12 +97,61 @@ impl Truth {
             || (),
             |(), query| (0..places.len()).any(|place| near(place, query)),
         );
-        Ok(Self(Kind::Positions { places, queries, metres, exists }))
+        Ok(Self::of(Kind::Positions { places, queries, metres, exists }))
+    }
+
+    /// The same without a verdict on some queries, whose place is not known: every match of theirs
+    /// is [`Verdict::Ignored`].
+    ///
+    /// ```
+    /// use surefix::evaluate::{Truth, Verdict};
+    ///
+    /// let truth = Truth::places(vec![Some(4), None], 1).ignoring([1]);
+    /// assert_eq!(truth.judge(1, 5), Verdict::Ignored);
+    /// ```
+    #[must_use]
+    pub fn ignoring(mut self, queries: impl IntoIterator<Item = usize>) -> Self {
+        self.unknown.extend(queries);
+        self.unknown.sort_unstable();
+        self
+    }
+
+    /// Of positions, the diagonal of the box that holds the places, in metres: within a greater
+    /// tolerance every match is right. `None` for other truths, and without places.
+    ///
+    /// ```
+    /// use surefix::Positions;
+    /// use surefix::evaluate::Truth;
+    ///
+    /// let places = Positions::new(vec![0.0, 0.0, 3.0, 4.0], 2)?;
+    /// let truth = Truth::positions(places, Positions::new(vec![1.0, 0.0], 2)?, 5.0)?;
+    /// assert_eq!(truth.extent(), Some(5.0));
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    pub fn extent(&self) -> Option<f64> {
+        let Kind::Positions { places, .. } = &self.kind else { return None };
+        if places.is_empty() {
+            return None;
+        }
+        let axes = places.axes();
+        let side = |axis: usize| {
+            let along = || places.metres().iter().skip(axis).step_by(axes).copied();
+            along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+        };
+        Some((0..axes).map(|axis| side(axis).powi(2)).sum::<f64>().sqrt())
+    }
+
+    fn of(kind: Kind) -> Self {
+        Self { kind, unknown: Vec::new() }
+    }
+
+    fn is_unknown(&self, query: usize) -> bool {
+        self.unknown.binary_search(&query).is_ok()
     }
 
     /// The number of queries.
     pub fn len(&self) -> usize {
-        match &self.0 {
+        match &self.kind {
             Kind::Places { truth, .. } => truth.len(),
             Kind::Cells { columns, .. } => columns.len(),
             Kind::Positions { queries, .. } => queries.len(),
@@ -122,7 +175,7 @@ impl Truth {
             }
             Err(Error::Length { what: "truth: the route", expected: places, got })
         };
-        match &self.0 {
+        match &self.kind {
             Kind::Places { truth, .. } => {
                 let beyond = truth
                     .iter()
@@ -143,9 +196,13 @@ impl Truth {
         }
     }
 
-    /// Whether query `query` has a true place at all. A query past the end has none.
+    /// Whether query `query` has a true place at all. A query past the end has none, nor has one
+    /// whose place is not known.
     pub fn exists(&self, query: usize) -> bool {
-        match &self.0 {
+        if self.is_unknown(query) {
+            return false;
+        }
+        match &self.kind {
             Kind::Places { truth, .. } => truth.get(query).is_some_and(Option::is_some),
             Kind::Cells { columns, .. } => {
                 columns.get(query).is_some_and(|column| column.contains(&1))
@@ -157,7 +214,10 @@ impl Truth {
     /// The verdict on matching query `query` to `place`. Off the map and past the end, every match
     /// is wrong.
     pub fn judge(&self, query: usize, place: usize) -> Verdict {
-        let correct = match &self.0 {
+        if self.is_unknown(query) {
+            return Verdict::Ignored;
+        }
+        let correct = match &self.kind {
             Kind::Places { truth, tolerance } => {
                 let truth = truth.get(query).copied().flatten();
                 truth.is_some_and(|truth| place.abs_diff(truth) <= *tolerance)

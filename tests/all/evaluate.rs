@@ -257,3 +257,27 @@ fn a_number_of_samples_that_no_memory_holds_is_refused() {
         );
     }
 }
+
+proptest! {
+    /// Queries whose place is not known change nothing: the curve is that of the others.
+    #[test]
+    fn unknown_queries_are_as_if_they_were_not_there(
+        queries in queries(),
+        every in 2..5_usize,
+        recall in select(RECALLS.to_vec()),
+    ) {
+        let unknown = |query: &usize| query.is_multiple_of(every);
+        let kept: Vec<Query> =
+            queries.iter().enumerate().filter(|(query, _)| !unknown(query)).map(|(_, q)| *q).collect();
+        let run = run(queries.iter().map(|&(place, score, _)| fix(place, score, true)).collect());
+        let truth = Truth::places(queries.iter().map(|query| query.2).collect(), 1);
+        let truth = truth.ignoring((0..queries.len()).filter(unknown));
+        let found = evaluate(&run.matches(), &truth, recall).unwrap();
+        let without = curve(&kept, 1, recall);
+        prop_assert_eq!(found.points(), without.points());
+        for query in (0..queries.len()).filter(unknown) {
+            prop_assert_eq!(truth.judge(query, 0), Verdict::Ignored);
+            prop_assert!(!truth.exists(query));
+        }
+    }
+}

@@ -6,9 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix.baselines.distances import Flags, Places, number, whole
+from surefix.contradicting import known_queries
 from surefix.errors import mismatch
 
-__all__ = ["Truth", "by_metres", "right_matches"]
+__all__ = ["Truth", "by_metres", "part_of", "right_matches"]
 
 Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.ArrayLike]
 
@@ -29,8 +30,17 @@ def right_matches(
     array = np.asarray(truth)
     if array.size == 0:
         array = array.astype(np.int64)
-    if array.shape == place.shape and array.dtype.kind in "iu":
-        return _by_place(place, places, array.astype(np.int64), frames)
+    if array.shape == place.shape and array.dtype.kind in "iuf":
+        known = known_queries(array)
+        part = known & ~(np.isfinite(array) & (array == np.round(array)))
+        if part.any():
+            query = int(np.argmax(part))
+            expected = "whole numbers: a place, -1 if there is none, NaN if it is not known"
+            got = f"{array.dtype} {array.shape}: {array[query]} for query {query}"
+            raise mismatch("truth", expected, got)
+        whole_places = np.where(known, array, -1).astype(np.int64)
+        right, _ = _by_place(place, places, whole_places, frames)
+        return right, known
     if array.shape == (places, m) and array.dtype.kind in "biu":
         return _by_cell(place, array, frames)
     kinds = f"a place a query ({m},), a matrix ({places}, {m}) or a pair of positions"
@@ -40,6 +50,13 @@ def right_matches(
 def by_metres(truth: Truth) -> TypeGuard[tuple[npt.ArrayLike, npt.ArrayLike]]:
     """Whether the truth is a pair of positions; two numbers are the places of two queries."""
     return isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
+
+
+def part_of(truth: Truth, start: int, stop: int) -> Truth:
+    """The truth of some consecutive queries."""
+    if by_metres(truth):
+        return truth[0], np.asarray(truth[1])[start:stop]
+    return np.asarray(truth)[..., start:stop]
 
 
 def _by_place(place: Places, places: int, truth: Places, tolerance: int) -> tuple[Flags, Flags]:
@@ -79,4 +96,4 @@ def _by_position(
         expected = f"{places} positions of places and {len(place)} of queries"
         raise mismatch("truth", expected, f"{len(there)} and {len(here)}")
     apart = np.sqrt(((there[place] - here) ** 2).sum(axis=1))
-    return apart <= metres, np.ones(len(place), bool)
+    return apart <= metres, known_queries(truth)

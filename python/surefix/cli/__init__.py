@@ -18,6 +18,7 @@ from surefix.cli.map import append, build, info
 from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
 from surefix.cli.tune import tune_
+from surefix.machine import in_gb, limits_left
 
 __all__ = ["app", "main"]
 
@@ -113,6 +114,15 @@ def main() -> None:
         raise
     except SurefixError as error:
         print(f"surefix: {error}", file=sys.stderr)
+        sys.exit(1)
+    except MemoryError as error:
+        # NumPy names the array that it could not have; its address space may be what is limited.
+        asked = str(error) or "there is not enough memory"
+        limits = ", ".join(f"{in_gb(max(free, 0))} are {whose}" for free, whose in limits_left())
+        print(
+            f"surefix: {asked[0].lower()}{asked[1:]}; {limits or 'no limit is known'}",
+            file=sys.stderr,
+        )
         sys.exit(1)
     except OSError as error:
         # A reader such as `head` has seen enough; any other refusal, such as a full disk, is said.

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import typer
 
 from surefix import Localizer, Map, SurefixValueError
 from surefix._progress import Bar, terminal_bar
@@ -19,11 +18,12 @@ from surefix.cli.inputs import refuse
 from surefix.descriptors import Onnx, extract
 from surefix.descriptors.mapping import sad_map
 from surefix.errors import mismatch
-from surefix.frames import Frames, ImageFrames
+from surefix.frames import BagFrames, Frames, ImageFrames
 from surefix.frames import open as open_frames
+from surefix.frames.advances import time_in
 from surefix.frames.sampling import Derived
+from surefix.tables.columns import Columns
 from surefix.tables.matrices import read_matrix
-from surefix.tables.positions import Positions, on_one_plane, read_positions
 from surefix.tables.vectors import ENDINGS
 
 Float32 = npt.NDArray[np.float32]
@@ -46,6 +46,10 @@ class Drive:
         By the odometry, in places.
     queries : list of str, or None
         The name of each query.
+    times : sequence of float or None
+        When each query was taken, in seconds; empty if unknown.
+    bag : BagFrames, or None
+        The bag that the queries are in.
     """
 
     names: list[str]
@@ -53,6 +57,8 @@ class Drive:
     rows: list[npt.NDArray[Any]]
     advance: Float64 | None = None
     queries: list[str] | None = None
+    times: Sequence[float | None] = ()
+    bag: BagFrames | None = None
 
     @property
     def given(self) -> tuple[Any, ...]:
@@ -123,7 +129,7 @@ def open_drive(
         frames = moved = inputs.open_frames(place, **sampling)
     for file, place_map, network in zip(files, maps, networks, strict=True):
         check_kind(place_map, file, frames, network)
-    names, advances = names_and_advances(moved)
+    names, advances, times = names_and_advances(moved)
     advance = None if odometry is None else known(advances)
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
@@ -131,13 +137,20 @@ def open_drive(
     for note in inputs.notes_on(moved):
         print(note, file=sys.stderr)
     named = None if frames.ready is not None else names
-    return Drive(_named(files), maps, rows, advance, named)
+    return Drive(_named(files), maps, rows, advance, named, times, bag_of(frames))
 
 
 def _named(files: Sequence[str]) -> list[str]:
     """The files' stems, or the whole paths if these are not all different."""
     stems = [Path(file).stem for file in files]
     return stems if len({*stems}) == len(stems) else [*files]
+
+
+def bag_of(frames: Frames | None) -> BagFrames | None:
+    """The bag that the frames are in, whatever was done with them."""
+    while isinstance(frames, Derived):
+        frames = frames.source
+    return frames if isinstance(frames, BagFrames) else None
 
 
 def others_of(first: Map, fuse: Sequence[str | Path]) -> list[Map]:
@@ -191,22 +204,33 @@ def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None)
         )
 
 
-def names_and_advances(frames: Frames) -> tuple[list[str], list[float | None]]:
-    """The name and the advance of each frame; a recording is read for them."""
+class Listed(NamedTuple):
+    """The name, the advance and the time of each frame; the last two are empty if unknown."""
+
+    names: list[str]
+    advances: list[float | None]
+    times: list[float | None]
+
+
+def names_and_advances(frames: Frames) -> Listed:
+    """Those of each frame; a recording is read for them."""
     if isinstance(frames, ImageFrames):
-        return frames.images.names, []
-    names: list[str] = []
-    advance: list[float | None] = []
+        names = frames.images.names
+        # Files may be named by their times.
+        times = [time_in(Path(name).name) for name in names]
+        return Listed(names, [], [] if None in times else times)
+    listed = Listed([], [], [])
     bar = Bar(terminal_bar("Counting"), None, frames.estimate)
     with closing(frames.shots()) as shots:
         for shot in shots:
-            names.append(shot.name)
-            advance.append(shot.advance)
-            bar.show(len(names))
-    bar.end(len(names))
-    if not names:
+            listed.names.append(shot.name)
+            listed.advances.append(shot.advance)
+            listed.times.append(time_in(shot.name) if shot.time is None else shot.time)
+            bar.show(len(listed.names))
+    bar.end(len(listed.names))
+    if not listed.names:
         raise mismatch(frames.files[0], "frames", "none")
-    return names, advance
+    return listed
 
 
 def known(advance: Sequence[float | None]) -> Float64:
@@ -229,52 +253,47 @@ def describe(
     return sad_map(frames, place_map.descriptor).descriptors
 
 
+class MapColumns(Columns):
+    """The distances of a map to queries, (m, dim), each computed when it is asked for."""
+
+    def __init__(self, place_map: Map, rows: npt.NDArray[Any]) -> None:
+        self._map, self._rows = place_map, rows
+        self.shape = len(place_map), len(rows)
+        # With running statistics a query's distances depend on those before: a localizer keeps
+        # them.
+        post = () if place_map.post is None else place_map.post.steps
+        self._running = any(step["step"] == "standardize_running" for step in post)
+        self._localizer: Localizer | None = None
+        self._pushed = 0
+
+    def column(self, query: int) -> Float32:
+        """The distances to one query."""
+        if not self._running:
+            return self._map.distances(self._rows[query])
+        if self._localizer is None or query < self._pushed:
+            self._localizer, self._pushed = Localizer(self._map, sequence_length=1), 0
+        for row in self._rows[self._pushed : query + 1]:
+            self._localizer.push(row)
+        self._pushed = query + 1
+        return self._localizer.distances
+
+    def block(self, start: int, stop: int) -> Float32:
+        """Those to some queries."""
+        D = np.empty((self.shape[0], stop - start), np.float32, order="F")
+        for column, query in enumerate(range(start, stop)):
+            D[:, column] = self.column(query)
+        return D
+
+
 def distances_of(
     place_map: Map, rows: npt.NDArray[Any], queries: npt.NDArray[np.int64] | None = None
 ) -> Float32:
     """Between each place and each query, or some of them in order: shape (n, m)."""
     queries = np.arange(len(rows)) if queries is None else queries
     D = np.empty((len(place_map), len(queries)), np.float32, order="F")
-    # With running statistics a query's distances depend on those before: a localizer keeps them.
-    post = () if place_map.post is None else place_map.post.steps
-    running = any(step["step"] == "standardize_running" for step in post)
-    localizer = Localizer(place_map, sequence_length=1) if running else None
+    columns = MapColumns(place_map, rows)
     bar = Bar(terminal_bar("Comparing"), len(queries), len(queries))
-    pushed = 0
     for column, query in enumerate(queries):
-        if localizer is None:
-            D[:, column] = place_map.distances(rows[query])
-        else:
-            for row in rows[pushed : query + 1]:
-                localizer.push(row)
-            pushed = int(query) + 1
-            D[:, column] = localizer.distances
+        D[:, column] = columns.column(int(query))
         bar.show(column + 1)
     return D
-
-
-def positions_of(
-    places: int, queries: int, of_map: Float64 | None, positions: Path | None, driven: Path
-) -> tuple[Float64, Float64]:
-    """Those of the places and of the queries, in metres."""
-    if positions is not None:
-        mapped = read_positions(positions)
-    elif of_map is not None:
-        mapped = Positions("the map", of_map)
-    else:
-        raise typer.BadParameter("--positions: expected those of the places, as the map has none")
-    there, here = on_one_plane(mapped, read_positions(driven))
-    _check_positions("--positions", there, places)
-    _check_positions("--query-positions", here, queries)
-    if there.shape[1] != here.shape[1]:
-        got = f"{there.shape[1]} of places and {here.shape[1]} of queries"
-        raise mismatch("--query-positions", "the coordinates of --positions", got)
-    return there, here
-
-
-def _check_positions(option: str, array: Float64, count: int) -> None:
-    if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) != count:
-        raise mismatch(option, f"{count} rows of 2 or 3 metres", f"the shape {array.shape}")
-    if not np.isfinite(array).all():
-        row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise mismatch(option, "finite metres", f"{array[row].tolist()} in row {row}")

@@ -18,28 +18,33 @@ from rich.console import Console
 from surefix import Map, SurefixError, SurefixValueError, match_distances
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
-from surefix.baselines.truth import Truth, right_matches
+from surefix.baselines.truth import part_of, right_matches
 from surefix.cli import inputs, scenarios
 from surefix.cli.drives import (
+    MapColumns,
+    bag_of,
     check_kind,
     describe,
     distances_of,
     known,
     names_and_advances,
     open_map,
-    positions_of,
 )
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import refuse
+from surefix.cli.where import GAP, Places, PositionGap, Queries, by_positions, by_truth
 from surefix.descriptors import Onnx
 from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.by_name import UInt8, images_by_name
 from surefix.frames.images import Images, open_images
 from surefix.frames.opening import is_recording
+from surefix.machine import room_for
+from surefix.study.fit import better_fit
 from surefix.study.scenarios import RECORDED
 from surefix.study.study import Recall
-from surefix.tables.matrices import read_matrix
+from surefix.tables.columns import Columns, is_held
+from surefix.tables.matrices import large_matrix, read_matrix
 from surefix.tables.truth import read_truth
 
 if TYPE_CHECKING:
@@ -61,7 +66,8 @@ def eval_(
     cache: inputs.Cache = None,
     truth: str | None = None,
     positions: Path | None = None,
-    query_positions: Path | None = None,
+    query_positions: str | None = None,
+    position_gap: PositionGap = GAP,
     tolerance: Annotated[float | None, typer.Option(min=0)] = None,
     method: Annotated[
         list[str] | None,
@@ -105,11 +111,15 @@ def eval_(
     queries: A folder of images, a pattern, a .npy of images, a video or a bag; or ready
         descriptors, as for `surefix map build`. With a .npy of distances: the images of its
         queries, if any, for the pictures.
-    truth: "identity" (query i is place i); a .npy of places (m,), -1 for none, or of a matrix (n,
-        m); or a .csv with the columns query,reference, a row a query.
-    positions: In place of --truth: metres of each place, .npy or .csv; or a .csv with the header
-        latitude,longitude. The map's by default.
-    query_positions: In place of --truth: those of each query, as for --positions.
+    truth: "identity" (query i is place i); a .npy of places (m,), -1 for none, of lists of them, or
+        of a matrix (n, m); a .csv with the columns query,reference, a row a query; or
+        Patch-NetVLAD's .npz of positions.
+    positions: In place of --truth: metres of each place, .npy or .csv; a .csv with the header
+        latitude,longitude; a trajectory of TUM, KITTI or EuRoC; or a folder of images named
+        @east@north@. The map's by default.
+    query_positions: In place of --truth: those of each query, as for --positions; or at times of
+        their own, in a column time or a topic of the queries' bag, if the queries have times. Those
+        that are empty or nan are not known, and left out.
     tolerance: The greatest distance from the truth of a right match: in places, 1 by default; with
         positions in metres.
     out: The folder to write; an earlier report in it is replaced.
@@ -155,11 +165,14 @@ def eval_(
         refuse(not is_matrix, "QUERIES: expected the drive's images or descriptors, got none")
     both = truth is not None and (by_position or positions is not None)
     refuse(both, "--truth: expected it or positions, got both")
-    neither = truth is None and not by_position
-    refuse(neither, "--truth: expected it, or --query-positions; got neither")
+    expected = (
+        "--truth: expected it, or --query-positions; got neither (query i is place i: --truth "
+    )
+    refuse(truth is None and not by_position, expected + "identity)")
     expected = "--tolerance: expected how many metres from the truth are right, got none"
     refuse(by_position and tolerance is None, expected)
     part = truth is not None and tolerance is not None and not tolerance.is_integer()
+    part = part and not str(truth).lower().endswith(".npz")
     refuse(part, f"--tolerance: expected a whole number of places, got {tolerance}")
     expected = "--calibration: expected it and --calibration-truth, or neither"
     refuse(taught != (calibration_truth is not None), expected)
@@ -178,15 +191,19 @@ def eval_(
         from surefix.report.eval import write_report
         from surefix.report.figures import MISTAKES
         from surefix.study import Study, compare
+        from surefix.study.streamed import compare_columns, unstreamed
     except ModuleNotFoundError as error:
         raise SurefixError(str(error)) from None
 
     # Open the map or the distances, and the queries.
     D, place_map, network = None, None, None
+    columns: Columns | None = None
     if is_matrix:
         expected = f"--model: expected a map made with one, got the distances {route}"
         refuse(model is not None, expected)
-        D = read_matrix(route, similarity)
+        columns = large_matrix(route, similarity)
+        if columns is None:
+            D = read_matrix(route, similarity)
     else:
         place_map = open_map(route)
         # Of several maps, those of learned descriptors are the model's.
@@ -197,9 +214,10 @@ def eval_(
         sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
         refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
     frames = None if queries is None else inputs.open_frames(queries, **sampling)
-    names, advance = ([], []) if frames is None else names_and_advances(frames)
-    if D is not None:
-        places, count = D.shape
+    names, advance, times = ([], [], []) if frames is None else names_and_advances(frames)
+    ready = D if columns is None else columns
+    if ready is not None:
+        places, count = ready.shape
         if isinstance(frames, ImageFrames):
             # Only images are of use beside distances.
             open_images(Path(str(queries)))
@@ -212,19 +230,30 @@ def eval_(
         places, count = len(place_map), len(names)
         check_kind(place_map, route, frames, network)
 
+    # All distances are held if they are few, or if a method or a scenario needs them at once.
+    whole = [*unstreamed(methods), *(f"--scenario {name}" for name in drives)]
+    streamed = not is_held(places, count) and not whole
+    if not is_held(places, count) and whole:
+        size = f"{places} x {count} distances, for {whole[0]} all at once"
+        room_for(3 * 4 * places * count, size)
+        D, columns = read_matrix(route, similarity) if is_matrix else None, None
+
     # Read the truth.
     where = None if place_map is None else place_map.positions
-    along = None
+    mapped = Places(places, where, None if place_map is None else place_map.names)
+    named = [] if frames is None or frames.ready is not None else names
+    driven = Queries(count, named, times, bag_of(frames))
     if truth is not None:
-        judge: Truth = read_truth(truth, places, count)
-        tolerance = 1 if tolerance is None else int(tolerance)
+        judged = by_truth(truth, mapped, driven, tolerance)
     else:
         assert query_positions is not None
-        judge = where, here = positions_of(places, count, where, positions, query_positions)
-        steps = np.linalg.norm(np.diff(here, axis=0), axis=1)
-        along = np.concatenate(([0.0], np.cumsum(steps)))
-    assert tolerance is not None
-    context = replace(context, truth=judge, truth_tolerance=tolerance)
+        assert tolerance is not None
+        paths = positions, query_positions
+        judged = by_positions(*paths, mapped, driven, tolerance, position_gap)
+    if isinstance(judged.truth, tuple):
+        where = np.asarray(judged.truth[0], np.float64)
+    along = judged.along
+    context = replace(context, truth=judged.truth, truth_tolerance=judged.tolerance)
     if where is not None:
         context = replace(context, positions=where)
     if calibration is not None and calibration_truth is not None:
@@ -244,17 +273,24 @@ def eval_(
 
     # Compare the methods.
     start = time.perf_counter()
-    if D is None:
+    if D is None and columns is None:
         assert place_map is not None
         assert frames is not None
-        D = distances_of(place_map, describe(place_map, frames, network, cache))
+        rows = describe(place_map, frames, network, cache)
+        if streamed:
+            columns = MapColumns(place_map, rows)
+        else:
+            D = distances_of(place_map, rows)
     elif not similarity:
-        _warn_of_similarities(D, context)
+        some = D if columns is None else columns.block(0, min(columns.width, count))
+        assert some is not None
+        _warn_of_similarities(some, context)
     if others:
         techniques = [other.distances(frames) for other in others]
         context = replace(context, techniques=techniques)
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
-    print(f"Distances: {size}, in {time.perf_counter() - start:.1f} s")
+    how_long = "as they are needed" if streamed else f"in {time.perf_counter() - start:.1f} s"
+    print(f"Distances: {size}, {how_long}")
     for note in [] if frames is None else inputs.notes_on(frames):
         print(note, file=sys.stderr)
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
@@ -266,13 +302,22 @@ def eval_(
         how: dict[str, Any] = {"profile": speeds, "spacing": spacing}
         how |= {"scale_error": odometry_scale, "noise": odometry_noise}
         if drives:
+            assert D is not None
             context = Study(D, context).driven(RECORDED, seed, **how).context
-        study = compare(D, methods, context, recall, say)
+        if columns is not None:
+            study: Study = compare_columns(columns, methods, context, recall, say)
+        else:
+            assert D is not None
+            study = compare(D, methods, context, recall, say)
         made = [study.driven(name, seed, **how) for name in drives if name != RECORDED]
         for each in made:
             status.update(f"Comparing the methods: {each.scenario}")
             _ = each.results
     _print_results(study)
+    if not judged.by_position:
+        fit = better_fit(study.run.single_place, study.true_place, int(study.tolerance))
+        if fit is not None:
+            print(f"Warning: the truth may not be of this map and drive: {fit}", file=sys.stderr)
     if drives:
         scenarios.print_drives([study, *made])
 
@@ -384,7 +429,7 @@ def _reference_images(place: str, places: int, known: Map | None) -> Images | di
 def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
     """Says so if the places of greatest distance are the right ones."""
     assert context.truth is not None
-    truth = len(D), context.truth, context.truth_tolerance
+    truth = len(D), part_of(context.truth, 0, D.shape[1]), context.truth_tolerance
     extremes = np.argmin(D, axis=0), np.argmax(D, axis=0)
     near, far = (int(right_matches(places, *truth)[0].sum()) for places in extremes)
     if far > 2 * near and far >= near + 5:

@@ -50,16 +50,22 @@ def with_options(
     """Gives a command a flag for each option; its parameter ``options`` gets those that are given.
 
     ``floor`` is the default of that option in the help, ``motion`` is what that option is without
-    its flag (and without the command's ``config``), and ``names`` are other names for flags.
+    its flag (and without the command's ``config``), and ``names`` are other names for flags; the
+    option's own goes on to work, unseen, if the command has no parameter of that name.
     """
     usual = {"motion": motion} if motion else {}
 
     def decorate(command: Command) -> Command:
         flags = {option.name: (names or {}).get(option.name, option.name) for option in OPTIONS}
 
+        own = inspect.signature(command).parameters
+        unseen = [name for name in names or () if name not in own]
+
         @wraps(command)
         def with_flags(**given: Any) -> None:
-            values = ((option, given.pop(flags[option.name])) for option in OPTIONS)
+            other = {name: given.pop(name) for name in unseen}
+            values = [(option, given.pop(flags[option.name])) for option in OPTIONS]
+            values = [(o, other.get(o.name) if value is None else value) for o, value in values]
             options = {o.name: _value(o, value) for o, value in values if value is not None}
             command(**given, options=options if given.get("config") else usual | options)
 
@@ -71,13 +77,15 @@ def with_options(
             for option in OPTIONS:
                 default = ({"floor": floor} | usual).get(option.name, option.default)
                 parameters.append(_parameter(option, flags[option.name], default))
+                if option.name in unseen:
+                    parameters.append(_parameter(option, option.name, default, hidden=True))
         with_flags.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         return with_flags
 
     return decorate
 
 
-def _parameter(option: Option, name: str, default: Any) -> inspect.Parameter:
+def _parameter(option: Option, name: str, default: Any, hidden: bool = False) -> inspect.Parameter:
     """The option as a parameter that typer reads."""
     kind: Any = option.type
     if option.type is str:
@@ -92,7 +100,7 @@ def _parameter(option: Option, name: str, default: Any) -> inspect.Parameter:
     help_ = option.help if option.type is str else f"{option.help[:-1]}: {option.range}."
     # An empty list is as the help says.
     usual = "" if default == "" else f"; {default} by default"
-    flag = typer.Option(*names, help=f"{help_[:-1]}{usual}.")
+    flag = typer.Option(*names, help=f"{help_[:-1]}{usual}.", hidden=hidden)
     only, annotation = inspect.Parameter.KEYWORD_ONLY, Annotated[kind | None, flag]
     return inspect.Parameter(name, only, default=None, annotation=annotation)
 

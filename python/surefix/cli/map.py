@@ -16,11 +16,11 @@ from surefix.cli import inputs
 from surefix.cli.drives import check_kind, open_map
 from surefix.cli.flags import documented
 from surefix.cli.inputs import refuse
+from surefix.cli.where import metres_of_frames
 from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
 from surefix.errors import check_folder
 from surefix.frames import ImageFrames
-from surefix.tables.positions import read_metres
 
 Metric = Literal["cosine", "euclidean", "manhattan"]
 # How SAD descriptors are kept.
@@ -93,11 +93,11 @@ def build(
     batch: --model: images at a time.
     post: Ready descriptors and --model: steps for them, and for queries later, with commas:
         standardize, or standardize:running by the queries so far, pca:N, projection:N, normalize.
-    positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.
+    positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres; or with a column
+        time, at times of their own; or a folder of images named @east@north@.
     """
     start = time.perf_counter()
     check_folder(out, "cannot write the map")
-    where = None if positions is None else read_metres(positions)
     steps = None if post is None else inputs.steps_of(post)
     network = None
     if model is not None:
@@ -112,6 +112,7 @@ def build(
         references, key, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
     )
     inputs.check_not_read(out, [*frames.files, model, cache])
+    where = None if positions is None else metres_of_frames(positions, frames)
     if frames.ready is not None:
         got = f"expected images, got the ready descriptors {references}"
         refuse(network is not None, f"--model: {got}")
@@ -163,7 +164,7 @@ def append(
     )
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
-    where = None if positions is None else read_metres(positions)
+    where = None if positions is None else metres_of_frames(positions, frames)
     network = None
     if model is not None:
         network = inputs.network_of(old, file, model)

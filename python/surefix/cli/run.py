@@ -32,7 +32,7 @@ Size = tuple[int, ...]
 
 
 @documented
-@with_options(motion="any")
+@with_options(motion="any", names={"tolerance": "agreement"})
 def run(
     route: Path,
     queries: str,

@@ -2,10 +2,8 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
-import numpy as np
-import numpy.typing as npt
 import typer
 
 from surefix import Settings, Tuned, tune
@@ -13,13 +11,11 @@ from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
 from surefix.cli.audit import print_columns
-from surefix.cli.drives import Drive, open_drive, positions_of
+from surefix.cli.drives import Drive, open_drive
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read, refuse
+from surefix.cli.where import GAP, Places, PositionGap, Queries, Where, by_positions, by_truth
 from surefix.errors import check_folder
-from surefix.tables.truth import read_truth
-
-Truth: TypeAlias = npt.NDArray[Any] | tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
 
 @documented
@@ -29,7 +25,8 @@ def tune_(
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.toml"),
     truth: str | None = None,
     positions: Path | None = None,
-    query_positions: Path | None = None,
+    query_positions: str | None = None,
+    position_gap: PositionGap = GAP,
     tolerance: Annotated[float | None, typer.Option(min=0)] = None,
     wrong: float = 0.05,
     sure: float = 0.95,
@@ -57,7 +54,7 @@ def tune_(
         drive is aligned, which chooses no motion.
     positions: In place of --truth: metres of each place, .npy or .csv; or a .csv with the header
         latitude,longitude. The map's by default.
-    query_positions: In place of --truth: those of each query, as for --positions.
+    query_positions: In place of --truth: those of each query, as for `surefix eval`.
     tolerance: The greatest distance from the truth of a right match: in places, 1 by default; with
         positions in metres.
     wrong: The promise: at most this share of the accepted fixes is wrong ...
@@ -78,6 +75,7 @@ def tune_(
     expected = "--tolerance: expected how many metres from the truth are right, got none"
     refuse(by_position and tolerance is None, expected)
     part = not by_position and tolerance is not None and not tolerance.is_integer()
+    part = part and not str(truth).lower().endswith(".npz")
     refuse(part, f"--tolerance: expected a whole number of places, got {tolerance}")
     read = [route, queries, truth, positions, query_positions, odometry, model, *(fuse or ())]
     check_not_read(out, read)
@@ -88,13 +86,18 @@ def tune_(
     drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
 
     count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
-    known: Truth | None = None
+    first = drive.maps[0] if drive.maps else None
+    of_map = (None, None) if first is None else (first.positions, first.names)
+    mapped = Places(drive.places, *of_map)
+    driven = Queries(count, drive.queries or (), drive.times, drive.bag)
+    known: Where | None = None
     if truth is not None:
-        known = read_truth(truth, drive.places, count)
+        known = by_truth(truth, mapped, driven, tolerance)
     elif query_positions is not None:
-        of_map = drive.maps[0].positions if drive.maps else None
-        known = positions_of(drive.places, count, of_map, positions, query_positions)
-    how: dict[str, Any] = {"truth": known, "tolerance": 1 if tolerance is None else tolerance}
+        assert tolerance is not None
+        known = by_positions(positions, query_positions, mapped, driven, tolerance, position_gap)
+    tolerance = known.tolerance if known else 1 if tolerance is None else tolerance
+    how: dict[str, Any] = {"truth": known and known.truth, "tolerance": tolerance}
     how |= {"wrong": wrong, "sure": sure, "motion": motion, "advance": drive.advance}
     tuned = refusing_options(tune, *drive.given, **how)
 

@@ -3,6 +3,8 @@
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+
 from surefix.datasets.pair import Origin, Pair, identity
 from surefix.errors import mismatch
 from surefix.frames.images import Images, open_images
@@ -80,6 +82,9 @@ def folders(
     elif truth is not None:
         file = origin.file(base / truth, "the true place of each query")
         known = read_truth(file, len(mapped), len(driven))
+        if known.dtype.kind == "f":
+            got = f"nan for query {np.isnan(known).argmax()}"
+            raise mismatch(file, "a place for each query, or -1 for none", got)
     return Pair(name, mapped, driven, known, there, here, source, licence)
 
 

@@ -47,6 +47,8 @@ class Odometry:
     ----------
     by_frame : bool
         Whether row k is of frame k, as in KITTI's files; ``timed``: whether it has a time too.
+    degrees : array of float64, shape (n, 2), or None
+        The latitude and longitude of a NavSatFix.
     remarks : list of str
         What was assumed or left out when it was read.
 
@@ -81,6 +83,7 @@ class Odometry:
     ) -> None:
         self.source = source
         self.remarks: list[str] = []
+        self.degrees: Float64 | None = None
         self.times: Float64 = np.asarray(times, np.float64)
         self.positions: Float64 = np.asarray(positions, np.float64)
         shapes = self.times.ndim, self.positions.ndim
@@ -251,7 +254,9 @@ class Odometry:
     @classmethod
     def _of_poses(cls, kind: str, times: Float64, values: Float64, source: str) -> Self:
         if kind == NAV_SAT_FIX:
-            return cls(times, local_metres(*values.T), source)
+            made = cls(times, local_metres(*values.T), source)
+            made.degrees = values
+            return made
         positions = values[:, :3]
         # Some nodes leave NaN or zeros in the fields that they do not know.
         known = np.nan_to_num(values[:, 3:])

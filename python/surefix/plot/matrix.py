@@ -48,6 +48,7 @@ def distance_matrix(
     queries: Window | None = None,
     places: Window | None = None,
     outline: tuple[Window, Window] | None = None,
+    covers: tuple[Window, Window] | None = None,
     label: str = "distance",
     theme: Theme = LIGHT,
 ) -> Axes:
@@ -72,14 +73,19 @@ def distance_matrix(
         path.
     outline : (queries, places), optional
         Draws a frame around these: the part of a close-up.
+    covers : (queries, places), optional
+        The queries and places that ``distances`` covers, if it is a part of a matrix or a thinned
+        one. By default it is whole.
     label : str
         The distances and their unit, for the scale of a close-up.
     """
     close = queries is not None or places is not None
-    first_query, query_count = queries or (0, distances.shape[1])
-    first_place, place_count = places or (0, distances.shape[0])
+    whole = (0, len(place)), (0, distances.shape[0] if covers is None else sum(covers[1]))
+    first_query, query_count = queries or whole[0]
+    first_place, place_count = places or whole[1]
     cell = 0.5
-    tones = _tones(ax, distances, theme, (query_count, place_count), distances.shape, close)
+    covers = covers or ((0, distances.shape[1]), (0, distances.shape[0]))
+    tones = _tones(ax, distances, theme, (query_count, place_count), covers, close)
     shown = np.arange(len(place))
     seen = np.ones(len(place), np.bool_) if judged is None else judged
     inside = seen & (shown >= first_query) & (shown < first_query + query_count)
@@ -167,8 +173,8 @@ def aligned_track(
     count = (len(place), len(distances) if places is None else places)
     # As much as the rows and the columns cover.
     rows, columns = distances.shape
-    size = rows * -(-count[1] // rows), columns * -(-count[0] // columns)
-    _tones(ax, distances, theme, count, size)
+    covers = (0, columns * -(-count[0] // columns)), (0, rows * -(-count[1] // rows))
+    _tones(ax, distances, theme, count, covers)
     doubtful, off = confidence < least, off_map >= 0.5
     edges = np.arange(len(place) + 1, dtype=np.float64) - 0.5
     for mask, colour in ((doubtful & ~off, theme.trusted_wrong), (off, theme.muted)):
@@ -196,23 +202,24 @@ def _tones(
     distances: NDArray[np.float32],
     theme: Theme,
     counts: tuple[int, int],
-    size: tuple[int, ...],
+    covers: tuple[Window, Window],
     close: bool = False,
 ) -> AxesImage:
-    """The distances as tones: ``size`` places by queries, of which ``counts`` (queries, places) are
-    seen.
+    """The distances as tones: of the queries and places ``covers``, as many as ``counts`` (queries,
+    places) are seen.
     """
     nearest, furthest = np.percentile(distances, TONES)
     if furthest <= nearest:
         furthest = nearest + 1.0
     queries, places = counts
+    (left, width), (low, height) = covers
     return ax.imshow(
         distances,
         cmap=theme.distance_map,
         vmin=float(nearest),
         vmax=float(furthest),
         origin="lower",
-        extent=(-0.5, size[1] - 0.5, -0.5, size[0] - 0.5),
+        extent=(left - 0.5, left + width - 0.5, low - 0.5, low + height - 0.5),
         # A square cell says that queries and places are counted alike, if there is room for it.
         aspect="equal" if 1 / 3 < queries / places < 3 else "auto",
         interpolation="nearest" if close else "antialiased",

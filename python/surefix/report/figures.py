@@ -130,13 +130,15 @@ def matrix(
     matches = shown.matches.place, study.run.trusted, shown.right
     window = busiest_window(*matches, study.true_place, count=max(12, min(44, m // 6)))
     judged = None if every else shown.judged
+    (all_, covered), (part, covers) = study.seen(), study.seen(*window)
     whole = drawn(
         size,
         f"Distance matrix of {plural(n, 'place')} by {plural(m, 'query', 'queries')}, with the "
         f"match of each by {shown.name}.",
         distance_matrix,
-        study.distances,
+        all_,
         *matches,
+        covers=covered,
         judged=judged,
         outline=window,
         caption="The stronger the tone, the more alike. The frame marks the close-up.",
@@ -148,8 +150,9 @@ def matrix(
         f"Close-up of the matrix, from query {queries[0]} and place {places[0]} on: "
         f"{plural(queries[1], 'query', 'queries')}, {plural(places[1], 'place')}.",
         distance_matrix,
-        study.distances,
+        part,
         *matches,
+        covers=covers,
         truth=study.true_place,
         judged=judged,
         queries=queries,

@@ -19,6 +19,7 @@ from surefix._core import (
 from surefix.baselines import Context, run_method
 from surefix.baselines.distances import Distances, Flags, Floats, Places
 from surefix.baselines.truth import Truth, by_metres, right_matches
+from surefix.contradicting import known_queries
 from surefix.matches import Matches
 from surefix.study.confidence import (
     Reliability,
@@ -41,6 +42,12 @@ Recall = Literal["correct", "place_exists", "rejected"]
 Estimate = tuple[float, float, float]
 """A value, and the low and the high end of its 95 % interval, by a bootstrap over blocks of
 queries."""
+
+
+Window = tuple[int, int]
+"""The first of some consecutive places or queries, and their number."""
+
+Seen = tuple[Distances, tuple[Window, Window] | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +102,7 @@ class Result:
     @property
     def right_share(self) -> float:
         """The share of right matches among all queries on the map, those of a warm-up too."""
-        on = ~self.study.off_map
+        on = self.study.true_place >= 0
         return float(self.right[on].mean()) if on.any() else float("nan")
 
     @cached_property
@@ -206,8 +213,8 @@ class Study:
 
     @property
     def off_map(self) -> Flags:
-        """Which queries have no true place, shape (m,)."""
-        return self.true_place < 0
+        """Which queries have no true place, shape (m,); not those whose place is not known."""
+        return (self.true_place < 0) & known_queries(self.truth)
 
     @property
     def results(self) -> list[Result]:
@@ -262,6 +269,12 @@ class Study:
         ks = [k for k in KS if k <= len(self.distances)]
         return recall_at(self.distances, self.truth, ks, self.tolerance)
 
+    def seen(self, queries: Window | None = None, places: Window | None = None) -> Seen:
+        """Distances for a picture, of the whole or of a part, and the queries and places that they
+        cover, None for all.
+        """
+        return self.distances, None
+
     def right(self, place: Places) -> tuple[Flags, Flags]:
         """Which of these matches are right, and which the truth judges, each of shape (m,)."""
         return right_matches(place, len(self.distances), self.truth, self.tolerance)
@@ -278,7 +291,9 @@ class Study:
 
     @cached_property
     def true_place(self) -> Places:
-        """A true place of each query, (m,): the nearest or first of several, -1 for none."""
+        """A true place of each query, (m,): the nearest or first of several, -1 for none, and if it
+        is not known.
+        """
         if by_metres(self.truth):
             places, queries = self._positions
             found = np.full(len(queries), -1, np.int64)
@@ -290,7 +305,7 @@ class Study:
         truth = np.asarray(self.truth)
         if truth.ndim == 2:
             truth = np.where((truth == 1).any(axis=0), np.argmax(truth == 1, axis=0), -1)
-        return truth.astype(np.int64)
+        return np.where(np.isnan(truth), -1, truth).astype(np.int64)
 
     def off(self, query: int, place: int) -> str:
         """The distance of a match from the truth, in words."""

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import mismatch
+from surefix.errors import SurefixError, mismatch
+from surefix.tables.columns import MatrixColumns, is_held
 from surefix.tables.npy import read_npy
 
 
@@ -15,9 +16,22 @@ def read_matrix(path: str | Path, similarity: bool = False) -> npt.NDArray[np.fl
     if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or len(matrix) < 2 or not matrix.size:
         expected = "a matrix of numbers, (2 or more places, 1 or more queries)"
         raise mismatch(path, expected, f"{matrix.dtype} {matrix.shape}")
-    values = matrix.astype(np.float64)
-    if not np.isfinite(values).all():
-        place, query = np.argwhere(~np.isfinite(values))[0]
-        got = f"{values[place, query]} at place {place}, query {query}"
-        raise mismatch(path, "finite numbers", got)
-    return (1 - values if similarity else values).astype(np.float32)
+    values = np.empty(matrix.shape, np.float32)
+    # Row by row: in float64, as similarities are subtracted, a large one would not fit.
+    for place, row in enumerate(matrix):
+        if not np.isfinite(row).all():
+            query = int(np.argmin(np.isfinite(row)))
+            raise mismatch(path, "finite numbers", f"{row[query]} at place {place}, query {query}")
+        values[place] = 1 - row.astype(np.float64) if similarity else row
+    return values
+
+
+def large_matrix(path: str | Path, similarity: bool = False) -> MatrixColumns | None:
+    """The columns of a ``.npy`` that is too large to be held; None if it is not, or is no matrix:
+    ``read_matrix`` says why.
+    """
+    try:
+        columns = MatrixColumns(path, similarity)
+    except SurefixError:
+        return None
+    return None if is_held(*columns.shape) else columns

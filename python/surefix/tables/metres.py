@@ -28,7 +28,7 @@ def local_metres(
     latitude, longitude : array, shape (n,)
         In degrees, WGS84.
     origin : (latitude, longitude), optional
-        In degrees; the mean of all by default.
+        In degrees; the median of all by default.
 
     Returns
     -------
@@ -66,9 +66,11 @@ def local_metres(
 
 
 def centre(latitude: Float64, longitude: Float64) -> tuple[float, float]:
-    """The mean of some points, in degrees; they may lie on both sides of the date line."""
+    """The median of some points, in degrees: a wrong fix among them does not move it. They may lie
+    on both sides of the date line.
+    """
     turned = _turned(longitude - longitude[0])
-    return float(latitude.mean()), float(longitude[0] + turned.mean())
+    return float(np.median(latitude)), float(longitude[0] + np.median(turned))
 
 
 def subsample(positions: npt.ArrayLike, metres: float) -> Int64:
@@ -170,9 +172,17 @@ def pair_by_position(
     queries = _points(query_positions, "query_positions")
     if not (np.isfinite(tolerance) and tolerance >= 0):
         raise mismatch("tolerance", "metres, 0 or more", tolerance)
-    truth = np.full(len(queries), -1, dtype=np.int64)
+    place, apart = nearest(references, queries)
+    return np.where(apart <= tolerance, place, -1)
+
+
+def nearest(references: Float64, queries: Float64) -> tuple[Int64, Float64]:
+    """The nearest reference of each query and its distance; -1 and infinity if there is none, or if
+    the query is NaN. Heights count if both have them.
+    """
+    place, apart = np.full(len(queries), -1, np.int64), np.full(len(queries), np.inf)
     if not len(references):
-        return truth
+        return place, apart
     axes = min(references.shape[1], queries.shape[1])
     rows = max(1, _DISTANCES_AT_ONCE // len(references))
     for start in range(0, len(queries), rows):
@@ -180,10 +190,12 @@ def pair_by_position(
         squared = np.zeros((len(chunk), len(references)))
         for axis in range(axes):
             squared += (chunk[:, None, axis] - references[None, :, axis]) ** 2
-        nearest = np.argmin(squared, axis=1)
-        close = np.sqrt(np.take_along_axis(squared, nearest[:, None], axis=1)[:, 0]) <= tolerance
-        truth[start : start + rows] = np.where(close, nearest, -1)
-    return truth
+        squared[np.isnan(squared)] = np.inf
+        best = np.argmin(squared, axis=1)
+        least = np.sqrt(np.take_along_axis(squared, best[:, None], axis=1)[:, 0])
+        place[start : start + rows] = np.where(np.isfinite(least), best, -1)
+        apart[start : start + rows] = least
+    return place, apart
 
 
 def interpolate(

@@ -1,6 +1,8 @@
 """Tables in text files. Errors name the file and the row."""
 
+import codecs
 import csv
+import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -9,11 +11,18 @@ import numpy.typing as npt
 
 from surefix.errors import mismatch, refusal
 
+DECIMAL_COMMA = re.compile(r"^([-+]?\d+),(\d+)$")
+# Cells of a value that is not known.
+UNKNOWN = frozenset({"", "nan", "na", "n/a", "none", "null", "<na>"})
+
 
 def read_text(path: Path, what: str = "the table") -> str:
     """A text file in UTF-8; ``what`` names it in an error."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        # Excel's "Unicode text" is UTF-16, with a mark in front.
+        wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        return content.decode("utf-16" if wide else "utf-8-sig")
     except OSError as error:
         raise refusal(path, f"cannot read {what}", error) from None
     except UnicodeDecodeError as error:
@@ -35,6 +44,52 @@ def rows(
         except csv.Error as error:
             raise mismatch(f"{path}, row {number}", "values with commas between", error) from None
         yield number, [cell.strip() for cell in cells]
+
+
+def cells_of(path: Path, what: str = "the table") -> list[tuple[int, list[str]]]:
+    """As ``rows``, of a table whose cells are separated by semicolons, tabs, commas or white space,
+    as the first row shows. A comment that is followed by rows of as many cells is their header.
+
+    Beside semicolons and tabs, ``3,5`` is a number with a decimal comma.
+    """
+    text = read_text(path, what)
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    kept = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    if not kept:
+        return []
+    delimiter = next((mark for mark in ";\t," if mark in kept[0][1]), None)
+    # The stripped line lacks the empty cell at its end, which a tab would have ended.
+    if delimiter == "\t":
+        raw = dict(enumerate(text.splitlines(), start=1))
+        kept = [(number, raw[number]) for number, _ in kept]
+
+    def split(line: str) -> list[str]:
+        try:
+            cells = next(csv.reader([line], delimiter=delimiter)) if delimiter else line.split()
+        except csv.Error as error:
+            raise mismatch(path, "rows of cells", error) from None
+        cells = [cell.strip() for cell in cells]
+        if delimiter in (";", "\t"):
+            cells = [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
+        return cells
+
+    table = [(number, split(line)) for number, line in kept]
+    first = kept[0][0]
+    comments = [(n, line) for n, line in lines if n < first and line.startswith("#")]
+    for number, line in reversed(comments):
+        cells = split(line.lstrip("# "))
+        if len(cells) == len(table[0][1]) and not any(is_number(cell) for cell in cells):
+            return [(number, cells), *table]
+    return table
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, NaN and infinities among them."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def header_and_rows(path: Path, expected: str) -> tuple[list[str], list[tuple[int, list[str]]]]:

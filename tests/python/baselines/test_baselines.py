@@ -372,7 +372,7 @@ WRONG: dict[str, tuple[Any, list[str]]] = {
         ["truth", "(17,)", "(2,)"],
     ),
     "a truth of floats": (
-        lambda: baselines.perfect_predictor(GOOD, np.zeros(17)),
+        lambda: baselines.perfect_predictor(GOOD, np.full(17, 0.5)),
         ["truth", "float64"],
     ),
     "a truth off the map": (

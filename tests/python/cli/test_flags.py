@@ -39,10 +39,27 @@ def test_every_option_comes_in_its_own_type() -> None:
     }  # fmt: skip
 
 
+def test_one_name_has_one_meaning_and_the_old_one_goes_on_to_work() -> None:
+    text = surefix_("run", "--help").stdout
+    assert "--agreement " in text
+    assert "--tolerance" not in text
+    got: list[dict[str, Any]] = []
+
+    @with_options(names={"tolerance": "agreement"})
+    def command(*, options: dict[str, Any]) -> None:
+        got.append(options)
+
+    app = typer.Typer()
+    app.command()(command)
+    for flag in ("--agreement", "--tolerance"):
+        app([flag, "2"], standalone_mode=False)
+    assert got == [{"tolerance": 2}, {"tolerance": 2}]
+
+
 @pytest.mark.parametrize("command", ["run", "eval"])
 def test_the_help_has_a_flag_for_each_in_the_tables_order(command: str) -> None:
     text = surefix_(command, "--help").stdout
-    names = {"tolerance": "agreement"} if command == "eval" else {}
+    names = {"tolerance": "agreement"}
     flags = [f"--{names.get(each.name, each.name).replace('_', '-')} " for each in OPTIONS]
     places = [text.index(flag) for flag in flags]
     assert places == sorted(places)

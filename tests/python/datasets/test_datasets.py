@@ -253,7 +253,7 @@ class TestFolders:
         assert pair.truth is not None
         assert (pair.truth.dtype, pair.truth.tolist()) == (np.int64, [4, -1, 10])
         matrix = np.zeros((11, 3), np.int64)
-        for wrong in (np.array([4, -1]), np.array([4.0, 1, 2]), np.array([4, 1, 11]), matrix):
+        for wrong in (np.array([4, -1]), np.array([4.5, 1, 2]), np.array([4, 1, 11]), matrix):
             np.save(two_folders / "truth.npy", wrong)
             with pytest.raises(surefix.SurefixValueError, match="expected"):
                 datasets.folders(two_folders, truth="truth.npy")

@@ -1,0 +1,238 @@
+"""Where each query was: by a truth, or by positions of the places and of the queries."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import typer
+
+from surefix._words import plural
+from surefix.baselines.truth import Truth
+from surefix.cli.drives import names_and_advances
+from surefix.cli.inputs import refuse
+from surefix.errors import mismatch
+from surefix.frames import BagFrames, Frames, ImageFrames, Odometry
+from surefix.frames.recording import is_bag
+from surefix.tables.overlap import check_overlap
+from surefix.tables.positions import (
+    Positions,
+    by_name,
+    checked,
+    in_names,
+    metres_of,
+    on_one_plane,
+    read_positions,
+)
+from surefix.tables.truth import read_position_truth, read_truth
+
+Float64: TypeAlias = npt.NDArray[np.float64]
+Times: TypeAlias = Sequence[float | None]
+
+# By default, the longest time between two positions that one is interpolated in.
+GAP = 2.0
+PositionGap = Annotated[
+    float,
+    typer.Option(
+        min=0,
+        help="--query-positions with times: a query between two positions that are more than this "
+        "many seconds apart is not known.",
+    ),
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Queries:
+    """The queries of a drive: how many; names, times and bag, if there are such."""
+
+    count: int
+    names: Sequence[str] = ()
+    times: Times = ()
+    bag: BagFrames | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """The places of a map: how many, and their positions and names, if they are known."""
+
+    count: int
+    positions: Float64 | None = None
+    names: Sequence[str] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Where:
+    """A truth as ``surefix.evaluate`` takes it, and its tolerance."""
+
+    truth: Truth
+    tolerance: float
+
+    @property
+    def by_position(self) -> bool:
+        """Whether the truth is positions, and the tolerance in metres."""
+        return isinstance(self.truth, tuple)
+
+    @property
+    def along(self) -> Float64 | None:
+        """The way along the drive of each query, in metres; None without positions. Those that are
+        not known lie between their neighbours.
+        """
+        if not isinstance(self.truth, tuple):
+            return None
+        here = np.asarray(self.truth[1], np.float64)
+        known = np.flatnonzero(np.isfinite(here).all(axis=1))
+        index = np.arange(len(here))
+        filled = np.stack([np.interp(index, known, here[known, k]) for k in range(here.shape[1])])
+        steps = np.linalg.norm(np.diff(filled, axis=1), axis=0)
+        return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def by_truth(source: str, places: Places, queries: Queries, tolerance: float | None) -> Where:
+    """The truth of ``--truth``."""
+    found = read_position_truth(source)
+    if found is None:
+        part = tolerance is not None and not float(tolerance).is_integer()
+        refuse(part, f"--tolerance: expected a whole number of places, got {tolerance}")
+        wide = tolerance is not None and tolerance >= places.count
+        expected = f"--tolerance: expected less than the {places.count} places of the map"
+        refuse(wide, f"{expected}, within which every match is right; got {tolerance}")
+        truth = read_truth(source, places.count, queries.count)
+        if truth.dtype != bool and not (truth >= (1 if truth.ndim == 2 else 0)).any():
+            unknown = bool(np.isnan(truth).all()) if truth.dtype.kind == "f" else False
+            says = "of no query is the place known" if unknown else "no query has a place"
+            print(f"Warning: {source}: {says}, so that no match can be right", file=sys.stderr)
+        if truth.dtype.kind == "f":
+            _say_unknown(source, int(np.isnan(truth).sum()), queries.count)
+        return Where(truth, 1 if tolerance is None else int(tolerance))
+    metres = found.metres if tolerance is None else tolerance
+    if metres is None:
+        expected = "--tolerance: expected how many metres from the truth are right, got none"
+        raise typer.BadParameter(f"{expected}, as {source} holds positions")
+    mapped = Positions(f"{source}, utmDb", found.places, said=True)
+    driven = Positions(f"{source}, utmQ", found.queries, said=True)
+    for read, count, of in ((mapped, places.count, "places"), (driven, queries.count, "queries")):
+        if len(read.values) != count:
+            raise mismatch(read.source, f"a row for each of the {count} {of}", len(read.values))
+    return _compared(mapped.all_known(), driven, metres)
+
+
+def by_positions(
+    positions: Path | None,
+    driven: str | Path,
+    places: Places,
+    queries: Queries,
+    tolerance: float,
+    gap: float = GAP,
+) -> Where:
+    """The truth of ``--positions`` and ``--query-positions``, in metres on one plane."""
+    mapped, read = _of_places(positions, places), _read_queries(driven, queries)
+    # Before they are counted: of another unit, they are of another kind altogether.
+    on_one_plane(mapped, read)
+    mapped = _each(mapped, places.count, "--positions").all_known()
+    return _compared(mapped, _of_queries(driven, read, queries, gap), tolerance)
+
+
+def metres_of_frames(positions: Path, frames: Frames) -> Float64:
+    """Those of a map's places in metres, a row a frame; by their times, if the file has times."""
+    read = read_positions(positions)
+    listed = isinstance(frames, ImageFrames) and frames.ready is None
+    if not listed and (read.times is None or not frames.timed):
+        return metres_of(read).values
+    names, _, times = names_and_advances(frames)
+    queries = Queries(len(names), names, times)
+    return metres_of(_of_queries(positions, read, queries, GAP, "--positions")).values
+
+
+def _compared(mapped: Positions, driven: Positions, tolerance: float) -> Where:
+    there, here, warnings = check_overlap(mapped, driven, tolerance)
+    for warning in warnings:
+        print(f"Warning: {warning}", file=sys.stderr)
+    _say_unknown(driven.source, int(np.isnan(here).any(axis=1).sum()), len(here))
+    return Where((there, here), tolerance)
+
+
+def _say_unknown(source: object, count: int, queries: int) -> None:
+    if count:
+        said = f"{plural(count, 'query', 'queries')} of {queries} without a known place"
+        print(f"{source}: {said}, left out of all figures", file=sys.stderr)
+
+
+def _of_places(positions: Path | None, places: Places) -> Positions:
+    """Those of ``--positions``, by default of the map or in its names."""
+    if positions is None:
+        if places.positions is not None:
+            return Positions("the map", places.positions, said=True)
+        named = None if not places.names else in_names(places.names, "the map")
+        if named is None:
+            expected = "--positions: expected those of the places, as the map has none"
+            raise typer.BadParameter(expected)
+        return replace(named, names=None)
+    read = read_positions(positions, role="places")
+    if read.names is not None and places.names:
+        rows = by_name(read, places.names)
+        if min(rows) >= 0:
+            read = read.at(rows)
+    return read
+
+
+def _of_queries(
+    driven: object, read: Positions, queries: Queries, gap: float, option: str = "--query-positions"
+) -> Positions:
+    """A row for each query, or frame of a map: by its name, by its time, or by its number."""
+    if read.names is not None and queries.names:
+        rows = by_name(read, queries.names)
+        if 2 * sum(row >= 0 for row in rows) >= len(rows):
+            return read.at(rows)
+    if read.times is None:
+        if len(read.values) != queries.count and queries.times:
+            got = f"the shape {read.values.shape}, without times; a column time would do"
+            raise mismatch(option, f"{queries.count} rows of 2 or 3 metres", got)
+        return _each(read, queries.count, option)
+    times = np.array([np.nan if time is None else time for time in queries.times], np.float64)
+    clock = read.times[np.isfinite(read.times)]
+    if len(times) and len(clock) and np.isfinite(times).any():
+        inside = (times >= clock.min()) & (times <= clock.max())
+        if inside.any():
+            return read.at_times(times, gap)
+        if len(read.values) != queries.count:
+            got = (
+                f"positions from {clock.min():.3f} to {clock.max():.3f} s and queries from "
+                f"{np.nanmin(times):.3f} to {np.nanmax(times):.3f} s"
+            )
+            raise mismatch(
+                driven, "positions at the times of the queries", f"{got}: two clocks; give both one"
+            )
+    elif len(read.values) != queries.count:
+        expected = f"queries with times, as {read.source} has them, or {queries.count} rows"
+        raise mismatch(option, expected, f"{len(read.values)} rows, no times")
+    return _each(read, queries.count, option)
+
+
+def _read_queries(driven: str | Path, queries: Queries) -> Positions:
+    """Those of a file, of a bag with one topic of them, or of a topic of the queries' own bag."""
+    name, path = str(driven), Path(driven)
+    if is_bag(path):
+        return _of_track(Odometry.from_bag(name))
+    if name.startswith("/") and not path.exists() and queries.bag is not None:
+        bag = queries.bag
+        return _of_track(Odometry.from_bag(bag.place, name, recorded=bag.recorded))
+    return read_positions(path, role="queries")
+
+
+def _of_track(track: Odometry) -> Positions:
+    """The poses or the GPS fixes of a topic, with their times."""
+    notes = tuple(track.remarks)
+    if track.degrees is None:
+        return Positions(track.source, track.positions, said=True, times=track.times, notes=notes)
+    read = Positions(track.source, track.degrees, True, True, track.times, notes=notes)
+    return checked(read)
+
+
+def _each(read: Positions, count: int, option: str) -> Positions:
+    if len(read.values) != count:
+        got = f"the shape {read.values.shape}"
+        raise mismatch(option, f"{count} rows of 2 or 3 metres", got)
+    return read
