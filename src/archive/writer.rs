@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::hash::Hasher as _;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use safetensors::tensor::{Dtype, Metadata, TensorInfo};
@@ -11,7 +11,7 @@ use twox_hash::XxHash3_64;
 
 use super::atomic::AtomicFile;
 use super::{
-    CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, in_pieces, swap_to_file_order,
+    CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, swap_to_file_order,
 };
 use crate::error::Error;
 
@@ -181,20 +181,5 @@ impl Sink<'_> {
             self.bytes(&piece)?;
         }
         Ok(())
-    }
-
-    /// The next `count` bytes of another file. `proceed` is asked before each piece.
-    pub(crate) fn copy(
-        &mut self,
-        from: &mut impl Read,
-        count: usize,
-        proceed: &mut dyn FnMut() -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        let failed = self.failed;
-        in_pieces(count, |piece| {
-            proceed()?;
-            from.read_exact(piece).map_err(failed)?;
-            self.bytes(piece)
-        })
     }
 }
