@@ -133,7 +133,9 @@ impl Fix {
             );
         }
         let warming = if sequence.is_none() { ", sequence=None" } else { "" };
-        format!("Fix(frame={frame}, place={place}, score={score}, trusted={trusted}{blank}{warming})")
+        format!(
+            "Fix(frame={frame}, place={place}, score={score}, trusted={trusted}{blank}{warming})"
+        )
     }
 }
 

@@ -10,9 +10,7 @@ use serde::Serialize;
 use twox_hash::XxHash3_64;
 
 use super::atomic::AtomicFile;
-use super::{
-    CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, swap_to_file_order,
-};
+use super::{CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, swap_to_file_order};
 use crate::error::Error;
 
 /// Rows begin at a multiple of a cache line in the file, and so do those of a mapped file.
