@@ -190,6 +190,9 @@ class Fix:
         Which query this is, counted from 0 since the start or the last reset.
     trusted : bool
         Whether the single match is trusted (Eq. 3 of the paper), or an external predictor's word.
+    blank : bool
+        Whether the query shows nothing: an image or a descriptor without content, or distances that
+        are all equal. It is never trusted, whatever ``place`` says.
     place : int
         The track's place if there is motion; else the sequence's once it is ready, and before that
         the single match's.
@@ -388,6 +391,8 @@ class Map:
         progress : callable, optional
             Called with ``(done, total)``; returning False stops. By default a bar on a terminal;
             False for none.
+        skip_blank : bool
+            Leave out the places that show nothing, as ``without_blank`` does.
         metric, post : optional
             For a learned descriptor, as for ``from_descriptors``.
         cache : path, optional
@@ -454,7 +459,7 @@ class Map:
         ------
         SurefixValueError
             For fewer than two rows, another type, a NaN or an infinity (the error names its row), a
-            row of zeros under the cosine, or another number of positions or names than of rows; as
+            row of up to 8 zeros under the cosine, or another number of positions or names than of rows; as
             for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
         """
     @staticmethod
@@ -710,7 +715,8 @@ class Map:
         3
         """
     def distances(self, descriptor: _Array) -> _Float32:
-        """The distances from a descriptor to every place.
+        """The distances from a descriptor to every place. A place that shows nothing (``blank``) has
+        the mean of the others' distances; a descriptor that shows nothing has one distance to all.
 
         Parameters
         ----------
@@ -726,7 +732,7 @@ class Map:
         Raises
         ------
         SurefixValueError
-            For another length or type, a NaN or an infinity, or zeros under the cosine.
+            For another length or type, a NaN or an infinity, or up to 8 zeros under the cosine.
         """
     def __len__(self) -> int: ...
     @property
@@ -1252,7 +1258,7 @@ class FixStream(Iterator[Fix]):
 class Run:
     """The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 
-    ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the
+    ``place``, ``score``, ``trusted`` and ``blank`` are those of each ``Fix``; ``ready`` is False in the
     warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
     without the option ``motion``; with it, all queries are ready.
 

@@ -65,6 +65,7 @@ def build(
     post: str | None = None,
     cache: inputs.Cache = None,
     positions: Path | None = None,
+    skip_blank: bool = False,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
     every: inputs.Every = None,
@@ -93,6 +94,7 @@ def build(
     post: Ready descriptors and --model: steps for them, and for queries later, with commas:
         standardize, or standardize:running by the queries so far, pca:N, projection:N, normalize.
     positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.
+    skip_blank: Leave out the places that show nothing: black, covered, or equal to many others.
     """
     start = time.perf_counter()
     check_folder(out, "cannot write the map")
@@ -126,7 +128,28 @@ def build(
             Map.build(out, frames.source, sad, positions=where)
         else:
             sad_map(frames, sad, where).save(out)
+    made = _look(out)
+    blank, names = made.blank.tolist(), made.names
+    if blank and skip_blank:
+        made.without_blank().save(out)
+    del made
     print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
+    if blank:
+        done = "left out" if skip_blank else f"nothing is matched to them ({SKIP})"
+        print(f"{_blank(blank, names)}: {done}")
+
+
+SKIP = "--skip-blank leaves them out"
+# Blank places that are named.
+NAMED = 5
+
+
+def _blank(blank: list[int], names: list[str] | None) -> str:
+    """How many places show nothing, and which are the first."""
+    named = [f"{place} ({names[place]})" if names else str(place) for place in blank[:NAMED]]
+    more = [f"{len(blank) - NAMED} more"] if len(blank) > NAMED else []
+    shows = "shows" if len(blank) == 1 else "show"
+    return f"{plural(len(blank), 'place')} {shows} nothing: {', '.join([*named, *more])}"
 
 
 @documented
@@ -170,8 +193,12 @@ def append(
         Map.append(file, frames.source, network, positions=where, cache=cache)
     else:
         Map.append(file, frames.source, positions=where)
+    now, before = _look(file), len(old)
+    blank = [place for place in now.blank.tolist() if place >= before]
     added, seconds = plural(len(frames), "place"), time.perf_counter() - start
     print(f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s")
+    if blank:
+        print(f"Of these, {_blank(blank, now.names)}")
 
 
 @documented
@@ -198,6 +225,7 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
         "input_dim": route.input_dim,
         "names": [names[0], names[-1]] if names else None,
         "positions": None if where is None else list(where.shape),
+        "blank": route.blank.tolist(),
     }
     if as_json:
         print(json.dumps(facts))
@@ -211,6 +239,7 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
             "post": repr(route.post),
             "names": f"{names[0]} to {names[-1]}" if names else "none",
             "positions": coordinates,
+            "blank": _blank(facts["blank"], names) if facts["blank"] else "none",
         }.get(name, str(value))
         # The descriptor's name stands for the recipe; --json has all of it.
         if name in ("recipe", "input_dim") or (name == "post" and route.post is None):
