@@ -72,7 +72,9 @@ impl Census {
 /// A byte for each place: 1 if it shows nothing.
 pub(super) fn flags(blank: &[usize], places: usize) -> Vec<u8> {
     let mut flags = vec![0; places];
-    blank.iter().for_each(|&place| flags[place] = 1);
+    for &place in blank {
+        flags[place] = 1;
+    }
     flags
 }
 
@@ -151,7 +153,9 @@ impl Map {
         if nothing || blank.iter().any(near) {
             distances.fill(mean as f32);
         } else {
-            blank.iter().for_each(|&place| distances[place] = mean as f32);
+            for &place in blank {
+                distances[place] = mean as f32;
+            }
         }
     }
 }
@@ -175,10 +179,13 @@ fn shows_nothing(recipe: Recipe, row: View<'_>) -> bool {
         (Recipe::Sad(sad), View::F32(row)) => is_flat(sad, |at| row.get(at) == Some(&0.0)),
         // Such SAD descriptors are refused.
         (Recipe::Sad(_), _) => false,
-        (Recipe::Ready, row) => {
-            row.len() > SMALL && each_type!(View, row, v => v.iter().all(|&x| f32::from(x) == 0.0))
-        }
+        (Recipe::Ready, row) => row.len() > SMALL && each_type!(View, row, v => are_zero(v)),
     }
+}
+
+fn are_zero<T: Default + PartialEq>(numbers: &[T]) -> bool {
+    let zero = T::default();
+    numbers.iter().all(|number| *number == zero)
 }
 
 /// Whether nearly all tiles are flat; `is_zero` says whether the number at an index is `z` = 0.

@@ -155,8 +155,12 @@ proptest! {
         let blank: Vec<usize> = (0..n - 2).filter(|_| dice.below(4) == 0).collect();
         let dark: Vec<usize> = (0..m).filter(|_| dice.below(4) == 0).collect();
         // Two whole places are left: the least that a mean is made of.
-        blank.iter().for_each(|place| rows[place * dim..][..dim].fill(0.0));
-        dark.iter().for_each(|query| queries[query * dim..][..dim].fill(0.0));
+        for place in &blank {
+            rows[place * dim..][..dim].fill(0.0);
+        }
+        for query in &dark {
+            queries[query * dim..][..dim].fill(0.0);
+        }
         let map = Arc::new(Map::from_descriptors(rows.clone(), dim, metric)?);
         prop_assert_eq!(map.blank(), &blank[..]);
         let mut localizer = Localizer::new(Arc::clone(&map), config.clone())?;
