@@ -26,8 +26,8 @@ use crate::simulate::Traverse;
 
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 ///
-/// ``place``, ``score``, ``trusted`` and ``blank`` are those of each ``Fix``; ``ready`` is False in the
-/// warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
+/// ``place``, ``score``, ``trusted`` and ``blank`` are those of each ``Fix``; ``ready`` is False in
+/// the warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
 /// without the option ``motion``; with it, all queries are ready.
 ///
 /// Examples

@@ -302,8 +302,8 @@ impl Map {
     /// ------
     /// SurefixValueError
     ///     For fewer than two rows, another type, a NaN or an infinity (the error names its row), a
-    ///     row of up to 8 zeros under the cosine, or another number of positions or names than of rows; as
-    ///     for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
+    ///     row of up to 8 zeros under the cosine, or another number of positions or names than of
+    ///     rows; as for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     #[pyo3(

@@ -230,6 +230,9 @@ class Fix:
     def trusted(self) -> bool:
         """Whether the single match is trusted."""
     @property
+    def blank(self) -> bool:
+        """Whether the query shows nothing, so that it can never be trusted."""
+    @property
     def place(self) -> int:
         """The track's place, else the sequence's once it is ready, else the single match's."""
     @property
@@ -369,6 +372,7 @@ class Map:
         *,
         positions: npt.ArrayLike | None = None,
         progress: _Progress = None,
+        skip_blank: bool = False,
         metric: Literal["cosine", "euclidean", "manhattan"] | str | None = None,
         post: Post | Iterable[Any] | None = None,
         cache: _Path | None = None,
@@ -714,6 +718,27 @@ class Map:
         >>> len(route.slice(1, 4))
         3
         """
+    def without_blank(self) -> Map:
+        """The same map without the places that show nothing (``blank``). Those after them move up.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            If fewer than two places are left.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> images = np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8)
+        >>> images[2] = 0
+        >>> route = surefix.Map.from_images(images)
+        >>> route.blank, len(route.without_blank())
+        (array([2]), 4)
+        """
     def distances(self, descriptor: _Array) -> _Float32:
         """The distances from a descriptor to every place. A place that shows nothing (``blank``) has
         the mean of the others' distances; a descriptor that shows nothing has one distance to all.
@@ -772,6 +797,12 @@ class Map:
         """How many places a robot passes in a metre, by the map's positions
         (``surefix.datasets.places_per_metre``); None without positions. An odometry's metres times
         this are the ``advance`` of ``Localizer.push``.
+        """
+    @property
+    def blank(self) -> _Int64:
+        """The places that show nothing, in order: int64. They are SAD descriptors of images whose tiles
+        are nearly all flat, ready descriptors of zeros, and those that at least 5 places share; ready
+        descriptors of up to 8 numbers are taken as they are. Nothing is matched to such a place.
         """
     @property
     def names(self) -> list[str] | None:
@@ -1281,6 +1312,9 @@ class Run:
     @property
     def trusted(self) -> _Bool:
         """Whether the single match is trusted: bool."""
+    @property
+    def blank(self) -> _Bool:
+        """Whether the query shows nothing, so that it can never be trusted: bool."""
     @property
     def anchors(self) -> _Int64:
         """How many trusted matches lie on the winning diagonal: int64."""
