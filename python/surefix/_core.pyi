@@ -463,8 +463,8 @@ class Map:
         ------
         SurefixValueError
             For fewer than two rows, another type, a NaN or an infinity (the error names its row), a
-            row of up to 8 zeros under the cosine, or another number of positions or names than of rows; as
-            for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
+            row of up to 8 zeros under the cosine, or another number of positions or names than of
+            rows; as for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
         """
     @staticmethod
     def build(
@@ -1289,8 +1289,8 @@ class FixStream(Iterator[Fix]):
 class Run:
     """The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 
-    ``place``, ``score``, ``trusted`` and ``blank`` are those of each ``Fix``; ``ready`` is False in the
-    warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
+    ``place``, ``score``, ``trusted`` and ``blank`` are those of each ``Fix``; ``ready`` is False in
+    the warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
     without the option ``motion``; with it, all queries are ready.
 
     Examples
