@@ -27,8 +27,8 @@ use crate::simulate::Traverse;
 
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 ///
-/// ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the
-/// warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
+/// ``place``, ``score``, ``trusted`` and ``blank`` are those of each ``Fix``; ``ready`` is False in
+/// the warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
 /// without the option ``motion``; with it, all queries are ready.
 ///
 /// Examples
@@ -86,6 +86,11 @@ impl Run {
     #[getter]
     fn trusted<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.column(py, |fix| fix.trusted)
+    }
+    /// Whether the query shows nothing, so that it can never be trusted: bool.
+    #[getter]
+    fn blank<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.column(py, |fix| fix.blank)
     }
     /// How many trusted matches lie on the winning diagonal: int64.
     #[getter]
@@ -171,6 +176,7 @@ impl Run {
             "gradient_value",
             "confidence",
             "off_map",
+            "blank",
         ] {
             columns.set_item(name, slf.getattr(name)?)?;
         }

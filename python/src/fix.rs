@@ -16,6 +16,9 @@ fn python_bool(flag: bool) -> &'static str {
 ///     Which query this is, counted from 0 since the start or the last reset.
 /// trusted : bool
 ///     Whether the single match is trusted (Eq. 3 of the paper), or an external predictor's word.
+/// blank : bool
+///     Whether the query shows nothing: an image or a descriptor without content, or distances that
+///     are all equal. It is never trusted, whatever ``place`` says.
 /// place : int
 ///     The track's place if there is motion; else the sequence's once it is ready, and before that
 ///     the single match's.
@@ -61,6 +64,11 @@ impl Fix {
     #[getter]
     fn trusted(&self) -> bool {
         self.0.trusted
+    }
+    /// Whether the query shows nothing, so that it can never be trusted.
+    #[getter]
+    fn blank(&self) -> bool {
+        self.0.blank
     }
     /// The track's place, else the sequence's once it is ready, else the single match's.
     #[getter]
@@ -120,15 +128,18 @@ impl Fix {
         self.0.speed()
     }
     fn __repr__(&self) -> String {
-        let surefix::Fix { frame, trusted, place, score, sequence, track, .. } = self.0;
+        let surefix::Fix { frame, trusted, place, score, sequence, track, blank, .. } = self.0;
+        let blank = if blank { ", blank=True" } else { "" };
         let trusted = python_bool(trusted);
         if let Some(surefix::Track { confidence, off_map, .. }) = track {
             return format!(
-                "Fix(frame={frame}, place={place}, confidence={confidence:.3}, off_map={off_map:.3}, trusted={trusted})"
+                "Fix(frame={frame}, place={place}, confidence={confidence:.3}, off_map={off_map:.3}, trusted={trusted}{blank})"
             );
         }
         let warming = if sequence.is_none() { ", sequence=None" } else { "" };
-        format!("Fix(frame={frame}, place={place}, score={score}, trusted={trusted}{warming})")
+        format!(
+            "Fix(frame={frame}, place={place}, score={score}, trusted={trusted}{blank}{warming})"
+        )
     }
 }
 

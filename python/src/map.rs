@@ -53,6 +53,8 @@ impl Map {
     /// progress : callable, optional
     ///     Called with ``(done, total)``; returning False stops. By default a bar on a terminal;
     ///     False for none.
+    /// skip_blank : bool
+    ///     Leave out the places that show nothing, as ``without_blank`` does.
     /// metric, post : optional
     ///     For a learned descriptor, as for ``from_descriptors``.
     /// cache : path, optional
@@ -79,7 +81,7 @@ impl Map {
     /// >>> len(route), route.dim, route.descriptor
     /// (5, 2048, Sad(size=(64, 32), patch=8, dtype='u8'))
     #[staticmethod]
-    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None, metric=None, post=None, cache=None))]
+    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None, skip_blank=false, metric=None, post=None, cache=None))]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     fn from_images<'py>(
         py: Python<'py>,
@@ -87,6 +89,7 @@ impl Map {
         descriptor: Option<&Bound<'py, PyAny>>,
         positions: Option<&Bound<'py, PyAny>>,
         progress: Option<&Bound<'py, PyAny>>,
+        skip_blank: bool,
         metric: Option<&Bound<'py, PyAny>>,
         post: Option<&Bound<'py, PyAny>>,
         cache: Option<&Bound<'py, PyAny>>,
@@ -95,7 +98,8 @@ impl Map {
             let map = learned::map_of_images(
                 images, descriptor, positions, progress, metric, post, cache,
             )?;
-            return Ok(map.cast_into()?);
+            let map: Bound<'py, Self> = map.cast_into()?;
+            return if skip_blank { Bound::new(py, map.get().without_blank(py)?) } else { Ok(map) };
         }
         if [metric, post, cache].iter().any(Option::is_some) {
             let reason = "metric, post, cache: expected a learned descriptor beside them, got Sad, which needs none";
@@ -108,7 +112,8 @@ impl Map {
         let map = with_progress(py, callback.as_ref(), |progress| {
             images.with_source(py, |source| surefix::Map::from_images(source, sad, progress))
         })?;
-        Bound::new(py, Self(Arc::new(with_positions(map, positions).or_raise(py)?)))
+        let map = Self(Arc::new(with_positions(map, positions).or_raise(py)?));
+        Bound::new(py, if skip_blank { map.without_blank(py)? } else { map })
     }
 
     /// Makes the map of a traverse's images straight into a file, on all cores: the file that
@@ -297,8 +302,8 @@ impl Map {
     /// ------
     /// SurefixValueError
     ///     For fewer than two rows, another type, a NaN or an infinity (the error names its row), a
-    ///     row of zeros under the cosine, or another number of positions or names than of rows; as
-    ///     for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
+    ///     row of up to 8 zeros under the cosine, or another number of positions or names than of
+    ///     rows; as for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     #[pyo3(
@@ -553,7 +558,31 @@ impl Map {
         Ok(Self(Arc::new(py.detach(|| self.0.slice(start..stop)).or_raise(py)?)))
     }
 
-    /// The distances from a descriptor to every place.
+    /// The same map without the places that show nothing (``blank``). Those after them move up.
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     If fewer than two places are left.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> images = np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8)
+    /// >>> images[2] = 0
+    /// >>> route = surefix.Map.from_images(images)
+    /// >>> route.blank, len(route.without_blank())
+    /// (array([2]), 4)
+    fn without_blank(&self, py: Python<'_>) -> PyResult<Self> {
+        Ok(Self(Arc::new(py.detach(|| self.0.without_blank()).or_raise(py)?)))
+    }
+
+    /// The distances from a descriptor to every place. A place that shows nothing (``blank``) has
+    /// the mean of the others' distances; a descriptor that shows nothing has one distance to all.
     ///
     /// Parameters
     /// ----------
@@ -569,7 +598,7 @@ impl Map {
     /// Raises
     /// ------
     /// SurefixValueError
-    ///     For another length or type, a NaN or an infinity, or zeros under the cosine.
+    ///     For another length or type, a NaN or an infinity, or up to 8 zeros under the cosine.
     fn distances<'py>(
         &self,
         py: Python<'py>,
@@ -663,6 +692,15 @@ impl Map {
         let Some(positions) = self.positions(py)? else { return Ok(None) };
         let metres = py.import("surefix.tables.metres")?;
         metres.call_method1("places_per_metre", (positions,)).map(Some)
+    }
+
+    /// The places that show nothing, in order: int64. They are SAD descriptors of images whose tiles
+    /// are nearly all flat, ready descriptors of zeros, and those that at least 5 places share; ready
+    /// descriptors of up to 8 numbers are taken as they are. Nothing is matched to such a place.
+    #[getter]
+    fn blank<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        let blank = py.detach(|| self.0.blank());
+        PyArray1::from_iter(py, blank.iter().map(|&place| place as i64))
     }
 
     /// A name for each place, or None.

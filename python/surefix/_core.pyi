@@ -190,6 +190,9 @@ class Fix:
         Which query this is, counted from 0 since the start or the last reset.
     trusted : bool
         Whether the single match is trusted (Eq. 3 of the paper), or an external predictor's word.
+    blank : bool
+        Whether the query shows nothing: an image or a descriptor without content, or distances that
+        are all equal. It is never trusted, whatever ``place`` says.
     place : int
         The track's place if there is motion; else the sequence's once it is ready, and before that
         the single match's.
@@ -226,6 +229,9 @@ class Fix:
     @property
     def trusted(self) -> bool:
         """Whether the single match is trusted."""
+    @property
+    def blank(self) -> bool:
+        """Whether the query shows nothing, so that it can never be trusted."""
     @property
     def place(self) -> int:
         """The track's place, else the sequence's once it is ready, else the single match's."""
@@ -366,6 +372,7 @@ class Map:
         *,
         positions: npt.ArrayLike | None = None,
         progress: _Progress = None,
+        skip_blank: bool = False,
         metric: Literal["cosine", "euclidean", "manhattan"] | str | None = None,
         post: Post | Iterable[Any] | None = None,
         cache: _Path | None = None,
@@ -388,6 +395,8 @@ class Map:
         progress : callable, optional
             Called with ``(done, total)``; returning False stops. By default a bar on a terminal;
             False for none.
+        skip_blank : bool
+            Leave out the places that show nothing, as ``without_blank`` does.
         metric, post : optional
             For a learned descriptor, as for ``from_descriptors``.
         cache : path, optional
@@ -454,8 +463,8 @@ class Map:
         ------
         SurefixValueError
             For fewer than two rows, another type, a NaN or an infinity (the error names its row), a
-            row of zeros under the cosine, or another number of positions or names than of rows; as
-            for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
+            row of up to 8 zeros under the cosine, or another number of positions or names than of
+            rows; as for ``with_screen`` and ``surefix.post.fit``; for a recipe without a name.
         """
     @staticmethod
     def build(
@@ -709,8 +718,30 @@ class Map:
         >>> len(route.slice(1, 4))
         3
         """
+    def without_blank(self) -> Map:
+        """The same map without the places that show nothing (``blank``). Those after them move up.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            If fewer than two places are left.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> images = np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8)
+        >>> images[2] = 0
+        >>> route = surefix.Map.from_images(images)
+        >>> route.blank, len(route.without_blank())
+        (array([2]), 4)
+        """
     def distances(self, descriptor: _Array) -> _Float32:
-        """The distances from a descriptor to every place.
+        """The distances from a descriptor to every place. A place that shows nothing (``blank``) has
+        the mean of the others' distances; a descriptor that shows nothing has one distance to all.
 
         Parameters
         ----------
@@ -726,7 +757,7 @@ class Map:
         Raises
         ------
         SurefixValueError
-            For another length or type, a NaN or an infinity, or zeros under the cosine.
+            For another length or type, a NaN or an infinity, or up to 8 zeros under the cosine.
         """
     def __len__(self) -> int: ...
     @property
@@ -766,6 +797,12 @@ class Map:
         """How many places a robot passes in a metre, by the map's positions
         (``surefix.datasets.places_per_metre``); None without positions. An odometry's metres times
         this are the ``advance`` of ``Localizer.push``.
+        """
+    @property
+    def blank(self) -> _Int64:
+        """The places that show nothing, in order: int64. They are SAD descriptors of images whose tiles
+        are nearly all flat, ready descriptors of zeros, and those that at least 5 places share; ready
+        descriptors of up to 8 numbers are taken as they are. Nothing is matched to such a place.
         """
     @property
     def names(self) -> list[str] | None:
@@ -1252,8 +1289,8 @@ class FixStream(Iterator[Fix]):
 class Run:
     """The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 
-    ``place``, ``score`` and ``trusted`` are those of each ``Fix``; ``ready`` is False in the
-    warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
+    ``place``, ``score``, ``trusted`` and ``blank`` are those of each ``Fix``; ``ready`` is False in
+    the warm-up, where ``anchors`` is 0 and ``speed`` is NaN. ``confidence`` and ``off_map`` are None
     without the option ``motion``; with it, all queries are ready.
 
     Examples
@@ -1275,6 +1312,9 @@ class Run:
     @property
     def trusted(self) -> _Bool:
         """Whether the single match is trusted: bool."""
+    @property
+    def blank(self) -> _Bool:
+        """Whether the query shows nothing, so that it can never be trusted: bool."""
     @property
     def anchors(self) -> _Int64:
         """How many trusted matches lie on the winning diagonal: int64."""

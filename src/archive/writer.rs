@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::hash::Hasher as _;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use safetensors::tensor::{Dtype, Metadata, TensorInfo};
@@ -10,9 +10,7 @@ use serde::Serialize;
 use twox_hash::XxHash3_64;
 
 use super::atomic::AtomicFile;
-use super::{
-    CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, in_pieces, swap_to_file_order,
-};
+use super::{CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, swap_to_file_order};
 use crate::error::Error;
 
 /// Rows begin at a multiple of a cache line in the file, and so do those of a mapped file.
@@ -181,20 +179,5 @@ impl Sink<'_> {
             self.bytes(&piece)?;
         }
         Ok(())
-    }
-
-    /// The next `count` bytes of another file. `proceed` is asked before each piece.
-    pub(crate) fn copy(
-        &mut self,
-        from: &mut impl Read,
-        count: usize,
-        proceed: &mut dyn FnMut() -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        let failed = self.failed;
-        in_pieces(count, |piece| {
-            proceed()?;
-            from.read_exact(piece).map_err(failed)?;
-            self.bytes(piece)
-        })
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ndarray::ArrayView2;
 
 use super::drive::{Drive, Flags};
-use super::{REPORTED, Run, count, of_query};
+use super::{REPORTED, Run, count, fixed, of_query};
 use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
@@ -136,10 +136,11 @@ fn twice_if_global(
     }
     let mut config = Config { floor: Floor::Running, ..config.clone() };
     let first = run(&config)?;
-    let lowest = first.iter().map(|fix| fix.single.distance).fold(f32::INFINITY, f32::min);
-    if first.is_empty() {
+    let told = first.iter().filter(|fix| !fix.blank);
+    let lowest = told.map(|fix| fix.single.distance).fold(f32::INFINITY, f32::min);
+    config.floor = fixed(lowest);
+    if config.floor == Floor::Running {
         return Ok(first);
     }
-    config.floor = Floor::Fixed(f64::from(lowest));
     run(&config)
 }

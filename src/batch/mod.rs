@@ -13,7 +13,7 @@ use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
 use crate::map::Map;
-use crate::method::{Fix, Matcher, Memory, minimum};
+use crate::method::{Fix, Matcher, Memory, is_constant, minimum};
 use crate::numbers::{View, first_not_finite};
 use crate::parallel::each;
 use crate::post::ChainState;
@@ -50,14 +50,14 @@ impl Run {
     pub fn write_csv(&self, out: &mut impl Write) -> io::Result<()> {
         writeln!(
             out,
-            "frame,place,score,trusted,ready,anchors,speed,single_place,single_distance,gradient_place,gradient_value,confidence,off_map"
+            "frame,place,score,trusted,ready,anchors,speed,single_place,single_distance,gradient_place,gradient_value,confidence,off_map,blank"
         )?;
         for fix in &self.fixes {
-            let Fix { frame, place, score, trusted, single, gradient, sequence, .. } = fix;
+            let Fix { frame, place, score, trusted, single, gradient, sequence, blank, .. } = fix;
             let anchors = sequence.map(|sequence| sequence.anchors);
             writeln!(
                 out,
-                "{frame},{place},{score},{trusted},{},{},{},{},{},{},{},{},{}",
+                "{frame},{place},{score},{trusted},{},{},{},{},{},{},{},{},{},{blank}",
                 fix.is_ready(),
                 shown(anchors),
                 shown(fix.speed()),
@@ -120,8 +120,7 @@ pub fn match_distances(
     ))?;
     let lowest = |minima: &[f32]| minima.iter().copied().fold(f32::INFINITY, f32::min);
     let stream = stream.with_floor(match config.floor {
-        Floor::Global if queries > 0 => Floor::Fixed(f64::from(lowest(&minima))),
-        Floor::Global => Floor::Running,
+        Floor::Global => fixed(lowest(&minima)),
         floor => floor,
     });
 
@@ -150,6 +149,11 @@ pub fn match_distances(
     Ok(Run { fixes, places })
 }
 
+/// The floor at the smallest distance of all queries, if there is one.
+fn fixed(lowest: f32) -> Floor {
+    if lowest.is_finite() { Floor::Fixed(f64::from(lowest)) } else { Floor::Running }
+}
+
 /// How a batch is cut into pieces that are matched side by side.
 #[derive(Debug, PartialEq)]
 struct Pieces {
@@ -173,7 +177,7 @@ impl Pieces {
     }
 }
 
-/// The smallest distance of each query.
+/// The smallest distance of each query; infinity if it says nothing.
 ///
 /// # Errors
 /// [`Error::NotFinite`] for a NaN or an infinity.
@@ -192,7 +196,9 @@ fn column_minima(
                 value,
             });
         }
-        minima.push(minimum(column).distance);
+        // A column that says nothing does not lower the floor.
+        let least = minimum(column).distance;
+        minima.push(if is_constant(column) { f32::INFINITY } else { least });
         Ok(())
     })?;
     Ok(minima)
@@ -287,10 +293,12 @@ pub fn match_descriptors<'a>(
             let distances = columns.of(query)?;
             report(scanned)?;
             scanned += 1;
-            lowest = lowest.min(minimum(distances).distance);
+            if !is_constant(distances) {
+                lowest = lowest.min(minimum(distances).distance);
+            }
         }
-        // Without a query there is no matrix and no minimum.
-        config.floor = if count == 0 { Floor::Running } else { Floor::Fixed(f64::from(lowest)) };
+        // Without a query that says something there is no minimum.
+        config.floor = fixed(lowest);
     }
     let mut matcher = Matcher::along(map.route().segments().clone(), config)?;
     let mut fixes = Vec::with_capacity(count);
@@ -361,8 +369,12 @@ impl<'a> Columns<'a> {
                 |(), query| {
                     let mut out = vec![0.0; map.places()];
                     let done = if let Some(passed) = passed {
-                        let row = &passed[query * map.dim()..][..map.dim()];
-                        map.distances_of_passed(View::F32(row), &mut out)
+                        let row = View::F32(&passed[query * map.dim()..][..map.dim()]);
+                        map.distances_of_passed(row, &mut out).map(|()| {
+                            let given = queries.row(query, map.input_dim());
+                            let nothing = given.is_some_and(|given| map.shows_nothing(given));
+                            map.quieten(nothing, &mut out);
+                        })
                     } else {
                         let row = queries.row(query, map.input_dim());
                         row.map_or(Ok(()), |row| map.distances_into(row, &mut out))

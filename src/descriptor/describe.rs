@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use super::sad::{Describer, Sad};
 use crate::error::Error;
 use crate::image::{ImageSource, Progress, go_on};
-use crate::numbers::Values;
+use crate::numbers::{Values, View};
 use crate::parallel::{each_row, threads};
 
 /// Images that each thread describes between two reports of progress.
@@ -51,14 +51,19 @@ pub(crate) fn describe_each(
     sad: &Sad,
     images: &(impl ImageSource + ?Sized),
     progress: Progress<'_>,
-    mut take: impl FnMut(&mut [u8]) -> Result<(), Error>,
+    mut take: impl FnMut(View<'_>) -> Result<(), Error>,
 ) -> Result<(), Error> {
     let pool = DescriberPool::new(sad, images)?;
     let width = pool.width();
     let mut memory = Values::zeros(sad.dtype(), images.len().min(batch_size()) * sad.dim());
     in_batches(images.len(), progress, |batch| {
-        let rows = &mut memory.bytes_mut()[..batch.len() * width];
-        pool.describe(batch.start, rows)?;
+        pool.describe(batch.start, &mut memory.bytes_mut()[..batch.len() * width])?;
+        let rows = match memory.view() {
+            View::U8(rows) => View::U8(&rows[..batch.len() * sad.dim()]),
+            View::F32(rows) => View::F32(&rows[..batch.len() * sad.dim()]),
+            // A recipe has no other type.
+            other => other,
+        };
         take(rows)
     })
 }

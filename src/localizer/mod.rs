@@ -19,7 +19,7 @@ use crate::segments::Segments;
 use judge::{Judge, Told};
 use screening::Screening;
 pub use technique::Input;
-use technique::{Scan, Technique};
+use technique::Technique;
 
 /// The most threads that are accepted.
 const MAX_THREADS: usize = 1024;
@@ -39,7 +39,7 @@ const MAX_THREADS: usize = 1024;
 /// taken) and wakes the others. In a process forked off this one, the caller scans alone.
 ///
 /// A map with a screen ([`Map::with_screen`]) is scanned at a quarter of the bytes, for the same
-/// answers.
+/// answers; one with places that show nothing ([`Map::blank`]) is scanned without.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -182,8 +182,10 @@ impl Localizer {
         };
         let screening = match &maps[..] {
             // The tracker and the fusion need all distances: bounds would only be work before them.
+            // So does the mean that stands for places which show nothing.
             [map]
                 if map.codes().is_some()
+                    && map.blank().is_empty()
                     && map.dim() >= screening::SHORTEST
                     && matcher.config().motion.is_none() =>
             {
@@ -262,8 +264,8 @@ impl Localizer {
         let Self { techniques, fusion, matcher, screening, judge, told } = self;
         let fix = match (fusion, &mut techniques[..], screening) {
             (None, [one], Some(screening)) => {
-                let (query, Scan { map, pool, column }) = one.query(input(0))?;
-                screening.push(matcher, map, pool, query, column, given)
+                let (query, scan) = one.query(input(0))?;
+                screening.push(matcher, query, scan, given)
             }
             (None, [one], None) => {
                 let (query, mut scan) = one.query(input(0))?;

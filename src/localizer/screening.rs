@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
+use super::technique::Scan;
 use crate::distance::Query;
 use crate::error::Error;
 use crate::map::Map;
@@ -62,23 +63,24 @@ impl Screening {
         })
     }
 
-    /// Localizes by bounds, or, during back-off, by all distances. `lower` is scratch memory.
+    /// Localizes by bounds, or, during back-off and if the query shows nothing, by all distances.
+    /// The scan's column is scratch memory.
     ///
     /// # Errors
     /// [`Error::NotFinite`] for distances that are not. Nothing has changed then.
     pub(super) fn push(
         &mut self,
         matcher: &mut Matcher,
-        map: &Map,
-        pool: &mut Option<Pool>,
         query: Query<'_>,
-        lower: &mut [f32],
+        scan: Scan<'_>,
         given: Given,
     ) -> Result<Fix, Error> {
-        let tries = self.backoff.tries();
+        let Scan { map, pool, column: lower, nothing } = scan;
+        let tries = !nothing && self.backoff.tries();
         let screened = tries && self.bounds(map, pool, query, lower);
         if !screened {
             self.scan(matcher, map, pool, query, lower)?;
+            map.quieten(nothing, lower);
         }
         self.remember(query);
         let Self { queries, lengths, upper, .. } = self;

@@ -41,6 +41,8 @@ pub(super) struct Scan<'a> {
     pub(super) map: &'a Map,
     pub(super) pool: &'a mut Option<Pool>,
     pub(super) column: &'a mut [f32],
+    /// Whether the query shows nothing.
+    pub(super) nothing: bool,
 }
 
 impl Technique {
@@ -52,6 +54,8 @@ impl Technique {
         let column = vec![0.0; map.places()];
         let pool = automatic(&map);
         let through = map.post().map(ChainState::of_drive);
+        // Now, so that the first push need not find them.
+        map.blank();
         Self { map, column, pool, describer, through }
     }
 
@@ -65,17 +69,19 @@ impl Technique {
         input: Input<'a>,
     ) -> Result<(Query<'a>, Scan<'a>), Error> {
         let Self { map, column, pool, describer, through } = self;
+        let mut nothing = matches!(input, Input::Descriptor(given) if map.shows_nothing(given));
         let numbers = match input {
             Input::Image(image) => {
                 let Some((describer, values)) = describer else {
                     return Err(Error::NoDescriptor);
                 };
                 describer.describe(image, values)?;
+                nothing = map.shows_nothing(values.view());
                 values.view()
             }
             Input::Descriptor(descriptor) => map.passed(descriptor, through.as_mut())?,
         };
-        Ok((map.query(numbers)?, Scan { map, pool, column }))
+        Ok((map.query(numbers)?, Scan { map, pool, column, nothing }))
     }
 
     /// Keeps the newest query in the statistics of the drive.
@@ -106,8 +112,9 @@ impl Technique {
 }
 
 impl Scan<'_> {
-    /// Computes the query's column.
+    /// Computes the query's column, without what says nothing.
     pub(super) fn run(&mut self, query: Query<'_>) {
         Job::Distances(query).column(self.map, self.pool, self.column);
+        self.map.quieten(self.nothing, self.column);
     }
 }

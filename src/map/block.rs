@@ -19,6 +19,10 @@ const BYTES: usize = 1 << 20;
 /// find no remainder within a map.
 const ROWS: usize = 16;
 
+/// Rows of up to this many numbers are points of a small space, often with meaning of their own:
+/// zeros are the origin, and points may coincide. In longer rows, zeros show nothing.
+pub(super) const SMALL: usize = 8;
+
 /// Consecutive rows.
 #[derive(Debug)]
 pub(crate) struct Block {
@@ -197,16 +201,21 @@ pub(super) fn part(numbers: View<'_>, span: Range<usize>) -> View<'_> {
     each_type!(View, numbers, v => View::from(&v[span]))
 }
 
-/// The length of each row if the metric needs it, else nothing.
+/// The length of each row if the metric needs it, else nothing. A long row of zeros has the length
+/// 1: it is as far from all queries.
 ///
 /// # Errors
-/// [`Error::NoDirection`] for a row of zeros.
+/// [`Error::NoDirection`] for a short row of zeros.
 pub(super) fn lengths(rows: View<'_>, dim: usize, metric: Metric) -> Result<Vec<f64>, Error> {
     if metric != Metric::Cosine {
         return Ok(Vec::new());
     }
-    let norms: Vec<f64> =
-        (0..rows.len() / dim).filter_map(|row| rows.row(row, dim)).map(norm).collect();
+    let length = |row| match norm(row) {
+        0.0 if dim > SMALL => 1.0,
+        length => length,
+    };
+    let rows = (0..rows.len() / dim).filter_map(|row| rows.row(row, dim));
+    let norms: Vec<f64> = rows.map(length).collect();
     match norms.iter().position(|&norm| norm == 0.0) {
         Some(row) => Err(Error::NoDirection { what: "descriptors", row: Some(row) }),
         None => Ok(norms),

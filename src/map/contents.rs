@@ -1,12 +1,15 @@
 //! The contents of a map's file beside its rows: their order in the file, and how they are read.
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::ops::Range;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use safetensors::tensor::{Dtype as FileDtype, TensorInfo};
 use serde::{Deserialize, Serialize};
 
+use super::blank::{flagged, flags};
 use super::recipe::{Kind, is_recipe};
 use super::route::{Names, Positions};
 use super::storage::Storage;
@@ -19,6 +22,7 @@ use crate::post::{FittedStep, Post, Step};
 
 pub(super) const FORMAT: Format = Format { name: "surefix-map", version: 1 };
 pub(super) const ROWS: &str = "descriptors";
+const BLANK: &str = "blank";
 
 /// The metadata entry.
 #[derive(Serialize, Deserialize)]
@@ -43,11 +47,11 @@ pub(super) struct Sidecar<'a> {
 }
 
 /// The tensors of a map's file, in the order of the file: from the strictest alignment to the
-/// loosest.
+/// loosest. `rows` writes the rows and gives the places that show nothing.
 pub(super) fn contents<'a>(
     kind: &'a Kind,
     sidecar: Sidecar<'a>,
-    rows: impl FnOnce(&mut Sink<'_>) -> Result<(), Error> + 'a,
+    rows: impl FnOnce(&mut Sink<'_>) -> Result<Vec<usize>, Error> + 'a,
 ) -> Writer<'a> {
     let Sidecar { places, positions, norms, names } = sidecar;
     let mut writer = Writer::new();
@@ -68,7 +72,13 @@ pub(super) fn contents<'a>(
         }
     }
     writer.align();
-    writer.stream(ROWS, file_dtype(kind.dtype), vec![places, kind.dim], rows);
+    // Known only when all rows are written.
+    let blank = Rc::new(RefCell::new(Vec::new()));
+    let found = Rc::clone(&blank);
+    writer.stream(ROWS, file_dtype(kind.dtype), vec![places, kind.dim], move |out| {
+        *found.borrow_mut() = rows(out)?;
+        Ok(())
+    });
     let mut width = kind.post.as_deref().map_or(0, Post::input);
     for (step, stage) in stages {
         let output = stage.output(width);
@@ -78,6 +88,9 @@ pub(super) fn contents<'a>(
         }
         width = output;
     }
+    writer.stream(BLANK, FileDtype::U8, vec![places], move |out| {
+        out.bytes(&flags(&blank.borrow(), places))
+    });
     if !names.is_empty() {
         let texts: Vec<_> = names.into_iter().map(Names::bytes).collect();
         writer.numbers("names", vec![texts.iter().map(|text| text.len()).sum()], texts);
@@ -111,6 +124,8 @@ pub(super) struct Parts {
     pub(super) positions: Option<Positions>,
     pub(super) norms: Option<Vec<f64>>,
     pub(super) names: Option<Names>,
+    /// The places that show nothing, if the file says so.
+    blank: Option<Arc<[usize]>>,
 }
 
 impl Head {
@@ -162,6 +177,13 @@ impl Head {
         let norms = norms.map(|(_, norms)| checked_norms(norms)).transpose()?;
         let names = tensors.numbers("names", "(bytes), UTF-8 text", |_| true)?;
         let names = names.map(|(_, bytes)| names_of(bytes, places)).transpose()?;
+        let expected = format!("({places}), 0 or 1 for each place");
+        let blank = tensors.numbers::<u8>(BLANK, &expected, |shape| shape == [places])?;
+        let blank = blank.map(|(_, flags)| {
+            let reason = || Refusal::Foreign(format!("{BLANK}: expected {expected}"));
+            flagged(&flags).ok_or_else(reason)
+        });
+        let blank = blank.transpose()?;
         let post = if entry.post.is_empty() {
             None
         } else {
@@ -173,13 +195,13 @@ impl Head {
         let learned = entry.learned.map(|recipe| recipe.to_string().into());
         let (metric, recipe) = (entry.metric, entry.descriptor);
         let kind = Kind { dim, dtype, metric, recipe, post, learned };
-        Ok(Parts { kind, places, positions, norms, names })
+        Ok(Parts { kind, places, positions, norms, names, blank })
     }
 }
 
 /// Whether a map has a tensor of this name beside its rows.
 pub(super) fn is_part(name: &str) -> bool {
-    matches!(name, "positions" | "norms" | "names") || name.starts_with("post.")
+    matches!(name, "positions" | "norms" | "names" | BLANK) || name.starts_with("post.")
 }
 
 impl Parts {
@@ -199,6 +221,9 @@ impl Parts {
         let mut map = Map::of(rows, self.norms.as_deref().unwrap_or(own), self.kind);
         let route = Arc::make_mut(&mut map.route);
         (route.positions, route.names) = (self.positions, self.names);
+        if let Some(blank) = self.blank {
+            map.blank = blank.into();
+        }
         map
     }
 }

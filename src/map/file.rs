@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+use super::blank::Census;
 use super::block::lengths;
 #[cfg(feature = "mmap")]
 use super::contents::checked_norms;
@@ -25,12 +26,12 @@ use crate::image::{ImageSource, Progress};
 /// rounding, far below damage.
 const NORM_ERROR: f64 = 1e-6;
 
-/// Writes a map's file.
+/// Writes a map's file. `rows` gives the places that show nothing.
 pub(super) fn write(
     path: &Path,
     kind: &Kind,
     sidecar: Sidecar<'_>,
-    rows: impl FnOnce(&mut Sink<'_>) -> Result<(), Error>,
+    rows: impl FnOnce(&mut Sink<'_>) -> Result<Vec<usize>, Error>,
 ) -> Result<(), Error> {
     contents(kind, sidecar, rows).save(path, "write the map", &FORMAT, &entry(kind))
 }
@@ -44,7 +45,11 @@ impl Map {
     /// # Errors
     /// [`Error::Io`] if the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
-        write(path.as_ref(), &self.kind, self.sidecar(), |out| self.write_rows(out))
+        let rows = |out: &mut Sink<'_>| {
+            self.write_rows(out)?;
+            Ok(self.blank().to_vec())
+        };
+        write(path.as_ref(), &self.kind, self.sidecar(), rows)
     }
 
     /// The bytes of the file that [`save`](Self::save) writes.
@@ -59,7 +64,10 @@ impl Map {
     /// # Errors
     /// [`Error::MapFile`] if there is no such file: its header would be too long.
     pub fn to_bytes(&self) -> Result<Vec<u8>, Error> {
-        let rows = |out: &mut Sink<'_>| self.write_rows(out);
+        let rows = |out: &mut Sink<'_>| {
+            self.write_rows(out)?;
+            Ok(self.blank().to_vec())
+        };
         contents(&self.kind, self.sidecar(), rows)
             .to_bytes(&FORMAT, &entry(&self.kind))
             .map_err(|error| Refusal::Foreign(error.to_string()).of_map(in_memory()))
@@ -119,7 +127,12 @@ impl Map {
         let positions = positions.into_iter().collect();
         let sidecar = Sidecar { places, positions, norms: Vec::new(), names: vec![&names] };
         write(path.as_ref(), &kind, sidecar, |out| {
-            describe_each(&sad, images, progress, |rows| out.numbers(rows, dtype.size()))
+            let mut census = Census::new(&kind);
+            describe_each(&sad, images, progress, |rows| {
+                census.add(rows);
+                out.numbers(rows.bytes(), dtype.size())
+            })?;
+            Ok(census.places())
         })
     }
 
@@ -148,9 +161,10 @@ impl Map {
     ///
     /// No row is read in advance, so damage that [`open`](Self::open) would refuse is found late,
     /// or by [`verify`](Self::verify): a NaN or an infinity in a row makes the distance to its
-    /// place one, and [`Localizer`](crate::Localizer) refuses that frame and names the place. Two
+    /// place one, and [`Localizer`](crate::Localizer) refuses that frame and names the place. Three
     /// things read the whole file once: the first snapshot of a localizer, which identifies the map
-    /// by a hash, and opening a map for the cosine whose file has no `norms`.
+    /// by a hash; opening a map for the cosine whose file has no `norms`; and
+    /// [`blank`](Self::blank), which a localizer asks for, if the file has no such list.
     ///
     /// # Safety
     /// As long as the map or a clone of it lives, no process may change the file or make it

@@ -1,22 +1,27 @@
 //! A map that becomes longer: in memory, or in its file.
 
 use std::fs::File;
-use std::io::{Seek as _, SeekFrom};
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
 use serde_json::Value;
 
+use super::blank::Census;
 use super::contents::{Parts, Sidecar};
 use super::file::write;
 use super::recipe::Kind;
 use super::route::Names;
 use super::{Map, Positions, Recipe};
-use crate::archive::{Refusal, Sink};
+use crate::archive::{Refusal, Sink, swap_to_file_order};
 use crate::descriptor::describe_each;
 use crate::distance::Metric;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress, go_on};
+use crate::numbers::Values;
 use crate::post::Post;
+
+/// Bytes of rows that are copied at a time.
+const PIECE: usize = 1 << 18;
 
 impl Map {
     /// This map and then `more`, as one: the map that all their descriptors at once would have
@@ -60,8 +65,10 @@ impl Map {
             return Self::open(old.path)?.extended(more)?.save(old.path);
         }
         old.write(&more.sidecar(), |old, out| {
-            old.copy_rows(out, &mut || Ok(()))?;
-            more.write_rows(out)
+            let mut census = old.copy_rows(out, &mut || Ok(()))?;
+            more.blocks.iter().for_each(|block| census.add(block.rows()));
+            more.write_rows(out)?;
+            Ok(census.places())
         })
     }
 
@@ -100,8 +107,12 @@ impl Map {
             names: names.iter().collect(),
         };
         old.write(&addition, |old, out| {
-            old.copy_rows(out, &mut || go_on(progress(0, places), 0, places))?;
-            describe_each(&sad, images, progress, |rows| out.numbers(rows, sad.dtype().size()))
+            let mut census = old.copy_rows(out, &mut || go_on(progress(0, places), 0, places))?;
+            describe_each(&sad, images, progress, |rows| {
+                census.add(rows);
+                out.numbers(rows.bytes(), sad.dtype().size())
+            })?;
+            Ok(census.places())
         })
     }
 }
@@ -214,9 +225,9 @@ impl<'a> Existing<'a> {
     fn write(
         &self,
         addition: &Sidecar<'_>,
-        rows: impl FnOnce(&Self, &mut Sink<'_>) -> Result<(), Error>,
+        rows: impl FnOnce(&Self, &mut Sink<'_>) -> Result<Vec<usize>, Error>,
     ) -> Result<(), Error> {
-        let Parts { kind, places, positions, norms, names } = &self.parts;
+        let Parts { kind, places, positions, norms, names, .. } = &self.parts;
         let sidecar = Sidecar {
             places: places + addition.places,
             positions: positions.iter().chain(addition.positions.iter().copied()).collect(),
@@ -226,16 +237,27 @@ impl<'a> Existing<'a> {
         write(self.path, kind, sidecar, |out| rows(self, out))
     }
 
-    /// Copies the old rows. `proceed` is asked before each piece.
+    /// Copies the old rows and looks at each. `proceed` is asked before each piece.
     fn copy_rows(
         &self,
         out: &mut Sink<'_>,
         proceed: &mut dyn FnMut() -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        let Kind { dim, dtype, .. } = self.parts.kind;
-        let mut file = &self.file;
+    ) -> Result<Census, Error> {
+        let Parts { kind, places, .. } = &self.parts;
+        let (dim, size) = (kind.dim, kind.dtype.size());
         let io = |source| Error::Io { path: self.path.to_owned(), action: "read the map", source };
+        let mut file = &self.file;
         file.seek(SeekFrom::Start(self.start)).map_err(io)?;
-        out.copy(&mut file, self.parts.places * dim * dtype.size(), proceed)
+        let mut census = Census::new(kind);
+        let rows = (PIECE / (dim * size)).max(1);
+        for start in (0..*places).step_by(rows) {
+            proceed()?;
+            let mut piece = Values::zeros(kind.dtype, dim * rows.min(places - start));
+            file.read_exact(piece.bytes_mut()).map_err(io)?;
+            swap_to_file_order(piece.bytes_mut(), size);
+            census.add(piece.view());
+            out.numbers(piece.view().bytes(), size)?;
+        }
+        Ok(census)
     }
 }

@@ -1,6 +1,7 @@
 //! The reference map: one descriptor for each place, in route order, and how to make and compare
 //! descriptors.
 
+mod blank;
 mod block;
 mod codes;
 mod contents;
@@ -50,6 +51,8 @@ pub struct Map {
     /// The rows' codes, if the map has a screen.
     codes: Option<Arc<Codes>>,
     fingerprint: OnceLock<u64>,
+    /// The places that show nothing, once they are known.
+    blank: OnceLock<Arc<[usize]>>,
     isa: Isa,
 }
 
@@ -59,7 +62,7 @@ impl Map {
     /// # Errors
     /// [`Error::Shape`] if `dim` does not divide the count of numbers, [`Error::TooFewPlaces`]
     /// below two rows, [`Error::NotFinite`] for a NaN or an infinity, [`Error::NoDirection`] for a
-    /// row of zeros under the cosine.
+    /// row of up to 8 zeros under the cosine.
     pub fn from_descriptors(
         rows: impl Into<Values>,
         dim: usize,
@@ -107,7 +110,8 @@ impl Map {
 
     fn joining(blocks: Blocks, route: Route, kind: Kind, isa: Isa) -> Self {
         let route = Arc::new(route);
-        Self { blocks, route, kind, codes: None, fingerprint: OnceLock::new(), isa }
+        let (fingerprint, blank) = (OnceLock::new(), OnceLock::new());
+        Self { blocks, route, kind, codes: None, fingerprint, blank, isa }
     }
 
     /// Some of the places, as a map of their own that shares the rows' memory. It has a screen if

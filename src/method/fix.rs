@@ -15,6 +15,10 @@ pub struct Fix {
     pub frame: u64,
     /// Whether the single match is trusted (Eq. 3, or an external predictor's flag).
     pub trusted: bool,
+    /// Whether the query shows nothing: an image or a descriptor without content, or distances that
+    /// are all equal. It is never trusted, and says nothing of the place: `single` is then place 0
+    /// at the mean distance.
+    pub blank: bool,
     /// The track's place if there is motion; else the sequence's once it is ready, and before that
     /// the single match's.
     pub place: usize,
@@ -76,7 +80,8 @@ impl Fix {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Given {
-    /// An external predictor's flag in place of the consensus (Eq. 3).
+    /// An external predictor's flag in place of the consensus (Eq. 3). A query that shows nothing is
+    /// not trusted all the same.
     pub trusted: Option<bool>,
     /// The places that the robot has moved since the query before, by odometry: 0 if it stands
     /// still, negative if it reverses.

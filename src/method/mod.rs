@@ -46,7 +46,7 @@ pub(crate) use fusion::{Fusion, MAX_TECHNIQUES};
 pub use gradient::Peak;
 pub use sequence::Sequence;
 pub use single::Single;
-pub(crate) use single::minimum;
+pub(crate) use single::{is_constant, minimum};
 pub(crate) use snapshot::{Owner, load};
 pub use track::{Aligned, Track};
 pub(crate) use track::{Aligner, Source, stretch};
@@ -78,7 +78,7 @@ pub struct Matcher {
     config: Config,
     segments: Segments,
     frames: u64,
-    /// The smallest distance of all queries so far.
+    /// The smallest distance of all queries so far that said something.
     lowest: f32,
     window: Window,
     /// The single match and the trust of each of the newest `L` queries.
@@ -190,13 +190,15 @@ impl Matcher {
         let enhancement = Enhancement { gradient: config.gradient, smoothing: config.smoothing };
         let gradient = enhancement.peak(window, segments, ask);
 
-        // 1.3 Whether to trust the single match (Eq. 3).
-        let trusted =
-            given.trusted.unwrap_or_else(|| consensus(single, gradient, config.tolerance));
+        // 1.3 Whether to trust the single match (Eq. 3): never if the column says nothing.
+        let blank = window.says_nothing(single, ask);
+        let trusted = !blank
+            && given.trusted.unwrap_or_else(|| consensus(single, gradient, config.tolerance));
 
         // 1.4 The trusted cells and what they are drawn towards (Eq. 4).
         anchors.push(Anchor { single, trusted });
-        self.lowest = if single.distance < self.lowest { single.distance } else { self.lowest };
+        let lower = !blank && single.distance < self.lowest;
+        self.lowest = if lower { single.distance } else { self.lowest };
         let floor = config.floor.value(self.lowest);
 
         // 1.5 The weighted sequence (Eqs. 5 and 6), once the window is full.
@@ -221,6 +223,7 @@ impl Matcher {
         Ok(Fix {
             frame,
             trusted,
+            blank,
             place,
             score,
             single,

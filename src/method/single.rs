@@ -32,6 +32,13 @@ pub(crate) fn minimum(distances: &[f32]) -> Single {
     single
 }
 
+/// Whether all distances are equal: they say nothing then. The first that differs ends the search.
+#[inline(always)]
+pub(crate) fn is_constant(distances: &[f32]) -> bool {
+    let first = distances.first();
+    distances.iter().all(|distance| Some(distance) == first)
+}
+
 /// [`minimum`], and a check of every distance in the same pass.
 ///
 /// # Errors

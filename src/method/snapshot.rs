@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::single::minimum;
+use super::single::{is_constant, minimum};
 use super::trust::Anchor;
 use super::{Fusion, Matcher, track, track::Tracker};
 use crate::archive::{self, Format, Refusal, Tensors, Writer};
@@ -180,12 +180,15 @@ fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Resu
     matcher.frames = frames;
     for (age, column) in columns.chunks_exact(places).enumerate().rev() {
         let single = minimum(column);
-        if single.distance < matcher.lowest {
+        if single.distance < matcher.lowest && !is_constant(column) {
             return Err(refused("a distance below the smallest so far"));
         }
         if let Some(&(place, trusted)) = anchors.get(age) {
             if place != single.place {
                 return Err(refused("an anchor that is not its column's minimum"));
+            }
+            if trusted && is_constant(column) {
+                return Err(refused("an anchor of a column that says nothing"));
             }
             matcher.anchors.push(Anchor { single, trusted });
         }

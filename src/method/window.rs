@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::argmin::{Candidate, Search, first_least};
-use super::single::{Single, checked_minimum, minimum};
+use super::single::{Single, checked_minimum, is_constant, minimum};
 use crate::error::Error;
 use crate::preallocated::Preallocated;
 
@@ -155,6 +155,19 @@ impl Window {
                 Ok(minimum(cells.lower.column(0)))
             }
         }
+    }
+
+    /// Whether all distances of the newest column, whose minimum is `single`, are equal.
+    #[inline(always)]
+    pub(super) fn says_nothing<E: Exact>(&mut self, single: Single, ask: &mut E) -> bool {
+        let cells = &mut self.cells;
+        if E::BOUNDS && !cells.is_resolved(0) {
+            if cells.lower.column(0).iter().any(|&low| low > single.distance) {
+                return false;
+            }
+            cells.resolve_all(0, ask);
+        }
+        is_constant(cells.lower.column(0))
     }
 
     /// How many columns it holds.

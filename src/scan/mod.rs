@@ -50,7 +50,9 @@ impl Map {
     /// The distances from a descriptor to every place: one number for each place, in route order.
     /// On a map with post-processing, the descriptor goes through that first, as the references
     /// did; running statistics live in a [`Localizer`](crate::Localizer). SAD distances are in
-    /// units of `z`, whichever type they are stored in (method 1.7).
+    /// units of `z`, whichever type they are stored in (method 1.7). A place that
+    /// [shows nothing](Self::blank) has the mean of the others' distances; a descriptor that shows
+    /// nothing has one distance to all.
     ///
     /// # Errors
     /// As for [`distances_into`](Self::distances_into).
@@ -66,13 +68,16 @@ impl Map {
     /// [`Error::Length`] unless the descriptor has [`input_dim`](Self::input_dim) numbers and `out`
     /// has `places()`; [`Error::Dtype`] unless it is of the map's own type, or float32 on a map of
     /// ready descriptors; [`Error::NotFinite`] for a NaN or an infinity; [`Error::NoDirection`] for
-    /// zeros under the cosine, or if post-processing normalises them. `out` is then unchanged.
+    /// zeros under the cosine if there are at most 8, or if post-processing normalises them. `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
         let mut through = self.post().map(ChainState::new);
-        self.distances_of_passed(self.passed(descriptor, through.as_mut())?, out)
+        self.distances_of_passed(self.passed(descriptor, through.as_mut())?, out)?;
+        self.quieten(self.shows_nothing(descriptor), out);
+        Ok(())
     }
 
-    /// [`distances_into`](Self::distances_into), of a descriptor after post-processing.
+    /// [`distances_into`](Self::distances_into), of a descriptor after post-processing, with the
+    /// distances to places that show nothing as they are.
     pub(crate) fn distances_of_passed(
         &self,
         descriptor: View<'_>,
@@ -120,7 +125,13 @@ impl Map {
         {
             return Err(Error::Dtype { what, map, or_float: false, got });
         }
-        Query::new(descriptor, self.no_rows())
+        match Query::new(descriptor, self.no_rows()) {
+            // Zeros have no direction, and are as far from all places.
+            Err(Error::NoDirection { .. }) if self.shows_nothing(descriptor) => {
+                Ok(Query { numbers: descriptor, length: 1.0 })
+            }
+            query => query,
+        }
     }
 
     /// Writes the distances to some of the places, which must be there, into `out`, which has a

@@ -59,6 +59,20 @@ pub(crate) fn columns(kind: Kind, places: usize, queries: usize, seed: u64) -> V
     (0..queries).map(column).collect()
 }
 
+/// Whether a query's distances tell any place from another.
+pub(crate) fn tells(column: &[f32]) -> bool {
+    let least = column.iter().copied().fold(f32::INFINITY, f32::min);
+    let most = column.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    least < most
+}
+
+/// The floor of a stream that knows the least distance of all queries that tell something.
+pub(crate) fn least_of_all(columns: &[Vec<f32>]) -> Floor {
+    let telling = columns.iter().filter(|column| tells(column));
+    let least = telling.flatten().copied().reduce(f32::min);
+    least.map_or(Floor::Running, |least| Floor::Fixed(f64::from(least)))
+}
+
 /// Numbers for descriptors of each type, none of them zero: every row has a direction.
 pub(crate) fn numbers(dtype: Dtype, count: usize, seed: u64) -> Values {
     let mut dice = SplitMix64(seed);
@@ -126,7 +140,7 @@ pub(crate) fn route(places: std::ops::Range<usize>) -> impl Strategy<Value = (us
     places.prop_flat_map(|places| (Just(places), config(places)))
 }
 
-pub(crate) type Bits = [u64; 18];
+pub(crate) type Bits = [u64; 19];
 
 /// All numbers of a fix to the last bit: `==` takes -0.0 for 0.0.
 pub(crate) fn bits(fix: &Fix) -> Bits {
@@ -135,6 +149,7 @@ pub(crate) fn bits(fix: &Fix) -> Bits {
     [
         fix.frame,
         u64::from(fix.trusted),
+        u64::from(fix.blank),
         fix.place as u64,
         float(fix.score),
         fix.single.place as u64,

@@ -4,7 +4,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::cases::{all_bits, bits, cases, columns, kind, known, numbers, route};
+use crate::cases::{all_bits, bits, cases, columns, kind, known, least_of_all, numbers, route};
 use crate::random::SplitMix64;
 use ndarray::Array2;
 use proptest::prelude::*;
@@ -156,9 +156,9 @@ proptest! {
         let trusted: Option<Vec<bool>> =
             external.then(|| words(m, seed).into_iter().map(|word| word == Some(true)).collect());
         let words = trusted.as_ref().map_or(vec![None; m], |t| t.iter().copied().map(Some).collect());
-        let least = d.iter().flatten().copied().fold(f32::INFINITY, f32::min);
+        let least = least_of_all(&d);
         for floor in [config.floor, Floor::Global] {
-            let live = if floor == Floor::Global { Floor::Fixed(f64::from(least)) } else { floor };
+            let live = if floor == Floor::Global { least } else { floor };
             let expected = stream(n, &config! { config.clone() => floor: live }, &d, &words, &gaps);
             let config = config! { config.clone() => floor };
             let run = match_distances(matrix(&d).view(), &config, known(trusted.as_deref(), &gaps))?;
@@ -174,8 +174,8 @@ proptest! {
         let (queries, gaps) = (numbers(Dtype::F32, m * dim, !seed), gaps(m, seed));
         let row = |j| queries.view().row(j, dim).unwrap();
         let distances = (0..m).map(|j| map.distances(row(j))).collect::<Result<Vec<_>, _>>()?;
-        let least = distances.iter().flatten().copied().fold(f32::INFINITY, f32::min);
-        let [live, whole] = if global { [Floor::Fixed(f64::from(least)), Floor::Global] } else { [config.floor; 2] };
+        let least = least_of_all(&distances);
+        let [live, whole] = if global { [least, Floor::Global] } else { [config.floor; 2] };
         let mut localizer = Localizer::new(Arc::clone(&map), config! { config.clone() => floor: live })?;
         let mut expected = Vec::new();
         for (query, distances) in distances.iter().enumerate() {

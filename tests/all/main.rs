@@ -5,6 +5,7 @@
 mod options;
 
 mod bad_input;
+mod blank;
 mod cases;
 mod drive;
 mod evaluate;

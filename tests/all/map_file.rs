@@ -411,12 +411,12 @@ fn numbers_that_cannot_be_compared_are_refused() {
         (Metric::Manhattan, f32::INFINITY.to_le_bytes(), "row 1, index 2"),
     ] {
         let mut bytes = saved(&Map::from_descriptors(rows.clone(), 3, metric).unwrap());
-        let end = bytes.len() - 8;
+        let end = bytes.len() - 8 - 2; // before the flags of 2 places
         bytes[end - 4..end].copy_from_slice(&bad);
         assert!(refused(&sealed(bytes)).contains(expected));
     }
     let mut bytes = saved(&Map::from_descriptors(rows, 3, Metric::Cosine).unwrap());
-    let end = bytes.len() - 8;
+    let end = bytes.len() - 8 - 2; // before the flags of 2 places
     bytes[end - 12..end].fill(0);
     assert!(refused(&sealed(bytes)).contains("row 1"));
 }

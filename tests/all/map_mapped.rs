@@ -172,7 +172,8 @@ fn a_file_without_norms_opens_as_it_did_and_is_appended_to_with_them() {
         let (mut header, payload) = split(&whole);
         header.as_object_mut().unwrap().remove("norms");
         let end = payload.len() - 40;
-        header["descriptors"]["data_offsets"] = json!([0, end - 8]);
+        header["descriptors"]["data_offsets"] = json!([0, end - 13]);
+        header["blank"]["data_offsets"] = json!([end - 13, end - 8]);
         header["checksum"]["data_offsets"] = json!([end - 8, end]);
         let old = join(&header, &payload[40..], 8);
         fs::write(&path, &old).unwrap();
@@ -186,7 +187,7 @@ fn a_file_without_norms_opens_as_it_did_and_is_appended_to_with_them() {
                 continue;
             }
             let mut bytes = old.clone();
-            let end = bytes.len() - 8;
+            let end = bytes.len() - 13;
             bytes[end - 28..end].as_chunks_mut().0.fill(spoilt.to_le_bytes());
             fs::write(&path, sealed(bytes)).unwrap();
             for refused in [mapped(&path).map(drop), Map::append(&path, &map)] {
@@ -281,7 +282,7 @@ fn a_number_that_is_none_is_refused_when_its_distance_is_pushed_and_the_place_is
         let bytes = saved(&Map::from_descriptors(numbers(Dtype::F32, 35, 1), 7, metric).unwrap());
         let mut spoilt = bytes.clone();
         // The third number of the fourth place.
-        let at = bytes.len() - 8 - 35 * 4 + (3 * 7 + 2) * 4;
+        let at = bytes.len() - 8 - 5 - 35 * 4 + (3 * 7 + 2) * 4;
         spoilt[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
         fs::write(&path, sealed(spoilt)).unwrap();
         assert!(Map::open(&path).unwrap_err().to_string().contains("row 3, index 2"));

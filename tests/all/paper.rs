@@ -1,7 +1,7 @@
 //! The matcher is docs/method.md: whole matrices, written as the paper writes them, give the same
 //! fixes.
 
-use crate::cases::{all_bits, any_fix, cases, columns, kind, known, route, stream};
+use crate::cases::{all_bits, any_fix, cases, columns, kind, known, route, stream, tells};
 use proptest::prelude::*;
 use surefix::{Config, Fix, Floor, Gradient, Peak, Sequence, Single};
 
@@ -27,8 +27,10 @@ fn gradient(d: &[f32], i: usize, kind: Gradient) -> f32 {
 fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix> {
     let (n, m) = (d[0].len(), d.len());
     let length = config.sequence_length;
-    let least =
-        |columns: &[Vec<f32>]| columns.iter().flatten().copied().fold(f32::INFINITY, f32::min);
+    let telling = |columns: &[Vec<f32>]| -> Vec<f32> {
+        columns.iter().filter(|column| tells(column)).flatten().copied().collect()
+    };
+    let least = |columns: &[Vec<f32>]| telling(columns).into_iter().fold(f32::INFINITY, f32::min);
 
     // The enhanced gradient, its peak, the minimum and the consensus.
     let enhanced = |i: usize, j: usize| -> f32 {
@@ -49,7 +51,7 @@ fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix>
     let singles: Vec<usize> = d.iter().map(|column| first_best(column, |a, b| a < b)).collect();
     let agrees = |j: usize| peaks[j].place.abs_diff(singles[j]) <= config.tolerance;
     let trusted: Vec<bool> =
-        (0..m).map(|j| external.map_or_else(|| agrees(j), |words| words[j])).collect();
+        (0..m).map(|j| tells(&d[j]) && external.map_or_else(|| agrees(j), |w| w[j])).collect();
 
     // The weighted matrix as it is when query `now` comes, and the best diagonal of each speed.
     let sequence = |now: usize| -> Option<Sequence> {
@@ -88,6 +90,7 @@ fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix>
         let mut fix = any_fix();
         (fix.frame, fix.trusted, fix.place, fix.score) = (j as u64, trusted[j], place, score);
         (fix.single, fix.gradient, fix.sequence) = (single, peaks[j], sequence);
+        fix.blank = !tells(&d[j]);
         fix
     };
     (0..m).map(fix).collect()

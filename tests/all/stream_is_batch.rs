@@ -5,7 +5,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use crate::cases::{
-    Bits, DTYPES, Kind, Told, all_bits, cases, columns, given, kind, known, numbers, route, stream,
+    Bits, DTYPES, Kind, Told, all_bits, cases, columns, given, kind, known, least_of_all, numbers,
+    route, stream,
 };
 use ndarray::{Array2, ArrayView2, ShapeBuilder, s};
 use proptest::prelude::*;
@@ -58,8 +59,7 @@ proptest! {
         (n, config) in route(2..64), m in 1..200_usize, kind in kind(), seed: u64,
     ) {
         let d = columns(kind, n, m, seed);
-        let least = d.iter().flatten().copied().fold(f32::INFINITY, f32::min);
-        let fixed = config! { config.clone() => floor: Floor::Fixed(f64::from(least)) };
+        let fixed = config! { config.clone() => floor: least_of_all(&d) };
         let global = config! { config => floor: Floor::Global };
         prop_assert_eq!(batch(matrix(&d).view(), &global, Drive::default()), all_bits(&stream(n, &fixed, &d, Drive::default())));
     }
@@ -103,9 +103,8 @@ proptest! {
 
         let distances = |j| map.distances(queries.view().row(j, dim).unwrap());
         let columns: Vec<Vec<f32>> = (0..m).map(distances).collect::<Result<_, _>>()?;
-        let least = columns.iter().flatten().copied().fold(f32::INFINITY, f32::min);
         let global = config! { config.clone() => floor: Floor::Global };
-        let fixed = config! { config => floor: Floor::Fixed(f64::from(least)) };
+        let fixed = config! { config => floor: least_of_all(&columns) };
         let got = all_bits(&together(&global)?.fixes);
         prop_assert_eq!(&got, &all_bits(&alone(&fixed)?));
         prop_assert_eq!(&got, &batch(matrix(&columns).view(), &global, told.drive()));

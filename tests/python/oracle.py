@@ -76,6 +76,11 @@ def enhance(g: Array, mean: Array, smoothing: int = 3, drive: Array | None = Non
     return G
 
 
+def telling(D: Array) -> Array:
+    """1.3: which queries tell one place from another, (m,): a column of one number says nothing."""
+    return np.ptp(np.asarray(D, np.float64), axis=0) > 0
+
+
 def consensus(D: Array, G: Array, tolerance: int = 1) -> tuple[Array, Array, Array]:
     """1.3: the places of the least distance and the largest gradient (Eq. 2), and trust (Eq. 3)."""
     i_d = np.argmin(D, axis=0)
@@ -88,12 +93,14 @@ def floors(D: Array, floor: Floor = "running") -> Array:
 
     `running` is the least raw distance of all queries up to and including `j`; a number `x` is
     `min(x, running)`, with `x` taken as a float32; `global` is the minimum of the whole matrix.
+    Queries that say nothing do not count: without any other it is infinite.
     """
-    running = np.minimum.accumulate(D.min(axis=0))
+    least = np.where(telling(D), D.min(axis=0), np.float32(np.inf))
+    running = np.minimum.accumulate(least)
     if floor == "running":
         return running
     if floor == "global":
-        return np.full_like(running, D.min())
+        return np.full_like(running, least.min())
     return np.minimum(np.float32(floor), running)
 
 
@@ -172,6 +179,7 @@ class Run:
     single_distance: Array
     gradient_place: Array
     gradient_value: Array
+    blank: Array
 
 
 def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int] = ()) -> Run:
@@ -186,7 +194,8 @@ def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int
     drive = drives(D.shape[1], gaps)
     G = enhance(gradient(D, o.gradient), gradient_mean(D, o.gradient), o.smoothing, drive)
     i_d, i_g, agreed = consensus(D, G, o.tolerance)
-    trusted = agreed if trusted is None else np.asarray(trusted, bool)
+    says = telling(D)
+    trusted = says & (agreed if trusted is None else np.asarray(trusted, bool))
     floor = floors(D, o.floor)
 
     j = np.arange(D.shape[1])
@@ -204,7 +213,7 @@ def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int
     means = (0.0 + best) / o.sequence_length
     score = np.where(ready, means, single).astype(np.float32)
     G_max = G[i_g, j]
-    return Run(place, score, trusted, anchors, ready, speed, i_d, single, i_g, G_max)
+    return Run(place, score, trusted, anchors, ready, speed, i_d, single, i_g, G_max, ~says)
 
 
 def distances(query: Array, rows: Array, metric: str) -> Array:
@@ -260,6 +269,20 @@ def normalise(thumbnail: Array, patch: int = 8, dtype: str = "u8") -> Array:
 def sad(image: Array, size: tuple[int, int] = (64, 32), patch: int = 8, dtype: str = "u8") -> Array:
     """1.7: image (H, W) or (H, W, 3) uint8 to its descriptor (width * height,)."""
     return normalise(resize(grey(image), size), patch, dtype)
+
+
+def shows_nothing(image: Array) -> bool:
+    """1.7: whether at most an eighth of the tiles of 8 x 8 of the small grey image is not flat."""
+    tiles = resize(grey(image), (64, 32)).reshape(4, 8, 8, 8).astype(np.float64)
+    return bool((tiles.std(axis=(1, 3)) >= 1).sum() <= 4)
+
+
+def without_blank(D: Array, places: Array, queries: Array) -> Array:
+    """1.7: the distances (n, m) without what says nothing: `places` (n,) and `queries` (m,) that do
+    not have, in each column, the mean over the others.
+    """
+    means = np.asarray(D, np.float64)[~places].mean(axis=0).astype(np.float32)
+    return np.where(places[:, None] | queries[None], means, D).astype(np.float32)
 
 
 def pr_curve(

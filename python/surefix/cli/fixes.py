@@ -19,6 +19,10 @@ ALARM = (
     "may not hold; calibrate anew"
 )
 
+FROZEN = "warning: the camera is frozen: {} repeat the one before, {} to {}{}"
+# A camera at rest has noise: it never sees the same this many times.
+FROZEN_FROM = 10
+
 Row = dict[str, Any]
 Writer = Callable[[Row], None]
 
@@ -42,6 +46,7 @@ def row_of(
         "place_name": place_name,
         "score": fix.score,
         "trusted": fix.trusted,
+        "blank": fix.blank,
         "ready": sequence is not None,
         "anchors": None if sequence is None else sequence.anchors,
         "speed": fix.speed,
@@ -93,6 +98,35 @@ def json_writer(file: TextIO) -> Writer:
     return write
 
 
+class Repeats:
+    """Counts queries that are the one before again, by their best match: its place and distance."""
+
+    def __init__(self) -> None:
+        self.before: tuple[int, float] | None = None
+        self.run = 0
+        # Of the runs that are long enough: all queries, and the first and last of the first run.
+        self.count = self.stretches = 0
+        self.first = self.last = 0
+
+    def add(self, fix: Fix) -> None:
+        match = None if fix.blank else (fix.single.place, fix.single.distance)
+        self.run = self.run + 1 if match is not None and match == self.before else 0
+        self.before = match
+        if self.run < FROZEN_FROM:
+            return
+        new = self.run == FROZEN_FROM
+        self.count += FROZEN_FROM if new else 1
+        self.stretches += new
+        if self.stretches == 1:
+            self.first, self.last = fix.frame - self.run + 1, fix.frame
+
+    def lines(self) -> list[str]:
+        more = self.stretches - 1
+        others = f", and {plural(more, 'more stretch', 'more stretches')}" if more > 0 else ""
+        frames = plural(self.count, "frame")
+        return [FROZEN.format(frames, self.first, self.last, others)] if self.count else []
+
+
 class Summary:
     """Counts fixes as they come; a drive of days fits in memory. It takes what ``Tracked`` does."""
 
@@ -101,7 +135,8 @@ class Summary:
     ) -> None:
         self.track = Tracked(motion, accept, tolerance)
         self.latencies = array("f")
-        self.trusted = self.dropped = self.gaps = 0
+        self.trusted = self.blank = self.dropped = self.gaps = 0
+        self.repeats = Repeats()
         # By the threshold of settings, and the frame at which its alarm was raised.
         self.accepted = 0
         self.judged = False
@@ -117,20 +152,24 @@ class Summary:
             self.alarm = fix.frame
         self.latencies.append(latency)
         self.trusted += fix.trusted
+        self.blank += fix.blank
+        self.repeats.add(fix)
         self.dropped += frame.dropped
         self.gaps += frame.gap
         self.track.add(fix, frame.advance, frame.breaks)
 
     def text(self, out: Path | None) -> str:
-        """The fixes, the trusted ones, dropped frames, gaps, latencies, and the file, in a line;
-        and the track, if there is one.
+        """The fixes, the trusted ones, those of queries that show nothing, dropped frames, gaps,
+        latencies, and the file, in a line; the track, if there is one; and whether the camera was
+        frozen.
         """
         count = len(self.latencies)
         if not count:
             none, stopped = "there was no query that could be used", "it stopped before the first"
             return f"0 fixes: {none if self.ended else stopped}"
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
-        missing = f"{plural(self.dropped, 'frame')} dropped, " if self.dropped else ""
+        missing = f"{self.blank} blank, " if self.blank else ""
+        missing += f"{plural(self.dropped, 'frame')} dropped, " if self.dropped else ""
         missing += f"{plural(self.gaps, 'gap')}, " if self.gaps else ""
         where = "" if out is None else f", in {out}"
         counts = (
@@ -141,4 +180,4 @@ class Summary:
         judged = [f"{self.accepted} accepted ({self.accepted / count:.0%})"] if self.judged else []
         if self.alarm is not None:
             judged.append(ALARM.format(self.alarm))
-        return "\n".join([counts, *self.track.lines(), *judged])
+        return "\n".join([counts, *self.track.lines(), *judged, *self.repeats.lines()])

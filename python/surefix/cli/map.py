@@ -66,6 +66,7 @@ def build(
     post: str | None = None,
     cache: inputs.Cache = None,
     positions: Path | None = None,
+    skip_blank: bool = False,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
     every: inputs.Every = None,
@@ -95,6 +96,7 @@ def build(
         standardize, or standardize:running by the queries so far, pca:N, projection:N, normalize.
     positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres; or with a column
         time, at times of their own; or a folder of images named @east@north@.
+    skip_blank: Leave out the places that show nothing: black, covered, or equal to many others.
     """
     start = time.perf_counter()
     check_folder(out, "cannot write the map")
@@ -128,8 +130,29 @@ def build(
             Map.build(out, frames.source, sad, positions=where)
         else:
             sad_map(frames, sad, where).save(out)
-    made = f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s"
-    print("; ".join([made, *inputs.notes_on(frames)]))
+    made = _look(out)
+    blank = _blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
+    if blank and skip_blank:
+        made.without_blank().save(out)
+    del made
+    said = f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s"
+    print("; ".join([said, *blank, *inputs.notes_on(frames)]))
+
+
+MATCHED = "nothing is matched to them (--skip-blank leaves them out)"
+# Blank places that are named.
+NAMED = 5
+
+
+def _blank(blank: list[int], names: list[str] | None, done: str = "") -> list[str]:
+    """How many places show nothing, which are the first, and what is done about it."""
+    if not blank:
+        return []
+    named = [f"{place} ({names[place]})" if names else str(place) for place in blank[:NAMED]]
+    more = [f"{len(blank) - NAMED} more"] if len(blank) > NAMED else []
+    shows = "shows" if len(blank) == 1 else "show"
+    said = f"{plural(len(blank), 'place')} {shows} nothing: {', '.join([*named, *more])}"
+    return [f"{said}: {done}" if done else said]
 
 
 @documented
@@ -189,7 +212,9 @@ def append(
     longer, seconds = _look(file), time.perf_counter() - start
     added = plural(len(longer) - len(old), "place")
     said = f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
-    print("; ".join([said, *_again(old, longer), *inputs.notes_on(frames)]))
+    blank = [place for place in longer.blank.tolist() if place >= len(old)]
+    notes = [*_again(old, longer), *_blank(blank, longer.names), *inputs.notes_on(frames)]
+    print("; ".join([said, *notes]))
 
 
 def _again(old: Map, longer: Map) -> list[str]:
@@ -229,6 +254,7 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
         "names": [names[0], names[-1]] if names else None,
         "repeated": _repeated(names),
         "positions": None if where is None else list(where.shape),
+        "blank": route.blank.tolist(),
     }
     if as_json:
         print(json.dumps(facts))
@@ -243,6 +269,7 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
             "names": f"{names[0]} to {names[-1]}" if names else "none",
             "repeated": _said(facts["repeated"]),
             "positions": coordinates,
+            "blank": "".join(_blank(facts["blank"], names)) or "none",
         }.get(name, str(value))
         # The descriptor's name stands for the recipe; --json has all of it.
         absent = (name == "post" and route.post is None) or (name == "repeated" and not value)

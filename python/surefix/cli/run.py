@@ -143,6 +143,9 @@ def run(
         kind = options.get("motion") or "of --config"
         why = f"--motion {kind}" if motion else "--fuse"
         print(f"--screen: unused, as {why} needs all distances", file=sys.stderr)
+    elif screen and len(places.blank):
+        why = f"{plural(len(places.blank), 'place')} of the map that show nothing"
+        print(f"--screen: unused, for the sake of {why}", file=sys.stderr)
     read = [*names, *map(Path, source.files)]
     if out is not None:
         check_not_read(out, read)

@@ -30,7 +30,7 @@ from surefix.frames import open as frames_open
 from surefix.simulate import Route
 
 PLACES = 40
-PLAIN = "frame query place place_name score trusted ready anchors speed single_place single_distance gradient_place"
+PLAIN = "frame query place place_name score trusted blank ready anchors speed single_place single_distance gradient_place"
 COLUMNS = [*PLAIN.split(), "gradient_value", "latency_us"]
 TRACK = ["confidence", "off_map", "place_low", "place_high", "sequence_place", "sequence_score"]
 
@@ -205,7 +205,7 @@ def test_a_file_that_is_no_image_does_not_end_a_run_that_follows(
 def test_one_fix_is_in_the_singular() -> None:
     localizer = surefix.Localizer(surefix.Map.from_descriptors(np.eye(4, 5, dtype=np.float32)))
     summary = Summary()
-    stream = KeepNewest([Frame(np.ones(5, np.float32), 1.0, "0", 1, True)], 1)  # type: ignore[arg-type]
+    stream = KeepNewest([Frame(np.arange(5, dtype=np.float32), 1.0, "0", 1, True)], 1)  # type: ignore[arg-type]
     localize(localizer, stream, None, summary)
     assert re.match(
         r"1 fix, \d trusted \(\d+%\), 1 frame dropped, 1 gap, latency", summary.text(None)

@@ -23,6 +23,7 @@ CASES_RUN: dict[int, int] = {}
 EXACT = (
     "place",
     "trusted",
+    "blank",
     "anchors",
     "ready",
     "speed",
@@ -142,7 +143,8 @@ def batch(
 def matcher(D: Array, options: Options) -> Any:
     """A stream cannot know the global minimum: it is told, as a fixed floor (1.4)."""
     if options.floor == "global":
-        options = replace(options, floor=float(D.min()))
+        least = float(oracle.floors(D, "global").min(initial=np.inf))
+        options = replace(options, floor=least if np.isfinite(least) else "running")
     return surefix.Matcher(places=D.shape[0], **asdict(options))
 
 
@@ -160,6 +162,7 @@ def row(fix: Any) -> tuple[Any, ...]:
         fix.single.distance,
         fix.gradient.place,
         fix.gradient.value,
+        fix.blank,
     )
 
 

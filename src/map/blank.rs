@@ -1,0 +1,203 @@
+//! Places and queries that show nothing (method 1.7): a lens cap, a tunnel, a camera that failed.
+//!
+//! They are near everything, so that they would draw queries to themselves. Their distances say
+//! nothing, and are made to: a place that shows nothing is as far from a query as the mean of the
+//! others, and a query that shows nothing is equally far from all places.
+
+use std::sync::Arc;
+
+use twox_hash::XxHash3_64;
+
+use super::block::SMALL;
+use super::recipe::Kind;
+use super::{Map, Recipe, at_least_two};
+use crate::descriptor::Sad;
+use crate::error::Error;
+use crate::numbers::{View, each_type};
+
+/// A SAD descriptor shows nothing if at most one tile in this many is not flat: room for a clock
+/// in a corner.
+const TILES: usize = 8;
+
+/// This many equal rows, and no camera saw their places.
+const EQUAL: usize = 5;
+
+/// A query nearer to a place that shows nothing than this share of the mean distance is that
+/// place's image again.
+const SAME: f64 = 1e-3;
+
+/// Finds the places that show nothing among rows that come in pieces.
+pub(super) struct Census {
+    recipe: Recipe,
+    dim: usize,
+    rows: Vec<Seen>,
+}
+
+/// A row's hash, and whether it shows nothing by itself.
+struct Seen {
+    hash: u64,
+    nothing: bool,
+}
+
+impl Census {
+    pub(super) fn new(kind: &Kind) -> Self {
+        Self { recipe: kind.recipe, dim: kind.dim, rows: Vec::new() }
+    }
+
+    /// Takes the next rows.
+    pub(super) fn add(&mut self, rows: View<'_>) {
+        let Self { recipe, dim, rows: seen } = self;
+        let rows = (0..rows.len() / *dim).filter_map(|row| rows.row(row, *dim));
+        seen.extend(rows.map(|row| Seen {
+            hash: XxHash3_64::oneshot(row.bytes()),
+            nothing: shows_nothing(*recipe, row),
+        }));
+    }
+
+    /// The places that show nothing, in order.
+    pub(super) fn places(&self) -> Vec<usize> {
+        let mut equal = Vec::new();
+        if self.dim > SMALL {
+            let mut hashes: Vec<u64> = self.rows.iter().map(|row| row.hash).collect();
+            hashes.sort_unstable();
+            let many = hashes.chunk_by(|a, b| a == b).filter(|same| same.len() >= EQUAL);
+            equal.extend(many.map(|same| same[0]));
+        }
+        let blank = |row: &Seen| row.nothing || equal.binary_search(&row.hash).is_ok();
+        let places = self.rows.iter().enumerate().filter(|(_, row)| blank(row));
+        places.map(|(place, _)| place).collect()
+    }
+}
+
+/// A byte for each place: 1 if it shows nothing.
+pub(super) fn flags(blank: &[usize], places: usize) -> Vec<u8> {
+    let mut flags = vec![0; places];
+    for &place in blank {
+        flags[place] = 1;
+    }
+    flags
+}
+
+/// The places of such bytes; `None` if there are other bytes.
+pub(super) fn flagged(flags: &[u8]) -> Option<Arc<[usize]>> {
+    let blank = (0..flags.len()).filter(|&place| flags[place] != 0).collect();
+    flags.iter().all(|&flag| flag <= 1).then_some(blank)
+}
+
+impl Map {
+    /// The places that show nothing, in order: SAD descriptors whose tiles are nearly all flat
+    /// (method 1.7), ready descriptors of zeros, and any that at least 5 places share. Of ready
+    /// descriptors, only those of more than 8 numbers can be. The distance to such a place is the
+    /// mean of the others, and so it is never a query's best match.
+    ///
+    /// The list is in the map's file. If it is not known, the first call reads all rows.
+    ///
+    /// ```
+    /// use surefix::{Map, Metric};
+    /// let mut rows: Vec<f32> = (0..40).map(|at| (at * at % 17) as f32).collect();
+    /// rows[20..30].fill(0.0);
+    /// let map = Map::from_descriptors(rows, 10, Metric::Euclidean)?;
+    /// assert_eq!(map.blank(), [2]);
+    /// assert_eq!(map.without_blank()?.places(), 3);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    pub fn blank(&self) -> &[usize] {
+        self.blank.get_or_init(|| {
+            let mut census = Census::new(&self.kind);
+            self.blocks.iter().for_each(|block| census.add(block.rows()));
+            census.places().into()
+        })
+    }
+
+    /// The same map without the places that [show nothing](Self::blank). The places after them move
+    /// up. Rows are shared.
+    ///
+    /// # Errors
+    /// [`Error::TooFewPlaces`] if fewer than two are left, and those of
+    /// [`with_screen`](Self::with_screen) if this map has a screen.
+    pub fn without_blank(&self) -> Result<Self, Error> {
+        let (blank, places) = (self.blank(), self.places());
+        if blank.is_empty() {
+            return Ok(self.clone());
+        }
+        at_least_two(places - blank.len())?;
+        let starts = std::iter::once(0).chain(blank.iter().map(|&place| place + 1));
+        let ends = blank.iter().copied().chain([places]);
+        let kept = starts.zip(ends).filter(|(start, end)| start < end);
+        let parts = kept.map(|(start, end)| {
+            (self.blocks.slice(self.route.rows(start..end)), self.route.slice(start..end))
+        });
+        let joined = parts.reduce(|(blocks, route), (more, along)| {
+            (blocks.followed_by(&more), route.followed_by(&along))
+        });
+        let Some((blocks, route)) = joined else { return Ok(self.clone()) };
+        self.screened_like(blocks, route)
+    }
+
+    /// Whether a query shows nothing, as it is before post-processing.
+    pub(crate) fn shows_nothing(&self, query: View<'_>) -> bool {
+        shows_nothing(self.recipe(), query)
+    }
+
+    /// Takes out of a query's distances what says nothing: those to places that show nothing become
+    /// the mean of the others. If the query shows `nothing`, or is the image of such a place again,
+    /// all of them do.
+    pub(crate) fn quieten(&self, nothing: bool, distances: &mut [f32]) {
+        let blank = self.blank();
+        if blank.is_empty() && !nothing {
+            return;
+        }
+        let skipped = if blank.len() < distances.len() { blank } else { &[] };
+        let Some(mean) = mean_without(distances, skipped) else { return };
+        let near = |&place: &usize| f64::from(distances[place]) <= SAME * mean;
+        if nothing || blank.iter().any(near) {
+            distances.fill(mean as f32);
+        } else {
+            for &place in blank {
+                distances[place] = mean as f32;
+            }
+        }
+    }
+}
+
+/// The mean of the distances to all places but those `skipped`, which are in order; `None` if it is
+/// no number: then a distance is none, and is refused where it stands.
+fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
+    let (mut sum, mut start) = (0.0, 0);
+    for &end in skipped.iter().chain([&distances.len()]) {
+        sum += distances[start..end].iter().map(|&d| f64::from(d)).sum::<f64>();
+        start = end + 1;
+    }
+    let mean = sum / (distances.len() - skipped.len()) as f64;
+    mean.is_finite().then_some(mean)
+}
+
+/// Whether a descriptor shows nothing by itself.
+fn shows_nothing(recipe: Recipe, row: View<'_>) -> bool {
+    match (recipe, row) {
+        (Recipe::Sad(sad), View::U8(row)) => is_flat(sad, |at| row.get(at) == Some(&128)),
+        (Recipe::Sad(sad), View::F32(row)) => is_flat(sad, |at| row.get(at) == Some(&0.0)),
+        // Such SAD descriptors are refused.
+        (Recipe::Sad(_), _) => false,
+        (Recipe::Ready, row) => row.len() > SMALL && each_type!(View, row, v => are_zero(v)),
+    }
+}
+
+fn are_zero<T: Default + PartialEq>(numbers: &[T]) -> bool {
+    let zero = T::default();
+    numbers.iter().all(|number| *number == zero)
+}
+
+/// Whether nearly all tiles are flat; `is_zero` says whether the number at an index is `z` = 0.
+fn is_flat(sad: Sad, is_zero: impl Fn(usize) -> bool) -> bool {
+    let ((width, height), patch) = (sad.size(), sad.patch());
+    let most = (width / patch) * (height / patch) / TILES;
+    let corners = (0..height)
+        .step_by(patch)
+        .flat_map(|top| (0..width).step_by(patch).map(move |left| top * width + left));
+    let flat = |corner: usize| {
+        let mut rows = (0..patch).map(|row| corner + row * width);
+        rows.all(|start| (start..start + patch).all(&is_zero))
+    };
+    corners.filter(|&corner| !flat(corner)).nth(most).is_none()
+}
