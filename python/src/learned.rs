@@ -8,9 +8,12 @@ use pyo3::types::{PyDict, PyList};
 use surefix::Recipe;
 
 use crate::arrays::{as_array, dtype_of, shape_of};
-use crate::error::value;
-use crate::images::{path_of, read_image};
+use crate::error::{OrRaise as _, value};
+use crate::images::{Pixels, path_of, read_image};
 use crate::sad::Sad;
+
+/// Vectors of up to so many numbers are points, of which the origin is one.
+const POINT: usize = 8;
 
 /// Whether a `descriptor` argument is one of Python's.
 pub(crate) fn is_learned(given: &Bound<'_, PyAny>) -> bool {
@@ -165,7 +168,7 @@ pub(crate) fn described<'py>(
         Some(path) => read_image(py, path)?,
         None => frame.clone(),
     };
-    let vectors = descriptor.call_method1("describe", (PyList::new(py, [image])?,))?;
+    let vectors = descriptor.call_method1("describe", (PyList::new(py, [&image])?,))?;
     let shape = as_array(&vectors, "descriptor")?.shape().to_vec();
     if shape.len() != 2 || shape[0] != 1 {
         let name = descriptor.getattr("name")?;
@@ -173,7 +176,20 @@ pub(crate) fn described<'py>(
             format!("{name}: expected a vector for one image, shape (1, dim), got {shape:?}");
         return Err(value(py, reason));
     }
-    vectors.get_item(0).map(Some)
+    let vector = vectors.get_item(0)?;
+    if shape[1] <= POINT || !shows_nothing(&image)? {
+        return Ok(Some(vector));
+    }
+    // As `extract` does: whatever a network makes of such an image says nothing.
+    py.import("numpy")?.call_method1("zeros_like", (vector,)).map(Some)
+}
+
+/// Whether an image of bytes shows nothing. Others are the descriptor's own affair.
+fn shows_nothing(image: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let py = image.py();
+    let Ok(pixels) = Pixels::new(&as_array(image, "image")?, "image") else { return Ok(false) };
+    let view = pixels.view(py)?;
+    py.detach(|| surefix::Sad::default().shows_nothing(view)).or_raise(py)
 }
 
 /// Whether it can only be an image: a file's, or an array of more than one axis.

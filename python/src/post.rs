@@ -45,8 +45,7 @@ impl Post {
     /// Raises
     /// ------
     /// SurefixValueError
-    ///     For another shape or type than float32, a NaN or an infinity, or a vector of zeros that
-    ///     is to have the length 1; it names the row.
+    ///     For another shape or type than float32, a NaN or an infinity; it names the row.
     fn apply<'py>(
         &self,
         py: Python<'py>,

@@ -79,6 +79,22 @@ impl Sad {
         rows_to_py(py, values.view(), &[values.len()])
     }
 
+    /// Whether an image shows nothing: nearly all its tiles are flat, as of a lens cap or in a
+    /// tunnel, whatever describes it.
+    ///
+    /// Parameters
+    /// ----------
+    /// image : array of uint8, shape (H, W) or (H, W, 3) RGB
+    ///
+    /// Returns
+    /// -------
+    /// bool
+    fn shows_nothing(&self, py: Python<'_>, image: &Bound<'_, PyAny>) -> PyResult<bool> {
+        let pixels = Pixels::new(&as_array(image, "image")?, "image")?;
+        let view = pixels.view(py)?;
+        py.detach(|| self.0.shows_nothing(view)).or_raise(py)
+    }
+
     /// The image that the descriptor normalises: in grey, made small (as Pillow's
     /// ``convert("L").resize(size, BILINEAR)``).
     ///

@@ -839,8 +839,7 @@ class Post:
         Raises
         ------
         SurefixValueError
-            For another shape or type than float32, a NaN or an infinity, or a vector of zeros that
-            is to have the length 1; it names the row.
+            For another shape or type than float32, a NaN or an infinity; it names the row.
         """
     @property
     def input_dim(self) -> int:

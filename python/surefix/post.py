@@ -68,7 +68,7 @@ class Pca:
 
 @dataclass(frozen=True, slots=True)
 class Normalize:
-    """Scales to length 1."""
+    """Scales to length 1; zeros, which have no direction, stay zeros."""
 
     step: ClassVar[str] = "normalize"
 
@@ -100,7 +100,7 @@ def fit(references: Any, steps: Iterable[Step]) -> Post:
     ------
     SurefixValueError
         For references of another shape or type, fewer than two, a NaN or an infinity; for more
-        principal components than they span; for a row of zeros, which has no direction.
+        principal components than they span.
 
     Examples
     --------

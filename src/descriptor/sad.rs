@@ -6,11 +6,15 @@ use super::patches::{LEVELS, Patches, level};
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::image::{Channels, Image, ImageView, Resize};
-use crate::numbers::Values;
+use crate::numbers::{Values, View};
 use crate::simd::{Compiled, Isa};
 
 /// The longest side that is accepted: sums over a patch stay exact.
 const MAX_SIDE: usize = 4096;
+
+/// An image shows nothing if at most one tile in this many is not flat: room for a clock in a
+/// corner.
+const TILES: usize = 8;
 
 /// The recipe of the SAD descriptor: grey, resize, normalise patch by patch (method 1.7).
 ///
@@ -110,6 +114,42 @@ impl Sad {
         let mut values = Values::zeros(self.dtype, self.dim());
         Describer::new(*self).describe(image, &mut values)?;
         Ok(values)
+    }
+
+    /// Whether an image shows nothing (method 1.7): nearly all tiles are flat, as of a lens cap or in
+    /// a tunnel, whatever describes it.
+    ///
+    /// ```
+    /// use surefix::{Channels, ImageView, Sad};
+    /// let dark: Vec<u8> = (0..96 * 48).map(|at| 7 + (at % 3) as u8).collect();
+    /// assert!(Sad::default().shows_nothing(ImageView::new(96, 48, Channels::Grey, &dark)?)?);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// None today: an [`ImageView`] is checked when it is made.
+    pub fn shows_nothing(&self, image: ImageView<'_>) -> Result<bool, Error> {
+        Ok(self.is_flat(self.describe(image)?.view()))
+    }
+
+    /// Whether nearly all tiles of a descriptor are flat.
+    pub(crate) fn is_flat(&self, descriptor: View<'_>) -> bool {
+        let is_zero = |at: usize| match descriptor {
+            View::U8(numbers) => numbers.get(at) == Some(&128),
+            View::F32(numbers) => numbers.get(at) == Some(&0.0),
+            // There are no such SAD descriptors.
+            _ => false,
+        };
+        let ((width, height), patch) = (self.size, self.patch);
+        let most = (width / patch) * (height / patch) / TILES;
+        let corners = (0..height)
+            .step_by(patch)
+            .flat_map(|top| (0..width).step_by(patch).map(move |left| top * width + left));
+        let flat = |corner: usize| {
+            let mut rows = (0..patch).map(|row| corner + row * width);
+            rows.all(|start| (start..start + patch).all(&is_zero))
+        };
+        corners.filter(|&corner| !flat(corner)).nth(most).is_none()
     }
 
     /// The image in grey, at the descriptor's size, before it is normalised.

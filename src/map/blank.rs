@@ -11,13 +11,8 @@ use twox_hash::XxHash3_64;
 use super::block::SMALL;
 use super::recipe::Kind;
 use super::{Map, Recipe, at_least_two};
-use crate::descriptor::Sad;
 use crate::error::Error;
 use crate::numbers::{View, each_type};
-
-/// A SAD descriptor shows nothing if at most one tile in this many is not flat: room for a clock
-/// in a corner.
-const TILES: usize = 8;
 
 /// This many equal rows, and no camera saw their places.
 const EQUAL: usize = 5;
@@ -30,6 +25,8 @@ const SAME: f64 = 1e-3;
 pub(super) struct Census {
     recipe: Recipe,
     dim: usize,
+    /// What post-processing makes of zeros.
+    zeros: Option<Vec<f32>>,
     rows: Vec<Seen>,
 }
 
@@ -41,16 +38,21 @@ struct Seen {
 
 impl Census {
     pub(super) fn new(kind: &Kind) -> Self {
-        Self { recipe: kind.recipe, dim: kind.dim, rows: Vec::new() }
+        let post = kind.post.as_deref().filter(|post| post.input() > SMALL);
+        let zeros = post.and_then(|post| post.apply(&vec![0.0; post.input()]).ok());
+        Self { recipe: kind.recipe, dim: kind.dim, zeros, rows: Vec::new() }
     }
 
     /// Takes the next rows.
     pub(super) fn add(&mut self, rows: View<'_>) {
-        let Self { recipe, dim, rows: seen } = self;
+        let Self { recipe, dim, zeros, rows: seen } = self;
         let rows = (0..rows.len() / *dim).filter_map(|row| rows.row(row, *dim));
         seen.extend(rows.map(|row| Seen {
             hash: XxHash3_64::oneshot(row.bytes()),
-            nothing: shows_nothing(*recipe, row),
+            nothing: match (row, &*zeros) {
+                (View::F32(row), Some(zeros)) => row == zeros,
+                _ => shows_nothing(*recipe, row),
+            },
         }));
     }
 
@@ -175,10 +177,7 @@ fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
 /// Whether a descriptor shows nothing by itself.
 fn shows_nothing(recipe: Recipe, row: View<'_>) -> bool {
     match (recipe, row) {
-        (Recipe::Sad(sad), View::U8(row)) => is_flat(sad, |at| row.get(at) == Some(&128)),
-        (Recipe::Sad(sad), View::F32(row)) => is_flat(sad, |at| row.get(at) == Some(&0.0)),
-        // Such SAD descriptors are refused.
-        (Recipe::Sad(_), _) => false,
+        (Recipe::Sad(sad), row) => sad.is_flat(row),
         (Recipe::Ready, row) => row.len() > SMALL && each_type!(View, row, v => are_zero(v)),
     }
 }
@@ -186,18 +185,4 @@ fn shows_nothing(recipe: Recipe, row: View<'_>) -> bool {
 fn are_zero<T: Default + PartialEq>(numbers: &[T]) -> bool {
     let zero = T::default();
     numbers.iter().all(|number| *number == zero)
-}
-
-/// Whether nearly all tiles are flat; `is_zero` says whether the number at an index is `z` = 0.
-fn is_flat(sad: Sad, is_zero: impl Fn(usize) -> bool) -> bool {
-    let ((width, height), patch) = (sad.size(), sad.patch());
-    let most = (width / patch) * (height / patch) / TILES;
-    let corners = (0..height)
-        .step_by(patch)
-        .flat_map(|top| (0..width).step_by(patch).map(move |left| top * width + left));
-    let flat = |corner: usize| {
-        let mut rows = (0..patch).map(|row| corner + row * width);
-        rows.all(|start| (start..start + patch).all(&is_zero))
-    };
-    corners.filter(|&corner| !flat(corner)).nth(most).is_none()
 }

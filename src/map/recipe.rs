@@ -1,7 +1,7 @@
 //! How a map's descriptors were made and how they are compared.
 
 use std::hash::Hasher;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -57,7 +57,8 @@ impl Kind {
 
 impl Map {
     /// The same map, whose rows are the references after `post`. Each query goes through it before
-    /// it is compared: from now on, queries are descriptors of [`Post::input`] numbers.
+    /// it is compared: from now on, queries are descriptors of [`Post::input`] numbers. A place whose
+    /// reference was all zeros still [shows nothing](Self::blank).
     ///
     /// ```
     /// use surefix::{Map, Metric, Post, Step};
@@ -88,6 +89,7 @@ impl Map {
         }
         // A chain without steps is the same as no chain.
         self.kind.post = (!post.fitted_steps().is_empty()).then(|| post.into());
+        self.blank = OnceLock::new();
         Ok(self)
     }
 

@@ -34,8 +34,7 @@ impl Post {
     /// # Errors
     /// [`Error::Shape`] if `dim` does not divide the numbers; [`Error::NotFinite`] for a NaN or
     /// an infinity, in the references or after a step; [`Error::Option`] for a `dim` of 0, or of
-    /// more than the references span or memory holds; [`Error::NoDirection`] for a row of zeros
-    /// that is to have the length 1; [`Error::TooFewPlaces`] below two rows.
+    /// more than the references span or memory holds; [`Error::TooFewPlaces`] below two rows.
     pub fn fit(steps: &[Step], rows: &[f32], dim: usize) -> Result<(Self, Vec<f32>), Error> {
         check_references(rows, dim)?;
         let mut post = Self { steps: Vec::new(), input: dim, output: dim };
@@ -129,8 +128,7 @@ impl Post {
     ///
     /// # Errors
     /// [`Error::Shape`] if these are no such vectors, [`Error::NotFinite`] for a NaN or an
-    /// infinity, in them or after a step, and [`Error::NoDirection`] for one of zeros that is to
-    /// have the length 1; each names the row.
+    /// infinity, in them or after a step; it names the row.
     pub fn apply(&self, rows: &[f32]) -> Result<Vec<f32>, Error> {
         if !rows.len().is_multiple_of(self.input) {
             let expected = format!("rows of {} numbers", self.input);
@@ -199,8 +197,7 @@ fn pass<'a>(
         if let Some(own) = own {
             own.peek(&state.now, &mut state.next);
         } else {
-            let zeros = Error::NoDirection { what: "descriptor, when normalized", row };
-            fitted.apply(&state.now, &mut state.next).ok_or(zeros)?;
+            fitted.apply(&state.now, &mut state.next);
         }
         std::mem::swap(&mut state.now, &mut state.next);
         check(fitted.name(), &state.now)?;

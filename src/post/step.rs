@@ -29,7 +29,7 @@ pub enum Step {
         /// Whether each is divided by its standard deviation over the references (with `n - 1`).
         whiten: bool,
     },
-    /// To the length 1.
+    /// To the length 1; zeros, which have no direction, stay zeros.
     Normalize,
     /// The products with `dim` vectors of random signs, divided by `sqrt(dim)`: distances stay
     /// about what they are (Achlioptas, 2003).
@@ -82,8 +82,8 @@ impl FittedStep {
         self.scale.iter().map(|&s| if s == 0.0 { 0.0 } else { (s * s).recip() })
     }
 
-    /// Applies the step as to references; `None` if it is to divide by a length of 0.
-    pub(super) fn apply(&self, vector: &[f32], out: &mut Vec<f32>) -> Option<()> {
+    /// Applies the step as to references. Zeros have no direction, and stay zeros.
+    pub(super) fn apply(&self, vector: &[f32], out: &mut Vec<f32>) {
         out.clear();
         let dim = vector.len();
         match self.step {
@@ -112,13 +112,10 @@ impl FittedStep {
                 }
             }
             Step::Normalize => {
-                let length = norm(vector.into());
-                if length == 0.0 {
-                    return None;
-                }
+                let length =
+                    Some(norm(vector.into())).filter(|&length| length > 0.0).unwrap_or(1.0);
                 out.extend(vector.iter().map(|&x| (f64::from(x) / length) as f32));
             }
         }
-        Some(())
     }
 }

@@ -164,7 +164,7 @@ fn other_maps_have_no_post_processing() {
     let zeros = map.distances([0.0_f32; 5].as_slice()).unwrap_err().to_string();
     assert_eq!(
         zeros,
-        "descriptor, when normalized: expected a vector that is not all zeros, which have no direction"
+        "descriptor: expected a vector that is not all zeros, which have no direction"
     );
     let queries = [&raw[..5], &[0.0; 5]].concat();
     let batch =

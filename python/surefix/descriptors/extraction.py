@@ -3,7 +3,7 @@
 import hashlib
 import os
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from surefix._core import Sad
 from surefix._progress import Bar, Progress, terminal_bar
 from surefix.descriptors.cache import ANEW, Cache
 from surefix.descriptors.descriptor import (
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 BATCH = 8
 # Bytes that tell one image from another: 2^-64 is the chance that two agree by accident.
 DIGEST = 8
+# Vectors of up to so many numbers are points, of which the origin is one.
+POINT = 8
+SAD = Sad()
 THREADS = min(4, os.cpu_count() or 1)
 Rows = npt.NDArray[np.float32]
 # The name, digest and pixels of an image.
@@ -74,7 +78,8 @@ def extract(
     Returns
     -------
     array of float32, shape (n, dim)
-        Read-only if there is a cache.
+        Read-only if there is a cache. An image that shows nothing (``Sad.shows_nothing``) gets
+        zeros, if a vector has more than 8 numbers.
 
     Raises
     ------
@@ -204,9 +209,24 @@ def _vectors(batches: Iterator[list[Loaded]], descriptor: Descriptor) -> Iterato
             raise SurefixValueError(f"images {names[0]} to {names[-1]}: {error}") from None
         of = [f"image {name}" for name in names]
         rows = checked_rows(vectors, len(batch), descriptor.name, of)
+        rows = without_content(rows, [image for _, _, image in batch])
         # The next batch is not read before this one is gone.
         del batch
         yield names, digests, rows
+
+
+def without_content(rows: Rows, images: Sequence[npt.NDArray[np.uint8]]) -> Rows:
+    """The vectors, zeros for images that show nothing: whatever a network makes of these, they say
+    nothing. Short vectors, of which zeros may be one, stay as they are.
+    """
+    if rows.shape[1] <= POINT:
+        return rows
+    blank = [row for row, image in enumerate(images) if SAD.shows_nothing(image)]
+    if not blank:
+        return rows
+    rows = rows.copy()
+    rows[blank] = 0
+    return rows
 
 
 def _collect(parts: Iterator[Part], count: int | None, bar: Bar) -> Rows:

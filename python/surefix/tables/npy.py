@@ -39,7 +39,7 @@ def read_npy(
     except (ValueError, EOFError) as error:
         if isinstance(error, SurefixError):
             raise
-        if "allow_pickle" in str(error) or "Object arrays" in str(error):
+        if "Object arrays" in str(error):
             raise mismatch(path, "an array of numbers", "one of Python objects") from None
         raise SurefixValueError(f"{path}: not a .npy array, or a truncated one ({error})") from None
     if not isinstance(array, np.ndarray):

@@ -16,6 +16,7 @@ from PIL import Image
 import oracle
 import real_data
 import surefix
+from surefix.post import Normalize, Pca, Standardize
 from surefix.simulate import Route
 
 Array = npt.NDArray[Any]
@@ -169,6 +170,53 @@ def test_learned_descriptors_of_zeros_show_nothing_under_every_metric() -> None:
     steps = [surefix.post.Standardize(), surefix.post.Normalize()]
     dark = surefix.match(surefix.Map.from_descriptors(rows, post=steps), rows)
     assert np.flatnonzero(dark.blank).tolist() == [3, 30], "as it is before post-processing"
+
+
+class Edges:
+    """A network's stand-in: what it makes of darkness is noise, but never zeros, nor twice the
+    same.
+    """
+
+    name = "edges"
+    recipe: dict[str, object] = {"name": "edges"}  # noqa: RUF012
+
+    def describe(self, images: Any) -> Array:
+        small = [np.asarray(Image.fromarray(each).convert("L").resize((16, 8))) for each in images]
+        return np.float32([3 + np.diff(each.astype(float)).ravel() for each in small])
+
+
+@pytest.mark.parametrize("steps", [None, [Standardize()], [Standardize(), Pca(20), Normalize()]])
+@pytest.mark.parametrize("kind", ["black", "grey"])
+def test_dark_images_say_nothing_whatever_describes_them(kind: str, steps: Any) -> None:
+    reference, revisit = road(1)
+    dark = [20, 21, 22]
+    given = darkened(reference, dark, kind), darkened(revisit, DARK, kind)
+    route = surefix.Map.from_images(given[0], descriptor=Edges(), post=steps)
+    assert route.blank.tolist() == dark
+    run = surefix.match(route, given[1], descriptor=Edges(), motion="any")
+    localizer = surefix.Localizer(route, descriptor=Edges(), motion="any")
+    assert list(localizer.stream(given[1])) == list(run)
+    assert np.flatnonzero(run.blank).tolist() == [*DARK]
+    assert not run.trusted[DARK].any()
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [[Standardize()], [Normalize()], [Standardize("running"), Pca(4)], [Pca(9, whiten=False)]],
+)
+@pytest.mark.parametrize("metric", ["cosine", "euclidean"])
+def test_zeros_show_nothing_after_post_processing_too(
+    steps: Any, metric: Any, tmp_path: Path
+) -> None:
+    rows = np.random.default_rng(4).standard_normal((30, 16)).astype(np.float32)
+    rows[[3, 4]] = 0
+    route = surefix.Map.from_descriptors(rows, metric, post=steps)
+    route.save(tmp_path / "route.safetensors")
+    for known in (route, surefix.Map.open(tmp_path / "route.safetensors")):
+        assert known.blank.tolist() == [3, 4]
+        run = surefix.match(known, rows)
+        assert np.flatnonzero(run.blank).tolist() == [3, 4]
+        assert not np.isin(run.single_place[5:], [3, 4]).any()
 
 
 def test_five_equal_descriptors_are_no_places_and_points_of_a_plane_are() -> None:
