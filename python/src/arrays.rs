@@ -22,7 +22,11 @@ pub(crate) fn as_array<'py>(
     }
     let py = object.py();
     let numpy = py.import("numpy")?;
-    let converted = if object.hasattr("__array__")? {
+    let module = object.get_type().module()?;
+    let converted = if module.to_str()?.starts_with("PIL.") {
+        // Upright, and in grey or RGB.
+        py.import("surefix.frames.pillow")?.call_method1("array_of", (object, what))
+    } else if object.hasattr("__array__")? {
         numpy.call_method1("asarray", (object,))
     } else if object.hasattr("__dlpack__")? {
         numpy.call_method1("from_dlpack", (object,))
@@ -316,5 +320,9 @@ pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound
         Channels::Grey => &[height, width],
         channels => &[height, width, channels.count()],
     };
+    if image.is_deep() {
+        let samples = numpy::PyArray1::from_iter(py, image.deep_samples());
+        return Ok(samples.reshape(IxDyn(shape))?.into_any());
+    }
     rows_to_py(py, image.pixels().into(), shape)
 }

@@ -9,5 +9,5 @@ mod patches;
 mod sad;
 
 pub use describe::describe_all;
-pub(crate) use describe::{describe_each, describe_into};
+pub(crate) use describe::DescriberPool;
 pub use sad::{Describer, Sad};

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::patches::{LEVELS, Patches, level};
 use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::image::{Channels, Image, ImageView, Resize};
+use crate::image::{Channels, Image, ImageView, Levels, Resize};
 use crate::numbers::Values;
 use crate::simd::{Compiled, Isa};
 
@@ -28,6 +28,8 @@ pub struct Sad {
     size: (usize, usize),
     patch: usize,
     dtype: Dtype,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    levels: Option<Levels>,
 }
 
 /// A recipe of a file, before it is checked.
@@ -36,19 +38,22 @@ struct Unchecked {
     size: (usize, usize),
     patch: usize,
     dtype: Dtype,
+    #[serde(default)]
+    levels: Option<Levels>,
 }
 
 impl TryFrom<Unchecked> for Sad {
     type Error = Error;
 
-    fn try_from(Unchecked { size, patch, dtype }: Unchecked) -> Result<Self, Error> {
-        Self::new(size, patch, dtype)
+    fn try_from(recipe: Unchecked) -> Result<Self, Error> {
+        let Unchecked { size, patch, dtype, levels } = recipe;
+        Ok(Self { levels, ..Self::new(size, patch, dtype)? })
     }
 }
 
 impl Default for Sad {
     fn default() -> Self {
-        Self { size: (64, 32), patch: 8, dtype: Dtype::U8 }
+        Self { size: (64, 32), patch: 8, dtype: Dtype::U8, levels: None }
     }
 }
 
@@ -74,7 +79,19 @@ impl Sad {
         if !matches!(dtype, Dtype::U8 | Dtype::F32) {
             return Err(option("dtype", "uint8 or float32", &dtype));
         }
-        Ok(Self { size, patch, dtype })
+        Ok(Self { size, patch, dtype, levels: None })
+    }
+
+    /// The same recipe, by which deep images are first made 8-bit ones by `levels`. Without, a map
+    /// of deep images measures its own, and others are described by [`Levels::FULL`].
+    #[must_use]
+    pub fn with_levels(self, levels: Option<Levels>) -> Self {
+        Self { levels, ..self }
+    }
+
+    /// The range of deep images, if it is known.
+    pub fn levels(&self) -> Option<Levels> {
+        self.levels
     }
 
     /// Width and height of the small image, in pixels.
@@ -122,7 +139,7 @@ impl Sad {
     }
 }
 
-/// Describes image after image without allocating, as long as the images keep their size.
+/// Describes image after image without allocating, as long as the images keep their size and depth.
 ///
 /// ```
 /// use surefix::{Channels, Describer, ImageView, Sad, Values};
@@ -138,6 +155,8 @@ pub struct Describer {
     sad: Sad,
     isa: Isa,
     resize: Resize,
+    /// A deep image in 8 bits.
+    shallow: Vec<u8>,
     small: Vec<u8>,
     patches: Patches,
 }
@@ -146,7 +165,8 @@ impl Describer {
     /// A describer with the memory that the recipe needs, on the best instruction set.
     pub fn new(sad: Sad) -> Self {
         let (small, patches) = (vec![0; sad.dim()], Patches::new(sad.size().0, sad.patch()));
-        Self { sad, isa: Isa::best(), resize: Resize::default(), small, patches }
+        let (isa, resize, shallow) = (Isa::best(), Resize::default(), Vec::new());
+        Self { sad, isa, resize, shallow, small, patches }
     }
 
     /// The same describer on another instruction set. The descriptors are the same on all of them.
@@ -192,7 +212,8 @@ impl Describer {
 
     /// The image in grey, at the recipe's size, before it is normalised: row by row.
     pub fn thumbnail(&mut self, image: ImageView<'_>) -> &[u8] {
-        let Self { sad, isa, resize, small, .. } = self;
+        let Self { sad, isa, resize, shallow, small, .. } = self;
+        let image = sad.levels.unwrap_or(Levels::FULL).view(image, shallow);
         isa.run(Shrink { isa: *isa, resize, image, to: sad.size(), small });
         small
     }

@@ -5,7 +5,9 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
-use surefix::{Channels, Error, ImageFiles, ImageSource as _, Map, Sad, decode_image, read_image};
+use surefix::{
+    Channels, Error, ImageFiles, ImageSource as _, Levels, Map, Sad, decode_image, read_image,
+};
 use tempfile::tempdir;
 
 fn grey(width: u32, height: u32) -> DynamicImage {
@@ -78,7 +80,7 @@ fn every_format_is_read_in_its_own_colours() {
 }
 
 #[test]
-fn deeper_and_transparent_images_are_read_as_eight_bits() {
+fn transparency_is_ignored_and_sixteen_bits_stay() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("a.png");
     for (image, channels) in [
@@ -91,7 +93,8 @@ fn deeper_and_transparent_images_are_read_as_eight_bits() {
         let read = read_image(&path).unwrap();
         assert_eq!(read.channels(), channels);
         let expected = if channels == Channels::Grey { grey(5, 4) } else { rgb(5, 4) };
-        assert_eq!(read.pixels(), expected.as_bytes());
+        assert_eq!(Levels::FULL.apply(read.view()).pixels(), expected.as_bytes());
+        assert_eq!(read.is_deep(), image.color().bits_per_pixel() / u16::from(image.color().channel_count()) == 16);
     }
 }
 

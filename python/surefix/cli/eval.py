@@ -21,13 +21,17 @@ from surefix.baselines import METHODS, Context
 from surefix.baselines.truth import Truth, right_matches
 from surefix.cli import inputs, scenarios
 from surefix.cli.drives import (
+    advance_without,
     check_kind,
     describe,
     distances_of,
     known,
+    look_at_shape,
     names_and_advances,
     open_map,
     positions_of,
+    truth_without,
+    without,
 )
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import refuse
@@ -94,6 +98,9 @@ def eval_(
     places_per_metre: Annotated[
         float | None, typer.Option(help="--odometry: places of the map in a metre, or --spacing.")
     ] = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    crop: inputs.Crop = False,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
     report.
@@ -194,7 +201,10 @@ def eval_(
         of_map = None if place_map is None else place_map.positions
         sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
         refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
-    frames = None if queries is None else inputs.open_frames(queries, **sampling)
+    refuse(crop and place_map is None, "--crop: expected a map, got distances")
+    size = None if place_map is None else inputs.crop_of(place_map, crop)
+    reading: dict[str, Any] = {"order": order, "strict": strict, "crop": size}
+    frames = None if queries is None else inputs.open_frames(queries, **reading, **sampling)
     names, advance = ([], []) if frames is None else names_and_advances(frames)
     if D is not None:
         places, count = D.shape
@@ -239,11 +249,23 @@ def eval_(
     _check_before(places, options, out)
 
     # Compare the methods.
-    start = time.perf_counter()
+    start, whole = time.perf_counter(), frames
     if D is None:
         assert place_map is not None
         assert frames is not None
-        D = distances_of(place_map, describe(place_map, frames, network, cache))
+        if not crop:
+            look_at_shape(place_map, frames)
+        bad: set[int] = set()
+        rows = describe(place_map, frames, network, cache, None if strict else bad)
+        if bad:
+            # The rest of the truth is still that of the queries that are left.
+            whole, frames = frames, without(frames, bad)
+            names = [name for index, name in enumerate(names) if index not in bad]
+            count, along = len(names), None if along is None else np.delete(along, [*bad])
+            context = replace(context, truth=truth_without(judge, bad))
+            if context.advance is not None:
+                context = replace(context, advance=advance_without(context.advance, bad))
+        D = distances_of(place_map, rows)
     elif not similarity:
         _warn_of_similarities(D, context)
     if others:
@@ -293,6 +315,7 @@ def eval_(
     print(
         f"Made {report}: {plural(len(study.results), 'method')} compared, with pictures and tables "
         f"beside it, in {time.perf_counter() - begin:.1f} s"
+        + "".join(f"; {note}" for note in ([] if whole is None else inputs.notes_on(whole, names)))
     )
 
 

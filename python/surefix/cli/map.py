@@ -3,7 +3,7 @@
 import json
 import time
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -19,6 +19,7 @@ from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
 from surefix.errors import check_folder
 from surefix.frames import ImageFrames
+from surefix.frames.levels import Levels, checked_levels
 from surefix.tables.positions import read_metres
 
 Metric = Literal["cosine", "euclidean", "manhattan"]
@@ -33,9 +34,16 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
+def _levels(levels: tuple[int, int]) -> Levels:
     try:
-        return Sad(_size(size or "64x32"), patch, dtype)
+        return checked_levels(levels)
+    except SurefixValueError as error:
+        raise typer.BadParameter(f"--{error}") from None
+
+
+def _sad(size: str | None, patch: int, dtype: Dtype, levels: Levels | None) -> Sad:
+    try:
+        return Sad(_size(size or "64x32"), patch, dtype, levels)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
 
@@ -70,6 +78,10 @@ def build(
     every: inputs.Every = None,
     metres: inputs.Metres = None,
     odometry: inputs.Odometry = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    levels: tuple[int, int] | None = None,
+    mixed_sizes: bool = False,
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready
     descriptors.
@@ -93,8 +105,12 @@ def build(
     post: Ready descriptors and --model: steps for them, and for queries later, with commas:
         standardize, or standardize:running by the queries so far, pca:N, projection:N, normalize.
     positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres.
+    levels: Images of more than 8 bits: the samples LOW and HIGH that are black and white, for the
+        map and all its queries; by default measured on the images.
+    mixed_sizes: The images may differ in size.
     """
     start = time.perf_counter()
+    range_ = None if levels is None else _levels(levels)
     check_folder(out, "cannot write the map")
     where = None if positions is None else read_metres(positions)
     steps = None if post is None else inputs.steps_of(post)
@@ -108,25 +124,38 @@ def build(
         options = "--output, --mean, --std, --batch, --cache"
         raise typer.BadParameter(f"{options}: expected --model too, got none")
     frames = inputs.open_frames(
-        references, key, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
+        references,
+        key,
+        order=order,
+        strict=strict,
+        topic=topic,
+        stride=stride,
+        every=every,
+        metres=metres,
+        odometry=odometry,
     )
     inputs.check_not_read(out, [*frames.files, model, cache])
     if frames.ready is not None:
         got = f"expected images, got the ready descriptors {references}"
         refuse(network is not None, f"--model: {got}")
         refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
+        refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
         by = metric or metric_of(references) or "cosine"
         Map.from_descriptors(frames.ready, by, positions=where, post=steps).save(out)
     elif network is not None:
-        map_of_images(frames, network, metric or "cosine", where, steps, cache).save(out)
+        how: dict[str, Any] = {"levels": range_, "skip_bad": not strict}
+        map_of_images(frames, network, metric or "cosine", where, steps, cache, **how).save(out)
     else:
         _check_sad(references, metric, post)
-        sad = _sad(size, patch, dtype)
+        sad = _sad(size, patch, dtype, range_)
         if isinstance(frames, ImageFrames):
-            Map.build(out, frames.source, sad, positions=where)
+            how = {"skip_bad": not strict, "mixed_sizes": mixed_sizes}
+            Map.build(out, frames.source, sad, positions=where, **how)
         else:
-            sad_map(frames, sad, where).save(out)
-    print(f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s")
+            sad_map(frames, sad, where, mixed_sizes=mixed_sizes).save(out)
+    made = f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s"
+    kept = None if frames.ready is not None else _look(out).names
+    print("; ".join([made, *inputs.notes_on(frames, kept)]))
 
 
 @documented
@@ -136,6 +165,9 @@ def append(
     positions: Path | None = None,
     model: inputs.Model = None,
     cache: inputs.Cache = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    mixed_sizes: bool = False,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.
@@ -148,9 +180,10 @@ def append(
     file: The map that becomes longer.
     references: The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.
     positions: A .npy or .csv of each new place's position, if the map has positions.
+    mixed_sizes: The images may differ in size.
     """
     start, old = time.perf_counter(), _look(file)
-    frames = ImageFrames(references)
+    frames = ImageFrames(references, order=order)
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
     where = None if positions is None else read_metres(positions)
@@ -167,11 +200,16 @@ def append(
         more = Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe)
         Map.append(file, more)
     elif network is not None:
-        Map.append(file, frames.source, network, positions=where, cache=cache)
+        skip = {"skip_bad": not strict}
+        Map.append(file, frames.source, network, positions=where, cache=cache, **skip)
     else:
-        Map.append(file, frames.source, positions=where)
-    added, seconds = plural(len(frames), "place"), time.perf_counter() - start
-    print(f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s")
+        how = {"skip_bad": not strict, "mixed_sizes": mixed_sizes}
+        Map.append(file, frames.source, positions=where, **how)
+    longer, seconds = _look(file), time.perf_counter() - start
+    added = plural(len(longer) - len(old), "place")
+    kept = None if frames.ready is not None or longer.names is None else longer.names[len(old) :]
+    made = f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
+    print("; ".join([made, *inputs.notes_on(frames, kept)]))
 
 
 @documented
@@ -192,6 +230,8 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
         "dim": route.dim,
         "dtype": str(route.dtype),
         "metric": route.metric,
+        "image_size": None if route.image_size is None else list(route.image_size),
+        "levels": None if route.levels is None else list(route.levels),
         "descriptor": repr(route.descriptor) if route.descriptor else None,
         "recipe": route.recipe,
         "post": None if route.post is None else route.post.steps,
@@ -211,9 +251,13 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
             "post": repr(route.post),
             "names": f"{names[0]} to {names[-1]}" if names else "none",
             "positions": coordinates,
+            "image_size": " x ".join(map(str, route.image_size or ())),
+            "levels": " to ".join(map(str, route.levels or ())),
         }.get(name, str(value))
         # The descriptor's name stands for the recipe; --json has all of it.
         if name in ("recipe", "input_dim") or (name == "post" and route.post is None):
+            continue
+        if name in ("image_size", "levels") and value is None:
             continue
         table.add_row(name, Text(shown))
     Console(highlight=False, soft_wrap=True).print(table)

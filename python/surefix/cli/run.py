@@ -4,9 +4,11 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
+import numpy as np
 import typer
 
 from surefix import Localizer, Map, Settings, SurefixValueError, frames
@@ -14,10 +16,12 @@ from surefix._words import plural
 from surefix.cli.drives import networks_of, others_of
 from surefix.cli.fixes import ALARM, Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
-from surefix.cli.inputs import NO_SCALE, check_not_read, refuse, scale_of
+from surefix.cli.inputs import NO_SCALE, check_not_read, crop_of, notes_on, refuse, scale_of
 from surefix.cli.views import open_views
 from surefix.errors import refusal
-from surefix.frames import Advances, Frame, Frames
+from surefix.frames import Advances, Frame, Frames, in_8_bits
+from surefix.frames.levels import Clipping
+from surefix.frames.shape import other_shape
 from surefix.live import View
 
 # The headings in the help, of the options about frames and about seeing them.
@@ -27,6 +31,7 @@ S = "Seeing it"
 
 BOTH = "--accept: expected none beside a --config that has a threshold"
 Format = Literal["csv", "json"]
+Order = Literal["name", "decimals", "whole", "time", "exif"]
 Size = tuple[int, ...]
 
 
@@ -55,6 +60,9 @@ def run(
     places_per_metre: Annotated[float | None, F] = None,
     gap: Annotated[float | None, F] = None,
     newest: Annotated[bool | None, F] = None,
+    order: Annotated[Order, typer.Option(rich_help_panel=F)] = "name",
+    strict: Annotated[bool, F] = False,
+    crop: Annotated[bool, F] = False,
     live: Annotated[bool, S] = False,
     save: Annotated[Path | None, S] = None,
     references: Annotated[Path | None, S] = None,
@@ -91,6 +99,11 @@ def run(
         backward.
     gap: Treat frames more than this many seconds apart as a break.
     newest: If matching is slow, drop frames and take the newest; the default of a camera.
+    order: The order of a folder's images: by their names (numbers with a point: decimals or whole
+        say how to read the digits after it), by the time of the files' last change, or by the time
+        at which the camera took them (EXIF).
+    strict: Stop at a frame that cannot be read, instead of passing over it.
+    crop: Cut frames of another shape than the map's images around their centre to that.
     live: Open rerun's viewer; without rerun, the terminal's.
     save: Write a recording, to be opened by rerun FILE.rrd.
     references: The map's images, to be shown beside the queries.
@@ -126,6 +139,9 @@ def run(
         odometry=odometry,
         places_per_metre=scale,
         newest=newest,
+        order=order,
+        skip_bad=not strict,
+        crop=crop_of(places, crop),
     )
     names, maps = [route, *(fuse or ())], [places, *others_of(places, fuse or ())]
     networks = networks_of(maps, names, model)
@@ -144,6 +160,7 @@ def run(
         read.append(out)
     if save is not None:
         _check_save(save, read)
+    clipping = Clipping(places.levels)
     kind = options.get("motion") or (motion and "of the settings")
     summary = Summary(kind, accept, settings.options["tolerance"])
     if settings.threshold is not None:
@@ -154,7 +171,7 @@ def run(
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(_create(out))
         try:
-            localize(localizer, source, _writer(file, form, out), summary, views)
+            localize(localizer, source, _writer(file, form, out), summary, views, clipping)
             summary.ended = True
         except KeyboardInterrupt:
             # This is the way to end live frames.
@@ -164,8 +181,12 @@ def run(
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
             print(summary.text(out), file=sys.stderr)
+            if clipping.warning is not None:
+                print(clipping.warning, file=sys.stderr)
             if isinstance(source, Advances):
                 print(_said(source, of, motion), file=sys.stderr)
+            if notes := notes_on(source):
+                print("; ".join(notes), file=sys.stderr)
 
 
 def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
@@ -187,9 +208,10 @@ def localize(
     write: Writer | None,
     summary: Summary,
     views: Sequence[View] = (),
+    clipping: Clipping | None = None,
 ) -> None:
     """Push each frame, write and count each fix, and show it in the views."""
-    names = localizer.map.names
+    names, levels = localizer.map.names, localizer.map.levels
     before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:
@@ -202,7 +224,13 @@ def localize(
             except SurefixValueError as error:
                 raise _at(frame, before, error) from None
             latency = (time.perf_counter_ns() - start) / 1000
+            if before is None and (warning := other_shape(localizer.map.image_size, frame.image)):
+                print(warning, file=sys.stderr)
             before = frame.image.shape
+            if clipping is not None:
+                clipping.add(frame.image)
+            if views and frame.image.dtype == np.uint16:
+                frame = replace(frame, image=in_8_bits(frame.image, levels))  # noqa: PLW2901
             place_name = names[fix.place] if names else None
             timed = source.timed or source.live
             alarm = localizer.alarm

@@ -13,7 +13,7 @@ from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
 from surefix.cli.audit import print_columns
-from surefix.cli.drives import Drive, open_drive, positions_of
+from surefix.cli.drives import Drive, open_drive, positions_of, truth_without
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read, refuse
 from surefix.errors import check_folder
@@ -44,6 +44,9 @@ def tune_(
     odometry: inputs.Odometry = None,
     spacing: inputs.Spacing = None,
     places_per_metre: inputs.PlacesPerMetre = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    crop: inputs.Crop = False,
 ) -> None:
     """Choose the settings for a route on a recorded drive, and a threshold with a promise.
 
@@ -84,16 +87,20 @@ def tune_(
     check_folder(out, "cannot write the settings")
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
+    sampling |= {"order": order, "strict": strict, "crop": crop}
     scale = {"spacing": spacing, "places_per_metre": places_per_metre}
     drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
 
     count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
+    count += len(drive.bad)
     known: Truth | None = None
     if truth is not None:
         known = read_truth(truth, drive.places, count)
     elif query_positions is not None:
         of_map = drive.maps[0].positions if drive.maps else None
         known = positions_of(drive.places, count, of_map, positions, query_positions)
+    if known is not None:
+        known = truth_without(known, drive.bad)
     how: dict[str, Any] = {"truth": known, "tolerance": 1 if tolerance is None else tolerance}
     how |= {"wrong": wrong, "sure": sure, "motion": motion, "advance": drive.advance}
     tuned = refusing_options(tune, *drive.given, **how)

@@ -15,17 +15,21 @@ from surefix.frames.camera import CameraFrames
 from surefix.frames.follow import FollowFrames
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageFrames
+from surefix.frames.levels import in_8_bits
 from surefix.frames.newest import KeepNewest
 from surefix.frames.odometry import Odometry
 from surefix.frames.opening import open
+from surefix.frames.passing import SkipBad
 from surefix.frames.ros_image import image_of
 from surefix.frames.sampling import Every, EveryMetres, Gaps, Selection, Stride
+from surefix.frames.shape import Crop
 from surefix.frames.video import VideoFrames
 
 __all__ = [
     "Advances",
     "BagFrames",
     "CameraFrames",
+    "Crop",
     "Every",
     "EveryMetres",
     "FollowFrames",
@@ -37,8 +41,10 @@ __all__ = [
     "Odometry",
     "Selection",
     "Shot",
+    "SkipBad",
     "Stride",
     "VideoFrames",
     "image_of",
+    "in_8_bits",
     "open",
 ]

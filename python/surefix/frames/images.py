@@ -12,10 +12,11 @@ from typing import Any, Self, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Traverse, find_images, read_image
+from surefix._core import Traverse, find_images, image_files, read_image
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
 from surefix.frames.frame import Frames, Shot
+from surefix.frames.levels import in_8_bits
 from surefix.tables.npy import read_npy
 from surefix.tables.vectors import ENDINGS, check_no_key, load
 
@@ -24,7 +25,8 @@ Place = str | os.PathLike[str]
 
 
 class Images(Sequence[UInt8], ABC):
-    """Images in route order, loaded lazily: ``images[i]`` is uint8, (H, W) grey or (H, W, 3) RGB.
+    """Images in route order, loaded lazily: ``images[i]`` is uint8, (H, W) grey or (H, W, 3) RGB;
+    uint16 of more than 8 bits.
 
     ``Map.from_images`` and ``match`` take them as they are, and then hold all at once. If ``paths``
     is not None, give them that instead: plain image files are read and described in parallel, a few
@@ -111,13 +113,15 @@ class BayerFiles(ImageFiles):
 
     def _load(self, item: str) -> UInt8:
         try:
-            return demosaic(super()._load(item), self.pattern)
+            return demosaic(in_8_bits(super()._load(item)), self.pattern)
         except SurefixValueError as error:
             raise SurefixValueError(f"{item}: {error}") from None
 
 
 class ImageArray(Images):
-    """Images that lie in one array, (n, H, W) or (n, H, W, 3) uint8, in memory or memory-mapped."""
+    """Images that lie in one array, (n, H, W) or (n, H, W, 3) uint8 or uint16, in memory or
+    memory-mapped.
+    """
 
     def __init__(
         self, array: npt.NDArray[Any] | Sequence[UInt8], names: Iterable[str] | None = None
@@ -135,16 +139,21 @@ class ImageFrames(Frames):
     Parameters
     ----------
     place : str or path, or iterable of them
-        A folder, a pattern like ``route/*.png``, or a list of files. Or a ``.npy`` of uint8 images,
-        (n, H, W) or (n, H, W, 3), or of ready descriptors, (n, dim); these also in the other files
-        that ``surefix.descriptors.load`` reads.
+        A folder, a pattern like ``route/*.png``, or a list of files. Or a ``.npy`` of uint8 or
+        uint16 images, (n, H, W) or (n, H, W, 3), or of ready descriptors, (n, dim); these also in
+        the other files that ``surefix.descriptors.load`` reads.
     key : str, optional
         As for ``surefix.descriptors.load``.
+    order : str
+        Of a folder or a pattern, as for ``surefix.find_images``.
 
     Attributes
     ----------
     images : Images
         The same, for reading in any order.
+    remarks : list of str
+        What to know of a folder or a pattern: the files that were left out, an order that the
+        names leave open, two drives in one folder.
 
     Raises
     ------
@@ -156,8 +165,11 @@ class ImageFrames(Frames):
 
     parallel = True
 
-    def __init__(self, place: Place | Iterable[Place], key: str | None = None) -> None:
+    def __init__(
+        self, place: Place | Iterable[Place], key: str | None = None, *, order: str = "name"
+    ) -> None:
         self._array: npt.NDArray[Any] | None = None
+        self.remarks: list[str] = []
         name = os.fspath(place) if isinstance(place, (str, os.PathLike)) else None
         if name is not None and Path(name).suffix.lower() in ENDINGS:
             self._array, self._files = _load_array(name, key), [name]
@@ -165,8 +177,10 @@ class ImageFrames(Frames):
         elif key is not None:
             raise mismatch("key", "a file of descriptors", place)
         else:
-            files = place if name is None else find_images(name)
-            self.images = ImageFiles(files)  # type: ignore[arg-type]
+            files: Any = place
+            if name is not None:
+                files, self.remarks = image_files(name, order)
+            self.images = ImageFiles(files)
             self._files = self.images.paths or []
         self._count = len(self.images)
 
@@ -179,6 +193,16 @@ class ImageFrames(Frames):
     def source(self) -> list[str] | npt.NDArray[Any]:
         """As ``Map.from_images`` takes them, to be read in parallel: the files, or the array."""
         return self.files if self._array is None else self._array
+
+    def taken(self, indices: Iterable[int]) -> "ImageFrames":
+        """Some of them, in this order."""
+        some, chosen = copy(self), list(indices)
+        some.images, some._count = self.images.take(chosen), len(chosen)
+        if self._array is None:
+            some._files = some.images.paths or []
+        else:
+            some._array = self._array[chosen]
+        return some
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each image, by its file's name or its number."""
@@ -256,7 +280,7 @@ def _load_array(place: str, key: str | None) -> npt.NDArray[Any]:
     check_no_key(place, key)
     array = read_npy(place, "the array", mapped=True)
     images = array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
-    if array.ndim != 2 and not (images and array.dtype == np.uint8):
-        expected = "descriptors (n, dim), or uint8 images (n, H, W) or (n, H, W, 3)"
+    if array.ndim != 2 and not (images and array.dtype in (np.uint8, np.uint16)):
+        expected = "descriptors (n, dim), or uint8 or uint16 images (n, H, W) or (n, H, W, 3)"
         raise mismatch(place, expected, f"{array.dtype} {array.shape}")
     return array
