@@ -1,5 +1,7 @@
 //! The SAD descriptor: small, patch-normalised, grey (method 1.7).
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use super::patches::{LEVELS, Patches, level};
@@ -22,7 +24,7 @@ const MAX_SIDE: usize = 4096;
 /// assert_eq!(descriptor.len(), 2048);
 /// # Ok::<(), surefix::Error>(())
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "Unchecked")]
 pub struct Sad {
     size: (usize, usize),
@@ -48,6 +50,19 @@ impl TryFrom<Unchecked> for Sad {
     fn try_from(recipe: Unchecked) -> Result<Self, Error> {
         let Unchecked { size, patch, dtype, levels } = recipe;
         Ok(Self { levels, ..Self::new(size, patch, dtype)? })
+    }
+}
+
+/// Levels only if there are any: a map is known by this text, among others.
+impl fmt::Debug for Sad {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { size, patch, dtype, levels } = self;
+        let mut text = f.debug_struct("Sad");
+        text.field("size", size).field("patch", patch).field("dtype", dtype);
+        if let Some(levels) = levels {
+            text.field("levels", levels);
+        }
+        text.finish()
     }
 }
 

@@ -70,7 +70,7 @@ def align_(
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
-    scale = {"spacing": spacing, "places_per_metre": places_per_metre}
+    scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
     drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
     given: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
     given["progress"] = terminal_bar("Aligning")

@@ -142,8 +142,8 @@ def open_drive(
         look_at_shape(first, frames)
     bad: set[int] = set()
     rows = []
-    for each, network in zip(maps, networks, strict=True):
-        rows.append(describe(each, frames, network, bad=None if strict else bad))
+    for place_map, network in zip(maps, networks, strict=True):
+        rows.append(describe(place_map, frames, network, bad=None if strict else bad))
         if len(rows) == 1:
             whole, frames = frames, without(frames, bad)
     names = [name for index, name in enumerate(names) if index not in bad]

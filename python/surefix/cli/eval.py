@@ -202,8 +202,8 @@ def eval_(
         sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
         refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
     refuse(crop and place_map is None, "--crop: expected a map, got distances")
-    size = None if place_map is None else inputs.crop_of(place_map, crop)
-    reading: dict[str, Any] = {"order": order, "strict": strict, "crop": size}
+    shape = None if place_map is None else inputs.crop_of(place_map, crop)
+    reading: dict[str, Any] = {"order": order, "strict": strict, "crop": shape}
     frames = None if queries is None else inputs.open_frames(queries, **reading, **sampling)
     names, advance = ([], []) if frames is None else names_and_advances(frames)
     if D is not None:

@@ -145,7 +145,7 @@ def notes_on(given: frames.Frames, kept: Sequence[str] | None = None) -> list[st
         source = getattr(source, "source", None)
     if bad:
         some = ", ".join(bad[:3]) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
-        notes.insert(0, f"{plural(len(bad), 'bad image')} passed over: {some}")
+        notes.insert(0, f"{plural(len(bad), 'bad frame')} passed over: {some}")
     return notes
 
 

@@ -187,6 +187,7 @@ def append(
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
     where = None if positions is None else read_metres(positions)
+    more: dict[str, Any]
     network = None
     if model is not None:
         network = inputs.network_of(old, file, model)
@@ -197,14 +198,13 @@ def append(
         raise inputs.no_model(old.recipe["name"], file)
     if frames.ready is not None:
         rows, post, recipe = frames.ready, old.post, old.recipe
-        more = Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe)
-        Map.append(file, more)
+        Map.append(file, Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe))
     elif network is not None:
-        skip = {"skip_bad": not strict}
-        Map.append(file, frames.source, network, positions=where, cache=cache, **skip)
+        more = {"positions": where, "cache": cache, "skip_bad": not strict}
+        Map.append(file, frames.source, network, **more)
     else:
-        how = {"skip_bad": not strict, "mixed_sizes": mixed_sizes}
-        Map.append(file, frames.source, positions=where, **how)
+        more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
+        Map.append(file, frames.source, **more)
     longer, seconds = _look(file), time.perf_counter() - start
     added = plural(len(longer) - len(old), "place")
     kept = None if frames.ready is not None or longer.names is None else longer.names[len(old) :]

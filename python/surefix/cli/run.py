@@ -230,7 +230,7 @@ def localize(
             if clipping is not None:
                 clipping.add(frame.image)
             if views and frame.image.dtype == np.uint16:
-                frame = replace(frame, image=in_8_bits(frame.image, levels))  # noqa: PLW2901
+                frame = replace(frame, image=in_8_bits(frame.image, levels))
             place_name = names[fix.place] if names else None
             timed = source.timed or source.live
             alarm = localizer.alarm

@@ -88,7 +88,7 @@ def tune_(
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
-    scale = {"spacing": spacing, "places_per_metre": places_per_metre}
+    scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
     drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
 
     count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]

@@ -162,7 +162,11 @@ def sad_map(
 
 def _kept(positions: Any, bad: set[int] | None) -> Any:
     """The positions without those of images that were passed over."""
-    return np.delete(np.asarray(positions), [*bad], axis=0) if bad and positions is not None else positions
+    return (
+        np.delete(np.asarray(positions), [*bad], axis=0)
+        if bad and positions is not None
+        else positions
+    )
 
 
 def _positions(frames: Frames, taken: Sequence[Frame | Shot], positions: Any) -> Any:

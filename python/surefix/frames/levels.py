@@ -71,7 +71,7 @@ class Clipping:
     """
 
     # A drive in whose frames more than this share of the samples lies outside is worth a word.
-    SHARE = 0.05
+    SHARE = 0.2
     # Frames that are looked at: one in so many.
     EVERY = 8
 
