@@ -69,6 +69,7 @@ pub(super) fn looks_like_an_image(start: &[u8]) -> bool {
 }
 
 fn upright(bytes: &[u8]) -> Result<DynamicImage, String> {
+    let is_jpeg = bytes.starts_with(&[0xFF, 0xD8]);
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let mut reader = reader.map_err(|e| e.to_string())?;
     // The limit is this function's own, which names it.
@@ -85,8 +86,36 @@ fn upright(bytes: &[u8]) -> Result<DynamicImage, String> {
     }
     let orientation = orientation::of(&mut decoder);
     let mut decoded = DynamicImage::from_decoder(decoder).map_err(|e| said(&e))?;
+    if is_jpeg && is_filled_up(&decoded) {
+        return Err("a damaged JPEG: the rest of the picture is missing".to_owned());
+    }
     decoded.apply_orientation(orientation);
     Ok(decoded)
+}
+
+/// Whether a decoder made up the end of a picture whose data ended too early: it repeats the last
+/// block, or fills in 128. Two rows of blocks, and those before them, are then the same: a picture
+/// of one grey level only is none.
+fn is_filled_up(decoded: &DynamicImage) -> bool {
+    // Of a block, twice the least.
+    const SIDE: usize = 16;
+    let channels = usize::from(decoded.color().bytes_per_pixel());
+    let (bytes, width) = (decoded.as_bytes(), decoded.width() as usize);
+    let (across, down) = (width / SIDE, decoded.height() as usize / SIDE);
+    let line = |block: usize, row: usize| {
+        let (x, y) = (block % across * SIDE, block / across * SIDE + row);
+        let start = (y * width + x) * channels;
+        bytes.get(start..start + SIDE * channels)
+    };
+    let Some(last) = (across * down).checked_sub(1) else { return false };
+    let same = |block: usize| (0..SIDE).all(|row| line(block, row) == line(last, row));
+    let repeated = (0..last).rev().take_while(|&block| same(block)).count();
+    // Cameras see no such block twice, but for bars and skies of one colour.
+    let pixels = |row| line(last, row).unwrap_or_default().iter();
+    let first = line(last, 0).map(|line| line[..channels].to_vec()).unwrap_or_default();
+    let plain = (0..SIDE).all(|row| pixels(row).zip(first.iter().cycle()).all(|(a, b)| a == b));
+    let made_up = !plain || first.iter().all(|&byte| byte == 128);
+    made_up && repeated >= 2 * across && repeated < last
 }
 
 fn said(error: &ImageError) -> String {

@@ -34,7 +34,7 @@ def documented(command: Command) -> Command:
             if parameter.default is parameter.empty:
                 info = typer.Argument()
             elif info is None or isinstance(info, str):
-                names = [f"--{parameter.name}"] if kind is bool else []
+                names = [f"--{parameter.name.replace('_', '-')}"] if kind is bool else []
                 info = typer.Option(*names, rich_help_panel=info)
             info.help = helps[parameter.name]
             parameter = parameter.replace(annotation=Annotated[kind, info])

@@ -143,7 +143,7 @@ def described(
             while kept.checked < known and (shot := next(shots, None)) is not None:
                 try:
                     kept.expect(shot.name, _digest(shot, None))
-                    load.count += 1
+                    load.count, load.some = load.count + 1, True
                 except SurefixValueError:
                     if not load.passes_over(shot):
                         raise

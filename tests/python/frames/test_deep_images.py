@@ -1,6 +1,7 @@
 """Images of more than 8 bits: one range for a map and all its queries."""
 
 from pathlib import Path
+from typing import ClassVar
 
 import av
 import cv2
@@ -138,7 +139,7 @@ class Rows:
     """A learned descriptor: the mean of each row."""
 
     name = "rows"
-    recipe = {"name": "rows"}
+    recipe: ClassVar = {"name": "rows"}
 
     def describe(self, images: list[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
         assert all(image.dtype == np.uint8 for image in images)

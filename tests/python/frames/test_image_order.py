@@ -186,5 +186,7 @@ def test_of_a_file_without_an_ending_the_content_decides_if_a_pattern_names_it(
 def test_a_folder_without_images_says_what_is_there(tmp_path: Path) -> None:
     (tmp_path / "a.heic").write_bytes(b"other")
     for act in (surefix.find_images, surefix.Map.from_images):
-        with pytest.raises(surefix.SurefixValueError, match=r"found none; 1 file left out: 1 .heic"):
+        with pytest.raises(
+            surefix.SurefixValueError, match=r"found none; 1 file left out: 1 .heic"
+        ):
             act(tmp_path)  # type: ignore[operator]
