@@ -38,7 +38,8 @@ from surefix.cli.inputs import refuse
 from surefix.descriptors import Onnx
 from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
-from surefix.frames.images import Images, open_images
+from surefix.frames.images import Images, ShownImages, open_images
+from surefix.frames.levels import in_8_bits
 from surefix.frames.opening import is_recording
 from surefix.study.scenarios import RECORDED
 from surefix.study.study import Recall
@@ -245,7 +246,9 @@ def eval_(
         _Technique.open(file, places, count, frames, model, similarity) for file in fuse or ()
     ]
     speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
+    levels = None if place_map is None else place_map.levels
     pictures = None if references is None else _reference_images(references, places)
+    pictures = None if pictures is None else ShownImages(pictures, levels)
     _check_before(places, options, out)
 
     # Compare the methods.
@@ -301,7 +304,7 @@ def eval_(
                 study,
                 out,
                 shlex.join(["surefix", *sys.argv[1:]]),
-                queries=None if frames is None else _pictures(frames, mistakes),
+                queries=None if frames is None else _pictures(frames, mistakes, levels),
                 references=pictures,
                 query_names=None if frames is None or frames.ready is not None else names,
                 place_names=place_names if pictures is None else pictures.names,
@@ -374,13 +377,16 @@ def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
         raise refusal(out, "cannot make the output folder", error) from None
 
 
-def _pictures(frames: Frames, wanted: Collection[int]) -> Pictures | None:
+def _pictures(
+    frames: Frames, wanted: Collection[int], levels: tuple[int, int] | None
+) -> Pictures | None:
     """The images of these frames at least; a recording is read again, up to the last of them."""
     if isinstance(frames, ImageFrames):
-        return None if frames.ready is not None else frames.images
+        return None if frames.ready is not None else ShownImages(frames.images, levels)
     with closing(frames.shots()) as shots:
         until = islice(shots, max(wanted, default=-1) + 1)
-        return {index: shot.read() for index, shot in enumerate(until) if index in wanted}
+        chosen = ((index, shot) for index, shot in enumerate(until) if index in wanted)
+        return {index: in_8_bits(shot.read(), levels) for index, shot in chosen}
 
 
 def _reference_images(place: str, places: int) -> Images:

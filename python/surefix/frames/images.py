@@ -132,6 +132,17 @@ class ImageArray(Images):
         return np.array(item)
 
 
+class ShownImages(Images):
+    """Images in 8 bits, by the levels of a map."""
+
+    def __init__(self, images: Images, levels: tuple[int, int] | None) -> None:
+        super().__init__(range(len(images)), images.names)
+        self._images, self._levels = images, levels
+
+    def _load(self, item: int) -> UInt8:
+        return in_8_bits(self._images[item], self._levels)
+
+
 class ImageFrames(Frames):
     """The images of a folder or a pattern, ``frame9`` before ``frame10``; of a list, in its order;
     or the rows of an array in a file. No times.
