@@ -57,6 +57,7 @@ __all__ = [
     "evaluate_trust",
     "find_images",
     "fit_post",
+    "image_files",
     "instruction_set",
     "match",
     "match_distances",

@@ -29,6 +29,7 @@ from surefix.errors import SurefixValueError, check_folder, mismatch, refusal
 from surefix.frames.frame import Frames, IteratedFrames, Shot
 from surefix.frames.images import frames_of
 from surefix.frames.levels import in_8_bits
+from surefix.frames.pillow import pixels_of
 
 if TYPE_CHECKING:
     from surefix._core import Traverse
@@ -239,7 +240,7 @@ class _Loader:
             given = shot.read()
         except SurefixValueError as error:
             raise _UnreadableError(error) from None
-        image = checked_image(in_8_bits(np.asarray(given), self.levels), f"image {shot.name}")
+        image = checked_image(in_8_bits(pixels_of(given), self.levels), f"image {shot.name}")
         return shot.name, _digest(shot, image) if digests else b"", image
 
     def _pass_over(self, index: int, error: SurefixValueError) -> None:

@@ -16,7 +16,6 @@ from surefix.descriptors.descriptor import checked_image
 from surefix.descriptors.network_input import NetworkInput
 from surefix.descriptors.onnx import file_sha256, open_session, short
 from surefix.errors import SurefixValueError, mismatch
-from surefix.frames.levels import in_8_bits
 
 # The network halves its input five times, and gives features at an eighth of its size.
 STEP = 32
@@ -105,7 +104,7 @@ class XFeat:
             If the file cannot be read.
         """
         given = read_image(image) if isinstance(image, (str, os.PathLike)) else image
-        planes = self._input.batch([checked_image(in_8_bits(np.asarray(given)), "the image")])
+        planes = self._input.batch([checked_image(given, "the image")])
         outputs = {output.shape[1]: output[0] for output in self._run(planes) if output.ndim == 4}
         height, width = (side // 8 for side in planes.shape[2:])
         shapes = {channels: output.shape[1:] for channels, output in outputs.items()}

@@ -17,6 +17,7 @@ from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
 from surefix.frames.frame import Frames, Shot
 from surefix.frames.levels import in_8_bits
+from surefix.frames.pillow import pixels_of
 from surefix.tables.npy import read_npy
 from surefix.tables.vectors import ENDINGS, check_no_key, load
 
@@ -241,7 +242,7 @@ class _GivenFrames(Frames):
                 yield Shot(None, Path(path).name, partial(read_image, path), path=path)
             else:
                 image = getattr(thing, "image", thing)
-                yield Shot(None, str(index), partial(np.asarray, image))
+                yield Shot(None, str(index), partial(pixels_of, image))
 
 
 def _is_counted(images: Any) -> bool:

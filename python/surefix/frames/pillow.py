@@ -8,6 +8,12 @@ import numpy.typing as npt
 from surefix.errors import SurefixValueError, mismatch
 
 
+def pixels_of(image: Any, what: str = "image") -> npt.NDArray[Any]:
+    """The pixels of an image of Pillow, upright, or of anything that NumPy takes."""
+    of_pillow = type(image).__module__.startswith("PIL.")
+    return array_of(image, what) if of_pillow else np.asarray(image)
+
+
 def array_of(image: Any, what: str = "image") -> npt.NDArray[Any]:
     """The upright pixels of a ``PIL.Image.Image``: uint8 (H, W) or (H, W, 3), uint16 (H, W) of the
     modes of 16 bits.

@@ -12,6 +12,7 @@ import surefix
 from commands import surefix_
 from recordings import write_video
 from surefix.frames import VideoFrames
+from surefix.frames.images import frames_of
 from surefix.simulate import Route
 
 UInt8 = npt.NDArray[np.uint8]
@@ -92,6 +93,10 @@ def test_an_image_of_pillow_is_turned_back_when_it_is_pushed(orientation: int) -
     image.save(memory, "png", exif=exif)
     sad = surefix.Sad()
     assert np.array_equal(sad.describe(Image.open(memory)), sad.describe(scene))  # type: ignore[arg-type]
+    frames = frames_of([Image.open(memory)] * 2)
+    assert all(np.array_equal(shot.read(), scene) for shot in frames.shots())
+    known = surefix.Map.from_images([Image.open(memory)] * 2)
+    assert np.array_equal(known.descriptors[1], sad.describe(scene))
 
 
 @pytest.mark.parametrize("orientation", range(2, 9))
