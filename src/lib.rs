@@ -84,9 +84,7 @@ mod simd;
 pub mod calibration;
 pub mod evaluate;
 
-pub use crate::image::{
-    Channels, Image, ImageSource, ImageView, Levels, Progress, ReadableImages,
-};
+pub use crate::image::{Channels, Image, ImageSource, ImageView, Levels, Progress, ReadableImages};
 #[cfg(feature = "image")]
 pub use crate::image::{ImageFiles, Order, decode_image, read_image};
 pub use batch::{

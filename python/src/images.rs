@@ -361,11 +361,7 @@ pub(crate) fn decode_image<'py>(
 ///     If it holds no images; for another order, or a file without the time of capture.
 #[pyfunction]
 #[pyo3(signature = (place, order="name"))]
-pub(crate) fn find_images(
-    py: Python<'_>,
-    place: PathBuf,
-    order: &str,
-) -> PyResult<Vec<OsString>> {
+pub(crate) fn find_images(py: Python<'_>, place: PathBuf, order: &str) -> PyResult<Vec<OsString>> {
     image_files(py, place, order).map(|(files, _)| files)
 }
 

@@ -159,9 +159,8 @@ pub(crate) fn described<'py>(
         Some(path) => read_image(py, path)?,
         None => as_array(frame, "frame")?.into_any(),
     };
-    let image = py
-        .import("surefix.frames.levels")?
-        .call_method1("in_8_bits", (image, levels(map)))?;
+    let image =
+        py.import("surefix.frames.levels")?.call_method1("in_8_bits", (image, levels(map)))?;
     let vectors = descriptor.call_method1("describe", (PyList::new(py, [image])?,))?;
     let shape = as_array(&vectors, "descriptor")?.shape().to_vec();
     if shape.len() != 2 || shape[0] != 1 {

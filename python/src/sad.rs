@@ -140,9 +140,9 @@ impl Sad {
 
     fn __repr__(&self) -> String {
         let (width, height) = self.0.size();
-        let levels = self.levels().map_or_else(String::new, |(low, high)| {
-            format!(", levels=({low}, {high})")
-        });
+        let levels = self
+            .levels()
+            .map_or_else(String::new, |(low, high)| format!(", levels=({low}, {high})"));
         let (patch, dtype) = (self.0.patch(), self.dtype());
         format!("Sad(size=({width}, {height}), patch={patch}, dtype='{dtype}'{levels})")
     }

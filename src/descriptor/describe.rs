@@ -70,7 +70,7 @@ impl<'a, I: ImageSource + ?Sized> DescriberPool<'a, I> {
     pub(crate) fn of_map(sad: Sad, images: &'a I) -> Result<Self, Error> {
         let first = images.load(0)?;
         let levels = match sad.levels() {
-            None => Levels::measured(images, &first)?,
+            None => Levels::measured(images, &first),
             given => given,
         };
         Ok(Self::knowing(sad.with_levels(levels), images, &first))

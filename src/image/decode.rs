@@ -4,6 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 use std::{env, fs};
 
+use image::ColorType::{L16, La16, Rgb16, Rgb32F, Rgba16, Rgba32F};
 use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
 
 use super::orientation;
@@ -47,7 +48,6 @@ pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
     }
     let upright = upright(bytes).map_err(unreadable)?;
     let (width, height) = (upright.width() as usize, upright.height() as usize);
-    use image::ColorType::{L16, La16, Rgb16, Rgb32F, Rgba16, Rgba32F};
     let image = match upright.color() {
         L16 | La16 => {
             Image::new_deep(width, height, Channels::Grey, upright.into_luma16().as_raw())
@@ -124,7 +124,9 @@ fn said(error: &ImageError) -> String {
         ImageError::Unsupported(_) if cfg!(not(feature = "image-formats")) => {
             "; more formats come with the cargo feature `image-formats`"
         }
-        ImageError::Unsupported(_) if text.contains("olor type") || text.contains("ample format") => {
+        ImageError::Unsupported(_)
+            if text.contains("olor type") || text.contains("ample format") =>
+        {
             "; expected samples of 8 or 16 bits without sign, or RGB floats from 0 to 1: scale \
              those of other kinds to 16 bits, all images of a route and its drives alike"
         }

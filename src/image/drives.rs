@@ -46,9 +46,7 @@ fn parts(path: &Path) -> (String, Vec<String>) {
 
 /// The groups, if there are 2 to 4 of at least two files each, and half of the numbers of the
 /// smallest are also in another.
-fn overlapping(
-    names: impl Iterator<Item = (String, Vec<String>)>,
-) -> Option<Vec<(String, usize)>> {
+fn overlapping(names: impl Iterator<Item = (String, Vec<String>)>) -> Option<Vec<(String, usize)>> {
     let mut groups = BTreeMap::<String, BTreeSet<Vec<String>>>::new();
     for (words, numbers) in names {
         groups.entry(words).or_default().insert(numbers);

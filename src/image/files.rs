@@ -19,9 +19,8 @@ const ENDINGS: [&str; 14] = [
     "pnm",
 ];
 /// Endings of images that are not read.
-const FOREIGN: [&str; 12] = [
-    "heic", "heif", "avif", "gif", "jp2", "j2k", "jxl", "dng", "cr2", "nef", "arw", "exr",
-];
+const FOREIGN: [&str; 12] =
+    ["heic", "heif", "avif", "gif", "jp2", "j2k", "jxl", "dng", "cr2", "nef", "arw", "exr"];
 
 /// Image files in route order. `frame10` follows `frame9`.
 ///
@@ -205,7 +204,9 @@ impl fmt::Display for LeftOut {
         parts.extend((*hidden > 0).then(|| format!("{hidden} hidden")));
         let named = folders.len().min(3);
         parts.extend(folders[..named].iter().map(|name| format!("folder {name}")));
-        parts.extend((folders.len() > named).then(|| format!("{} folders more", folders.len() - named)));
+        parts.extend(
+            (folders.len() > named).then(|| format!("{} folders more", folders.len() - named)),
+        );
         match count {
             0 if folders.is_empty() => return Ok(()),
             0 => write!(f, "left out: ")?,

@@ -99,15 +99,9 @@ impl Levels {
     /// The range of the images of a map, whose first one is given: the least and the greatest of
     /// up to 32 of them, evenly spread, without the 0.1 % of samples at each end of each. `None` if
     /// the first has 8 bits. Images that cannot be read are passed over.
-    ///
-    /// # Errors
-    /// None today.
-    pub fn measured(
-        images: &(impl ImageSource + ?Sized),
-        first: &Image,
-    ) -> Result<Option<Self>, Error> {
+    pub fn measured(images: &(impl ImageSource + ?Sized), first: &Image) -> Option<Self> {
         if !first.is_deep() {
-            return Ok(None);
+            return None;
         }
         let mut range = ends(first);
         let (count, looked_at) = (images.len(), images.len().min(LOOKED_AT));
@@ -122,7 +116,7 @@ impl Levels {
         }
         let (low, high) = range;
         // All one level: there is nothing to see, whatever the range.
-        Ok(Some(Self { low: low.min(u16::MAX - 1), high: high.max(low.saturating_add(1)) }))
+        Some(Self { low: low.min(u16::MAX - 1), high: high.max(low.saturating_add(1)) })
     }
 }
 

@@ -76,7 +76,9 @@ pub(super) fn sort(paths: &mut Vec<PathBuf>, order: Order) -> Result<Option<Stri
         Order::Time => {
             let times = sort_by(paths, changed)?;
             let same = paths.len() > 1 && times.windows(2).all(|pair| pair[0] == pair[1]);
-            same.then(|| "all files have one time of change: their order is that of names".to_owned())
+            same.then(|| {
+                "all files have one time of change: their order is that of names".to_owned()
+            })
         }
         Order::Exif => sort_by(paths, taken).map(|_| None)?,
         _ => remark,
@@ -121,9 +123,9 @@ fn taken(path: &Path) -> Result<(String, String), Error> {
         (Tag::DateTimeDigitized, Tag::SubSecTimeDigitized),
         (Tag::DateTime, Tag::SubSecTime),
     ];
-    let time = pairs.into_iter().find_map(|(second, part)| {
-        Some((text(second)?, text(part).unwrap_or_default()))
-    });
+    let time = pairs
+        .into_iter()
+        .find_map(|(second, part)| Some((text(second)?, text(part).unwrap_or_default())));
     time.ok_or_else(|| Error::Image {
         name: path.display().to_string(),
         reason: "expected the time at which it was taken (EXIF DateTimeOriginal) for the order \

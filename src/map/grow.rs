@@ -148,9 +148,9 @@ fn check(name: &str, map: (&Kind, usize, bool), more: (&Kind, usize, bool)) -> R
         Recipe::Ready => format!("ready descriptors of {} x {}, {}", of.dim, of.dtype, of.metric),
         Recipe::Sad(sad) => {
             let ((width, height), patch) = (sad.size(), sad.patch());
-            let levels = sad.levels().map(|levels| {
-                format!(", of the levels {} to {}", levels.low(), levels.high())
-            });
+            let levels = sad
+                .levels()
+                .map(|levels| format!(", of the levels {} to {}", levels.low(), levels.high()));
             let levels = levels.unwrap_or_default();
             format!("SAD descriptors of {width} x {height} x {}, patch {patch}{levels}", of.dtype)
         }

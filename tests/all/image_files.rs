@@ -95,7 +95,10 @@ fn transparency_is_ignored_and_sixteen_bits_stay() {
         assert_eq!(read.channels(), channels);
         let expected = if channels == Channels::Grey { grey(5, 4) } else { rgb(5, 4) };
         assert_eq!(Levels::FULL.apply(read.view()).pixels(), expected.as_bytes());
-        assert_eq!(read.is_deep(), image.color().bits_per_pixel() / u16::from(image.color().channel_count()) == 16);
+        assert_eq!(
+            read.is_deep(),
+            image.color().bits_per_pixel() / u16::from(image.color().channel_count()) == 16
+        );
     }
 }
 
@@ -310,7 +313,10 @@ fn the_map_fixes_the_range_of_deep_images() {
     let map = Map::open(&path).unwrap();
     let Recipe::Sad(sad) = map.recipe() else { panic!("a map of images") };
     let levels = sad.levels().unwrap();
-    assert!((17..40).contains(&levels.low()) && (3980..4018).contains(&levels.high()), "{levels:?}");
+    assert!(
+        (17..40).contains(&levels.low()) && (3980..4018).contains(&levels.high()),
+        "{levels:?}"
+    );
     assert_eq!(map.image_size(), Some((64, 32)));
     let mut localizer = Localizer::new(map.into(), surefix::Config::default()).unwrap();
     for index in 0..9 {
