@@ -86,7 +86,7 @@ impl<'py> Images<'py> {
             return Ok(Self::Traverse(traverse.get().0.clone()));
         }
         if let Some(place) = path_of(object) {
-            return Ok(Self::Files(ImageFiles::find(place).or_raise(py)?));
+            return Self::found(py, place);
         }
         let in_memory = object.is_instance_of::<PyList>()
             || object.is_instance_of::<PyTuple>()
@@ -120,6 +120,23 @@ impl<'py> Images<'py> {
             Pixels::new(&as_array(item, &what)?, &what)
         });
         Ok(Self::Arrays(arrays.collect::<PyResult<_>>()?))
+    }
+
+    /// The images of a folder or a pattern, some of which Python may have to read.
+    fn found(py: Python<'py>, place: PathBuf) -> PyResult<Self> {
+        let foreign = py.import("surefix.frames.foreign")?;
+        let also: Vec<String> = foreign.call_method0("endings")?.extract()?;
+        let files = ImageFiles::find_also(place, Order::Name, &also).or_raise(py)?;
+        let is_foreign = |path: &PathBuf| {
+            let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+            ending.is_some_and(|ending| also.contains(&ending))
+        };
+        if !files.paths().iter().any(is_foreign) {
+            return Ok(Self::Files(files));
+        }
+        let images = py.import("surefix.frames.images")?;
+        let images = images.call_method1("ImageFiles", (files.paths(),))?;
+        Ok(Self::Sequence(Sequence::new(&images)?))
     }
 
     /// The number of images.
@@ -362,7 +379,7 @@ pub(crate) fn decode_image<'py>(
 #[pyfunction]
 #[pyo3(signature = (place, order="name"))]
 pub(crate) fn find_images(py: Python<'_>, place: PathBuf, order: &str) -> PyResult<Vec<OsString>> {
-    image_files(py, place, order).map(|(files, _)| files)
+    image_files(py, place, order, Vec::new()).map(|(files, _)| files)
 }
 
 /// The files of ``find_images``, and what a user should know: the files that were left out, an
@@ -372,19 +389,22 @@ pub(crate) fn find_images(py: Python<'_>, place: PathBuf, order: &str) -> PyResu
 /// ----------
 /// place, order
 ///     As for ``find_images``.
+/// also : list of str
+///     Other endings that count as images, such as "heic".
 ///
 /// Returns
 /// -------
 /// (list of str, list of str)
 #[pyfunction]
-#[pyo3(signature = (place, order="name"))]
+#[pyo3(signature = (place, order="name", also=vec![]), text_signature = "(place, order='name', also=())")]
 pub(crate) fn image_files(
     py: Python<'_>,
     place: PathBuf,
     order: &str,
+    also: Vec<String>,
 ) -> PyResult<(Vec<OsString>, Vec<String>)> {
     let order: Order = order.parse().or_raise(py)?;
-    let files = py.detach(|| ImageFiles::find_by(place, order)).or_raise(py)?;
+    let files = py.detach(|| ImageFiles::find_also(place, order, &also)).or_raise(py)?;
     let paths = files.paths().iter().map(|path| path.as_os_str().to_owned()).collect();
     Ok((paths, files.remarks().to_vec()))
 }

@@ -2279,7 +2279,9 @@ def find_images(place: _Path, order: _Order = "name") -> list[str]:
         If it holds no images; for another order, or a file without the time of capture.
     """
 
-def image_files(place: _Path, order: _Order = "name") -> tuple[list[str], list[str]]:
+def image_files(
+    place: _Path, order: _Order = "name", also: _Sequence[str] = ()
+) -> tuple[list[str], list[str]]:
     """The files of ``find_images``, and what a user should know: the files that were left out, an
     order that the names leave open, two drives in one folder.
 
@@ -2287,6 +2289,8 @@ def image_files(place: _Path, order: _Order = "name") -> tuple[list[str], list[s
     ----------
     place, order
         As for ``find_images``.
+    also : list of str
+        Other endings that count as images, such as "heic".
 
     Returns
     -------

@@ -60,13 +60,26 @@ impl ImageFiles {
     /// As for [`find`](Self::find); [`Error::Image`] for a file without the time that it is to be
     /// sorted by.
     pub fn find_by(place: impl AsRef<Path>, order: Order) -> Result<Self, Error> {
+        Self::find_also(place, order, &[])
+    }
+
+    /// The same, and files with these other endings, such as `heic`, for a caller that reads them
+    /// by another library.
+    ///
+    /// # Errors
+    /// As for [`find_by`](Self::find_by).
+    pub fn find_also(
+        place: impl AsRef<Path>,
+        order: Order,
+        also: &[String],
+    ) -> Result<Self, Error> {
         let place = place.as_ref();
         let pattern = place.to_string_lossy();
         let mut left_out = LeftOut::default();
         let mut paths = if !place.exists() && pattern.contains(['*', '?', '[']) {
-            matching(&pattern, &mut left_out)?
+            matching(&pattern, also, &mut left_out)?
         } else {
-            inside(place, &mut left_out)?
+            inside(place, also, &mut left_out)?
         };
         let left_out = left_out.to_string();
         if paths.is_empty() {
@@ -105,7 +118,7 @@ impl ImageFiles {
     }
 }
 
-fn inside(folder: &Path, left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error> {
+fn inside(folder: &Path, also: &[String], left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error> {
     let refused = |source| Error::Io { path: folder.to_owned(), action: "list the folder", source };
     if folder.is_file() {
         return Err(refused(io::Error::other(
@@ -115,7 +128,7 @@ fn inside(folder: &Path, left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error> 
     let mut paths = Vec::new();
     for entry in fs::read_dir(folder).map_err(refused)? {
         let path = entry.map_err(refused)?.path();
-        if !is_hidden(&path) && has_ending(&path) && path.is_file() {
+        if !is_hidden(&path) && has_ending(&path, also) && path.is_file() {
             paths.push(path);
         } else {
             left_out.add(&path);
@@ -124,7 +137,7 @@ fn inside(folder: &Path, left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error> 
     Ok(paths)
 }
 
-fn matching(pattern: &str, left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error> {
+fn matching(pattern: &str, also: &[String], left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error> {
     let malformed = |e: glob::PatternError| Error::Option {
         name: "images",
         expected: "a folder or a pattern like route/*.png".to_owned(),
@@ -137,7 +150,7 @@ fn matching(pattern: &str, left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error
             Error::Io { path, action: "list the folder", source: e.into() }
         })?;
         // Of a file that a pattern names, the content decides if the name does not.
-        if path.is_file() && (has_ending(&path) && !is_hidden(&path) || is_image(&path)) {
+        if path.is_file() && (has_ending(&path, also) && !is_hidden(&path) || is_image(&path)) {
             paths.push(path);
         } else {
             left_out.add(&path);
@@ -150,8 +163,9 @@ fn ending(path: &Path) -> String {
     path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase())
 }
 
-fn has_ending(path: &Path) -> bool {
-    ENDINGS.contains(&ending(path).as_str())
+fn has_ending(path: &Path, also: &[String]) -> bool {
+    let ending = ending(path);
+    ENDINGS.contains(&ending.as_str()) || also.contains(&ending)
 }
 
 fn is_hidden(path: &Path) -> bool {

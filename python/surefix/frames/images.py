@@ -12,9 +12,10 @@ from typing import Any, Self, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Traverse, find_images, image_files, read_image
+from surefix._core import Traverse, image_files
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
+from surefix.frames.foreign import endings, is_foreign, read_any
 from surefix.frames.frame import Frames, Shot
 from surefix.frames.levels import in_8_bits
 from surefix.frames.pillow import pixels_of
@@ -85,7 +86,9 @@ class Images(Sequence[UInt8], ABC):
 
 
 class ImageFiles(Images):
-    """Plain image files: png, jpeg, bmp, tiff, webp or pnm."""
+    """Image files: png, jpeg, bmp, tiff, webp or pnm; with ``surefix[heif]`` heic and avif too, and
+    then ``paths`` is None.
+    """
 
     def __init__(self, paths: Iterable[Place]) -> None:
         files = [os.fspath(path) for path in paths]
@@ -93,10 +96,10 @@ class ImageFiles(Images):
 
     @property
     def paths(self) -> list[str] | None:
-        return list(self._items)
+        return None if any(map(is_foreign, self._items)) else list(self._items)
 
     def _load(self, item: str) -> UInt8:
-        return read_image(item)
+        return read_any(item)
 
 
 class BayerFiles(ImageFiles):
@@ -191,9 +194,9 @@ class ImageFrames(Frames):
         else:
             files: Any = place
             if name is not None:
-                files, self.remarks = image_files(name, order)
-            self.images = ImageFiles(files)
-            self._files = self.images.paths or []
+                files, self.remarks = image_files(name, order, list(endings()))
+            self._files = [os.fspath(file) for file in files]
+            self.images = ImageFiles(self._files)
         self._count = len(self.images)
 
     @property
@@ -202,16 +205,18 @@ class ImageFrames(Frames):
         return None if self._array is None or self._array.ndim != 2 else self._array
 
     @property
-    def source(self) -> list[str] | npt.NDArray[Any]:
+    def source(self) -> list[str] | Images | npt.NDArray[Any]:
         """As ``Map.from_images`` takes them, to be read in parallel: the files, or the array."""
-        return self.files if self._array is None else self._array
+        if self._array is not None:
+            return self._array
+        return self.images if self.images.paths is None else self.files
 
     def taken(self, indices: Iterable[int]) -> "ImageFrames":
         """Some of them, in this order."""
         some, chosen = copy(self), list(indices)
         some.images, some._count = self.images.take(chosen), len(chosen)
         if self._array is None:
-            some._files = some.images.paths or []
+            some._files = [self._files[index] for index in chosen]
         else:
             some._array = self._array[chosen]
         return some
@@ -239,7 +244,7 @@ class _GivenFrames(Frames):
         for index, thing in enumerate(self._images if self._count is None else counted):
             if isinstance(thing, (str, os.PathLike)):
                 path = os.fspath(thing)
-                yield Shot(None, Path(path).name, partial(read_image, path), path=path)
+                yield Shot(None, Path(path).name, partial(read_any, path), path=path)
             else:
                 image = getattr(thing, "image", thing)
                 yield Shot(None, str(index), partial(pixels_of, image))
@@ -254,7 +259,8 @@ def frames_of(images: Any) -> Frames:
     if isinstance(images, Images) and images.paths is not None:
         images = images.paths
     if isinstance(images, (str, os.PathLike)):
-        images = find_images(images)
+        found = ImageFiles(image_files(images, also=list(endings()))[0])
+        images = found if found.paths is None else found.paths
     if isinstance(images, np.ndarray) and (
         images.ndim not in (3, 4) or (images.ndim == 3 and images.shape[2] == 3)
     ):

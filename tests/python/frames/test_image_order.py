@@ -10,7 +10,8 @@ from PIL import Image
 import surefix
 from commands import surefix_
 from surefix._core import image_files
-from surefix.frames import ImageFrames
+from surefix.frames import ImageFrames, foreign
+from surefix.frames import images as frames_images
 
 
 def touch(folder: Path, *names: str) -> Path:
@@ -130,11 +131,18 @@ def test_one_drive_is_no_two(tmp_path: Path, listed: list[str]) -> None:
     assert image_files(touch(tmp_path, *listed))[1] == []
 
 
+@pytest.fixture
+def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the libraries of ``surefix[heif]``."""
+    for module in (foreign, frames_images):
+        monkeypatch.setattr(module, "endings", lambda: ())
+
+
 FOREIGN = ["c.heic", "d.heic", "e.gif", "f.avif", "g.jp2", "h.dng", "notes.txt", "raw", ".DS_Store"]
 
 
 @pytest.fixture
-def mixed(tmp_path: Path) -> Path:
+def mixed(tmp_path: Path, _alone: None) -> Path:
     """Two images among other files, and a folder."""
     folder = touch(tmp_path / "photos", "a.png", "b.jfif", "b2.jpe")
     for name in FOREIGN:
@@ -183,6 +191,7 @@ def test_of_a_file_without_an_ending_the_content_decides_if_a_pattern_names_it(
     assert remarks == ["1 file left out: 1 without an ending"]
 
 
+@pytest.mark.usefixtures("_alone")
 def test_a_folder_without_images_says_what_is_there(tmp_path: Path) -> None:
     (tmp_path / "a.heic").write_bytes(b"other")
     for act in (surefix.find_images, surefix.Map.from_images):
@@ -190,3 +199,34 @@ def test_a_folder_without_images_says_what_is_there(tmp_path: Path) -> None:
             surefix.SurefixValueError, match=r"found none; 1 file left out: 1 .heic"
         ):
             act(tmp_path)  # type: ignore[operator]
+
+
+def test_heic_and_avif_are_read_by_their_libraries(tmp_path: Path) -> None:
+    pytest.importorskip("pillow_heif")
+    folder = touch(tmp_path / "photos", "0.png", "3.png")
+    scene = np.random.default_rng(9).integers(0, 256, (6, 8, 3), np.uint8).repeat(8, 0).repeat(8, 1)
+    exif = Image.Exif()
+    exif[0x112] = 6
+    # Stored turned to the left; 16 x 32 as the others once it is upright.
+    upright = np.ascontiguousarray(np.rot90(scene[:16, :32]))
+    foreign.endings()
+    for name in ("1.heic", "2.AVIF"):
+        # The writer of HEIC drops the orientation, which is a property of its own there.
+        if name == "1.heic":
+            Image.fromarray(scene[:16, :32]).save(folder / name, "heif", quality=100)
+        else:
+            Image.fromarray(upright).save(folder / name, "avif", quality=100, exif=exif)
+    frames = ImageFrames(folder)
+    assert frames.images.names == ["0.png", "1.heic", "2.AVIF", "3.png"]
+    assert frames.remarks == []
+    for index in (1, 2):
+        assert np.abs(frames.images[index].astype(int) - scene[:16, :32]).mean() < 12
+    known = surefix.Map.from_images(folder)
+    assert known.names == frames.images.names
+    surefix_("map", "build", folder, "-o", tmp_path / "m")
+    assert surefix.Map.open(tmp_path / "m").to_bytes() == known.to_bytes()
+    done = surefix_("run", tmp_path / "m", folder)
+    assert done.stderr.startswith("4 fixes")
+    (folder / "1.heic").write_bytes((folder / "1.heic").read_bytes()[:300])
+    done = surefix_("map", "build", folder, "-o", tmp_path / "m")
+    assert done.stdout.splitlines()[-1].endswith("1 bad frame passed over: 1.heic")
