@@ -124,6 +124,9 @@ fn said(error: &ImageError) -> String {
         ImageError::Unsupported(_) if cfg!(not(feature = "image-formats")) => {
             "; more formats come with the cargo feature `image-formats`"
         }
+        ImageError::Unsupported(_) if text.contains("Palette") => {
+            "; expected grey or RGB samples: save it as RGB"
+        }
         ImageError::Unsupported(_)
             if text.contains("olor type") || text.contains("ample format") =>
         {

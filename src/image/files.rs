@@ -85,7 +85,7 @@ impl ImageFiles {
         if paths.is_empty() {
             return Err(Error::NoImages { place: pattern.into_owned(), left_out });
         }
-        let mut remarks: Vec<String> = sort(&mut paths, order)?.into_iter().collect();
+        let mut remarks = Vec::from_iter(sort(&mut paths, order)?);
         if order.is_by_name() {
             remarks.extend(two_drives(&paths));
         }

@@ -30,6 +30,10 @@ pub enum Order {
     Exif,
 }
 
+const OPEN: &str = "the digits after the point in the files' names are read as decimals (9.25 before \
+     9.5); if they are whole numbers, such as nanoseconds, choose the order \"whole\"";
+const ONE_TIME: &str = "all files have one time of change: their order is that of names";
+
 const NAMES: [(Order, &str); 5] = [
     (Order::Name, "name"),
     (Order::Decimals, "decimals"),
@@ -66,24 +70,18 @@ impl Order {
 
 /// Sorts the files, and says if the order is a guess.
 pub(super) fn sort(paths: &mut Vec<PathBuf>, order: Order) -> Result<Option<String>, Error> {
-    let mut named = by_name(paths, order);
-    let remark = match order {
-        Order::Name => named.remark.take(),
-        _ => None,
-    };
-    *paths = named.paths;
-    let remark = match order {
+    // Files of one time stay in the order of their names.
+    let open = sort_by_name(paths, order);
+    match order {
+        Order::Name => Ok(open.then(|| OPEN.to_owned())),
+        Order::Decimals | Order::Whole => Ok(None),
         Order::Time => {
             let times = sort_by(paths, changed)?;
             let same = paths.len() > 1 && times.windows(2).all(|pair| pair[0] == pair[1]);
-            same.then(|| {
-                "all files have one time of change: their order is that of names".to_owned()
-            })
+            Ok(same.then(|| ONE_TIME.to_owned()))
         }
-        Order::Exif => sort_by(paths, taken).map(|_| None)?,
-        _ => remark,
-    };
-    Ok(remark)
+        Order::Exif => sort_by(paths, taken).map(|_| None),
+    }
 }
 
 /// Sorts by a key, which may be missing; files with equal keys stay as they are.
@@ -101,7 +99,7 @@ fn sort_by<K: Ord>(
 }
 
 fn changed(path: &Path) -> Result<SystemTime, Error> {
-    let io = |source| Error::Io { path: path.to_owned(), action: "read the time of", source };
+    let io = |source| Error::Io { path: path.to_owned(), action: "read the time of change", source };
     fs::metadata(path).and_then(|about| about.modified()).map_err(io)
 }
 
@@ -134,13 +132,6 @@ fn taken(path: &Path) -> Result<(String, String), Error> {
     })
 }
 
-/// Files in the order of their names.
-struct Named {
-    paths: Vec<PathBuf>,
-    /// If the names leave the order open.
-    remark: Option<String>,
-}
-
 /// A path as it is compared. Upper and lower case are one.
 struct Key {
     folder: String,
@@ -171,7 +162,8 @@ impl Key {
     }
 }
 
-fn by_name(paths: &mut Vec<PathBuf>, order: Order) -> Named {
+/// Sorts by name; true if the names leave open how to read the digits after a point.
+fn sort_by_name(paths: &mut Vec<PathBuf>, order: Order) -> bool {
     let mut keyed: Vec<(Key, PathBuf)> =
         paths.drain(..).map(|path| (Key::of(&path), path)).collect();
     let fractions: Vec<_> = keyed.iter().map(|(key, _)| fractions(&key.stem)).collect();
@@ -194,11 +186,6 @@ fn by_name(paths: &mut Vec<PathBuf>, order: Order) -> Named {
         Order::Whole => false,
         _ => leading || !trailing,
     };
-    let remark = (uneven && !leading && !trailing).then(|| {
-        "the digits after the point in the files' names are read as decimals (9.25 before 9.5); \
-         if they are whole numbers, such as nanoseconds, choose the order \"whole\""
-            .to_owned()
-    });
     if uneven && decimals {
         for ((key, _), found) in keyed.iter_mut().zip(&fractions) {
             for range in found.iter().rev() {
@@ -207,7 +194,8 @@ fn by_name(paths: &mut Vec<PathBuf>, order: Order) -> Named {
         }
     }
     keyed.sort_by(|a, b| a.0.compare(&b.0).then_with(|| a.1.cmp(&b.1)));
-    Named { paths: keyed.into_iter().map(|(_, path)| path).collect(), remark }
+    paths.extend(keyed.into_iter().map(|(_, path)| path));
+    uneven && !leading && !trailing
 }
 
 /// Where the digits after the points of numbers lie: of 9.25, but neither of 10.30.05 nor of

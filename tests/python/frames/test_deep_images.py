@@ -225,3 +225,20 @@ def test_pillow_s_deep_and_odd_modes() -> None:
     assert np.array_equal(sad.describe(palette), sad.describe(shallow))  # type: ignore[arg-type]
     with pytest.raises(surefix.SurefixValueError, match="mode F"):
         sad.describe(Image.fromarray(image.astype(np.float32)))  # type: ignore[arg-type]
+
+
+def test_samples_that_cannot_be_read_say_what_can(tmp_path: Path) -> None:
+    grey = np.random.default_rng(0).random((8, 9)).astype(np.float32)
+    byte = Image.fromarray((255 * grey).astype(np.uint8))
+    for name, image, words in (
+        ("floats", Image.fromarray(grey), "scale"),
+        ("long", Image.fromarray((65535 * grey).astype(np.int32)), "scale"),
+        ("palette", byte.convert("P"), "save it as RGB"),
+    ):
+        image.save(tmp_path / f"{name}.tif")
+        with pytest.raises(surefix.SurefixValueError, match=rf"{name}\.tif.*{words}"):
+            surefix.read_image(tmp_path / f"{name}.tif")
+    # RGB floats from 0 to 1.
+    assert cv2.imwrite(str(tmp_path / "rgb.tif"), np.stack([grey] * 3, axis=2))
+    read = surefix.read_image(tmp_path / "rgb.tif")
+    assert np.abs(read[..., 0] / 65535 - grey).max() < 1e-4
