@@ -166,9 +166,6 @@ class ImageFrames(Frames):
     ----------
     images : Images
         The same, for reading in any order.
-    remarks : list of str
-        What to know of a folder or a pattern: the files that were left out, an order that the
-        names leave open, two drives in one folder.
 
     Raises
     ------
@@ -184,7 +181,7 @@ class ImageFrames(Frames):
         self, place: Place | Iterable[Place], key: str | None = None, *, order: str = "name"
     ) -> None:
         self._array: npt.NDArray[Any] | None = None
-        self.remarks: list[str] = []
+        self._remarks: list[str] = []
         name = os.fspath(place) if isinstance(place, (str, os.PathLike)) else None
         if name is not None and Path(name).suffix.lower() in ENDINGS:
             self._array, self._files = _load_array(name, key), [name]
@@ -194,10 +191,17 @@ class ImageFrames(Frames):
         else:
             files: Any = place
             if name is not None:
-                files, self.remarks = image_files(name, order, list(endings()))
+                files, self._remarks = image_files(name, order, list(endings()))
             self._files = [os.fspath(file) for file in files]
             self.images = ImageFiles(self._files)
         self._count = len(self.images)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What to know of a folder or a pattern: the files that were left out, an order that the
+        names leave open, two drives in one folder.
+        """
+        return list(self._remarks)
 
     @property
     def ready(self) -> npt.NDArray[Any] | None:
