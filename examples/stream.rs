@@ -2,11 +2,10 @@
 //!
 //! `cargo run --release --example stream`
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use surefix::{Channels, Config, ImageView, Localizer, Map, Sad};
+use surefix::{Channels, Config, ImageView, Localizer, Map, Sad, quiet};
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -19,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let truth = winter.truth(&summer);
 
     // Once: the map. `Map::open("route.safetensors")` is the other way to get one.
-    let map = Map::from_images(&summer, Sad::default(), &mut |_, _| ControlFlow::Continue(()))?;
+    let map = Map::from_images(&summer, Sad::default(), &mut quiet)?;
     let mut config = Config::default();
     config.sequence_length = 3;
     let mut localizer = Localizer::new(Arc::new(map), config)?;

@@ -1,14 +1,15 @@
 //! Every error, with the value that was expected, the one given, and its place.
 
-use std::io;
 use std::path::PathBuf;
+use std::{fmt, io};
 
 use crate::dtype::Dtype;
 
 /// Every error of the library.
 ///
-/// A call that returns one has left its object as it was.
-#[derive(Debug, thiserror::Error)]
+/// A call that returns one has left its object as it was. Its `Debug` is the message, too: that is
+/// what a `main` which returns it prints.
+#[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// An option is outside its range.
@@ -198,6 +199,12 @@ pub enum Error {
         /// Images or queries to do.
         total: usize,
     },
+}
+
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
 }
 
 fn place(row: Option<usize>, index: usize) -> String {

@@ -12,9 +12,9 @@
 //! - [`match_descriptors`] and [`match_distances`] do whole runs at once, with the same answers.
 //!
 //! ```
-//! use std::{ops::ControlFlow, sync::Arc};
+//! use std::sync::Arc;
 //! use surefix_simulate::{Conditions, Route, RouteConfig};
-//! use surefix::{Config, Localizer, Map, Sad};
+//! use surefix::{Config, Localizer, Map, Sad, quiet};
 //!
 //! // A generated road stands in for two drives of your own: `ImageFiles::find("photos/monday")`.
 //! let config = RouteConfig { places: 100, width: 64, height: 32, ..RouteConfig::default() };
@@ -22,8 +22,7 @@
 //! let summer = route.traverse(Conditions::reference())?;
 //! let winter = route.traverse(Conditions::revisit())?;
 //!
-//! let mut progress = |_done, _total| ControlFlow::Continue(());
-//! let map = Map::from_images(&summer, Sad::default(), &mut progress)?;
+//! let map = Map::from_images(&summer, Sad::default(), &mut quiet)?;
 //! let mut config = Config::default();
 //! config.sequence_length = 5;
 //! let mut localizer = Localizer::new(Arc::new(map), config)?;
@@ -84,7 +83,9 @@ mod simd;
 pub mod calibration;
 pub mod evaluate;
 
-pub use crate::image::{Channels, Image, ImageSource, ImageView, Levels, Progress, ReadableImages};
+pub use crate::image::{
+    Channels, Image, ImageSource, ImageView, Levels, Progress, ReadableImages, quiet,
+};
 #[cfg(feature = "image")]
 pub use crate::image::{ImageFiles, Order, decode_image, read_image};
 pub use batch::{

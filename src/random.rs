@@ -1,7 +1,9 @@
 //! Random numbers that are the same everywhere. Tests and benches include this file as well.
 
+use serde::{Deserialize, Serialize};
+
 /// The generator `SplitMix64` (Steele, Lea and Flood, 2014), with its seed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct SplitMix64(pub(crate) u64);
 
 #[allow(dead_code, reason = "some are for tests and benches alone")]

@@ -75,7 +75,8 @@ def _parts(results: dict[str, Any], found: Sequence[Row]) -> Iterator[str]:
     yield "## Where surefix is slower\n"
     yield points(slower(found), "Beside none of the rivals above.")
     yield "## Targets that are not reached\n"
-    yield points(missed(found), "All are reached.")
+    none = "All are reached." if any(row.target for row in found) else "None is set at these sizes."
+    yield points(missed(found), none)
     if results["missing"]:
         yield "## Rivals that were not installed\n"
         yield points(results["missing"], "")

@@ -6,6 +6,7 @@ use surefix::calibration;
 use crate::arrays::floats;
 use crate::error::{OrRaise as _, busy};
 use crate::options::whole;
+use crate::pickle::pickled;
 
 /// Notices that scores have become worse than those of a calibration drive, so that what was
 /// measured there (a threshold, a probability) holds no longer. It needs no truth.
@@ -45,6 +46,8 @@ use crate::options::whole;
 /// 69
 #[pyclass(module = "surefix")]
 pub(crate) struct Alarm(calibration::Alarm);
+
+pickled!(Alarm);
 
 #[pymethods]
 impl Alarm {

@@ -16,6 +16,7 @@ use crate::images::{progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
 use crate::map::Map;
 use crate::options::config;
+use crate::pickle::pickled;
 
 /// Where each query of a drive was, by all of its queries: arrays of the shape (m,).
 ///
@@ -27,6 +28,8 @@ use crate::options::config;
 /// places that ``align`` was asked about with ``at``.
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Alignment(pub(crate) surefix::Alignment);
+
+pickled!(Alignment);
 
 impl Alignment {
     fn column<'py, T: Element>(

@@ -6,27 +6,30 @@ use numpy::{
     PyUntypedArray, PyUntypedArrayMethods as _, dtype,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyString;
+use pyo3::types::{PyBytes, PyList, PySequence, PyString, PyTuple};
 use surefix::{Channels, Dtype, Image, View};
 
-use crate::error::value;
+use crate::error::{refused, value};
 
 /// `object` as a NumPy array: itself, or by `__array__` or DLPack (a torch tensor, for one), in the
-/// same memory if possible.
+/// same memory if possible; or of a list of numbers or of arrays.
 pub(crate) fn as_array<'py>(
     object: &Bound<'py, PyAny>,
     what: &str,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
-    if let Ok(array) = object.cast::<PyUntypedArray>() {
-        return Ok(array.clone());
-    }
     let py = object.py();
+    if let Ok(array) = object.cast_exact::<PyUntypedArray>() {
+        return in_native_order(array.clone());
+    }
     let numpy = py.import("numpy")?;
     let module = object.get_type().module()?;
-    let converted = if module.to_str()?.starts_with("PIL.") {
+    let converted = if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
+        of_sequence(&numpy, object)
+    } else if module.to_str()?.starts_with("PIL.") {
         // Upright, and in grey or RGB.
         py.import("surefix.frames.pillow")?.call_method1("array_of", (object, what))
     } else if object.hasattr("__array__")? {
+        check_no_mask(object, what)?;
         numpy.call_method1("asarray", (object,))
     } else if object.hasattr("__dlpack__")? {
         numpy.call_method1("from_dlpack", (object,))
@@ -38,10 +41,49 @@ pub(crate) fn as_array<'py>(
         let expected = "a NumPy array, or anything with __array__ or __dlpack__";
         return Err(value(py, format!("{what}: expected {expected}, got {kind}")));
     };
-    let converted = converted.map_err(|e| {
-        value(py, format!("{what}: cannot be read as a NumPy array: {}", e.value(py)))
-    })?;
-    converted.cast_into().map_err(PyErr::from)
+    let converted = converted
+        .map_err(|e| refused(py, e, |e| format!("{what}: cannot be read as a NumPy array: {e}")))?;
+    in_native_order(converted.cast_into()?)
+}
+
+/// Numbers of another byte order are copied: the same numbers.
+fn in_native_order<'py>(array: Bound<'py, PyUntypedArray>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let dtype = array.dtype();
+    if dtype.is_native_byteorder() != Some(false) {
+        return Ok(array);
+    }
+    let native = dtype.call_method1("newbyteorder", ("=",))?;
+    Ok(array.call_method1("astype", (native,))?.cast_into()?)
+}
+
+/// A list as an array. Python's own numbers have no type that anybody chose: those with a point are
+/// float32 then, as descriptors are.
+fn of_sequence<'py>(
+    numpy: &Bound<'py, PyModule>,
+    object: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let array = numpy.call_method1("asarray", (object,))?;
+    let first = object.get_item(0);
+    let untyped = first.is_ok_and(|first| !first.hasattr("dtype").unwrap_or(true));
+    if untyped && array.getattr("dtype")?.getattr("name")?.eq("float64")? {
+        return array.call_method1("astype", ("float32",));
+    }
+    Ok(array)
+}
+
+/// Refuses a masked array that hides numbers: they would be taken as if they were not.
+fn check_no_mask(object: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
+    let py = object.py();
+    let masked = py.import("numpy.ma")?;
+    if !object.is_instance(&masked.getattr("MaskedArray")?)? {
+        return Ok(());
+    }
+    let hidden: usize = masked.call_method1("count_masked", (object,))?.extract()?;
+    if hidden == 0 {
+        return Ok(());
+    }
+    let (expected, got) = ("an array without a mask", format!("one that hides {hidden} numbers"));
+    Err(value(py, format!("{what}: expected {expected}, got {got}")))
 }
 
 /// The array's shape as Python writes it.
@@ -226,7 +268,7 @@ pub(crate) fn coordinates(object: &Bound<'_, PyAny>, what: &str) -> PyResult<(Ve
     let numpy = py.import("numpy")?;
     let array =
         numpy.call_method1("ascontiguousarray", (object, dtype::<f64>(py))).map_err(|e| {
-            value(py, format!("{what}: expected numbers (n, 2) or (n, 3), got {}", e.value(py)))
+            refused(py, e, |e| format!("{what}: expected numbers (n, 2) or (n, 3), got {e}"))
         })?;
     let array = array.cast::<PyUntypedArray>()?;
     check_axes(array, what, 2)?;
@@ -274,18 +316,16 @@ pub(crate) fn flags(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<bool>
     Ok(flags.as_slice()?.to_vec())
 }
 
-/// Short lists are as good as arrays for flags and truths.
+/// Any sequence, such as a list or a range, is as good as an array for flags and truths.
 pub(crate) fn sequence_or_array<'py>(
     object: &Bound<'py, PyAny>,
     what: &str,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
-    if object.is_instance_of::<pyo3::types::PyList>()
-        || object.is_instance_of::<pyo3::types::PyTuple>()
-    {
-        let numpy = object.py().import("numpy")?;
-        let array = numpy.call_method1("asarray", (object,));
-        let array =
-            array.map_err(|e| value(object.py(), format!("{what}: {}", e.value(object.py()))))?;
+    let py = object.py();
+    let text = object.is_instance_of::<PyString>() || object.is_instance_of::<PyBytes>();
+    if !text && !object.hasattr("__array__")? && object.cast::<PySequence>().is_ok() {
+        let array = py.import("numpy")?.call_method1("asarray", (object,));
+        let array = array.map_err(|e| refused(py, e, |e| format!("{what}: {e}")))?;
         return array.cast_into().map_err(PyErr::from);
     }
     as_array(object, what)

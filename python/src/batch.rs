@@ -16,12 +16,13 @@ use crate::arrays::{
     Numbers, as_array, dtype_of, flags, matrix, numbers, query, rows_to_py, sequence_or_array,
     shape_of, whole_numbers,
 };
-use crate::error::{OrRaise as _, to_py, value};
+use crate::error::{OrRaise as _, refused, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
 use crate::learned;
 use crate::options::config;
+use crate::pickle::pickled;
 use crate::simulate::Traverse;
 
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
@@ -40,6 +41,8 @@ use crate::simulate::Traverse;
 /// Fix(frame=3, place=3, score=0, trusted=True)
 #[pyclass(frozen, sequence, module = "surefix")]
 pub(crate) struct Run(pub(crate) surefix::Run);
+
+pickled!(Run);
 
 impl Run {
     fn column<'py, T: Element>(
@@ -429,7 +432,11 @@ impl<'py> Rows<'py> {
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         let py = queries.py();
-        let array = if is_images(queries) { None } else { as_array(queries, "queries").ok() };
+        let array = match as_array(queries, "queries") {
+            _ if is_images(queries) => None,
+            Err(refused) if queries.hasattr("__array__")? => return Err(refused),
+            array => array.ok(),
+        };
         let are_rows = array.as_ref().is_some_and(|array| array.ndim() == 2);
         let extracted = match descriptor.filter(|_| !are_rows) {
             None => None,
@@ -513,9 +520,12 @@ fn stacked<'py>(queries: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny
     {
         return Ok(None);
     }
+    if first.is_instance_of::<PyList>() || first.is_instance_of::<PyTuple>() {
+        return as_array(queries, "queries").map(|array| Some(array.into_any()));
+    }
     let py = queries.py();
     let stacked = py.import("numpy")?.call_method1("stack", (queries,));
-    Ok(Some(stacked.map_err(|e| value(py, format!("queries: {}", e.value(py))))?))
+    Ok(Some(stacked.map_err(|e| refused(py, e, |e| format!("queries: {e}")))?))
 }
 
 /// Whether the queries can only be images: paths, a generated traverse, or a list (of arrays).

@@ -13,6 +13,7 @@ use crate::error::{OrRaise as _, value};
 use crate::evaluate::matches_of;
 use crate::fix::Fix;
 use crate::options::whole;
+use crate::pickle::pickled;
 use crate::truth::truth_of;
 
 /// A threshold from a calibration drive, with its promise, by ``calibrate``.
@@ -51,6 +52,8 @@ use crate::truth::truth_of;
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Threshold(pub(crate) surefix::calibration::Threshold);
+
+pickled!(Threshold);
 
 impl Threshold {
     /// A fix is judged alone, all else by its arrays.

@@ -1,5 +1,6 @@
 //! Rust errors as Python exceptions, whose classes are written in Python (`surefix/errors.py`).
 
+use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyType;
@@ -17,6 +18,21 @@ pub(crate) fn to_py(py: Python<'_>, error: &Error) -> PyErr {
 /// The exception for a bad value that is found before the crate sees it.
 pub(crate) fn value(py: Python<'_>, message: String) -> PyErr {
     new(py, "SurefixValueError", message)
+}
+
+/// The exception for a value whose own code failed, with that error as its cause: `message` gets
+/// its words. Ctrl-C, an exit and the like (no `Exception`), and the end of memory stay what they are.
+pub(crate) fn refused(
+    py: Python<'_>,
+    error: PyErr,
+    message: impl FnOnce(&Bound<'_, PyAny>) -> String,
+) -> PyErr {
+    if !error.is_instance_of::<PyException>(py) || error.is_instance_of::<PyMemoryError>(py) {
+        return error;
+    }
+    let refusal = value(py, message(error.value(py)));
+    refusal.set_cause(py, Some(error));
+    refusal
 }
 
 /// The exception for an object that another thread is using.

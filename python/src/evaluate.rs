@@ -9,6 +9,7 @@ use crate::arrays::{flags, floats, matrix, whole_numbers};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::options::whole;
+use crate::pickle::pickled;
 use crate::truth::truth_of;
 
 /// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
@@ -128,6 +129,8 @@ pub(crate) fn matches_of(object: &Bound<'_, PyAny>) -> PyResult<Vec<Match>> {
 /// ([1.0, 1.0, 0.67, 0.75], 1)
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Evaluation(Curve);
+
+pickled!(Evaluation);
 
 impl Evaluation {
     fn column<'py, T: numpy::Element>(

@@ -2,6 +2,8 @@
 
 use pyo3::prelude::*;
 
+use crate::pickle::pickled;
+
 fn python_bool(flag: bool) -> &'static str {
     if flag { "True" } else { "False" }
 }
@@ -45,6 +47,8 @@ fn python_bool(flag: bool) -> &'static str {
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Fix(pub(crate) surefix::Fix);
+
+pickled!(Fix);
 
 #[pymethods]
 impl Fix {
@@ -133,6 +137,8 @@ impl Fix {
 #[derive(PartialEq)]
 pub(crate) struct Single(surefix::Single);
 
+pickled!(Single);
+
 #[pymethods]
 impl Single {
     #[getter]
@@ -155,6 +161,8 @@ impl Single {
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(PartialEq)]
 pub(crate) struct Peak(surefix::Peak);
+
+pickled!(Peak);
 
 #[pymethods]
 impl Peak {
@@ -179,6 +187,8 @@ impl Peak {
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(PartialEq)]
 pub(crate) struct Sequence(surefix::Sequence);
+
+pickled!(Sequence);
 
 #[pymethods]
 impl Sequence {
@@ -214,6 +224,8 @@ impl Sequence {
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(PartialEq)]
 pub(crate) struct Track(surefix::Track);
+
+pickled!(Track);
 
 #[pymethods]
 impl Track {

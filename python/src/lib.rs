@@ -17,6 +17,7 @@ mod localizer;
 mod map;
 mod matcher;
 mod options;
+mod pickle;
 mod places;
 mod post;
 mod sad;

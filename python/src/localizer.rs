@@ -2,7 +2,7 @@
 
 use numpy::{PyArray1, PyUntypedArray};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyInt, PyIterator};
+use pyo3::types::{PyBytes, PyDict, PyInt, PyIterator, PyTuple};
 use surefix::Floor;
 use surefix::calibration::Alarm;
 
@@ -321,6 +321,35 @@ impl Localizer {
             surefix::Localizer::restore_fused(maps, blob, expected.as_ref())?.with_threads(threads)
         });
         Ok(Self(localizer.or_raise(py)?, descriptors))
+    }
+
+    // As a snapshot, with the maps: the alarm of a threshold begins anew.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, blob) = (slf.py(), Self::snapshot(slf)?);
+        let this = shared(slf)?;
+        let descriptors: Vec<_> =
+            this.1.iter().map(|given| given.as_ref().map(|d| d.bind(py))).collect();
+        let threshold = this.0.threshold().cloned().map(Threshold);
+        let state = (Self::maps(slf)?, blob, descriptors, this.0.threads(), threshold);
+        (slf.get_type().getattr("_unpickled")?, state).into_pyobject(py)
+    }
+
+    #[staticmethod]
+    fn _unpickled(
+        py: Python<'_>,
+        maps: &Bound<'_, PyAny>,
+        blob: &[u8],
+        descriptors: &Bound<'_, PyAny>,
+        threads: &Bound<'_, PyAny>,
+        threshold: Option<&Threshold>,
+    ) -> PyResult<Self> {
+        let Self(localizer, descriptors) =
+            Self::restore(py, maps, blob, Some(descriptors), Some(threads), None)?;
+        let judged = match threshold {
+            Some(threshold) => localizer.with_threshold(threshold.0.clone()).or_raise(py)?,
+            None => localizer,
+        };
+        Ok(Self(judged, descriptors))
     }
 
     /// The map that it localizes on, the first if there are several.

@@ -551,6 +551,15 @@ impl Map {
         Ok((slf.get_type().getattr("from_bytes")?, arguments).into_pyobject(py)?.into_any())
     }
 
+    // It never changes: a copy is the map itself.
+    fn __copy__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
+        slf
+    }
+
+    fn __deepcopy__<'py>(slf: Bound<'py, Self>, _memo: &Bound<'py, PyAny>) -> Bound<'py, Self> {
+        slf
+    }
+
     /// Checks a map that was opened with ``mmap=True``: reads its whole file, and compares its
     /// checksum. A map in memory was checked when it was opened.
     ///

@@ -2,7 +2,7 @@
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyTuple};
 use surefix::Floor;
 
 use crate::arrays::floats;
@@ -185,6 +185,11 @@ impl Matcher {
         let expected =
             options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
         Ok(Self(py.detach(|| surefix::Matcher::restore(blob, expected.as_ref())).or_raise(py)?))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let restore = slf.get_type().getattr("restore")?;
+        (restore, (Self::snapshot(slf)?,)).into_pyobject(slf.py())
     }
 
     /// The track's belief in each place after the newest query, a copy: shape (places,), float64. With

@@ -9,6 +9,7 @@ use surefix::{Step, View};
 use crate::arrays::{as_array, check_axes, float32s, rows_to_py};
 use crate::error::{OrRaise as _, busy, value};
 use crate::options::whole;
+use crate::pickle::pickled;
 
 /// A chain of steps of post-processing that has been fitted on references.
 ///
@@ -28,6 +29,8 @@ use crate::options::whole;
 #[pyclass(frozen, eq, module = "surefix.post")]
 #[derive(PartialEq)]
 pub(crate) struct Post(pub(crate) surefix::Post);
+
+pickled!(Post);
 
 #[pymethods]
 impl Post {
@@ -145,6 +148,8 @@ const LONGEST: usize = 1 << 24;
 #[pyclass(module = "surefix.post")]
 pub(crate) struct Running(Statistics);
 
+pickled!(Running);
+
 #[pymethods]
 impl Running {
     #[new]
@@ -228,6 +233,10 @@ impl Running {
     fn reset(slf: &Bound<'_, Self>) -> PyResult<()> {
         slf.try_borrow_mut().map_err(|_| busy(slf.py(), "Running"))?.0.reset();
         Ok(())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Running(dim={}, count={})", self.0.dim(), self.0.count())
     }
 }
 

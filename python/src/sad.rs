@@ -7,6 +7,7 @@ use crate::arrays::{as_array, image_to_py, rows_to_py};
 use crate::error::OrRaise as _;
 use crate::images::Pixels;
 use crate::options::{self, whole};
+use crate::pickle::pickled;
 use crate::places;
 
 /// The SAD descriptor: an image in grey, made small, normalised patch by patch.
@@ -38,6 +39,8 @@ use crate::places;
 /// (2048,)
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Sad(pub(crate) surefix::Sad);
+
+pickled!(Sad);
 
 #[pymethods]
 impl Sad {

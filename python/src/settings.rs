@@ -12,6 +12,7 @@ use crate::calibrate::Threshold;
 use crate::error::OrRaise as _;
 use crate::inputs::maps;
 use crate::options::settings;
+use crate::pickle::pickled;
 
 /// The options and the threshold that suit a route, for ``Localizer(map, config=...)``; as a file,
 /// ``route.toml``, for ``surefix run --config`` and Rust's ``Settings::open``.
@@ -44,6 +45,8 @@ use crate::options::settings;
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Settings(pub(crate) surefix::Settings);
+
+pickled!(Settings);
 
 #[pymethods]
 impl Settings {

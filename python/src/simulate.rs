@@ -10,6 +10,7 @@ use surefix_simulate::{Conditions, Leg, RouteConfig};
 use crate::arrays::image_to_py;
 use crate::error::{OrRaise as _, value};
 use crate::options::{self, whole, wrong};
+use crate::pickle::pickled;
 
 /// A generated route: a drive past structured scenery, the same for the same seed on every machine.
 ///
@@ -39,6 +40,8 @@ use crate::options::{self, whole, wrong};
 /// (32, 64, 3)
 #[pyclass(frozen, module = "surefix.simulate")]
 pub(crate) struct Route(surefix_simulate::Route);
+
+pickled!(Route);
 
 #[pymethods]
 impl Route {
@@ -248,6 +251,8 @@ fn changed(mut conditions: Conditions, given: Option<&Bound<'_, PyDict>>) -> PyR
 /// (10, (32, 64, 3))
 #[pyclass(frozen, sequence, module = "surefix.simulate")]
 pub(crate) struct Traverse(pub(crate) surefix_simulate::Traverse);
+
+pickled!(Traverse);
 
 #[pymethods]
 impl Traverse {

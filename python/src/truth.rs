@@ -9,6 +9,7 @@ use surefix::{Error, Positions};
 use crate::arrays::{contiguous, coordinates, sequence_or_array, shape_of, whole_numbers};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
+use crate::pickle::pickled;
 
 /// The truth from an array of places (m,), a matrix (n, m), or a pair of positions ((n, k), (m,
 /// k)).
@@ -124,6 +125,8 @@ pub(crate) fn evaluate_trust(
 /// The confusion table of a trust flag: positive is trusted, true is a correct single match.
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Trust(TrustTable);
+
+pickled!(Trust);
 
 #[pymethods]
 impl Trust {

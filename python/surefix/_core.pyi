@@ -96,7 +96,7 @@ class _Descriptor(Protocol):
     def recipe(self) -> Mapping[str, object]: ...
     def describe(self, images: _Sequence[npt.NDArray[np.uint8]], /) -> npt.NDArray[np.float32]: ...
 
-_Array: TypeAlias = npt.NDArray[Any] | _HasArray | _HasDlpack
+_Array: TypeAlias = npt.NDArray[Any] | _HasArray | _HasDlpack | _Sequence[Any]
 _Path: TypeAlias = str | PathLike[str]
 _Progress: TypeAlias = Callable[[int, int], bool | None] | Literal[False] | None
 _Float32: TypeAlias = npt.NDArray[np.float32]

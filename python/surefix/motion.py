@@ -109,7 +109,7 @@ class Motion:
         by_distance: bool | None = None,
         repeat: float | None = None,
     ) -> None:
-        if kind not in KINDS:
+        if not isinstance(kind, str) or kind not in KINDS:
             raise mismatch("motion", f"one of {', '.join(KINDS)}", repr(kind))
         given = {name: value for name, value in locals().items() if value is not None}
         for field in fields(self):

@@ -1,5 +1,6 @@
 //! How a traverse differs from the reference drive.
 
+use serde::{Deserialize, Serialize};
 use surefix::Error;
 
 /// How a traverse differs from the reference drive. Each option but the seed is 0 for no
@@ -12,7 +13,7 @@ use surefix::Error;
 /// let winter = Conditions { season: 1.0, ..Conditions::reference() };
 /// assert_eq!(winter.light, 0.0);
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Conditions {
     /// Time of day, 0 to 1: from noon to dusk, with its lit windows and street lamps.
     pub light: f32,

@@ -1,5 +1,6 @@
 //! The plan of a drive: its legs, and the place on the route that each frame is taken at.
 
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 use surefix::Error;
@@ -8,7 +9,7 @@ use surefix::Error;
 ///
 /// Places count along the whole drive without jumps, also off the map. There, each leg has a street
 /// of its own that no other drive sees but one of the same legs.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Leg {
     /// On along the route.
     Drive(usize, f64),
@@ -25,7 +26,7 @@ pub enum Leg {
 }
 
 /// Where a frame is taken.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Stand {
     /// The place along the route, were the speed even.
     pub(super) place: f64,
@@ -37,7 +38,7 @@ pub(super) struct Stand {
 
 /// A leg in a drive: its frames, where the first one is taken, and the places from each to the
 /// next.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Stretch {
     frames: Range<usize>,
     first: Stand,
@@ -45,7 +46,7 @@ struct Stretch {
 }
 
 /// The legs of a drive, checked and laid end to end.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Itinerary(Vec<Stretch>);
 
 impl Itinerary {

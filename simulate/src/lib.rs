@@ -53,13 +53,14 @@ pub use conditions::Conditions;
 pub use legs::Leg;
 pub use traverse::Traverse;
 
+use serde::{Deserialize, Serialize};
 use surefix::Error;
 
 /// The shortest and the longest side of a frame, in pixels.
 const SIDES: std::ops::RangeInclusive<usize> = 8..=8192;
 
 /// The options of a [`Route`], all with defaults.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RouteConfig {
     /// Frames of a traverse, at least 2.
     pub places: usize,
@@ -101,7 +102,7 @@ impl RouteConfig {
 }
 
 /// The world and the road through it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Route {
     config: RouteConfig,
 }

@@ -4,12 +4,13 @@ use super::camera::FAR;
 use super::canvas::{Rgb, blend, scale};
 use super::conditions::Conditions;
 use super::noise::{lerp, smoothstep};
+use serde::{Deserialize, Serialize};
 
 /// Snow, before light falls on it.
 pub(super) const SNOW: Rgb = [236.0, 240.0, 247.0];
 
 /// The light and the season of a traverse, worked out once.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Look {
     /// 0 to 1: how dark it is, and so how bright lamps and windows are.
     pub(super) lamps: f32,

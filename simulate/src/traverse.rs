@@ -1,5 +1,6 @@
 //! One drive along the route: where each frame was taken, and the frame.
 
+use serde::{Deserialize, Serialize};
 use surefix::{Channels, Error, Image, ImageSource};
 
 use super::RouteConfig;
@@ -21,7 +22,7 @@ const STEEPEST: f64 = 3.75;
 /// One drive along a [`Route`](super::Route), in some [`Conditions`].
 ///
 /// Nothing is stored: a frame is computed when it is asked for, in any order and from any thread.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Traverse {
     config: RouteConfig,
     conditions: Conditions,

@@ -1,5 +1,6 @@
 //! Alignment (method 1.10): where each query of a whole drive was, by all of its queries.
 
+use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -19,7 +20,7 @@ use crate::numbers::{View, first_not_finite};
 use crate::segments::Segments;
 
 /// The track of each query of a drive by all of its queries, those after it too.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Alignment {
     /// One a query, in order.
@@ -101,14 +102,13 @@ impl Alignment {
 ///
 /// ```
 /// use ndarray::Array2;
-/// use surefix::{Config, Drive, Motion, align_distances};
+/// use surefix::{Config, Drive, Motion, align_distances, quiet};
 /// let distances = Array2::from_shape_fn((30, 30), |(i, j)| f32::from(i != j));
 /// let mut config = Config::default();
 /// config.motion = Some(Motion::steady());
-/// let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
 /// let at: Vec<usize> = (0..30).collect();
 /// let drive = Drive::default();
-/// let alignment = align_distances(&[distances.view()], &config, drive, &[&at], &mut go_on)?;
+/// let alignment = align_distances(&[distances.view()], &config, drive, &[&at], &mut quiet)?;
 /// assert!(alignment.queries.iter().enumerate().all(|(query, one)| one.track.place == query));
 /// assert!(alignment.right[0].iter().all(|&right| right > 0.5));
 /// # Ok::<(), surefix::Error>(())

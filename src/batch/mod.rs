@@ -4,6 +4,7 @@ mod align;
 mod drive;
 mod fused;
 
+use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 
 use ndarray::ArrayView2;
@@ -31,7 +32,7 @@ const HELD: usize = 1 << 22;
 const AT_ONCE: usize = 256;
 
 /// The fixes of a whole run, one a query, in order.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Run {
     /// One fix a query.
@@ -241,14 +242,12 @@ fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
 /// from it stops the work.
 ///
 /// ```
-/// use std::ops::ControlFlow;
-/// use surefix::{Config, Drive, Map, Metric, match_descriptors};
+/// use surefix::{Config, Drive, Map, Metric, match_descriptors, quiet};
 ///
 /// let rows: Vec<f32> = (0..20).flat_map(|i| [i as f32, (i * i % 7) as f32]).collect();
 /// let map = Map::from_descriptors(rows.clone(), 2, Metric::Euclidean)?;
 /// let queries = &rows[2 * 2..]; // the same drive, from place 2 on
-/// let mut progress = |_done, _total| ControlFlow::Continue(());
-/// let run = match_descriptors(&map, queries, &Config::default(), Drive::default(), &mut progress)?;
+/// let run = match_descriptors(&map, queries, &Config::default(), Drive::default(), &mut quiet)?;
 /// assert!(run.fixes.iter().all(|fix| fix.place == fix.frame as usize + 2));
 /// # Ok::<(), surefix::Error>(())
 /// ```

@@ -8,6 +8,7 @@
 
 use crate::error::Error;
 use crate::random::SplitMix64;
+use serde::{Deserialize, Serialize};
 
 /// Bet `k` pays the derivative of `p^k` at rank `p`, 0 the worst: the smaller, the bolder.
 const BETS: [f64; 3] = [0.1, 0.3, 0.6];
@@ -54,7 +55,7 @@ type Ranked = (f64, u64);
 /// assert_eq!(frames, 70);
 /// # Ok::<(), surefix::Error>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Alarm {
     /// The calibration's blocks, the worst first.
     calibration: Vec<Ranked>,

@@ -1,6 +1,7 @@
 //! The exact sweep: every score is a threshold, and equal scores enter together. Figures of the
 //! curve are numbers even if it is empty.
 
+use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
 use super::truth::{Truth, Verdict};
@@ -8,7 +9,7 @@ use crate::batch::Run;
 use crate::error::Error;
 
 /// The whole that recall is a share of. Published code differs, so a figure names its own.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Recall {
     /// True positives of all queries whose match is correct: the paper's wording.
@@ -64,7 +65,7 @@ impl Run {
 }
 
 /// One threshold: the queries with this score or a better one are accepted.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// The score up to which matches are accepted.
     pub threshold: f32,
@@ -77,7 +78,7 @@ pub struct Point {
 }
 
 /// A query's match with the truth's verdict.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Judged {
     pub(super) query: usize,
     score: f32,
@@ -87,7 +88,7 @@ pub(super) struct Judged {
 }
 
 /// A precision-recall curve: a point a distinct score, from the best score to the worst.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     points: Vec<Point>,
     /// From the best score to the worst.

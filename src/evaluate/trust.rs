@@ -3,6 +3,7 @@
 use super::truth::{Truth, Verdict};
 use crate::batch::Run;
 use crate::error::Error;
+use serde::{Deserialize, Serialize};
 
 /// The confusion table of a trust flag: positive is trusted, true is a correct single match.
 ///
@@ -12,7 +13,7 @@ use crate::error::Error;
 /// let table = TrustTable { true_positives: 9, false_positives: 1, false_negatives: 6, true_negatives: 4 };
 /// assert_eq!((table.precision(), table.recall(), table.share_trusted()), (0.9, 0.6, 0.5));
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TrustTable {
     /// Trusted, and correct.
     pub true_positives: usize,

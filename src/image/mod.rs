@@ -34,5 +34,5 @@ pub use order::Order;
 pub use readable::ReadableImages;
 pub(crate) use resize::Resize;
 pub(crate) use source::go_on;
-pub use source::{ImageSource, Progress};
+pub use source::{ImageSource, Progress, quiet};
 pub use view::{Channels, Image, ImageView};

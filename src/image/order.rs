@@ -99,7 +99,8 @@ fn sort_by<K: Ord>(
 }
 
 fn changed(path: &Path) -> Result<SystemTime, Error> {
-    let io = |source| Error::Io { path: path.to_owned(), action: "read the time of change", source };
+    let io =
+        |source| Error::Io { path: path.to_owned(), action: "read the time of change", source };
     fs::metadata(path).and_then(|about| about.modified()).map_err(io)
 }
 

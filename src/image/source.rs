@@ -77,9 +77,19 @@ impl ImageSource for Vec<Image> {
 }
 
 /// Is told the number of images done and of all, on the calling thread; `Break` stops the work.
+/// [`quiet`] is told and does nothing.
 pub type Progress<'a> = &'a mut (dyn FnMut(usize, usize) -> ControlFlow<()> + Send);
 
 /// The answer of a [`Progress`] as a result.
 pub(crate) fn go_on(answer: ControlFlow<()>, done: usize, total: usize) -> Result<(), Error> {
     if answer.is_break() { Err(Error::Interrupted { done, total }) } else { Ok(()) }
+}
+
+/// For those who want no report of [`Progress`], and no stop.
+///
+/// ```
+/// assert!(surefix::quiet(3, 10).is_continue());
+/// ```
+pub fn quiet(_done: usize, _total: usize) -> ControlFlow<()> {
+    ControlFlow::Continue(())
 }

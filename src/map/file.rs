@@ -85,16 +85,14 @@ impl Map {
     /// file is left.
     ///
     /// ```
-    /// use std::ops::ControlFlow;
     /// use surefix_simulate::{Conditions, Route, RouteConfig};
-    /// use surefix::{Map, Sad};
+    /// use surefix::{Map, Sad, quiet};
     /// let config = RouteConfig { places: 20, width: 64, height: 32, ..RouteConfig::default() };
     /// let route = Route::new(config)?;
     /// let drive = route.traverse(Conditions::reference())?;
     /// let folder = tempfile::tempdir().unwrap();
     /// let path = folder.path().join("route.safetensors");
-    /// let mut progress = |_done, _total| ControlFlow::Continue(());
-    /// Map::build(&path, &drive, Sad::default(), None, &mut progress)?;
+    /// Map::build(&path, &drive, Sad::default(), None, &mut quiet)?;
     /// assert_eq!(Map::open(&path)?.places(), 20);
     /// # Ok::<(), surefix::Error>(())
     /// ```

@@ -1,5 +1,6 @@
 //! The route: how rows become places, which places follow each other, their positions and names.
 
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -77,7 +78,7 @@ impl Route {
 /// assert_eq!(map.positions().map(|positions| positions.len()), Some(3));
 /// # Ok::<(), surefix::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Positions {
     metres: Vec<f64>,
     axes: usize,

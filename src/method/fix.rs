@@ -2,12 +2,13 @@
 
 use super::{Peak, Sequence, Single, Track};
 use crate::error::Error;
+use serde::{Deserialize, Serialize};
 
 /// The longest advance that is accepted: longer than any route, in places.
 const MAX_ADVANCE: f64 = 1e12;
 
 /// Where the robot is, as far as one query tells, and whether to trust it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Fix {
     /// The number of this query, from 0 since the start or the last reset.

@@ -4,6 +4,7 @@
 //! The gradients of earlier queries are computed again for each query: reading their columns is all
 //! that costs anything, and the sequence reads them anyway.
 
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 use super::argmin::{BLOCK, Search, beats, first_better, first_least};
@@ -12,7 +13,7 @@ use crate::config::Gradient;
 use crate::segments::Segments;
 
 /// Where the enhanced gradient peaks: the place whose distance dips most sharply.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Peak {
     /// The place, from 0.
     pub place: usize,

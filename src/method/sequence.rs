@@ -1,5 +1,6 @@
 //! Weighted sequence matching (method 1.4 and 1.5, Eqs. 4 to 6).
 
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 use super::argmin::{Candidate, Search, beats, first_better, first_least};
@@ -13,7 +14,7 @@ use crate::preallocated::{Preallocated, reserved};
 const BLOCK: usize = 256;
 
 /// The best match of the last `L` queries together.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sequence {
     /// The current query's place, from 0.
     pub place: usize,

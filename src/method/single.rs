@@ -4,6 +4,7 @@ use super::argmin::{BLOCK, any, first_better};
 use crate::error::Error;
 use crate::numbers::first_not_finite;
 use crate::simd::fetch;
+use serde::{Deserialize, Serialize};
 
 /// Distances in a line of the cache.
 const LINE: usize = 16;
@@ -11,7 +12,7 @@ const LINE: usize = 16;
 const AHEAD: usize = 1024;
 
 /// The best match of one query alone: the smallest distance.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Single {
     /// The place, from 0.
     pub place: usize,

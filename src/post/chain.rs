@@ -7,6 +7,7 @@ use super::step::{FittedStep, Step};
 use crate::error::Error;
 use crate::numbers::first_not_finite;
 use crate::parallel::each;
+use serde::{Deserialize, Serialize};
 
 /// A chain of steps that has been fitted on the references, so that queries are treated as these
 /// were.
@@ -19,7 +20,7 @@ use crate::parallel::each;
 /// assert!((done[0].hypot(done[1]) - 1.0).abs() < 1e-6);
 /// # Ok::<(), surefix::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Post {
     steps: Vec<FittedStep>,
     input: usize,

@@ -4,6 +4,7 @@ use super::fit::{check_references, fit};
 use super::step::{FittedStep, Step};
 use crate::error::Error;
 use crate::numbers::View;
+use serde::{Deserialize, Serialize};
 
 /// Standardises vector after vector by the mean and the population standard deviation of those that
 /// came, the newest among them (Welford, 1962): the statistics that a stream can know.
@@ -22,7 +23,7 @@ use crate::numbers::View;
 /// assert_eq!(out, [1.0, 0.0]);
 /// # Ok::<(), surefix::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Running {
     pub(super) count: u64,
     pub(super) mean: Vec<f64>,

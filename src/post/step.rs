@@ -42,7 +42,7 @@ pub enum Step {
 }
 
 /// A fitted step: `matrix (x - offset) scale`, or the division by the length.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FittedStep {
     pub(crate) step: Step,
     /// Is subtracted, a number a dimension; or empty.

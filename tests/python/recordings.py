@@ -11,7 +11,7 @@ import numpy.typing as npt
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 UInt8 = npt.NDArray[np.uint8]
 # Of each kind of bag, how its file or folder ends.
@@ -63,6 +63,30 @@ def write_video(
     return path
 
 
+# Messages that are no part of ROS itself.
+DEFINITIONS = {
+    "foxglove_msgs/msg/CompressedVideo": "builtin_interfaces/Time timestamp\nstring frame_id\nuint8[] data\nstring format\n",
+    "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": "std_msgs/Header header\nint32 width\nint32 height\nstring encoding\nuint64 pts\nuint8 flags\nbool is_bigendian\nuint8[] data\n",
+}
+
+
+def packets(
+    images: Sequence[UInt8], codec: str = "libx264", **options: str
+) -> list[tuple[int, bytes]]:
+    """A video's packets: the number of the picture that each holds, and its bytes (Annex B)."""
+    context: Any = av.CodecContext.create(codec, "w")
+    context.height, context.width = images[0].shape[:2]
+    context.pix_fmt, context.time_base = "yuv420p", Fraction(1, 10)
+    context.options = {"g": "10", "bf": "0", "crf": "5", "preset": "ultrafast", **options}
+    found = []
+    for index, image in enumerate(images):
+        frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+        frame.pts = index
+        found += context.encode(frame)
+    found += context.encode(None)
+    return [(packet.pts, bytes(packet)) for packet in found]
+
+
 class Bag:
     """A bag being written: ``with Bag(folder, "mcap") as bag: bag.image("/camera", array,
     12.5)``.
@@ -72,6 +96,9 @@ class Bag:
         self.path = folder / (name or KINDS[kind])
         self.ros1 = kind == "ros1"
         self.store = get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.ROS2_HUMBLE)
+        if not self.ros1:
+            for defined, text in DEFINITIONS.items():
+                self.store.register(get_types_from_msg(text, defined))
         storage = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
         self.writer: Any = (
             Writer1(self.path)
@@ -125,6 +152,21 @@ class Bag:
         self.write(
             topic, self.make("sensor_msgs/msg/CompressedImage", self.header(time), form, flat), time
         )
+
+    def video(
+        self, topic: str, data: bytes, form: str, time: float, kind: str, recorded: float
+    ) -> None:
+        """A packet of a video: a CompressedVideo, an FFMPEGPacket or a CompressedImage."""
+        flat, header = np.frombuffer(data, np.uint8), self.header(time)
+        if kind == "CompressedImage":
+            message = self.make(f"sensor_msgs/msg/{kind}", header, form, flat)
+        elif kind == "CompressedVideo":
+            fields = header.stamp, "camera", flat, form
+            message = self.make(f"foxglove_msgs/msg/{kind}", *fields)
+        else:
+            fields = header, 64, 48, form, 0, 0, False, flat
+            message = self.make(f"ffmpeg_image_transport_msgs/msg/{kind}", *fields)
+        self.write(topic, message, recorded)
 
     def pose(
         self, topic: str, kind: str, position: Sequence[float], time: float,

@@ -30,6 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
     epilog="Start with: surefix demo",
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 maps = typer.Typer(
     no_args_is_help=True, help="Make a map of a route, make it longer, or look at one."

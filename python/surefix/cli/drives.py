@@ -23,6 +23,7 @@ from surefix.errors import mismatch
 from surefix.frames import Frames, ImageFrames
 from surefix.frames import open as open_frames
 from surefix.frames.levels import FULL
+from surefix.frames.sampling import Derived
 from surefix.frames.shape import other_shape
 from surefix.tables.matrices import read_matrix
 from surefix.tables.positions import Positions, on_one_plane, read_positions
@@ -145,12 +146,12 @@ def open_drive(
     for place_map, network in zip(maps, networks, strict=True):
         rows.append(describe(place_map, frames, network, bad=None if strict else bad))
         if len(rows) == 1:
-            whole, frames = frames, without(frames, bad)
+            frames = without(frames, bad)
     names = [name for index, name in enumerate(names) if index not in bad]
     named = None if frames.ready is not None else names
     if advance is not None:
         advance = advance_without(advance, bad)
-    if notes := inputs.notes_on(whole, names):
+    if notes := inputs.notes_on(moved, names):
         print("; ".join(notes), file=sys.stderr)
     return Drive(_named(files), maps, rows, advance, named, tuple(sorted(bad)))
 
@@ -173,8 +174,8 @@ def others_of(first: Map, fuse: Sequence[str | Path]) -> list[Map]:
 def open_map(route: str) -> Map:
     """The map; a folder of images is none yet."""
     if Path(route).is_dir():
-        got = f"a folder; make a map of it: surefix map build {route}"
-        raise mismatch(route, "a map or a matrix", got)
+        got = f"a folder of images; make a map of it: surefix map build {route}"
+        raise mismatch(route, "a map", got)
     return Map.open(route)
 
 
@@ -195,7 +196,10 @@ def networks_of(
 
 def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None) -> None:
     """Refuses queries that the map cannot take."""
-    if frames.ready is not None:
+    source: Any = frames
+    while not isinstance(source, ImageFrames) and isinstance(source, Derived):
+        source = source.source
+    if source.ready is not None:
         got = f"got the ready descriptors {frames.files[0]}"
         refuse(network is not None, f"--model: expected images, {got}")
     elif network is None and place_map.descriptor is None:

@@ -38,6 +38,7 @@ from surefix.cli.inputs import refuse
 from surefix.descriptors import Onnx
 from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
+from surefix.frames.by_name import UInt8, images_by_name
 from surefix.frames.images import Images, ShownImages, open_images
 from surefix.frames.levels import in_8_bits
 from surefix.frames.opening import is_recording
@@ -122,7 +123,8 @@ def eval_(
     out: The folder to write; an earlier report in it is replaced.
     recall: The queries that recall is a share of.
     similarity: The .npy holds similarities s: the distances are 1 - s.
-    references: The images of the places, a folder, a pattern or a .npy, for the pictures.
+    references: The images of the places, for the pictures: a folder, a pattern, a .npy, or the
+        video or bag that the map was made of.
     fuse: Another technique's map of the same places, or .npy of distances, once each: for the
         method fused.
     calibration: Another drive's .npy of distances, for the supervised methods to learn from.
@@ -247,8 +249,11 @@ def eval_(
     ]
     speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
     levels = None if place_map is None else place_map.levels
-    pictures = None if references is None else _reference_images(references, places)
-    pictures = None if pictures is None else ShownImages(pictures, levels)
+    pictures = None
+    if references is not None:
+        pictures = _reference_images(references, places, place_map)
+    if isinstance(pictures, Images):
+        pictures = ShownImages(pictures, levels)
     _check_before(places, options, out)
 
     # Compare the methods.
@@ -307,7 +312,7 @@ def eval_(
                 queries=None if frames is None else _pictures(frames, mistakes, levels),
                 references=pictures,
                 query_names=None if frames is None or frames.ready is not None else names,
-                place_names=place_names if pictures is None else pictures.names,
+                place_names=pictures.names if isinstance(pictures, Images) else place_names,
                 along=along,
                 scenarios=made,
             )
@@ -389,10 +394,14 @@ def _pictures(
         return {index: in_8_bits(shot.read(), levels) for index, shot in chosen}
 
 
-def _reference_images(place: str, places: int) -> Images:
+def _reference_images(place: str, places: int, known: Map | None) -> Images | dict[int, UInt8]:
     if is_recording(place):
-        got = f"the recording {place}; write its frames into a folder"
-        raise mismatch("--references", "a folder of images, a pattern or a .npy", got)
+        names = None if known is None else known.names
+        frames = inputs.open_frames(place)
+        found = images_by_name(frames, names, places, f"--references {place}")
+        if len(found) != places:
+            raise mismatch(f"--references {place}", f"images of {places} places", len(found))
+        return found
     images = open_images(Path(place))
     if len(images) != places:
         expected = f"an image for each of {places} places"

@@ -138,7 +138,7 @@ def notes_on(given: frames.Frames, kept: Sequence[str] | None = None) -> list[st
     source: Any = given
     while isinstance(source, frames.Frames):
         bad += getattr(source, "bad", [])
-        notes += getattr(source, "remarks", [])
+        notes += source.remarks
         if isinstance(source, frames.ImageFrames) and kept is not None and not bad:
             names = source.images.names
             bad = [names[index] for index in missing(names, kept)]
@@ -146,7 +146,7 @@ def notes_on(given: frames.Frames, kept: Sequence[str] | None = None) -> list[st
     if bad:
         some = ", ".join(bad[:3]) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
         notes.insert(0, f"{plural(len(bad), 'bad frame')} passed over: {some}")
-    return notes
+    return [*dict.fromkeys(notes)]
 
 
 def missing(names: Sequence[str], kept: Sequence[str]) -> list[int]:
@@ -205,7 +205,8 @@ def open_network(
         return Onnx(model, output, size, means, spreads, batch)
     except SurefixValueError as error:
         # An output or a size that the model does not have is a mistake of the command line's.
-        raise typer.BadParameter(str(error)) from None
+        said = str(error).replace("output=NAME", "--output NAME")
+        raise typer.BadParameter(said) from None
 
 
 def network_of(known: Map, route: object, model: Path) -> Onnx:
@@ -228,7 +229,7 @@ def network_of(known: Map, route: object, model: Path) -> Onnx:
 def no_model(name: str, route: object) -> typer.BadParameter:
     """The refusal of images for a network's map without the network."""
     wanted = f"--model with {name}, which {route} was made with"
-    return typer.BadParameter(f"expected {wanted}, got none")
+    return typer.BadParameter(f"expected {wanted}, got none: add --model FILE")
 
 
 def steps_of(text: str) -> list[Step]:

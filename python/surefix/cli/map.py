@@ -13,6 +13,7 @@ from rich.text import Text
 from surefix import Map, Sad, SurefixValueError
 from surefix._words import plural
 from surefix.cli import inputs
+from surefix.cli.drives import check_kind, open_map
 from surefix.cli.flags import documented
 from surefix.cli.inputs import refuse
 from surefix.descriptors import metric_of
@@ -168,6 +169,11 @@ def append(
     order: inputs.Order = "name",
     strict: inputs.Strict = False,
     mixed_sizes: bool = False,
+    topic: inputs.Topic = None,
+    stride: inputs.Stride = 1,
+    every: inputs.Every = None,
+    metres: inputs.Metres = None,
+    odometry: inputs.Odometry = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.
@@ -178,12 +184,22 @@ def append(
     Parameters
     ----------
     file: The map that becomes longer.
-    references: The places that follow: a folder of images, a pattern ("more/*.png"), or a .npy.
+    references: The places that follow: a folder of images, a pattern ("more/*.png"), a .npy, a
+        video or a bag.
     positions: A .npy or .csv of each new place's position, if the map has positions.
     mixed_sizes: The images may differ in size.
     """
     start, old = time.perf_counter(), _look(file)
-    frames = ImageFrames(references, order=order)
+    frames = inputs.open_frames(
+        references,
+        order=order,
+        strict=strict,
+        topic=topic,
+        stride=stride,
+        every=every,
+        metres=metres,
+        odometry=odometry,
+    )
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
     where = None if positions is None else read_metres(positions)
@@ -200,16 +216,33 @@ def append(
         rows, post, recipe = frames.ready, old.post, old.recipe
         Map.append(file, Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe))
     elif network is not None:
+        images: Any = frames.source if isinstance(frames, ImageFrames) else frames
         more = {"positions": where, "cache": cache, "skip_bad": not strict}
-        Map.append(file, frames.source, network, **more)
-    else:
+        Map.append(file, images, network, **more)
+    elif isinstance(frames, ImageFrames):
         more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
         Map.append(file, frames.source, **more)
+    elif old.descriptor is None:
+        check_kind(old, str(file), frames, None)
+    else:
+        Map.append(file, sad_map(frames, old.descriptor, where, mixed_sizes=mixed_sizes))
     longer, seconds = _look(file), time.perf_counter() - start
     added = plural(len(longer) - len(old), "place")
     kept = None if frames.ready is not None or longer.names is None else longer.names[len(old) :]
-    made = f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
-    print("; ".join([made, *inputs.notes_on(frames, kept)]))
+    said = f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
+    print("; ".join([said, *_again(old, longer), *inputs.notes_on(frames, kept)]))
+
+
+def _again(old: Map, longer: Map) -> list[str]:
+    """The names of added places that the map had before: perhaps the same drive once more."""
+    if old.names is None or longer.names is None:
+        return []
+    known = set(old.names)
+    twice = [name for name in longer.names[len(old) :] if name in known]
+    if not twice:
+        return []
+    span = twice[0] if len(twice) == 1 else f"{twice[0]} to {twice[-1]}"
+    return [f"warning: {plural(len(twice), 'name')} were in the map before: {span}"]
 
 
 @documented
@@ -237,6 +270,7 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
         "post": None if route.post is None else route.post.steps,
         "input_dim": route.input_dim,
         "names": [names[0], names[-1]] if names else None,
+        "repeated": _repeated(names),
         "positions": None if where is None else list(where.shape),
     }
     if as_json:
@@ -250,17 +284,39 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
             "descriptor": _descriptor_of(route),
             "post": repr(route.post),
             "names": f"{names[0]} to {names[-1]}" if names else "none",
+            "repeated": _said(facts["repeated"]),
             "positions": coordinates,
             "image_size": " x ".join(map(str, route.image_size or ())),
             "levels": " to ".join(map(str, route.levels or ())),
         }.get(name, str(value))
         # The descriptor's name stands for the recipe; --json has all of it.
-        if name in ("recipe", "input_dim") or (name == "post" and route.post is None):
+        absent = (name == "post" and route.post is None) or (name == "repeated" and not value)
+        if name in ("recipe", "input_dim") or absent:
             continue
         if name in ("image_size", "levels") and value is None:
             continue
         table.add_row(name, Text(shown))
     Console(highlight=False, soft_wrap=True).print(table)
+
+
+def _repeated(names: list[str] | None) -> list[list[int]]:
+    """The stretches of places whose names come earlier in the map: first and last of each."""
+    known: set[str] = set()
+    found: list[list[int]] = []
+    for place, name in enumerate(names or ()):
+        if name in known:
+            if found and found[-1][1] == place - 1:
+                found[-1][1] = place
+            else:
+                found.append([place, place])
+        known.add(name)
+    return found
+
+
+def _said(repeated: Any) -> str:
+    parts = [f"{first} to {last}" if first != last else str(first) for first, last in repeated[:5]]
+    more = f" and {len(repeated) - 5} stretches more" if len(repeated) > 5 else ""
+    return f"places {', '.join(parts)}{more} have names that come before"
 
 
 def _descriptor_of(route: Map) -> str:
@@ -273,6 +329,8 @@ def _descriptor_of(route: Map) -> str:
 
 def _look(file: Path) -> Map:
     """The map without its rows: a file of gigabytes takes no longer than a small one."""
+    if file.is_dir():
+        return open_map(str(file))
     return Map.open(file, mmap=file.is_file())
 
 

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal, TextIO
 import numpy as np
 import typer
 
-from surefix import Localizer, Map, Settings, SurefixValueError, frames
+from surefix import Localizer, Settings, SurefixValueError, frames
 from surefix._words import plural
-from surefix.cli.drives import networks_of, others_of
+from surefix.cli.drives import check_kind, networks_of, open_map, others_of
 from surefix.cli.fixes import ALARM, Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import NO_SCALE, check_not_read, crop_of, notes_on, refuse, scale_of
@@ -65,7 +65,7 @@ def run(
     crop: Annotated[bool, F] = False,
     live: Annotated[bool, S] = False,
     save: Annotated[Path | None, S] = None,
-    references: Annotated[Path | None, S] = None,
+    references: Annotated[str | None, S] = None,
 ) -> None:
     """Localize along a route: a fix for each query, as it comes.
 
@@ -106,9 +106,10 @@ def run(
     crop: Cut frames of another shape than the map's images around their centre to that.
     live: Open rerun's viewer; without rerun, the terminal's.
     save: Write a recording, to be opened by rerun FILE.rrd.
-    references: The map's images, to be shown beside the queries.
+    references: The map's images, to be shown beside the queries: a folder, a .npy, or the video or
+        bag that the map was made of.
     """
-    places = Map.open(route)
+    places = open_map(str(route))
     above_0 = {"--every": every, "--metres": metres, "--gap": gap, "--spacing": spacing}
     for option, value in above_0.items():
         low = value is not None and not value > 0
@@ -145,6 +146,8 @@ def run(
     )
     names, maps = [route, *(fuse or ())], [places, *others_of(places, fuse or ())]
     networks = networks_of(maps, names, model)
+    for name, each, network in zip(names, maps, networks, strict=True):
+        check_kind(each, str(name), source, network)
     try:
         scanned = [each.with_screen(screen) if screen else each for each in maps]
         localizer = Localizer(scanned, descriptor=networks, config=settings)
@@ -167,7 +170,8 @@ def run(
         print(f"--config {config}: {settings.threshold.promise}", file=sys.stderr)
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
-        seen = open_views(places, source.estimate, live=live, save=save, references=references)
+        pairs = None if references is None else (references, topic)
+        seen = open_views(places, source.estimate, live=live, save=save, references=pairs)
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(_create(out))
         try:
@@ -181,6 +185,8 @@ def run(
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
             print(summary.text(out), file=sys.stderr)
+            if out is None and sys.stdout.isatty() and summary.latencies:
+                print("not kept: add -o fixes.csv", file=sys.stderr)
             if clipping.warning is not None:
                 print(clipping.warning, file=sys.stderr)
             if isinstance(source, Advances):

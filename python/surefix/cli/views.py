@@ -8,27 +8,39 @@ from pathlib import Path
 from rich.console import Console
 
 from surefix import Map
+from surefix.frames import open as open_frames
+from surefix.frames.by_name import UInt8, images_by_name
+from surefix.frames.opening import is_recording
+from surefix.frames.recording import is_bag
 from surefix.live import RerunView, TerminalView, View
+from surefix.live.view import References
 from surefix.live.viewer import viewer_obstacle
 
 __all__ = ["open_views"]
 
+NARROW = 110
+
 
 @contextmanager
 def open_views(
-    route: Map, total: int | None, *, live: bool, save: Path | None, references: Path | None
+    route: Map,
+    total: int | None,
+    *,
+    live: bool,
+    save: Path | None,
+    references: tuple[str, str | None] | None,
 ) -> Iterator[list[View]]:
     """The views that were asked for, and that of the terminal; closed in the end, whatever comes.
 
     A terminal gets its view if standard output is one. With ``live`` it is enough that standard
     error is one, so that fixes can go into a pipe. If rerun's viewer cannot be opened, a line
-    says so, and the terminal has to do.
+    says so, and the terminal has to do. ``references`` are what the map was made of, and its topic.
 
     Raises
     ------
     SurefixError
         If a recording is asked for and rerun is not installed, or it cannot be written; if
-        ``references`` is no folder of the map's images.
+        ``references`` has none of the map's images.
     """
     obstacle = viewer_obstacle() if live else None
     spawn = live and obstacle is None
@@ -37,8 +49,10 @@ def open_views(
     )
     with ExitStack() as open_:
         views: list[View] = []
+        wanted = spawn or save is not None or terminal is not None
+        shown = None if references is None else _references(route, *references, wanted)
         if spawn or save is not None:
-            rerun = RerunView(route, save, spawn=spawn, references=references)
+            rerun = RerunView(route, save, spawn=spawn, references=shown)
             views.append(open_.enter_context(closing(rerun)))
         if obstacle:
             instead = "on the terminal instead"
@@ -47,6 +61,23 @@ def open_views(
             print(f"--live: {obstacle} ({instead})", file=sys.stderr)
         if terminal is not None:
             console = Console(file=terminal)
-            view = TerminalView(route, total=total, references=references, console=console)
+            # The summary's lines, which are broken on a narrow terminal.
+            spare = 6 if console.width < NARROW else 4
+            view = TerminalView(route, total=total, references=shown, console=console, spare=spare)
             views.append(open_.enter_context(closing(view)))
         yield views
+
+
+def _references(
+    route: Map, place: str, topic: str | None, wanted: bool
+) -> str | dict[int, UInt8] | None:
+    """The folder of the map's images, or the images themselves, of whatever the map is made of; if
+    they are not wanted, they are only looked for.
+    """
+    images = Path(place).is_file() or any(mark in place for mark in "*?[")
+    if not (images or is_recording(place)):
+        # Refuses another folder.
+        References(route, place)
+        return place
+    frames = open_frames(place, topic=topic if is_bag(place) else None, skip_bad=True)
+    return images_by_name(frames, route.names, len(route), place) if wanted else None

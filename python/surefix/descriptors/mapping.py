@@ -17,8 +17,8 @@ from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
 from surefix.frames.levels import LOOKED_AT, Levels, measured
+from surefix.frames.nearest import EveryMetres
 from surefix.frames.passing import SkipBad
-from surefix.frames.sampling import EveryMetres
 from surefix.frames.shape import Crop
 
 # Images are described in parallel, this many at a time; no more are held.
@@ -107,6 +107,8 @@ def append_images(
     how: dict[str, Any] = {"levels": levels, "bad": bad}
     rows, shots = described(frames, descriptor, cache=cache, progress=progress, **how)
     positions = _kept(positions, bad)
+    if isinstance(images, Frames):
+        positions = _positions(images, shots, positions)
     names = None
     if old.names is not None:
         # Those that are only numbers count on.

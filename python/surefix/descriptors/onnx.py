@@ -80,6 +80,7 @@ class Onnx:
         threads: int | None = None,
     ) -> None:
         self.path = Path(path)
+        self._made_with = (path, output, size, mean, std, batch, providers, threads)
         batch = checked_batch(batch)
         self._sha256 = file_sha256(self.path)
         self._session = open_session(self.path, providers, threads)
@@ -135,6 +136,10 @@ class Onnx:
 
     def __repr__(self) -> str:
         return f"Onnx({str(self.path)!r}, output={self.output!r}, size={self.size})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A session of the runtime cannot be pickled: the model is opened again.
+        return Onnx, self._made_with
 
     def _run(self, images: list[npt.NDArray[np.uint8]], start: int) -> npt.NDArray[np.float32]:
         count = len(images)

@@ -75,6 +75,7 @@ class XFeat:
         threads: int | None = None,
     ) -> None:
         self._input = NetworkInput(size, None, None)
+        self._made_with = (path, size, reliability, cosine, threads)
         if any(side % STEP for side in self._input.size or ()):
             raise mismatch("size", f"multiples of {STEP}", repr(size))
         for name, value in (("reliability", reliability), ("cosine", cosine)):
@@ -124,6 +125,10 @@ class XFeat:
         ours = query.astype(np.float32)
         agree = (mutual_cosines(ours, theirs.astype(np.float32)) - self.cosine for theirs in places)
         return np.array([-excess[excess > 0].sum(dtype=np.float64) for excess in agree])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The network cannot be pickled: it is opened again.
+        return XFeat, self._made_with
 
     def __repr__(self) -> str:
         return f"XFeat({self._what!r}, size={self._input.size})"

@@ -16,12 +16,13 @@ from surefix.frames.follow import FollowFrames
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageFrames
 from surefix.frames.levels import in_8_bits
+from surefix.frames.nearest import Every, EveryMetres
 from surefix.frames.newest import KeepNewest
 from surefix.frames.odometry import Odometry
 from surefix.frames.opening import open
 from surefix.frames.passing import SkipBad
 from surefix.frames.ros_image import image_of
-from surefix.frames.sampling import Every, EveryMetres, Gaps, Selection, Stride
+from surefix.frames.sampling import Gaps, Selection, Stride
 from surefix.frames.shape import Crop
 from surefix.frames.video import VideoFrames
 

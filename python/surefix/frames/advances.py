@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from surefix.errors import mismatch
+from surefix.frames.clock import Placed, check_ranges
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.odometry import Odometry
-from surefix.frames.sampling import Derived, Placed
+from surefix.frames.sampling import Derived
 
 
 class Advances(Derived):
@@ -38,8 +39,8 @@ class Advances(Derived):
     Raises
     ------
     SurefixValueError
-        For another number; while it is read, for a frame without a time, and if no frame lies
-        within the odometry's times: the two clocks differ.
+        For another number; while it is read, for a frame without a time, and if the odometry's
+        times are those of another clock or unit: hardly a frame lies within them.
 
     Examples
     --------
@@ -65,6 +66,11 @@ class Advances(Derived):
     def outside(self) -> int:
         """The number of frames outside the odometry's times."""
         return self._placed.outside
+
+    @property
+    def remarks(self) -> list[str]:
+        """The frames whose advance is not known, and what was assumed of the odometry."""
+        return self._placed.remarks("without an advance")
 
     def shots(self) -> Generator[Shot, None, None]:
         """All, with their advances."""
@@ -108,16 +114,21 @@ def on_clock(source: Frames, odometry: Odometry) -> tuple[Frames, Odometry]:
     Raises
     ------
     SurefixValueError
-        If the frames have no times.
+        If the frames have no times; or times of another clock or unit, if their range is known.
     """
     if odometry.by_frame and not (odometry.timed and source.timed):
         return Clocked(source, by_number=True), odometry.numbered()
     if source.timed:
+        if source.span is not None:
+            check_ranges(odometry, source.span)
         return source, odometry
-    nameless = [file for file in source.files if time_in(Path(file).name) is None]
+    times = [time_in(Path(file).name) for file in source.files]
+    named = [time for time in times if time is not None]
+    nameless = [file for file, time in zip(source.files, times, strict=True) if time is None]
     if nameless or not source.files:
         expected = "frames with times, as of a video or a bag, or files named by their times"
         raise mismatch(odometry.source, expected, nameless[0] if nameless else "neither")
+    check_ranges(odometry, (min(named), max(named)))
     return Clocked(source, by_number=False), odometry
 
 

@@ -1,6 +1,6 @@
 """From a camera's Bayer mosaic to a colour image."""
 
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,7 @@ from surefix.errors import mismatch
 Pattern: TypeAlias = Literal["rggb", "grbg", "gbrg", "bggr"]
 
 
-def demosaic(mosaic: npt.NDArray[np.uint8], pattern: Pattern = "gbrg") -> npt.NDArray[np.uint8]:
+def demosaic(mosaic: npt.NDArray[Any], pattern: Pattern = "gbrg") -> npt.NDArray[Any]:
     """The colour image of a Bayer mosaic, of half its sides.
 
     Each 2 x 2 cell becomes one pixel: its red, the mean of its two greens (halves up), its blue.
@@ -18,13 +18,13 @@ def demosaic(mosaic: npt.NDArray[np.uint8], pattern: Pattern = "gbrg") -> npt.ND
 
     Parameters
     ----------
-    mosaic : array of uint8, shape (H, W)
+    mosaic : array of uint8 or uint16, shape (H, W)
     pattern : {"rggb", "grbg", "gbrg", "bggr"}
         The colours of the upper left 2 x 2 cell, row by row.
 
     Returns
     -------
-    array of uint8, shape (H // 2, W // 2, 3), RGB
+    array of the same type, shape (H // 2, W // 2, 3), RGB
 
     Raises
     ------
@@ -39,8 +39,8 @@ def demosaic(mosaic: npt.NDArray[np.uint8], pattern: Pattern = "gbrg") -> npt.ND
     >>> demosaic(cell, "gbrg").tolist()
     [[[100, 11, 200]]]
     """
-    if mosaic.dtype != np.uint8 or mosaic.ndim != 2:
-        raise mismatch("mosaic", "uint8 (H, W)", f"{mosaic.dtype} {mosaic.shape}")
+    if mosaic.dtype not in (np.uint8, np.uint16) or mosaic.ndim != 2:
+        raise mismatch("mosaic", "uint8 or uint16 (H, W)", f"{mosaic.dtype} {mosaic.shape}")
     height, width = mosaic.shape
     if height % 2 or width % 2 or not mosaic.size:
         raise mismatch("mosaic", "sides of an even number of pixels", f"{height} x {width}")
@@ -50,5 +50,5 @@ def demosaic(mosaic: npt.NDArray[np.uint8], pattern: Pattern = "gbrg") -> npt.ND
     red, green, blue = (
         [cells[at] for at, colour in enumerate(pattern) if colour == wanted] for wanted in "rgb"
     )
-    mean = (green[0].astype(np.uint16) + green[1] + 1) >> 1
-    return np.stack([red[0], mean.astype(np.uint8), blue[0]], axis=2)
+    mean = (green[0].astype(np.uint32) + green[1] + 1) >> 1
+    return np.stack([red[0], mean.astype(mosaic.dtype), blue[0]], axis=2)

@@ -137,6 +137,18 @@ class Frames(ABC):
         """The files that are read, if they are known, in their order."""
         return list(self._files)
 
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """The first and the last time in seconds, if they are known beforehand."""
+        return None
+
+    @property
+    def remarks(self) -> list[str]:
+        """What was assumed, put in order or left out in the newest iteration so far, but for what
+        the frames that these are made of say themselves.
+        """
+        return []
+
     def close(self) -> None:  # noqa: B027 (most do not wait)
         """Ends an iteration that waits for frames, from any thread."""
 
@@ -179,3 +191,8 @@ class IteratedFrames(Frames):
             image = partial(getattr, frame, "image")
             given = frame.advance, frame.clock
             yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap, None, *given)
+
+
+def added(moved: float | None, more: float | None) -> float | None:
+    """The sum of two advances; None if one is unknown."""
+    return None if moved is None or more is None else moved + more

@@ -302,7 +302,9 @@ def _load_array(place: str, key: str | None) -> npt.NDArray[Any]:
     check_no_key(place, key)
     array = read_npy(place, "the array", mapped=True)
     images = array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
-    if array.ndim != 2 and not (images and array.dtype in (np.uint8, np.uint16)):
+    if array.ndim == 2:
+        return load(place)
+    if not (images and array.dtype in (np.uint8, np.uint16)):
         expected = "descriptors (n, dim), or uint8 or uint16 images (n, H, W) or (n, H, W, 3)"
         raise mismatch(place, expected, f"{array.dtype} {array.shape}")
     return array

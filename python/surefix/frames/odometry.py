@@ -1,16 +1,22 @@
 """Positions of the robot at times, by its own account."""
 
 import math
+from collections.abc import Sequence
+from contextlib import closing
 from copy import copy
+from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import mismatch
-from surefix.frames.bag import messages, open_bag
+from surefix._words import plural
+from surefix.errors import SurefixValueError, mismatch
+from surefix.frames.bag import stamp_of
+from surefix.frames.recording import Message, Place, Recording, open_recording
+from surefix.frames.timeline import SECOND, timeline
 from surefix.frames.trajectories import Trajectory, along_of, read_csv, read_trajectory
 from surefix.tables.metres import local_metres
 
@@ -41,6 +47,8 @@ class Odometry:
     ----------
     by_frame : bool
         Whether row k is of frame k, as in KITTI's files; ``timed``: whether it has a time too.
+    remarks : list of str
+        What was assumed or left out when it was read.
 
     Raises
     ------
@@ -72,6 +80,7 @@ class Odometry:
         along: npt.ArrayLike | None = None,
     ) -> None:
         self.source = source
+        self.remarks: list[str] = []
         self.times: Float64 = np.asarray(times, np.float64)
         self.positions: Float64 = np.asarray(positions, np.float64)
         shapes = self.times.ndim, self.positions.ndim
@@ -161,12 +170,16 @@ class Odometry:
         times = np.arange(len(found.positions)) if found.times is None else found.times
         made = cls(times, found.positions, source, found.along)
         made.by_frame, made.timed = found.by_frame, found.times is not None
+        made.remarks = [f"{source}: {text}" for text in found.remarks]
         return made
 
     @classmethod
     def from_csv(cls, path: str | PathLike[str]) -> Self:
         """From a table with a header: ``time`` in seconds, and ``x,y``, ``x,y,z`` or ``distance``
         in metres.
+
+        A time in another unit is taken if its name says so (``time_ms``, ``timestamp [ns]``), or if
+        as seconds since 1970 it would be thousands of years; ``remarks`` says it.
 
         A ``distance`` beside ``x,y`` is what was driven so far: it decreases if the robot reverses.
         So does a ``yaw`` tell it, the heading in radians from x to y. Other columns are passed
@@ -182,15 +195,19 @@ class Odometry:
         return cls._of(read_csv(Path(path)), fspath(path))
 
     @classmethod
-    def from_bag(cls, path: str | PathLike[str], topic: str | None = None) -> Self:
+    def from_bag(
+        cls, path: Place | Sequence[Place], topic: str | None = None, *, recorded: bool = False
+    ) -> Self:
         """From a topic of nav_msgs Odometry; of geometry_msgs PoseStamped,
         PoseWithCovarianceStamped or TransformStamped; or of NavSatFix. It may be left out if there
         is only one.
 
-        Times are those of the messages' stamps, as with ``BagFrames``. Latitude and longitude of a
-        NavSatFix become metres about their mean; those without a fix are left out, as are messages
-        no later than the one before. Orientations tell driving from reversing as in ``from_file``;
-        without them, the sign of ``twist.linear.x`` of an Odometry does.
+        Times are those of the messages' stamps, as with ``BagFrames``; those of the recording if a
+        stamp is 0, or if the frames have them (``recorded``). Latitude and longitude of a NavSatFix
+        become metres about their mean. Messages without a fix, with NaN, damaged ones, and those no
+        later than the one before are left out, and counted in ``remarks``. Orientations tell
+        driving from reversing as in ``from_file``; without them, the sign of ``twist.linear.x`` of
+        an Odometry does.
 
         Raises
         ------
@@ -198,32 +215,41 @@ class Odometry:
             As ``BagFrames`` does; a SurefixValueError if there is no such topic: it lists those
             there are.
         """
-        place = fspath(path)
-        with open_bag(place) as bag:
-            kinds = {name: info.msgtype for name, info in bag.topics.items()}
-            fitting = [name for name in sorted(kinds) if kinds[name] in TOPICS]
-            if topic is None and len(fitting) == 1:
-                topic = fitting[0]
-            kind = None if topic is None else kinds.get(topic)
-            if topic is None or kind not in TOPICS:
-                listed = ", ".join(f"{name} ({kinds[name]})" for name in fitting or sorted(kinds))
-                named = "no topic named" if topic is None else f"{topic!r} ({kind or 'not there'})"
-                got = f"{named}; there are {listed or 'no topics'}"
-                raise mismatch(place, f"a topic of poses ({', '.join(TOPICS)})", got)
-            times: list[float] = []
-            poses: list[tuple[float, ...]] = []
-            for time, message, where in messages(bag, place, topic):
-                pose = _pose(kind, message)
-                if pose is None or (times and time <= times[-1]):
-                    continue
-                if not np.isfinite(pose[:3]).all():
-                    raise mismatch(where, "finite numbers", pose[:3])
-                times.append(time)
-                poses.append(pose)
-        source = f"{place}, {topic}"
-        if not times:
-            raise mismatch(source, "positions", "none")
-        values = np.array(poses)
+        with open_recording(path, skip_bad=True) as bag:
+            topic, kind = _topic(bag, topic)
+            with closing(bag.messages(topic)) as found:
+                read = list(map(partial(_known, kind), found))
+            source, files, remarks = f"{bag.name}, {topic}", bag.files, [*bag.remarks]
+        stamps, received, file = (
+            np.array([each[column] for each in read], np.int64) for column in range(3)
+        )
+        whole = np.array([each.pose is not None for each in read], bool)
+        if not whole.any():
+            problems = [each.problem for each in read if each.problem]
+            raise (
+                SurefixValueError(problems[0])
+                if problems
+                else mismatch(source, "positions", "none")
+            )
+        line = timeline(received * 0 if recorded else stamps, received, file, whole, files)
+        kept: list[int] = []
+        for number in line.order:
+            if not kept or line.time[number] > line.time[kept[-1]]:
+                kept.append(number)
+        remarks += [] if recorded else line.remarks
+        if problems := [each.problem for each in read if each.problem]:
+            remarks.append(f"{plural(len(problems), 'message')} left out; the first: {problems[0]}")
+        if before := len(line.order) - len(kept):
+            remarks.append(f"{plural(before, 'message')} left out, after the clock went back")
+        # Of Python's integers, which are exact.
+        times = np.array([int(line.time[each]) / SECOND for each in kept])
+        values = np.array([read[each].pose for each in kept])
+        made = cls._of_poses(kind, times, values, source)
+        made.remarks = [f"{source}: {text}" for text in remarks]
+        return made
+
+    @classmethod
+    def _of_poses(cls, kind: str, times: Float64, values: Float64, source: str) -> Self:
         if kind == NAV_SAT_FIX:
             return cls(times, local_metres(*values.T), source)
         positions = values[:, :3]
@@ -235,6 +261,45 @@ class Odometry:
             steps = ahead * np.linalg.norm(np.diff(positions, axis=0), axis=1)
             along = np.concatenate([[0.0], np.cumsum(steps)])
         return cls(times, positions, source, along)
+
+
+class _Known(NamedTuple):
+    """A message: its stamp (0 if it has none), the time of its recording, its file; and its pose,
+    None without a fix, or for a problem.
+    """
+
+    stamp: int
+    recorded: int
+    file: int
+    pose: tuple[float, ...] | None
+    problem: str = ""
+
+
+def _known(kind: str, message: Message) -> _Known:
+    if message.damage:
+        problem = f"{message.where}: {message.damage}"
+        return _Known(0, message.recorded, message.file, None, problem)
+    at = stamp_of(message.content) or 0, message.recorded, message.file
+    pose = _pose(kind, message.content)
+    if pose is not None and not np.isfinite(pose[:3]).all():
+        problem = str(mismatch(message.where, "finite numbers", pose[:3]))
+        return _Known(*at, None, problem)
+    return _Known(*at, pose)
+
+
+def _topic(bag: Recording, topic: str | None) -> tuple[str, str]:
+    """The topic of poses, the only one if none is named, and its type."""
+    fitting = [name for name in sorted(bag.topics) if bag.topics[name].kind in TOPICS]
+    if topic is None and len(fitting) == 1:
+        topic = fitting[0]
+    kind = bag.topics[topic].kind if topic in bag.topics else None
+    if topic is None or kind not in TOPICS:
+        names = fitting or sorted(bag.topics)
+        listed = ", ".join(f"{name} ({bag.topics[name].kind})" for name in names)
+        named = "no topic named" if topic is None else f"{topic!r} ({kind or 'not there'})"
+        got = f"{named}; there are {listed or 'no topics'}"
+        raise mismatch(bag.name, f"a topic of poses ({', '.join(TOPICS)})", got)
+    return topic, str(kind)
 
 
 def _pose(kind: str, message: Any) -> tuple[float, ...] | None:

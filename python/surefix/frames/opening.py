@@ -6,15 +6,17 @@ from pathlib import Path
 
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.advances import Advances, on_clock
-from surefix.frames.bag import BAG_ENDINGS, BagFrames, is_bag
+from surefix.frames.bag import BagFrames
 from surefix.frames.camera import CameraFrames, is_camera
 from surefix.frames.follow import FollowFrames
 from surefix.frames.frame import Frames
 from surefix.frames.images import ImageFrames
+from surefix.frames.nearest import Every, EveryMetres
 from surefix.frames.newest import KeepNewest
 from surefix.frames.odometry import Odometry
 from surefix.frames.passing import SkipBad
-from surefix.frames.sampling import Every, EveryMetres, Gaps, Stride, check_stride
+from surefix.frames.recording import BAG_ENDINGS, is_bag, is_bags
+from surefix.frames.sampling import Gaps, Stride, check_stride
 from surefix.frames.shape import Crop
 from surefix.frames.video import VIDEO_ENDINGS, VideoFrames, is_video
 from surefix.tables.vectors import ENDINGS
@@ -45,10 +47,11 @@ def open(
     ----------
     place : str, path, int, or list of files
         A folder of images or a pattern; a ``.npy``, or another file of descriptors; a video file; a
-        bag (``.bag``, ``.mcap``, ``.db3``, or the folder of a ROS 2 bag); a camera's number, device
-        file or URL; or a list of image files.
+        bag (``.bag``, ``.mcap``, ``.db3``, or the folder of a ROS 2 bag), or a folder, a pattern or
+        a list of the bags of one drive; a camera's number, device file or URL; or a list of image
+        files.
     topic : str, optional
-        Of a bag: the images' topic, if there are several.
+        Of a bag: the images' topic, if there are several cameras.
     follow : bool
         Of a folder or a pattern: go on with the files that come.
     idle : float, optional
@@ -58,9 +61,9 @@ def open(
     stride : int
         Take every n-th frame.
     every : float, optional
-        Take a frame every this many seconds.
+        Take the frame nearest to each tick of this many seconds (``Every``).
     metres : float, optional
-        Take a frame every this many metres, by ``odometry``.
+        Take the frame nearest to each mark of this many metres, by ``odometry`` (``EveryMetres``).
     odometry : Odometry, str or path, optional
         For ``metres``, ``places_per_metre`` or both: a ``.csv`` or a trajectory of TUM, KITTI or
         EuRoC (``Odometry.from_file``), a topic of poses of the bag that the images are in, or
@@ -78,6 +81,9 @@ def open(
         Pass over frames that cannot be decoded, and say so (``SkipBad``, ``VideoFrames``).
     crop : (int, int), optional
         Cut each image around its centre to the shape of this width and height (``Crop``).
+
+    skip_bad : bool
+        Pass over frames that cannot be decoded, and say so (``SkipBad``, ``BagFrames``).
 
     Returns
     -------
@@ -136,7 +142,7 @@ def open(
 
 def is_recording(place: str) -> bool:
     """Whether this names a video or a bag."""
-    return is_bag(Path(place)) or is_video(Path(place))
+    return is_bag(place) or is_video(Path(place))
 
 
 def _source(
@@ -150,6 +156,9 @@ def _source(
     if idle is not None and not follow:
         raise mismatch("idle", "follow too", "none")
     if not isinstance(place, (str, PathLike, int)):
+        place = list(place)
+        if is_bags(place) and not follow:
+            return BagFrames(place, topic, skip_bad=skip_bad)
         if follow or topic is not None:
             raise SurefixValueError(f"{'follow' if follow else 'topic'}: not for a list of files")
         if order != "name":
@@ -157,7 +166,7 @@ def _source(
         return ImageFrames(place)
     name = str(place) if isinstance(place, int) else fspath(place)
     file = Path(name)
-    bag, video = is_bag(file), is_video(file)
+    bag, video = is_bag(name), is_video(file)
     if topic is not None and not bag:
         raise mismatch("topic", "a bag", name)
     array, camera = file.suffix.lower() in ENDINGS, is_camera(name) and not file.is_dir()
@@ -168,7 +177,7 @@ def _source(
             raise mismatch("follow", "a folder or a pattern", name)
         return FollowFrames(name, idle=idle)
     if bag:
-        return BagFrames(name, topic)
+        return BagFrames(name, topic, skip_bad=skip_bad)
     if video:
         return VideoFrames(name, skip_bad=skip_bad)
     for fits, kind in ((array, ImageFrames), (camera, CameraFrames)):
@@ -178,26 +187,18 @@ def _source(
         endings = ", ".join(sorted({*VIDEO_ENDINGS, *BAG_ENDINGS, *ENDINGS}))
         expected = f"a folder of images, a pattern, or a file that ends in {endings}"
         raise SurefixValueError(f"{name}: expected {expected}")
-    try:
-        return ImageFrames(name, order=order)
-    except SurefixValueError:
-        # A recorder that was interrupted leaves a bag's folder without its metadata.
-        parts = sorted(p.name for p in file.glob("*") if is_bag(p)) if file.is_dir() else []
-        if not parts:
-            raise
-        expected = "expected images, or the metadata.yaml of a bag"
-        raise SurefixValueError(f"{name}: {expected}; name one of {', '.join(parts)}") from None
+    return ImageFrames(name, order=order)
 
 
 def _odometry(given: Odometry | Place, source: Frames) -> Odometry:
     if isinstance(given, Odometry):
         return given
     name = fspath(given)
-    if is_bag(Path(name)):
+    if is_bag(name):
         return Odometry.from_bag(name)
     if not name.startswith("/") or Path(name).is_file():
         return Odometry.from_file(name)
     if not isinstance(source, BagFrames):
         expected = "a .csv or a trajectory's file, or a topic of the bag that the images are in"
         raise mismatch("odometry", expected, name)
-    return Odometry.from_bag(source.path, name)
+    return Odometry.from_bag(source.place, name, recorded=source.recorded)

@@ -4,56 +4,81 @@ from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import as_strided
 
 from surefix._core import decode_image
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
 
+Pixels = npt.NDArray[Any]
 UInt8 = npt.NDArray[np.uint8]
 
-IMAGE = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+RAW = ("sensor_msgs/msg/Image", "foxglove_msgs/msg/RawImage")
+COMPRESSED = ("sensor_msgs/msg/CompressedImage", "foxglove_msgs/msg/CompressedImage")
 
 
 class Layout(NamedTuple):
-    """An encoding: bytes a sample, samples a pixel, and which are red, green, blue, or grey."""
+    """An encoding: the type of a sample, samples a pixel, which of them are red, green and blue, or
+    grey, and how many rows of a step follow those of the image, as a share of its height.
+    """
 
-    size: int
+    dtype: str
     samples: int
     channels: tuple[int, ...]
+    more: float = 0
 
 
+GREY, RGB, BGR = (0,), (0, 1, 2), (2, 1, 0)
 LAYOUTS = {
-    "mono8": Layout(1, 1, (0,)),
-    "8UC1": Layout(1, 1, (0,)),
-    "rgb8": Layout(1, 3, (0, 1, 2)),
-    "bgr8": Layout(1, 3, (2, 1, 0)),
-    # OpenCV's name of a type, so in its order.
-    "8UC3": Layout(1, 3, (2, 1, 0)),
-    "rgba8": Layout(1, 4, (0, 1, 2)),
-    "bgra8": Layout(1, 4, (2, 1, 0)),
-    "mono16": Layout(2, 1, (0,)),
-    "16UC1": Layout(2, 1, (0,)),
-    "rgb16": Layout(2, 3, (0, 1, 2)),
-    "bgr16": Layout(2, 3, (2, 1, 0)),
-    # Brightness at every pixel, colour at every second: the brightness is taken.
-    "yuv422": Layout(1, 2, (1,)),
-    "uyvy": Layout(1, 2, (1,)),
-    "yuv422_yuy2": Layout(1, 2, (0,)),
-    "yuyv": Layout(1, 2, (0,)),
+    "mono8": Layout("u1", 1, GREY),
+    "rgb8": Layout("u1", 3, RGB),
+    "bgr8": Layout("u1", 3, BGR),
+    "rgba8": Layout("u1", 4, RGB),
+    "bgra8": Layout("u1", 4, BGR),
+    "mono16": Layout("u2", 1, GREY),
+    "rgb16": Layout("u2", 3, RGB),
+    "bgr16": Layout("u2", 3, BGR),
+    "rgba16": Layout("u2", 4, RGB),
+    "bgra16": Layout("u2", 4, BGR),
+    # OpenCV's names of types, so in its order.
+    "8UC1": Layout("u1", 1, GREY),
+    "8UC3": Layout("u1", 3, BGR),
+    "8UC4": Layout("u1", 4, BGR),
+    "16UC1": Layout("u2", 1, GREY),
+    "16UC3": Layout("u2", 3, BGR),
+    "16UC4": Layout("u2", 4, BGR),
+    "32FC1": Layout("f4", 1, GREY),
+    # Brightness at every pixel, colour at fewer: the brightness is taken.
+    "yuv422": Layout("u1", 2, (1,)),
+    "uyvy": Layout("u1", 2, (1,)),
+    "yuv422_yuy2": Layout("u1", 2, GREY),
+    "yuyv": Layout("u1", 2, GREY),
+    # The brightness comes first, all colour after it.
+    "nv12": Layout("u1", 1, GREY, 0.5),
+    "nv21": Layout("u1", 1, GREY, 0.5),
+    "i420": Layout("u1", 1, GREY, 0.5),
+    "yuv420": Layout("u1", 1, GREY, 0.5),
+    "yv12": Layout("u1", 1, GREY, 0.5),
+    "nv24": Layout("u1", 1, GREY, 2),
 }
-BAYER: dict[str, tuple[int, Pattern]] = {
-    f"bayer_{pattern}{8 * size}": (size, pattern)
+BAYER: dict[str, tuple[str, Pattern]] = {
+    f"bayer_{pattern}{8 * size}": (f"u{size}", pattern)
     for size in (1, 2)
     for pattern in get_args(Pattern)
 }
+# Drivers write RGB8 and NV12 as well.
+KNOWN = {name.lower(): name for name in (*LAYOUTS, *BAYER)}
 
 
 def image_of(message: Any, where: str = "image") -> UInt8:
-    """The picture of a ``sensor_msgs`` Image or CompressedImage of rclpy, rospy or rosbags.
+    """The picture of an image message of rclpy, rospy or rosbags: ``sensor_msgs`` Image or
+    CompressedImage, or Foxglove's of the same names.
 
-    16 bits are rounded to the upper 8; a Bayer mosaic becomes a colour image of half its sides
-    (``surefix.datasets.demosaic``); of YUV 4:2:2 the brightness is taken; an alpha channel is left
-    out.
+    16 bits are rounded to the upper 8. Floats become 16 bits: 0 to 1 are black to white if no pixel
+    is above 1; else hundredths are counted, such as those of kelvin or metres, if none is above
+    655.35; else ones. What is no number is black. A Bayer mosaic becomes a colour image of half
+    its sides (``surefix.datasets.demosaic``). Of YUV the brightness is taken. An alpha channel is
+    left out.
 
     Parameters
     ----------
@@ -75,22 +100,45 @@ def image_of(message: Any, where: str = "image") -> UInt8:
     return _raw(message, where) if hasattr(message, "encoding") else _compressed(message, where)
 
 
+def check_fits(message: Any, where: str = "image") -> None:
+    """Refuses a raw image that ``image_of`` would, by its encoding and the length of its data."""
+    # A packet of a video has an encoding as well, and no rows.
+    if hasattr(message, "step"):
+        _rows(message, _layout(message, where), where)
+
+
+def _layout(message: Any, where: str) -> Layout:
+    name = KNOWN.get(str(message.encoding).lower())
+    if name is None:
+        raise mismatch(
+            where, f"an encoding among {', '.join(KNOWN.values())}", repr(message.encoding)
+        )
+    return LAYOUTS[name] if name in LAYOUTS else Layout(BAYER[name][0], 1, GREY)
+
+
 def _raw(message: Any, where: str) -> UInt8:
-    encoding = str(message.encoding)
-    if encoding in BAYER:
-        size, pattern = BAYER[encoding]
-        mosaic = _samples(message, Layout(size, 1, (0,)), where)[..., 0]
+    layout = _layout(message, where)
+    samples = _rows(message, layout, where)
+    name = KNOWN[str(message.encoding).lower()]
+    if name in BAYER:
         try:
-            return demosaic(np.ascontiguousarray(mosaic), pattern)
+            return upper_8(demosaic(samples[..., 0], BAYER[name][1]))
         except SurefixValueError as error:
             raise SurefixValueError(f"{where}: {error}") from None
-    layout = LAYOUTS.get(encoding)
-    if layout is None:
-        known = ", ".join([*LAYOUTS, *BAYER])
-        raise mismatch(where, f"an encoding among {known}", repr(encoding))
-    one = len(layout.channels) == 1
-    channels = layout.channels[0] if one else layout.channels
-    return np.ascontiguousarray(_samples(message, layout, where)[..., channels])
+    channels = layout.channels[0] if len(layout.channels) == 1 else layout.channels
+    return np.ascontiguousarray(upper_8(samples[..., channels]))
+
+
+def upper_8(samples: Pixels) -> UInt8:
+    """The range rule: how samples of more than 8 bits become 8."""
+    if samples.dtype == np.float32:
+        known = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)
+        top = known.max(initial=0)
+        scale = 65535 if top <= 1 else 100 if top <= 655.35 else 1
+        samples = np.rint((known * scale).clip(0, 65535)).astype(np.uint16)
+    if samples.dtype == np.uint16:
+        samples = ((samples.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    return samples
 
 
 def _compressed(message: Any, where: str) -> UInt8:
@@ -98,25 +146,33 @@ def _compressed(message: Any, where: str) -> UInt8:
     # Its png has a header of its own before it, and 16-bit depths in it.
     if "compressedDepth" in encoding:
         raise mismatch(where, "a camera's image", f"a depth image (format {encoding!r})")
-    return decode_image(bytes(_bytes(message.data)), where)
+    return decode_image(bytes(bytes_of(message)), where)
 
 
-def _samples(message: Any, layout: Layout, where: str) -> UInt8:
-    """8-bit samples, shape (H, W, samples a pixel)."""
+def _rows(message: Any, layout: Layout, where: str) -> Pixels:
+    """The samples, shape (H, W, samples a pixel), in this machine's order of bytes."""
     height, width, step = int(message.height), int(message.width), int(message.step)
-    row = width * layout.samples * layout.size
-    data = _bytes(message.data)
-    if not (height and width) or step < row or len(data) != step * height:
-        expected = f"{height} rows of {row} bytes or more ({width} pixels, {message.encoding})"
+    # Foxglove's have no such field: they are little-endian.
+    dtype = np.dtype((">" if getattr(message, "is_bigendian", 0) else "<") + layout.dtype)
+    row = width * layout.samples * dtype.itemsize
+    # Some drivers leave it out.
+    step = step or row
+    data = bytes_of(message)
+    # Some count the rows of the colour too.
+    if layout.more and height and len(data) == step * height:
+        height = round(height / (1 + layout.more))
+    # The last row need not be padded.
+    short = len(data) < step * (height - 1) + row + step * round(height * layout.more)
+    if not (height and width) or step < row or short:
+        total = round(height * (1 + layout.more))
+        expected = f"{total} rows of {row} bytes or more ({width} pixels, {message.encoding})"
         raise mismatch(where, expected, f"a row step of {step} and {len(data)} bytes")
-    pixels = data.reshape(height, step)[:, :row]
-    if layout.size == 2:
-        order = ">u2" if message.is_bigendian else "<u2"
-        wide = np.ascontiguousarray(pixels).view(order).astype(np.uint32)
-        pixels = ((wide + 128) // 257).astype(np.uint8)
-    return pixels.reshape(height, width, layout.samples)
+    # A view of rows of which the last may end early.
+    pixels = np.ascontiguousarray(as_strided(data, (height, row), (step, 1)))
+    native = pixels.view(dtype).astype(dtype.newbyteorder("="), copy=False)
+    return native.reshape(height, width, layout.samples)
 
 
-def _bytes(data: Any) -> UInt8:
-    """The bytes of a message's field: an array, bytes or ``array.array``."""
-    return np.frombuffer(data, dtype=np.uint8)
+def bytes_of(message: Any) -> UInt8:
+    """The bytes of a message's data: an array, bytes or ``array.array``."""
+    return np.frombuffer(message.data, dtype=np.uint8)

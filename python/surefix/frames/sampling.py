@@ -1,4 +1,4 @@
-"""Fewer frames: every n-th, one in a number of seconds or of metres; and gaps between frames."""
+"""Fewer frames: every n-th; and gaps between frames."""
 
 import math
 from abc import abstractmethod
@@ -9,8 +9,7 @@ from itertools import count
 from numbers import Integral
 
 from surefix.errors import SurefixValueError, mismatch
-from surefix.frames.frame import Frame, Frames, IteratedFrames, Shot
-from surefix.frames.odometry import Float64, Odometry
+from surefix.frames.frame import Frame, Frames, IteratedFrames, Shot, added
 
 
 class Derived(Frames):
@@ -43,15 +42,14 @@ class Selection(Derived):
     def shots(self) -> Generator[Shot, None, None]:
         """The chosen ones."""
         chooser = self.chooser()
-        dropped, gap = 0, False
-        moved: float | None = 0.0
+        passed: Shot | None = None
         with closing(self.source.shots()) as shots:
             for shot in shots:
-                dropped, gap = dropped + shot.dropped, gap or shot.gap
-                moved = added(moved, shot.advance)
-                if chooser(shot):
-                    yield replace(shot, dropped=dropped, gap=gap, advance=moved)
-                    dropped, gap, moved = 0, False, 0.0
+                now = follow(passed, shot)
+                chosen = chooser(shot)
+                if chosen:
+                    yield now
+                passed = None if chosen else now
 
 
 class Stride(Selection):
@@ -83,141 +81,6 @@ class Stride(Selection):
         """Counts the shots."""
         numbers = count()
         return lambda _: next(numbers) % self.stride == 0
-
-
-class Every(Selection):
-    """The first frame, and then the first frame of each period of a number of seconds.
-
-    A frame that is late does not delay those after it. If the time goes back, it begins anew.
-
-    Raises
-    ------
-    SurefixValueError
-        If the seconds are not above 0; while it is read, for a frame without a time.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from surefix.frames import Every, Frame
-    >>> frames = [Frame(np.zeros((4, 6), np.uint8), 0.4 * index, str(index)) for index in range(7)]
-    >>> [frame.name for frame in Every(frames, 1.0)]
-    ['0', '3', '5']
-    """
-
-    def __init__(self, source: Iterable[Frame], seconds: float) -> None:
-        super().__init__(source)
-        self.seconds = above_0("every", "seconds", seconds)
-
-    def chooser(self) -> Callable[[Shot], bool]:
-        """Looks at the clock."""
-        start, period, last = 0.0, -1, 0.0
-
-        def choose(shot: Shot) -> bool:
-            nonlocal start, period, last
-            time = time_of(shot, "every")
-            if period < 0 or time < last:
-                start, period = time, -1
-            last = time
-            now = math.floor((time - start) / self.seconds)
-            if now <= period:
-                return False
-            period = now
-            return True
-
-        return choose
-
-
-class Placed:
-    """The times of an iteration's frames by an odometry's clock."""
-
-    def __init__(self, odometry: Odometry) -> None:
-        self.odometry = odometry
-        self.inside = self.outside = 0
-        self._low, self._high = math.inf, -math.inf
-
-    def time_of(self, shot: Shot, option: str) -> float:
-        """The time of the next frame."""
-        time = time_of(shot, option) if shot.clock is None else shot.clock
-        covered = self.odometry.times[0] <= time <= self.odometry.times[-1]
-        self.inside, self.outside = self.inside + covered, self.outside + (not covered)
-        self._low, self._high = min(self._low, time), max(self._high, time)
-        return time
-
-    def check(self) -> None:
-        """Refuses an odometry that knows the position of no frame."""
-        if self.outside and not self.inside:
-            times = self.odometry.times
-            expected = f"positions at the times of the frames, {self._low} s to {self._high} s"
-            got = f"those of {times[0]} s to {times[-1]} s: are the clocks the same?"
-            raise mismatch(self.odometry.source, expected, got)
-
-
-class EveryMetres(Selection):
-    """A frame every few metres, as the method wants: a query's neighbours are then as far apart as
-    the map's.
-
-    The first frame with a known position is taken; then each whose straight distance from the one
-    taken before, with the overshoot of that one, reaches ``metres``. So frames are ``metres`` apart
-    on average at any speed; a standstill yields none; and the noise of a receiver does not add up
-    to a path. Frames before the first position and after the last are passed over.
-
-    Parameters
-    ----------
-    source : iterable of Frame
-        With times, of the odometry's clock.
-    odometry : Odometry
-    metres : float
-        Above 0.
-
-    Raises
-    ------
-    SurefixValueError
-        For another distance; while it is read, for a frame without a time, and if no frame lies
-        within the odometry's times: the two clocks differ.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from surefix.frames import EveryMetres, Frame, Odometry
-    >>> frames = [Frame(np.zeros((4, 6), np.uint8), float(time), str(time)) for time in range(6)]
-    >>> halts = Odometry([0, 2, 3, 5], [[0.0, 0.0], [2.0, 0.0], [2.0, 0.0], [4.0, 0.0]])
-    >>> [frame.name for frame in EveryMetres(frames, halts, metres=1)]
-    ['0', '1', '2', '4', '5']
-    """
-
-    def __init__(self, source: Iterable[Frame], odometry: Odometry, metres: float) -> None:
-        super().__init__(source)
-        self.odometry = odometry
-        self.metres = above_0("metres", "a distance", metres)
-        self._placed = Placed(odometry)
-
-    def chooser(self) -> Callable[[Shot], bool]:
-        """Looks at the odometry."""
-        last: Float64 | None = None
-        over = 0.0
-        placed = self._placed = Placed(self.odometry)
-
-        def choose(shot: Shot) -> bool:
-            nonlocal last, over
-            time = placed.time_of(shot, "metres")
-            here = self.odometry.at(time)
-            if here is None:
-                return False
-            driven = over if last is None else math.dist(here, last) + over
-            # Short of it by a rounding error counts as there.
-            nearly = 1e-9 * self.metres
-            if last is not None and driven < self.metres - nearly:
-                return False
-            over = math.fmod(driven, self.metres)
-            last, over = here, 0.0 if self.metres - over < nearly else over
-            return True
-
-        return choose
-
-    def shots(self) -> Generator[Shot, None, None]:
-        """The chosen ones."""
-        yield from super().shots()
-        self._placed.check()
 
 
 class Gaps(Derived):
@@ -258,9 +121,14 @@ class Gaps(Derived):
                 before = time
 
 
-def added(moved: float | None, more: float | None) -> float | None:
-    """The sum of two advances; None if one is unknown."""
-    return None if moved is None or more is None else moved + more
+def follow(*shots: Shot | None) -> Shot:
+    """The last one, with the gaps, dropped frames and advances of those before it."""
+    known = [shot for shot in shots if shot is not None]
+    moved: float | None = 0.0
+    for shot in known:
+        moved = added(moved, shot.advance)
+    dropped, gap = sum(shot.dropped for shot in known), any(shot.gap for shot in known)
+    return replace(known[-1], dropped=dropped, gap=gap, advance=moved)
 
 
 def check_stride(stride: object) -> int:

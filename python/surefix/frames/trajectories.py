@@ -1,5 +1,6 @@
 """Trajectories in text files: CSV, TUM, KITTI and EuRoC. Errors name the file and the row."""
 
+import re
 from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy.typing as npt
 
 from surefix.errors import mismatch
 from surefix.tables.poses import driven, rotations
-from surefix.tables.rows import columns, decimal, read_text, rows, whole
+from surefix.tables.rows import columns, decimal, header_and_rows, read_text, rows, whole
 
 Float64 = npt.NDArray[np.float64]
 
@@ -19,21 +20,26 @@ CHOICES = (("time", "x", "y", "z"), ("time", "x", "y"), ("time", "distance"))
 TUM = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 KITTI = "the 3 x 4 matrix of a pose, a row after the other"
 EUROC = ("x", "y", "z", "w", "x", "y", "z")
-# Times above are nanoseconds since 1970: in seconds they would be millions of years.
-NANOSECONDS = 1e16
+# Times above these, since 1970: in seconds they would be thousands of years and more.
+EPOCH = ((1e17, 1e9, "nanoseconds"), (1e14, 1e6, "microseconds"), (1e11, 1e3, "milliseconds"))
+# The last word of a column's name, as in time_ns or "timestamp [ns]".
+UNITS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0, "sec": 1.0, "nanoseconds": 1e9,
+         "microseconds": 1e6, "milliseconds": 1e3, "seconds": 1.0}  # fmt: skip
+TIME = re.compile(r"(time|timestamp|stamp|t)[ _]*[\[(]?(" + "|".join(UNITS) + r")?[\])]?")
 FORMATS = f"a .csv with a header ({COLUMNS}), or a trajectory of TUM, KITTI or EuRoC"
 
 
 class Trajectory(NamedTuple):
     """Positions (n, d) in metres at times (n,) in seconds; ``along`` (n,) is the distance driven,
     which decreases if the robot reverses, None if unknown. KITTI's rows are one a frame, and may
-    have no times.
+    have no times. ``remarks`` says how times were read, if not as seconds.
     """
 
     times: Float64 | None
     positions: Float64
     along: Float64 | None
     by_frame: bool = False
+    remarks: tuple[str, ...] = ()
 
 
 def read_trajectory(path: Path) -> Trajectory:
@@ -51,8 +57,16 @@ def read_trajectory(path: Path) -> Trajectory:
 
 def read_csv(path: Path) -> Trajectory:
     """``time`` and ``x,y[,z]``, ``distance`` or both; a ``yaw`` in radians is the heading."""
-    _, values, numbers, cells_of = columns(path, CHOICES, COLUMNS)
-    times, positions = _ascending(values[:, 0], numbers, path), values[:, 1:]
+    header = [name.lower() for name in header_and_rows(path, COLUMNS)[0]]
+    named = [match for match in map(TIME.fullmatch, header) if match]
+    # Of several, the one that the documentation names.
+    named.sort(key=lambda match: match[0] != "time")
+    clock = named[0][0] if named else "time"
+    choices = tuple((clock, *names[1:]) for names in CHOICES)
+    _, values, numbers, cells_of = columns(path, choices, COLUMNS)
+    unit = UNITS.get(named[0][2] or "") if named else None
+    seconds, remarks = in_seconds(values[:, 0], unit, clock)
+    times, positions = _ascending(seconds, numbers, path), values[:, 1:]
 
     def more(name: str) -> Float64 | None:
         cells = cells_of(name)
@@ -64,16 +78,29 @@ def read_csv(path: Path) -> Trajectory:
     if along is None and yaw is not None:
         o = np.zeros_like(yaw)
         along = driven(positions, rotations(np.stack([o, o, np.sin(yaw / 2), np.cos(yaw / 2)], 1)))
-    return Trajectory(times, positions, along)
+    return Trajectory(times, positions, along, remarks=remarks)
 
 
 def read_tum(path: Path) -> Trajectory:
     """``timestamp tx ty tz qx qy qz qw``, in seconds and metres; ORB-SLAM3 writes nanoseconds."""
     numbers, values = _numbers(path, TUM, " ".join(TUM))
-    if values[0, 0] > NANOSECONDS:
-        values[:, 0] /= 1e9
-    times = _ascending(values[:, 0], numbers, path)
-    return Trajectory(times, values[:, 1:4], _along(values[:, 1:4], values[:, 4:], numbers, path))
+    seconds, remarks = in_seconds(values[:, 0], None, TUM[0])
+    times = _ascending(seconds, numbers, path)
+    along = _along(values[:, 1:4], values[:, 4:], numbers, path)
+    return Trajectory(times, values[:, 1:4], along, remarks=remarks)
+
+
+def in_seconds(times: Float64, unit: float | None, name: str) -> tuple[Float64, tuple[str, ...]]:
+    """Times in seconds: by the ``unit`` that their column names, in parts of a second, or, if they
+    could be no seconds since 1970, by their size; and a remark if they are in another unit.
+    """
+    units = {factor: word for _, factor, word in EPOCH}
+    if unit is None:
+        size = float(np.abs(times).max(initial=0.0))
+        unit = next((factor for above, factor, _ in EPOCH if size > above), 1.0)
+    if unit == 1:
+        return times, ()
+    return times / unit, (f"{name} in {units[unit]}",)
 
 
 def read_kitti(path: Path) -> Trajectory:

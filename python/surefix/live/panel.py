@@ -122,14 +122,17 @@ class Scene:
     totals: str
 
 
-def panel(scene: Scene, console: Console) -> RenderableType:
-    """The scene, as far as the console has room: first of all the place, last of all the images."""
+def panel(scene: Scene, console: Console, spare: int = 0) -> RenderableType:
+    """The scene, as far as the console has room: first of all the place, last of all the images.
+
+    ``spare`` lines stay free below, and one for the cursor.
+    """
     unicode = (console.encoding or "").lower().startswith("utf")
     width = min(console.width, WIDEST)
     inside = max(1, width - 4)
     bins = Bins(len(scene.distances), inside, fill=True)
     # One line stays free for the cursor, and two are the frame's.
-    room = console.height - 3
+    room = console.height - 3 - spare
     top: list[RenderableType] = [_headline(scene, unicode)]
     below: list[RenderableType] = []
     summary = _lines(scene.totals, inside, unicode)[: max(0, room - 1)]

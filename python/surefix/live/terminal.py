@@ -39,6 +39,8 @@ class TerminalView(Closing):
         the names that the map has for its places.
     console : rich.console.Console, optional
         The output; standard output by default.
+    spare : int
+        How many lines the last picture leaves free below, for a summary that follows.
 
     Examples
     --------
@@ -62,8 +64,10 @@ class TerminalView(Closing):
         total: int | None = None,
         references: str | Path | Images | None = None,
         console: Console | None = None,
+        spare: int = 0,
     ) -> None:
         self.console = console or Console()
+        self.spare = spare
         self.names = map.names
         self.total = total
         self.references = References(map, references)
@@ -97,9 +101,9 @@ class TerminalView(Closing):
 
     def close(self) -> None:
         """Draw for the last time, and give the terminal back. Calling it again does nothing."""
-        self.paced.stop(None if self.newest is None else self._picture)
+        self.paced.stop(None if self.newest is None else lambda: self._picture(self.spare))
 
-    def _picture(self) -> RenderableType:
+    def _picture(self, spare: int = 0) -> RenderableType:
         assert self.newest is not None
         seen, fix = self.newest
         scene = Scene(
@@ -113,7 +117,7 @@ class TerminalView(Closing):
             rows=list(self.rows),
             totals=str(self.totals),
         )
-        return panel(scene, self.console)
+        return panel(scene, self.console, spare)
 
 
 class Totals:
@@ -141,7 +145,7 @@ class Totals:
         p50, p99 = np.percentile(self.latency, (50, 99))
         parts = [f"{self.trusted / self.fixes:.0%} trusted ({self.trusted} of {self.fixes})"]
         if self.trusted and self.since_trusted:
-            parts.append(f"the last {plural(self.since_trusted, 'frame')} ago")
+            parts.append(f"the last trusted one {plural(self.since_trusted, 'frame')} ago")
         elapsed = self.times[-1] - self.times[0]
         if elapsed > 0:
             parts.append(f"{(len(self.times) - 1) / elapsed:.0f} frames a second")

@@ -23,7 +23,7 @@ FAINT, HERE = "#5b6672", "#f4f7fa"
 
 
 class Images(Protocol):
-    """Images by their number."""
+    """Images by their number; a KeyError for a place without one."""
 
     def __getitem__(self, index: int, /) -> Image: ...
 
@@ -133,7 +133,10 @@ class References:
     def _image(self, place: int) -> Image | None:
         """The image of a place; None if there is none or it cannot be read."""
         if self.images is not None:
-            return in_8_bits(self.images[place], self.levels)
+            try:
+                return in_8_bits(self.images[place], self.levels)
+            except KeyError:
+                return None
         if not self.names:
             return None
         file = self.folder / self.names[place]

@@ -7,6 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from surefix.plot.bars import spans
@@ -22,6 +24,8 @@ Window = tuple[int, int]
 TONES = (0.1, 60.0)
 
 ENOUGH = 8
+# The height of an axis's numbers and words, in inches.
+WORDS = 0.5
 
 LEGEND: Any = {
     "loc": "lower center",
@@ -80,6 +84,7 @@ def distance_matrix(
     seen = np.ones(len(place), np.bool_) if judged is None else judged
     inside = seen & (shown >= first_query) & (shown < first_query + query_count)
     inside &= (place >= first_place) & (place < first_place + place_count)
+    figure = ax.get_figure(root=True)
     # The rare and the trusted on top.
     good, bad, held_right, held = Outcome
     masks = outcomes(right, trusted)
@@ -93,6 +98,10 @@ def distance_matrix(
             paint = {"facecolors": "none", "edgecolors": colour}
         elif mark.shape != "x":
             paint["edgecolors"] = theme.paper
+        width = mark.width * np.sqrt(growth)
+        if close and (mark.hollow or mark.shape == "x"):
+            # Thin lines are lost on dark tones.
+            paint["path_effects"] = [withStroke(linewidth=width + 1.4, foreground=theme.paper)]
         ax.scatter(
             at,
             place[at],
@@ -100,14 +109,12 @@ def distance_matrix(
             marker=mark.shape,
             zorder=3 + layer,
             clip_on=False,
-            linewidths=mark.width * np.sqrt(growth),
+            linewidths=width,
             **paint,
         )
     if close:
         if truth is not None:
-            known = np.where(truth >= 0, truth, np.nan)
-            ax.plot(shown, known, color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
-        figure = ax.get_figure(root=True)
+            ax.plot(*_path(truth), color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
         if figure is not None:
             shape: Any = {"location": "top", "shrink": 0.6, "aspect": 32, "pad": 0.02}
             bar = figure.colorbar(tones, ax=ax, extend="both", **shape)
@@ -118,12 +125,16 @@ def distance_matrix(
         corner = x - cell, y - cell
         style: Any = {"edgecolor": theme.ink, "linewidth": 1.1, "zorder": 10}
         ax.add_patch(Rectangle(corner, width, height, fill=False, **style))
-    _axes(ax, (first_query, query_count), (first_place, place_count))
-    if not close:
-        entries = [
-            _entry(outcome, int((masks[outcome] & seen).sum()), theme) for outcome in Outcome
-        ]
-        ax.legend(handles=entries, **LEGEND)
+    _axes(ax, (first_query, query_count), (first_place, place_count), close)
+    counted = inside if close else seen
+    entries = [_entry(outcome, int((masks[outcome] & counted).sum()), theme) for outcome in Outcome]
+    place_of: dict[str, Any] = {}
+    if close and figure is not None:
+        # Above a close-up is its scale; so below, where the axis has its words.
+        below = ScaledTranslation(0, -WORDS, figure.dpi_scale_trans)
+        place_of = {"loc": "upper center", "bbox_transform": ax.transAxes + below}
+        place_of["bbox_to_anchor"] = (0.5, 0.0)
+    ax.legend(handles=entries, **(LEGEND | place_of))
     return ax
 
 
@@ -175,7 +186,7 @@ def aligned_track(
         ax.scatter(shown, place[shown], s=5, color=colour, linewidths=0, zorder=3)
         entries.append(Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour))
         entries[-1].set_label(f"{name} ({len(at)})")
-    _axes(ax, (0, count[0]), (0, count[1]))
+    _axes(ax, (0, count[0]), (0, count[1]), close=False)
     ax.legend(handles=entries, **(LEGEND | {"ncols": 3}))
     return ax
 
@@ -208,9 +219,20 @@ def _tones(
     )
 
 
-def _axes(ax: Axes, queries: Window, places: Window) -> None:
-    ax.set_xlim(queries[0] - 0.5, sum(queries) - 0.5)
-    ax.set_ylim(places[0] - 0.5, sum(places) - 0.5)
+def _path(truth: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The line along the true places, which ends off the map and where the drive jumps."""
+    steps = np.abs(np.diff(truth))
+    usual = int(np.median(steps)) if len(steps) else 0
+    jumps = np.flatnonzero(steps > 10 + 5 * usual) + 1
+    queries = np.insert(np.arange(len(truth), dtype=np.float64), jumps, np.nan)
+    return queries, np.insert(np.where(truth >= 0, truth, np.nan), jumps, np.nan)
+
+
+def _axes(ax: Axes, queries: Window, places: Window, close: bool) -> None:
+    # The whole ends at a round number, such as 1,000, of which the tick is seen then.
+    end = 0.5 if close else 0.0
+    ax.set_xlim(queries[0] - 0.5, sum(queries) - end)
+    ax.set_ylim(places[0] - 0.5, sum(places) - end)
     ax.set_xlabel("query (frame of the second drive)")
     ax.set_ylabel("place (frame of the map)")
 

@@ -3,6 +3,7 @@
 import os
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
@@ -31,7 +32,9 @@ def load(path: str | PathLike[str], key: str | None = None) -> Rows:
     ``.npz``            ``key`` is the array's name
     ``.safetensors``    ``key`` is the tensor's name; ``pip install safetensors``
     ``.h5``, ``.hdf5``  ``key`` is the data set's path; or its name in the groups of the images, as
-                        hloc writes them, ``frame9`` before ``frame10``; ``pip install h5py``
+                        hloc writes them, ``frame9`` before ``frame10``; if the images lie in
+                        several folders, with the folder before: ``db/global_descriptor``, or
+                        ``*/global_descriptor`` for all of them; ``pip install h5py``
     ``.faiss``,         a flat index; ``pip install faiss-cpu``
     ``.index``
     ==================  ========================================================================
@@ -145,17 +148,26 @@ def _hdf5(path: Path, key: str | None) -> Rows:
 
 
 def _data_set(path: Path, key: str | None, found: dict[str, Any]) -> Rows:
-    """The data set ``key``; or those of this name in all groups, a row each."""
-    name = None if key is None else key.strip("/")
-    if name is None and len(found) == 1:
-        (name,) = found
-    if name in found:
-        return np.asarray(found[name])
-    of_images = [full for full in found if "/" in full and full.rpartition("/")[2] == name]
-    if name is None or not of_images:
+    """The data set ``key``; or those of this name in all groups, or in those of one folder."""
+    key = None if key is None else key.strip("/")
+    if key is None and len(found) == 1:
+        (key,) = found
+    if key in found:
+        return np.asarray(found[key])
+    folder, _, name = (key or "").rpartition("/")
+    groups = {full: full.rpartition("/")[0] for full in found if full.rpartition("/")[2] == name}
+    of_images = [full for full, group in groups.items() if group]
+    folders = Counter(full.partition("/")[0] for full in of_images if full.count("/") > 1)
+    if folder not in ("", "*"):
+        of_images = [full for full in of_images if full.startswith(folder + "/")]
+    elif not folder and len(folders) > 1:
+        listed = ", ".join(f"{folder} ({count})" for folder, count in sorted(folders.items()))
+        expected = f"a key with the folder of the images before: {sorted(folders)[0]}/{name}, or "
+        raise mismatch(path, f"{expected}*/{name} for all of them", f"{name} in {listed}")
+    if name == "" or not of_images:
         # If there are many groups, the names of the data sets in them say more.
-        listed = {n.rpartition("/")[2] for n in found} if len(found) > LISTED else found
-        short = ", ".join(sorted(listed)[:LISTED]) + (", ..." if len(listed) > LISTED else "")
+        named = {full.rpartition("/")[2] for full in found} if len(found) > LISTED else found
+        short = ", ".join(sorted(named)[:LISTED]) + (", ..." if len(named) > LISTED else "")
         got = "no key" if key is None else f"the key {key!r}"
         raise mismatch(path, f"one of the data sets {short or '(there are none)'}", got)
     of_images.sort(key=_as_counted)
@@ -238,4 +250,6 @@ def _checked(path: Path, key: str | None, array: Rows) -> Rows:
         raise mismatch(where, f"descriptors of {', '.join(NUMBERS)}", array.dtype)
     if array.ndim != 2 or 0 in array.shape:
         raise mismatch(where, "descriptors (n, dim)", f"the shape {array.shape}")
-    return array.astype(np.float32) if array.dtype.name == "float64" else array
+    # In the byte order of this machine; and float64, which no map keeps, as float32.
+    name = "float32" if array.dtype.name == "float64" else array.dtype.name
+    return array if array.dtype == np.dtype(name) else array.astype(name)

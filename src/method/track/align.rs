@@ -18,6 +18,7 @@ use crate::method::single::{Single, minimum};
 use crate::method::{Column, Given};
 use crate::segments::Segments;
 use crate::simd::Isa;
+use serde::{Deserialize, Serialize};
 
 /// A drive that can be read twice.
 pub(crate) trait Source {
@@ -75,7 +76,7 @@ pub(super) struct Recorded {
 }
 
 /// What all queries say of one.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Aligned {
     /// Where it was.

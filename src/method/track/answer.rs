@@ -5,12 +5,13 @@ use super::sums::{CHUNK, LANES, sum};
 use super::{Prediction, State, Step, Taken, Tracker};
 use crate::method::argmin::first_better;
 use crate::segments::Segments;
+use serde::{Deserialize, Serialize};
 
 /// The share of the belief on either side of [`Track::interval`].
 const TAIL: f64 = 0.025;
 
 /// Where the robot is by all queries so far (method 1.9).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Track {
     /// The most probable place, from 0.

@@ -208,6 +208,7 @@ def test_a_terminal_gets_a_live_table_and_a_summary(drives: Path) -> None:
     os.close(leader)
     assert process.wait(timeout=60) == 0
     text = seen.decode()
+    assert "not kept: add -o fixes.csv" in text
     assert "\x1b[" in text
     assert "frame59.png" in text
     assert "frame 60 of 60" in text
@@ -397,6 +398,7 @@ def test_every_command_has_help_with_an_example() -> None:
         ["demo"],
     ):
         text = surefix_(*command, "--help").stdout
+        assert surefix_(*command, "-h").stdout == text
         assert "Usage:" in text
         if len(command) == 2 or command in (["run"], ["demo"]):
             assert "Example: surefix" in text

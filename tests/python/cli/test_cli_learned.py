@@ -63,8 +63,9 @@ def test_a_drive_is_localized_by_the_network_that_made_the_map(drive: Path, tmp_
     other = tmp_path / "tiny.onnx"
     other.write_bytes((drive / "tiny.onnx").read_bytes())
     surefix_("run", out, drive / "summer", "--model", other)
-    without = surefix_("run", out, drive / "summer", code=1)
-    assert "Localizer(map, descriptor=...) with" in without.stderr
+    without = surefix_("run", out, drive / "summer", code=2)
+    assert "add --model FILE" in without.stderr
+    assert "0 fixes" not in without.stderr
     sad = tmp_path / "sad.safetensors"
     surefix_("map", "build", drive / "summer", "-o", sad)
     assert (
@@ -253,7 +254,7 @@ def test_mistakes_with_a_network_are_said_in_a_line(drive: Path, tmp_path: Path)
     np.save(tmp_path / "rows.npy", np.eye(4, dtype=np.float32))
     out, model, summer = tmp_path / "out", drive / "tiny.onnx", drive / "summer"
     usage = (
-        ((summer, "--model", model), "expected output=NAME, as the model has several"),
+        ((summer, "--model", model), "expected --output NAME, as the model has several"),
         ((summer, "--model", model, "--output", "maps"), "got 'maps'"),
         ((summer, "--model", model, "--output", "map", "--size", "big"), "expected WIDTHxHEIGHT"),
         (

@@ -246,11 +246,6 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
         1,
         "gone.mkv: cannot read the video: there is no such file",
     ),
-    "a video of references": (
-        ("sad.safetensors", "winter", "--references", "winter.mkv"),
-        1,
-        "--references: expected a folder of images, a pattern or a .npy, got the recording winter.mkv",
-    ),
     "descriptors beside distances": (
         ("D.npy", "winter.npy"),
         1,

@@ -138,7 +138,7 @@ def test_frames_are_asked_for_one_at_a_time(images: Array, route: surefix.Map) -
         (Frame(0, dropped=-1), "frame: dropped: expected a whole number of 0 or more, got -1"),
         (Frame(0, dropped=None), "frame: dropped: expected a whole number of 0 or more, got None"),
         (Frame(0, gap="no"), "frame: gap: expected True or False, got 'no'"),
-        (Frame([1, 2]), "frame: expected a NumPy array"),
+        (Frame({1, 2}), "frame: expected a NumPy array"),
         (object(), "frame: expected a NumPy array"),
     ],
 )

@@ -46,13 +46,19 @@ class TestDemosaic:
             green = sum(value for value, colour in zip(cell, pattern, strict=True) if colour == "g")
             assert shown[row, column].tolist() == [red, (green + 1) // 2, blue]
 
+    def test_16_bits_stay_16_bits(self) -> None:
+        cell = np.array([[1000, 65535], [50000, 65534]], np.uint16)
+        shown = datasets.demosaic(cell, "gbrg")
+        assert shown.dtype == np.uint16
+        assert shown.tolist() == [[[50000, (1000 + 65534 + 1) // 2, 65535]]]
+
     @pytest.mark.parametrize(
         "arguments",
         [
             (np.zeros((4, 5), np.uint8),),
             (np.zeros((0, 0), np.uint8),),
             (np.zeros((4, 4, 3), np.uint8),),
-            (np.zeros((4, 4), np.uint16),),
+            (np.zeros((4, 4), np.float32),),
             (np.zeros((4, 4), np.uint8), "gbgr"),
         ],
     )
@@ -323,7 +329,8 @@ class TestRobotCar:
         Image.new("RGB", (8, 6)).save(oxford / OLDER / "stereo/centre" / f"{START}.png")
         pair = datasets.robotcar(oxford)
         with pytest.raises(
-            surefix.SurefixValueError, match=rf"{START}\.png: mosaic: expected uint8 \(H, W\)"
+            surefix.SurefixValueError,
+            match=rf"{START}\.png: mosaic: expected uint8 or uint16 \(H, W\)",
         ):
             pair.references[0]
 

@@ -85,6 +85,34 @@ def test_a_group_an_image_is_in_the_order_of_counting(tmp_path: Path) -> None:
         load(file, key="global_descriptor")
 
 
+def test_references_and_queries_in_one_file_are_not_mixed(tmp_path: Path) -> None:
+    """As hloc writes the features of two folders."""
+    file = tmp_path / "global.h5"
+    with h5py.File(file, "w") as out:
+        for index in range(12):
+            folder = "db/2024" if index < 8 else "query"
+            out[f"{folder}/frame{index}.jpg/global_descriptor"] = ROWS[index]
+    with pytest.raises(
+        surefix.SurefixValueError,
+        match=r"expected a key with the folder .* before: db/global_descriptor, or "
+        r"\*/global_descriptor for all of them, got global_descriptor in db \(8\), query \(4\)",
+    ):
+        load(file, key="global_descriptor")
+    for key in ("db/global_descriptor", "/db/2024/global_descriptor"):
+        np.testing.assert_array_equal(load(file, key=key), ROWS[:8])
+    np.testing.assert_array_equal(load(file, key="query/global_descriptor"), ROWS[8:])
+    np.testing.assert_array_equal(load(file, key="*/global_descriptor"), ROWS)
+    with pytest.raises(surefix.SurefixValueError, match="got the key 'map/global_descriptor'"):
+        load(file, key="map/global_descriptor")
+
+
+@pytest.mark.parametrize("kind", [".npy", ".npz", ".h5"])
+def test_numbers_of_another_byte_order(kind: str, tmp_path: Path) -> None:
+    got = load(write(tmp_path / f"a{kind}", ROWS.astype(">f4")))
+    np.testing.assert_array_equal(got, ROWS)
+    np.testing.assert_array_equal(surefix.Map.from_descriptors(got).descriptors, ROWS)
+
+
 @pytest.mark.parametrize(
     ("make", "rows", "metric"), [("L2", ROWS, "euclidean"), ("IP", UNIT, "cosine")]
 )

@@ -3,7 +3,7 @@
 import re
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -72,14 +72,70 @@ def test_an_array_is_a_stream_of_its_rows(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_frame_every_so_many_seconds_is_the_first_of_each_period(seed: int) -> None:
+def test_a_frame_every_so_many_seconds_is_the_nearest_to_each_tick(seed: int) -> None:
     generator = np.random.default_rng(seed)
     # Whole sixteenths are exact, so that both sides divide alike.
-    times = generator.integers(0, 16 * 4) / 16 + np.cumsum(generator.integers(0, 40, 60)) / 16
-    seconds = generator.integers(1, 64) / 16
-    period = np.floor((times - times[0]) / seconds)
-    _, first = np.unique(period, return_index=True)
-    assert names(Every(frames(times.tolist()), seconds)) == first.tolist()
+    times = 1000 + np.cumsum(generator.integers(1, 10, 90)) / 16
+    seconds = generator.integers(21, 64) / 16
+    # The last if one more frame, as far on, would not be nearer.
+    until = times[-1] + (times[-1] - times[-2]) / 2
+    ticks = np.arange(times[0], until, seconds)
+    # Of two as near, the later.
+    nearest = len(times) - 1 - np.abs(times[::-1, None] - ticks).argmin(axis=0)
+    assert names(Every(frames(times.tolist()), seconds)) == nearest.tolist()
+
+
+def test_a_clock_that_jitters_gives_all_frames() -> None:
+    for seed in range(20):
+        for start in (0.0, 1.7e9):
+            jitter = np.random.default_rng(seed).uniform(-0.005, 0.005, 100)
+            times = start + np.arange(100) / 10 + jitter
+            assert names(Every(frames(times.tolist()), 0.1)) == [*range(100)]
+            # Every other one, evenly.
+            half = names(Every(frames(times.tolist()), 0.2))
+            assert half == [*range(0, 100, 2)]
+
+
+@pytest.mark.parametrize("rate", [9.95, 9.99, 10.01, 10.05])
+def test_a_camera_a_little_slower_or_faster_than_the_ticks_loses_no_more_than_it_must(
+    rate: float,
+) -> None:
+    for seed in range(10):
+        jitter = np.random.default_rng(seed).uniform(-0.005, 0.005, 3000)
+        times = np.arange(3000) / rate + jitter
+        taken = names(Every(frames(times.tolist()), 0.1))
+        # As many as there are ticks, if there are frames for them.
+        assert len(taken) == pytest.approx(min(3000, 10 * times[-1]), abs=2)
+        assert np.diff(times[taken]).max() < 0.22
+
+
+def test_a_gap_begins_the_ticks_anew() -> None:
+    times = [0, 0.5, 1.0, 1.5, 7.3, 7.8, 8.3, 8.8]
+    assert names(Every(frames(times), 1)) == [0, 2, 4, 6]
+    # Also one that the source knows of, though the clock does not show it.
+    marked = [
+        Frame(BLACK, time, str(index), gap=index == 3)
+        for index, time in enumerate([0, 0.4, 0.8, 1.2, 1.6, 2.2])
+    ]
+    assert names(Every(marked, 1)) == [0, 2, 3, 5]
+
+
+def test_slower_frames_than_the_ticks_are_all_taken_once() -> None:
+    for period in (0.11, 0.15, 0.2, 0.37):
+        times = (np.arange(200) * period).tolist()
+        assert names(Every(frames(times), 0.1)) == [*range(200)]
+
+
+def test_a_stream_waits_for_one_frame_at_most() -> None:
+    given: list[int] = []
+
+    def live() -> Iterator[Frame]:
+        for index, time in enumerate([0.0, 0.09, 0.21, 0.3, 0.39]):
+            given.append(index)
+            yield Frame(BLACK, time, str(index))
+
+    behind = [given[-1] - int(frame.name) for frame in Every(live(), 0.1)]
+    assert behind == [0, 1, 0, 0, 0]
 
 
 @pytest.mark.parametrize("seed", range(40))

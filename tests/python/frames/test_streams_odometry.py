@@ -1,6 +1,6 @@
 """A frame every few metres."""
 
-from itertools import pairwise
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +25,42 @@ def taken(times: Float64, odometry: Odometry, metres: float) -> list[int]:
     return [int(frame.name) for frame in EveryMetres(frames(times), odometry, metres)]
 
 
+def nearest(reach: Callable[[int, int], Float64], count: int, step: float) -> list[int]:
+    """The first, then of each mark the nearest frame, not taken before: ``reach(start, end)`` are
+    the ways from a frame to those after it. A mark that is passed by more than a step moves.
+    """
+    chosen, over = [0], 0.0
+    while True:
+        start = chosen[-1]
+        off = (reach(start, count)[1:] + over) / step - 1
+        if not len(off):
+            return chosen
+        late = np.flatnonzero(off >= -1e-6)
+        before = off[: late[0] if len(late) else None]
+        # Of frames that stand at the same distance, the last.
+        best = len(before) - 1 - int(np.argmax(before[::-1])) if len(before) else -1
+        near = -before[best] if best >= 0 else np.inf
+        # At the end, or before a jump, one more frame like the last must not be nearer.
+        ends = not len(late) or off[late[0]] > 1
+        last = np.concatenate([[over / step - 1], before])
+        bound = (last[-1] - last[max(len(last) - 2, 0)]) / 2 if ends else off[late[0]] - 1e-6
+        if near < bound:
+            over, taken = step * off[best], best
+        elif len(late):
+            taken = late[0]
+            over = step * off[taken] if off[taken] <= 1 else 0.0
+        else:
+            return chosen
+        chosen.append(int(taken) + start + 1)
+
+
 def every_metres(distance: Float64, metres: float) -> list[int]:
-    """Of frames at these distances along a line: the first of each stretch."""
-    stretch = np.floor((distance - distance[0]) / metres)
-    return np.unique(stretch, return_index=True)[1].tolist()  # type: ignore[no-any-return]
+    """Of frames at these distances along a line."""
+    return nearest(lambda start, end: distance[start:end] - distance[start], len(distance), metres)
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_along_a_line_it_is_the_first_frame_of_each_stretch(seed: int) -> None:
+def test_along_a_line_it_is_the_frame_nearest_to_each_mark(seed: int) -> None:
     generator = np.random.default_rng(seed)
     stamps = np.arange(40.0)
     # Standing, creeping and driving, in exact quarters of a metre.
@@ -49,24 +77,26 @@ def test_along_a_line_it_is_the_first_frame_of_each_stretch(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_along_a_curve_no_two_are_nearer_than_the_distance_less_what_was_overshot(
-    seed: int,
-) -> None:
+def test_along_a_curve_ways_are_straight_from_the_frame_taken_before(seed: int) -> None:
     generator = np.random.default_rng(seed)
     stamps = np.arange(200.0)
     heading = np.cumsum(generator.normal(0, 0.1, 200))
     speed = generator.choice([0.0, 1.0, 3.0], 200)
     at = np.cumsum(np.stack([np.cos(heading), np.sin(heading)], axis=1) * speed[:, None], axis=0)
-    odometry, metres = Odometry(stamps, at), 2.5
-    chosen = taken(stamps, odometry, metres)
-    assert chosen[0] == 0
-    over = 0.0
-    for before, after in pairwise(chosen):
-        reach = np.linalg.norm(at[before : after + 1] - at[before], axis=1) + over
-        # The first that is far enough, and it is taken.
-        assert int(np.argmax(reach >= metres * (1 - 1e-9))) == after - before
-        over = np.fmod(reach[-1], metres)
-        over = 0.0 if metres - over < 1e-6 else over
+    expected = nearest(lambda a, b: np.linalg.norm(at[a:b] - at[a], axis=1), 200, 2.5)
+    assert taken(stamps, Odometry(stamps, at), 2.5) == expected
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_frame_a_metre_stays_one_if_the_receiver_jitters(seed: int) -> None:
+    times = np.arange(300.0)
+    noise = np.random.default_rng(seed).uniform(-0.02, 0.02, 300)
+    assert taken(times, Odometry(times, (times + noise)[:, None]), 1.0) == [*range(300)]
+    # A little more or less than a metre each: all, or now and then one less.
+    slow = taken(times, Odometry(times, (1.003 * times + noise)[:, None]), 1.0)
+    assert slow == [*range(300)]
+    fast = taken(times, Odometry(times, (0.997 * times + noise)[:, None]), 1.0)
+    assert len(fast) in (299, 300)
 
 
 def test_standing_still_yields_nothing_and_noise_is_no_path() -> None:

@@ -106,6 +106,18 @@ def test_the_picture_fits_the_terminal(
     assert ("▀" in said) == (width >= 80 and height >= 50), "images where there is room"
 
 
+def test_the_last_picture_leaves_room_for_what_follows(
+    images: tuple[list[NDArray[np.uint8]], list[NDArray[np.uint8]]],
+) -> None:
+    route = surefix.Map.from_images(images[0], progress=False)
+    console = screen(60, 20)
+    with TerminalView(route, total=PLACES, console=console, spare=6) as view:
+        fix = drive(view, route, images[1], 40, "any")
+    lines = last_picture(console)
+    assert len(lines) < 20 - 6
+    assert f"place {fix.place}" in lines[1]
+
+
 def test_arrows_point_at_the_place_at_the_minimum_and_at_the_gradient_peak() -> None:
     generator = np.random.default_rng(2)
     route = surefix.Map.from_descriptors(generator.normal(size=(500, 8)).astype(np.float32))
