@@ -189,10 +189,10 @@ def run(
                 print("not kept: add -o fixes.csv", file=sys.stderr)
             if clipping.warning is not None:
                 print(clipping.warning, file=sys.stderr)
-            if isinstance(source, Advances):
-                print(_said(source, of, motion), file=sys.stderr)
             if notes := notes_on(source):
                 print("; ".join(notes), file=sys.stderr)
+            if isinstance(source, Advances):
+                print(_said(source, of, motion), file=sys.stderr)
 
 
 def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
