@@ -121,10 +121,12 @@ pub enum Error {
     },
 
     /// A folder or a pattern without images.
-    #[error("{place}: expected images (png, jpeg, bmp, tiff, webp or pnm), found none")]
+    #[error("{place}: expected images (png, jpeg, bmp, tiff, webp or pnm), found none{}{left_out}", if left_out.is_empty() { "" } else { "; " })]
     NoImages {
         /// The folder or the pattern.
         place: String,
+        /// The files that were left out, counted, or nothing.
+        left_out: String,
     },
 
     /// The operating system refused a file.

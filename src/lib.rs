@@ -83,9 +83,11 @@ mod simd;
 pub mod calibration;
 pub mod evaluate;
 
-pub use crate::image::{Channels, Image, ImageSource, ImageView, Progress, quiet};
+pub use crate::image::{
+    Channels, Image, ImageSource, ImageView, Levels, Progress, ReadableImages, quiet,
+};
 #[cfg(feature = "image")]
-pub use crate::image::{ImageFiles, decode_image, read_image};
+pub use crate::image::{ImageFiles, Order, decode_image, read_image};
 pub use batch::{
     Alignment, Drive, Run, align_descriptors, align_distances, match_descriptors, match_distances,
     match_fused, match_fused_distances,

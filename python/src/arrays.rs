@@ -22,8 +22,12 @@ pub(crate) fn as_array<'py>(
         return in_native_order(array.clone());
     }
     let numpy = py.import("numpy")?;
+    let module = object.get_type().module()?;
     let converted = if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
         of_sequence(&numpy, object)
+    } else if module.to_str()?.starts_with("PIL.") {
+        // Upright, and in grey or RGB.
+        py.import("surefix.frames.pillow")?.call_method1("array_of", (object, what))
     } else if object.hasattr("__array__")? {
         check_no_mask(object, what)?;
         numpy.call_method1("asarray", (object,))
@@ -43,7 +47,7 @@ pub(crate) fn as_array<'py>(
 }
 
 /// Numbers of another byte order are copied: the same numbers.
-fn in_native_order<'py>(array: Bound<'py, PyUntypedArray>) -> PyResult<Bound<'py, PyUntypedArray>> {
+fn in_native_order(array: Bound<'_, PyUntypedArray>) -> PyResult<Bound<'_, PyUntypedArray>> {
     let dtype = array.dtype();
     if dtype.is_native_byteorder() != Some(false) {
         return Ok(array);
@@ -356,5 +360,9 @@ pub(crate) fn image_to_py<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound
         Channels::Grey => &[height, width],
         channels => &[height, width, channels.count()],
     };
+    if image.is_deep() {
+        let samples = numpy::PyArray1::from_iter(py, image.deep_samples());
+        return Ok(samples.reshape(IxDyn(shape))?.into_any());
+    }
     rows_to_py(py, image.pixels().into(), shape)
 }

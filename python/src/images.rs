@@ -6,18 +6,23 @@ use std::path::PathBuf;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString, PyTuple};
-use surefix::{Channels, Error, Image, ImageFiles, ImageSource, ImageView};
+use surefix::{Channels, Error, Image, ImageFiles, ImageSource, ImageView, Order, ReadableImages};
 
 use crate::arrays::{as_array, contiguous, dtype_of, image_to_py, shape_of};
 use crate::error::{OrRaise as _, to_py, value};
 use crate::simulate::Traverse;
 
-/// A uint8 array (H, W) or (H, W, 3), held for as long as it is read.
+/// A uint8 or uint16 array (H, W) or (H, W, 3), held for as long as it is read.
 pub(crate) struct Pixels<'py> {
-    array: PyReadonlyArrayDyn<'py, u8>,
+    samples: Samples<'py>,
     width: usize,
     height: usize,
     channels: Channels,
+}
+
+enum Samples<'py> {
+    U8(PyReadonlyArrayDyn<'py, u8>),
+    U16(PyReadonlyArrayDyn<'py, u16>),
 }
 
 impl<'py> Pixels<'py> {
@@ -33,26 +38,34 @@ impl<'py> Pixels<'py> {
                 ));
             }
         };
-        let array = contiguous(array)?.ok_or_else(|| not_bytes(array, what))?;
-        Ok(Self { array, width, height, channels })
+        let samples = match contiguous(array)? {
+            Some(bytes) => Samples::U8(bytes),
+            None => Samples::U16(contiguous(array)?.ok_or_else(|| not_pixels(array, what))?),
+        };
+        Ok(Self { samples, width, height, channels })
     }
 
     pub(crate) fn view(&self, py: Python<'_>) -> PyResult<ImageView<'_>> {
-        ImageView::new(self.width, self.height, self.channels, self.array.as_slice()?).or_raise(py)
+        let &Self { width, height, channels, ref samples } = self;
+        match samples {
+            Samples::U8(bytes) => ImageView::new(width, height, channels, bytes.as_slice()?),
+            Samples::U16(deep) => ImageView::new_deep(width, height, channels, deep.as_slice()?),
+        }
+        .or_raise(py)
     }
 }
 
-/// The refusal of pixels that are no bytes, which says how to make them bytes.
-fn not_bytes(array: &Bound<'_, PyUntypedArray>, what: &str) -> PyErr {
+/// The refusal of pixels of another type, which says how to convert them.
+fn not_pixels(array: &Bound<'_, PyUntypedArray>, what: &str) -> PyErr {
     let got = dtype_of(array);
     let how = match got.as_str() {
-        "uint16" => "(image >> 8).astype(np.uint8)",
         "bool" | "float16" | "float32" | "float64" => {
             "(255 * image).astype(np.uint8), if 1 is white"
         }
         _ => "image.astype(np.uint8), if 255 is white",
     };
-    value(array.py(), format!("{what}: expected uint8, got {got}; convert it with {how}"))
+    let expected = "expected uint8, or uint16 for more than 8 bits";
+    value(array.py(), format!("{what}: {expected}, got {got}; convert it with {how}"))
 }
 
 /// A traverse's images, wherever they come from.
@@ -73,7 +86,7 @@ impl<'py> Images<'py> {
             return Ok(Self::Traverse(traverse.get().0.clone()));
         }
         if let Some(place) = path_of(object) {
-            return Ok(Self::Files(ImageFiles::find(place).or_raise(py)?));
+            return Self::found(py, place);
         }
         let in_memory = object.is_instance_of::<PyList>()
             || object.is_instance_of::<PyTuple>()
@@ -109,6 +122,33 @@ impl<'py> Images<'py> {
         Ok(Self::Arrays(arrays.collect::<PyResult<_>>()?))
     }
 
+    /// The images of a folder or a pattern, some of which Python may have to read.
+    fn found(py: Python<'py>, place: PathBuf) -> PyResult<Self> {
+        let foreign = py.import("surefix.frames.foreign")?;
+        let also: Vec<String> = foreign.call_method0("endings")?.extract()?;
+        let files = ImageFiles::find_also(place, Order::Name, &also).or_raise(py)?;
+        let is_foreign = |path: &PathBuf| {
+            let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+            ending.is_some_and(|ending| also.contains(&ending))
+        };
+        if !files.paths().iter().any(is_foreign) {
+            return Ok(Self::Files(files));
+        }
+        let images = py.import("surefix.frames.images")?;
+        let images = images.call_method1("ImageFiles", (files.paths(),))?;
+        Ok(Self::Sequence(Sequence::new(&images)?))
+    }
+
+    /// The number of images.
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Files(files) => files.len(),
+            Self::Traverse(traverse) => traverse.len(),
+            Self::Sequence(sequence) => sequence.len(),
+            Self::Arrays(arrays) => arrays.len(),
+        }
+    }
+
     /// Runs `work` on the images with the GIL released.
     pub(crate) fn with_source<R: Send>(
         &self,
@@ -128,6 +168,75 @@ impl<'py> Images<'py> {
     }
 }
 
+/// How a map is made of images.
+#[derive(Clone, Copy)]
+pub(crate) struct Terms {
+    pub(crate) skip_bad: bool,
+    pub(crate) mixed_sizes: bool,
+}
+
+impl Terms {
+    /// Runs `work` on the images; if one cannot be read, and that is allowed, once more on those
+    /// that can, which it is told. The others are said.
+    pub(crate) fn each<R: Send>(
+        self,
+        py: Python<'_>,
+        images: &Images<'_>,
+        progress: surefix::Progress<'_>,
+        work: impl Send
+        + Fn(&dyn ImageSource, Option<&[usize]>, surefix::Progress<'_>) -> Result<R, Error>,
+    ) -> PyResult<Result<R, Error>> {
+        let mut bad = Vec::new();
+        let said = &mut bad;
+        let done = images.with_source(py, move |source| {
+            let source = Mixed { source, mixed: self.mixed_sizes };
+            match work(&source, None, progress) {
+                Err(Error::Image { .. }) if self.skip_bad => {
+                    let readable = ReadableImages::of(&source, progress)?;
+                    let done = work(&readable, Some(readable.kept()), progress)?;
+                    said.extend(readable.bad().iter().map(|(_, error)| error.to_string()));
+                    Ok(done)
+                }
+                done => done,
+            }
+        })?;
+        for error in bad {
+            passed_over(py, &error)?;
+        }
+        Ok(done)
+    }
+}
+
+/// Says that an image was passed over.
+fn passed_over(py: Python<'_>, error: &str) -> PyResult<()> {
+    let log = py.import("logging")?.call_method1("getLogger", ("surefix",))?;
+    log.call_method1("warning", ("Passed over: %s", error)).map(drop)
+}
+
+/// Images whose sizes may differ.
+struct Mixed<'a> {
+    source: &'a dyn ImageSource,
+    mixed: bool,
+}
+
+impl ImageSource for Mixed<'_> {
+    fn len(&self) -> usize {
+        self.source.len()
+    }
+
+    fn load(&self, index: usize) -> Result<Image, Error> {
+        self.source.load(index)
+    }
+
+    fn name(&self, index: usize) -> String {
+        self.source.name(index)
+    }
+
+    fn has_mixed_sizes(&self) -> bool {
+        self.mixed
+    }
+}
+
 /// Images in NumPy's memory.
 struct Views<'a>(Vec<ImageView<'a>>);
 
@@ -137,8 +246,7 @@ impl ImageSource for Views<'_> {
     }
 
     fn load(&self, index: usize) -> Result<Image, Error> {
-        let view = self.0[index];
-        Image::new(view.width(), view.height(), view.channels(), view.pixels().to_vec())
+        Ok(self.0[index].to_image())
     }
 }
 
@@ -169,9 +277,7 @@ impl ImageSource for Sequence {
             let what = format!("image {index}");
             let item = self.items.bind(py).get_item(index)?;
             let pixels = Pixels::new(&as_array(&item, &what)?, &what)?;
-            let view = pixels.view(py)?;
-            Image::new(view.width(), view.height(), view.channels(), view.pixels().to_vec())
-                .or_raise(py)
+            Ok(pixels.view(py)?.to_image())
         };
         Python::attach(|py| {
             load(py).map_err(|error| {
@@ -193,7 +299,8 @@ pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> Option<PathBuf> {
     named.then(|| object.extract().ok()).flatten()
 }
 
-/// Reads an image file (png, jpeg, bmp, tiff, webp or pnm) with the library's own decoder.
+/// Reads an image file (png, jpeg, bmp, tiff, webp or pnm) with the library's own decoder, upright:
+/// turned and mirrored as its EXIF orientation says.
 ///
 /// Parameters
 /// ----------
@@ -202,13 +309,16 @@ pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> Option<PathBuf> {
 /// Returns
 /// -------
 /// array of uint8, shape (H, W) for a grey file, (H, W, 3) RGB for any other
+///     Of uint16 if the file has more than 8 bits a sample. The levels of a map say which range of
+///     them is black to white (``Sad``).
 ///
 /// Raises
 /// ------
 /// SurefixFileError
 ///     If the file cannot be opened.
 /// SurefixValueError
-///     If it is not an image that can be decoded.
+///     If it is not an image that can be decoded whole, or takes more than 512 MiB (or more than
+///     the environment variable ``SUREFIX_MAX_IMAGE_MIB``).
 #[pyfunction]
 pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     let image = py.detach(|| surefix::read_image(path)).or_raise(py)?;
@@ -226,12 +336,12 @@ pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
 ///
 /// Returns
 /// -------
-/// array of uint8, shape (H, W) for a grey image, (H, W, 3) RGB for any other
+/// array of uint8 or uint16, shape (H, W) for a grey image, (H, W, 3) RGB for any other
 ///
 /// Raises
 /// ------
 /// SurefixValueError
-///     If it is not an image that can be decoded.
+///     As for ``read_image``.
 #[pyfunction]
 #[pyo3(signature = (data, name="image"))]
 pub(crate) fn decode_image<'py>(
@@ -244,11 +354,17 @@ pub(crate) fn decode_image<'py>(
 }
 
 /// The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10``
-/// follows ``frame9``.
+/// follows ``Frame9``.
 ///
 /// Parameters
 /// ----------
 /// place : str or path
+/// order : {"name", "decimals", "whole", "time", "exif"}
+///     "name" is by names, as a person counts. In numbers with a point, such as the seconds of
+///     ``9.25.png``, the digits after it are decimals, unless one of them ends in 0 and none begins
+///     with 0; "decimals" (9.25 before 9.5) and "whole" (9.5 before 9.25, as of unpadded
+///     nanoseconds) choose. "time" is by the time of the file's last change, "exif" by the time at
+///     which the camera took it.
 ///
 /// Returns
 /// -------
@@ -259,11 +375,38 @@ pub(crate) fn decode_image<'py>(
 /// SurefixFileError
 ///     If there is no such folder.
 /// SurefixValueError
-///     If it holds no images.
+///     If it holds no images; for another order, or a file without the time of capture.
 #[pyfunction]
-pub(crate) fn find_images(py: Python<'_>, place: PathBuf) -> PyResult<Vec<OsString>> {
-    let files = py.detach(|| ImageFiles::find(place)).or_raise(py)?;
-    Ok(files.paths().iter().map(|path| path.as_os_str().to_owned()).collect())
+#[pyo3(signature = (place, order="name"))]
+pub(crate) fn find_images(py: Python<'_>, place: PathBuf, order: &str) -> PyResult<Vec<OsString>> {
+    image_files(py, place, order, Vec::new()).map(|(files, _)| files)
+}
+
+/// The files of ``find_images``, and what a user should know: the files that were left out, an
+/// order that the names leave open, two drives in one folder.
+///
+/// Parameters
+/// ----------
+/// place, order
+///     As for ``find_images``.
+/// also : list of str
+///     Other endings that count as images, such as "heic".
+///
+/// Returns
+/// -------
+/// (list of str, list of str)
+#[pyfunction]
+#[pyo3(signature = (place, order="name", also=vec![]), text_signature = "(place, order='name', also=())")]
+pub(crate) fn image_files(
+    py: Python<'_>,
+    place: PathBuf,
+    order: &str,
+    also: Vec<String>,
+) -> PyResult<(Vec<OsString>, Vec<String>)> {
+    let order: Order = order.parse().or_raise(py)?;
+    let files = py.detach(|| ImageFiles::find_also(place, order, &also)).or_raise(py)?;
+    let paths = files.paths().iter().map(|path| path.as_os_str().to_owned()).collect();
+    Ok((paths, files.remarks().to_vec()))
 }
 
 /// Tells `callback(done, total)` of the work that `run` does, and stops it on Ctrl-C, or if the

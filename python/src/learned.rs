@@ -21,35 +21,21 @@ pub(crate) fn is_learned(given: &Bound<'_, PyAny>) -> bool {
 }
 
 /// The map of images that such a descriptor describes.
-pub(crate) fn map_of_images<'py>(
+pub(crate) fn map_of_images<'py, const N: usize>(
     images: &Bound<'py, PyAny>,
     descriptor: &Bound<'py, PyAny>,
-    positions: Option<&Bound<'py, PyAny>>,
-    progress: Option<&Bound<'py, PyAny>>,
-    metric: Option<&Bound<'py, PyAny>>,
-    post: Option<&Bound<'py, PyAny>>,
-    cache: Option<&Bound<'py, PyAny>>,
+    options: [(&str, Option<&Bound<'py, PyAny>>); N],
 ) -> PyResult<Bound<'py, PyAny>> {
-    let options = [
-        ("positions", positions),
-        ("progress", progress),
-        ("metric", metric),
-        ("post", post),
-        ("cache", cache),
-    ];
     mapping(images.py(), "map_of_images", (images, descriptor), options)
 }
 
 /// The map in a file, longer by images that such a descriptor describes.
-pub(crate) fn append_images(
+pub(crate) fn append_images<'py, const N: usize>(
     path: &Path,
-    images: &Bound<'_, PyAny>,
-    descriptor: &Bound<'_, PyAny>,
-    positions: Option<&Bound<'_, PyAny>>,
-    progress: Option<&Bound<'_, PyAny>>,
-    cache: Option<&Bound<'_, PyAny>>,
+    images: &Bound<'py, PyAny>,
+    descriptor: &Bound<'py, PyAny>,
+    options: [(&str, Option<&Bound<'py, PyAny>>); N],
 ) -> PyResult<()> {
-    let options = [("positions", positions), ("progress", progress), ("cache", cache)];
     mapping(images.py(), "append_images", (path, images, descriptor), options).map(|_| ())
 }
 
@@ -104,6 +90,12 @@ fn name_of(map: &surefix::Map) -> Option<String> {
     recipe.get("name")?.as_str().map(ToOwned::to_owned)
 }
 
+/// The range of deep images in a map's recipe.
+pub(crate) fn levels(map: &surefix::Map) -> Option<(u16, u16)> {
+    let recipe: serde_json::Value = serde_json::from_str(map.learned_recipe()?).ok()?;
+    serde_json::from_value(recipe.get("levels")?.clone()).ok()
+}
+
 /// The descriptor for a localizer on this map.
 pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyResult<Py<PyAny>> {
     let py = descriptor.py();
@@ -130,6 +122,8 @@ pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyRe
 fn gives_the_same(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyResult<bool> {
     let (py, Some(known)) = (descriptor.py(), map.learned_recipe()) else { return Ok(false) };
     let known = py.import("json")?.call_method1("loads", (known,))?;
+    // They are of the images, and not of the network.
+    known.call_method1("pop", ("levels", py.None()))?;
     let module = py.import("surefix.descriptors.descriptor")?;
     let given = module.call_method1("recipe_of", (descriptor,))?;
     module.call_method1("same_vectors", (known, given))?.extract()
@@ -166,8 +160,10 @@ pub(crate) fn described<'py>(
     }
     let image = match path_of(frame) {
         Some(path) => read_image(py, path)?,
-        None => frame.clone(),
+        None => as_array(frame, "frame")?.into_any(),
     };
+    let image =
+        py.import("surefix.frames.levels")?.call_method1("in_8_bits", (image, levels(map)))?;
     let vectors = descriptor.call_method1("describe", (PyList::new(py, [&image])?,))?;
     let shape = as_array(&vectors, "descriptor")?.shape().to_vec();
     if shape.len() != 2 || shape[0] != 1 {

@@ -49,7 +49,7 @@ mod _core {
     #[pymodule_export]
     use crate::fix::{Fix, Peak, Sequence, Single, Track};
     #[pymodule_export]
-    use crate::images::{decode_image, find_images, read_image};
+    use crate::images::{decode_image, find_images, image_files, read_image};
     #[pymodule_export]
     use crate::localizer::{FixStream, Localizer};
     #[pymodule_export]

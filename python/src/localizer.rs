@@ -80,7 +80,7 @@ impl Localizer {
     /// ----------
     /// frame : array or path
     ///     A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images
-    ///     were; or a descriptor, (input_dim,), of the map's own type, or float32 on a map of ready
+    ///     were (or of uint16, by the map's ``levels``); or a descriptor, (input_dim,), of the map's own type, or float32 on a map of ready
     ///     descriptors, as it is before post-processing. On several maps, an image for all of them,
     ///     or a list with one of these for each map.
     /// trusted : bool, optional
@@ -172,7 +172,7 @@ impl Localizer {
         let py = slf.py();
         let opened = || py.import("surefix.frames")?.call_method1("open", (frames,))?.try_iter();
         let frames = match path_of(frames) {
-            Some(place) => match find_images(py, place) {
+            Some(place) => match find_images(py, place, "name") {
                 Ok(images) => images.into_pyobject(py)?.try_iter()?,
                 // A video, a bag or a camera; if there is none, the error is its own.
                 Err(_) => opened()?,

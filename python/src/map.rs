@@ -5,15 +5,15 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBool, PyBytes};
 use surefix::{Dtype, Recipe};
 
 use crate::arrays::{Numbers, as_array, check_axes, query, rows_to_py};
 use crate::error::{OrRaise as _, value};
-use crate::images::{Images, progress_callback, with_progress};
+use crate::images::{Images, Terms, progress_callback, with_progress};
 use crate::learned;
 use crate::options::whole;
-use crate::places::{self, with_positions};
+use crate::places::{self, positions_of, with_positions};
 use crate::post::{self, Post};
 use crate::sad::Sad;
 
@@ -43,7 +43,8 @@ impl Map {
     /// images : path, iterable of paths or of uint8 arrays, or an array (n, H, W) or (n, H, W, 3)
     ///     A folder or a pattern like ``"route/*.png"`` is sorted as a person would: ``frame10``
     ///     follows ``frame9``. Files, and the items of a sequence that is no list, are read when it
-    ///     is their turn. All images have one size.
+    ///     is their turn. All images have one size. Files and arrays of more than 8 bits (uint16)
+    ///     become 8-bit ones by the map's ``levels``.
     /// descriptor : Sad or surefix.descriptors.Descriptor, optional
     ///     The recipe; ``Sad()`` by default. With a learned descriptor, images are described by
     ///     ``surefix.descriptors.extract``, a batch at a time, and may have any sizes that it
@@ -60,6 +61,14 @@ impl Map {
     /// cache : path, optional
     ///     For a learned descriptor: a file from which it goes on after an interruption, as for
     ///     ``extract``.
+    /// levels : (int, int), optional
+    ///     The samples of images of more than 8 bits that are black and white; by default they are
+    ///     measured on up to 32 of the images.
+    /// skip_bad : bool
+    ///     Pass over images that cannot be read, such as half a file, and say so by the logger
+    ///     ``surefix``. ``names`` says which are left; positions are still one an image.
+    /// mixed_sizes : bool
+    ///     Whether images may differ in size.
     ///
     /// Returns
     /// -------
@@ -81,7 +90,7 @@ impl Map {
     /// >>> len(route), route.dim, route.descriptor
     /// (5, 2048, Sad(size=(64, 32), patch=8, dtype='u8'))
     #[staticmethod]
-    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None, skip_blank=false, metric=None, post=None, cache=None))]
+    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None, skip_blank=false, metric=None, post=None, cache=None, levels=None, skip_bad=false, mixed_sizes=false))]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     fn from_images<'py>(
         py: Python<'py>,
@@ -93,11 +102,22 @@ impl Map {
         metric: Option<&Bound<'py, PyAny>>,
         post: Option<&Bound<'py, PyAny>>,
         cache: Option<&Bound<'py, PyAny>>,
+        levels: Option<&Bound<'py, PyAny>>,
+        skip_bad: bool,
+        mixed_sizes: bool,
     ) -> PyResult<Bound<'py, Self>> {
         if let Some(descriptor) = descriptor.filter(|given| learned::is_learned(given)) {
-            let map = learned::map_of_images(
-                images, descriptor, positions, progress, metric, post, cache,
-            )?;
+            let skip = skip_bad.then(|| PyBool::new(py, true).to_owned().into_any());
+            let options = [
+                ("positions", positions),
+                ("progress", progress),
+                ("metric", metric),
+                ("post", post),
+                ("cache", cache),
+                ("levels", levels),
+                ("skip_bad", skip.as_ref()),
+            ];
+            let map = learned::map_of_images(images, descriptor, options)?;
             let map: Bound<'py, Self> = map.cast_into()?;
             return if skip_blank { Bound::new(py, map.get().without_blank(py)?) } else { Ok(map) };
         }
@@ -105,14 +125,19 @@ impl Map {
             let reason = "metric, post, cache: expected a learned descriptor beside them, got Sad, which needs none";
             return Err(value(py, reason.to_owned()));
         }
-        let sad = places::recipe(py, descriptor)?;
+        let sad = places::levelled_recipe(py, descriptor, levels)?;
         let positions = places::positions(positions)?;
         let images = Images::new(images)?;
         let callback = progress_callback(py, progress, "Mapping")?;
+        let count = images.len();
         let map = with_progress(py, callback.as_ref(), |progress| {
-            images.with_source(py, |source| surefix::Map::from_images(source, sad, progress))
+            let terms = Terms { skip_bad, mixed_sizes };
+            terms.each(py, &images, progress, |source, kept, progress| {
+                let map = surefix::Map::from_images(source, sad, progress)?;
+                with_positions(map, positions_of(positions.as_ref(), kept, count)?)
+            })
         })?;
-        let map = Self(Arc::new(with_positions(map, positions).or_raise(py)?));
+        let map = Self(Arc::new(map));
         Bound::new(py, if skip_blank { map.without_blank(py)? } else { map })
     }
 
@@ -127,7 +152,7 @@ impl Map {
     /// ----------
     /// path : str or path
     ///     The file to write.
-    /// images, descriptor, positions, progress
+    /// images, descriptor, positions, progress, levels, skip_bad, mixed_sizes
     ///     As for ``from_images``. A list of arrays, or an array, is in memory anyway; files, and
     ///     sequences such as a data set's, are not.
     ///
@@ -148,7 +173,8 @@ impl Map {
     /// >>> len(surefix.Map.open(path, mmap=True))
     /// 60
     #[staticmethod]
-    #[pyo3(signature = (path, images, descriptor=None, *, positions=None, progress=None))]
+    #[pyo3(signature = (path, images, descriptor=None, *, positions=None, progress=None, levels=None, skip_bad=false, mixed_sizes=false))]
+    #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     fn build(
         py: Python<'_>,
         path: PathBuf,
@@ -156,14 +182,20 @@ impl Map {
         descriptor: Option<&Bound<'_, PyAny>>,
         positions: Option<&Bound<'_, PyAny>>,
         progress: Option<&Bound<'_, PyAny>>,
+        levels: Option<&Bound<'_, PyAny>>,
+        skip_bad: bool,
+        mixed_sizes: bool,
     ) -> PyResult<()> {
-        let sad = places::recipe(py, descriptor)?;
+        let sad = places::levelled_recipe(py, descriptor, levels)?;
         let positions = places::positions(positions)?;
         let images = Images::new(images)?;
         let callback = progress_callback(py, progress, "Mapping")?;
+        let count = images.len();
         with_progress(py, callback.as_ref(), |progress| {
-            images.with_source(py, |source| {
-                surefix::Map::build(path, source, sad, positions.as_ref(), progress)
+            let terms = Terms { skip_bad, mixed_sizes };
+            terms.each(py, &images, progress, |source, kept, progress| {
+                let positions = positions_of(positions.as_ref(), kept, count)?;
+                surefix::Map::build(&path, source, sad, positions.as_ref(), progress)
             })
         })
     }
@@ -191,6 +223,8 @@ impl Map {
     ///     As for ``from_images``.
     /// cache : path, optional
     ///     With ``descriptor``, as for ``from_images``.
+    /// skip_bad, mixed_sizes : bool
+    ///     As for ``from_images``.
     ///
     /// Raises
     /// ------
@@ -201,7 +235,8 @@ impl Map {
     /// SurefixFileError
     ///     If the file cannot be read or written.
     #[staticmethod]
-    #[pyo3(signature = (path, more, descriptor=None, *, positions=None, progress=None, cache=None))]
+    #[pyo3(signature = (path, more, descriptor=None, *, positions=None, progress=None, cache=None, skip_bad=false, mixed_sizes=false))]
+    #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     fn append(
         py: Python<'_>,
         path: PathBuf,
@@ -210,6 +245,8 @@ impl Map {
         positions: Option<&Bound<'_, PyAny>>,
         progress: Option<&Bound<'_, PyAny>>,
         cache: Option<&Bound<'_, PyAny>>,
+        skip_bad: bool,
+        mixed_sizes: bool,
     ) -> PyResult<()> {
         if let Some(descriptor) = descriptor.filter(|_| !more.is_instance_of::<Self>()) {
             if !learned::is_learned(descriptor) {
@@ -217,7 +254,14 @@ impl Map {
                 let got = descriptor.get_type().name()?;
                 return Err(value(py, format!("descriptor: expected {expected}, got {got}")));
             }
-            return learned::append_images(&path, more, descriptor, positions, progress, cache);
+            let skip = skip_bad.then(|| PyBool::new(py, true).to_owned().into_any());
+            let options = [
+                ("positions", positions),
+                ("progress", progress),
+                ("cache", cache),
+                ("skip_bad", skip.as_ref()),
+            ];
+            return learned::append_images(&path, more, descriptor, options);
         }
         if descriptor.or(cache).is_some() {
             let expected = "descriptor, cache: expected images and a learned descriptor";
@@ -238,9 +282,12 @@ impl Map {
         }
         let images = Images::new(more)?;
         let callback = progress_callback(py, progress, "Mapping")?;
+        let count = images.len();
         with_progress(py, callback.as_ref(), |progress| {
-            images.with_source(py, |source| {
-                surefix::Map::append_images(path, source, positions.as_ref(), progress)
+            let terms = Terms { skip_bad, mixed_sizes };
+            terms.each(py, &images, progress, |source, kept, progress| {
+                let positions = positions_of(positions.as_ref(), kept, count)?;
+                surefix::Map::append_images(&path, source, positions.as_ref(), progress)
             })
         })
     }
@@ -293,6 +340,8 @@ impl Map {
     ///     ``Localizer.push`` and ``match`` take vectors as they are before it.
     /// recipe : mapping, optional
     ///     The origin of learned descriptors: a mapping that JSON can hold, with a "name".
+    /// image_size : (int, int), optional
+    ///     Width and height of the images that were described.
     ///
     /// Returns
     /// -------
@@ -307,8 +356,8 @@ impl Map {
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     #[pyo3(
-        signature = (descriptors, metric=None, positions=None, names=None, *, screen=None, post=None, recipe=None),
-        text_signature = "(descriptors, metric='cosine', positions=None, names=None, *, screen=None, post=None, recipe=None)"
+        signature = (descriptors, metric=None, positions=None, names=None, *, screen=None, post=None, recipe=None, image_size=None),
+        text_signature = "(descriptors, metric='cosine', positions=None, names=None, *, screen=None, post=None, recipe=None, image_size=None)"
     )]
     fn from_descriptors(
         py: Python<'_>,
@@ -319,6 +368,7 @@ impl Map {
         screen: Option<&Bound<'_, PyAny>>,
         post: Option<&Bound<'_, PyAny>>,
         recipe: Option<&Bound<'_, PyAny>>,
+        image_size: Option<(usize, usize)>,
     ) -> PyResult<Self> {
         let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
         let recipe = recipe.map(learned::recipe_text).transpose()?;
@@ -354,6 +404,7 @@ impl Map {
             None => map,
         };
         let map = with_positions(map, positions).or_raise(py)?;
+        let map = map.with_image_size(image_size).or_raise(py)?;
         Ok(Self(Arc::new(screened(py, map, screen)?)))
     }
 
@@ -666,6 +717,23 @@ impl Map {
         match self.0.recipe() {
             Recipe::Sad(sad) => Some(Sad(sad)),
             _ => None,
+        }
+    }
+
+    /// Width and height of the images that the map was made of; None if that is not known, or they
+    /// differ. Queries should have the same shape.
+    #[getter]
+    fn image_size(&self) -> Option<(usize, usize)> {
+        self.0.image_size()
+    }
+
+    /// The samples of images of more than 8 bits that are black and white, (low, high), for the
+    /// map's images and all queries; None for a map of 8-bit images or ready descriptors.
+    #[getter]
+    fn levels(&self) -> Option<(u16, u16)> {
+        match self.0.recipe() {
+            Recipe::Sad(sad) => sad.levels().map(Into::into),
+            _ => learned::levels(&self.0),
         }
     }
 

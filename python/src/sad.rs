@@ -8,6 +8,7 @@ use crate::error::OrRaise as _;
 use crate::images::Pixels;
 use crate::options::{self, whole};
 use crate::pickle::pickled;
+use crate::places;
 
 /// The SAD descriptor: an image in grey, made small, normalised patch by patch.
 ///
@@ -20,6 +21,10 @@ use crate::pickle::pickled;
 /// dtype : {"u8", "f32"}
 ///     "u8" keeps ``clamp(round(128 + 32 z))``: a quarter of the memory, exact integer distances.
 ///     "f32" keeps ``z``.
+/// levels : (int, int), optional
+///     The samples of uint16 images that become black and white. A map of such images measures
+///     them if they are not given, and its queries are described by the map's; without a map, the
+///     full range is taken. uint8 images are taken as they are.
 ///
 /// Raises
 /// ------
@@ -40,25 +45,27 @@ pickled!(Sad);
 #[pymethods]
 impl Sad {
     #[new]
-    #[pyo3(signature = (size=None, patch=None, dtype=None), text_signature = "(size=(64, 32), patch=8, dtype='u8')")]
+    #[pyo3(signature = (size=None, patch=None, dtype=None, levels=None), text_signature = "(size=(64, 32), patch=8, dtype='u8', levels=None)")]
     fn new(
         py: Python<'_>,
         size: Option<&Bound<'_, PyAny>>,
         patch: Option<&Bound<'_, PyAny>>,
         dtype: Option<&Bound<'_, PyAny>>,
+        levels: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let default = surefix::Sad::default();
         let size = size.map_or(Ok(default.size()), |given| options::size("size", given))?;
         let patch = patch.map_or(Ok(default.patch()), |given| whole("patch", given))?;
         let dtype = dtype.map_or(Ok(default.dtype()), dtype_named)?;
-        Ok(Self(surefix::Sad::new(size, patch, dtype).or_raise(py)?))
+        let levels = levels.map(places::range).transpose()?;
+        Ok(Self(surefix::Sad::new(size, patch, dtype).or_raise(py)?.with_levels(levels)))
     }
 
     /// The image's descriptor.
     ///
     /// Parameters
     /// ----------
-    /// image : array of uint8, shape (H, W) or (H, W, 3) RGB
+    /// image : array of uint8 or uint16, shape (H, W) or (H, W, 3) RGB
     ///
     /// Returns
     /// -------
@@ -100,7 +107,7 @@ impl Sad {
     ///
     /// Parameters
     /// ----------
-    /// image : array of uint8, shape (H, W) or (H, W, 3) RGB
+    /// image : array of uint8 or uint16, shape (H, W) or (H, W, 3) RGB
     ///
     /// Returns
     /// -------
@@ -140,13 +147,23 @@ impl Sad {
         if self.0.dtype() == Dtype::U8 { "u8" } else { "f32" }
     }
 
+    /// The samples of uint16 images that become black and white; None if that is not fixed.
+    #[getter]
+    fn levels(&self) -> Option<(u16, u16)> {
+        self.0.levels().map(Into::into)
+    }
+
     fn __eq__(&self, other: &Self) -> bool {
         self.0 == other.0
     }
 
     fn __repr__(&self) -> String {
         let (width, height) = self.0.size();
-        format!("Sad(size=({width}, {height}), patch={}, dtype='{}')", self.0.patch(), self.dtype())
+        let levels = self
+            .levels()
+            .map_or_else(String::new, |(low, high)| format!(", levels=({low}, {high})"));
+        let (patch, dtype) = (self.0.patch(), self.dtype());
+        format!("Sad(size=({width}, {height}), patch={patch}, dtype='{dtype}'{levels})")
     }
 }
 

@@ -57,6 +57,7 @@ __all__ = [
     "evaluate_trust",
     "find_images",
     "fit_post",
+    "image_files",
     "instruction_set",
     "match",
     "match_distances",
@@ -104,6 +105,7 @@ _Int64: TypeAlias = npt.NDArray[np.int64]
 _Bool: TypeAlias = npt.NDArray[np.bool_]
 _Truth: TypeAlias = _Array | list[int] | tuple[npt.ArrayLike, npt.ArrayLike]
 _UInt8: TypeAlias = npt.NDArray[np.uint8]
+_Order: TypeAlias = Literal["name", "decimals", "whole", "time", "exif"] | str
 
 @final
 class Single:
@@ -285,6 +287,10 @@ class Sad:
     dtype : {"u8", "f32"}
         "u8" keeps ``clamp(round(128 + 32 z))``: a quarter of the memory, exact integer distances.
         "f32" keeps ``z``.
+    levels : (int, int), optional
+        The samples of uint16 images that become black and white. A map of such images measures
+        them if they are not given, and its queries are described by the map's; without a map, the
+        full range is taken. uint8 images are taken as they are.
 
     Raises
     ------
@@ -304,13 +310,14 @@ class Sad:
         size: tuple[int, int] = (64, 32),
         patch: int = 8,
         dtype: npt.DTypeLike | Literal["u8", "f32"] = "u8",
+        levels: tuple[int, int] | None = None,
     ) -> Sad: ...
     def describe(self, image: _Array) -> npt.NDArray[Any]:
         """The image's descriptor.
 
         Parameters
         ----------
-        image : array of uint8, shape (H, W) or (H, W, 3) RGB
+        image : array of uint8 or uint16, shape (H, W) or (H, W, 3) RGB
 
         Returns
         -------
@@ -321,13 +328,25 @@ class Sad:
         SurefixValueError
             For another type or shape.
         """
+    def shows_nothing(self, image: _Array) -> bool:
+        """Whether an image shows nothing: nearly all its tiles are flat, as of a lens cap or in a
+        tunnel, whatever describes it.
+
+        Parameters
+        ----------
+        image : array of uint8, shape (H, W) or (H, W, 3) RGB
+
+        Returns
+        -------
+        bool
+        """
     def thumbnail(self, image: _Array) -> _UInt8:
         """The image that the descriptor normalises: in grey, made small (as Pillow's
         ``convert("L").resize(size, BILINEAR)``).
 
         Parameters
         ----------
-        image : array of uint8, shape (H, W) or (H, W, 3) RGB
+        image : array of uint8 or uint16, shape (H, W) or (H, W, 3) RGB
 
         Returns
         -------
@@ -345,6 +364,9 @@ class Sad:
     @property
     def dtype(self) -> Literal["u8", "f32"]:
         """The type of the descriptor's numbers: "u8" or "f32"."""
+    @property
+    def levels(self) -> tuple[int, int] | None:
+        """The samples of uint16 images that become black and white; None if that is not fixed."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -376,6 +398,9 @@ class Map:
         metric: Literal["cosine", "euclidean", "manhattan"] | str | None = None,
         post: Post | Iterable[Any] | None = None,
         cache: _Path | None = None,
+        levels: tuple[int, int] | None = None,
+        skip_bad: bool = False,
+        mixed_sizes: bool = False,
     ) -> Map:
         """A map of the descriptors of a traverse's images, described on all cores. Places are named as
         the files are.
@@ -385,7 +410,8 @@ class Map:
         images : path, iterable of paths or of uint8 arrays, or an array (n, H, W) or (n, H, W, 3)
             A folder or a pattern like ``"route/*.png"`` is sorted as a person would: ``frame10``
             follows ``frame9``. Files, and the items of a sequence that is no list, are read when it
-            is their turn. All images have one size.
+            is their turn. All images have one size. Files and arrays of more than 8 bits (uint16)
+            become 8-bit ones by the map's ``levels``.
         descriptor : Sad or surefix.descriptors.Descriptor, optional
             The recipe; ``Sad()`` by default. With a learned descriptor, images are described by
             ``surefix.descriptors.extract``, a batch at a time, and may have any sizes that it
@@ -402,6 +428,14 @@ class Map:
         cache : path, optional
             For a learned descriptor: a file from which it goes on after an interruption, as for
             ``extract``.
+        levels : (int, int), optional
+            The samples of images of more than 8 bits that are black and white; by default they are
+            measured on up to 32 of the images.
+        skip_bad : bool
+            Pass over images that cannot be read, such as half a file, and say so by the logger
+            ``surefix``. ``names`` says which are left; positions are still one an image.
+        mixed_sizes : bool
+            Whether images may differ in size.
 
         Returns
         -------
@@ -433,6 +467,7 @@ class Map:
         screen: Literal["i8"] | None = None,
         post: Post | Iterable[Any] | None = None,
         recipe: Mapping[str, Any] | None = None,
+        image_size: tuple[int, int] | None = None,
     ) -> Map:
         """A map of ready descriptors, from any technique.
 
@@ -454,6 +489,8 @@ class Map:
             ``Localizer.push`` and ``match`` take vectors as they are before it.
         recipe : mapping, optional
             The origin of learned descriptors: a mapping that JSON can hold, with a "name".
+        image_size : (int, int), optional
+            Width and height of the images that were described.
 
         Returns
         -------
@@ -474,6 +511,9 @@ class Map:
         *,
         positions: npt.ArrayLike | None = None,
         progress: _Progress = None,
+        levels: tuple[int, int] | None = None,
+        skip_bad: bool = False,
+        mixed_sizes: bool = False,
     ) -> None:
         """Makes the map of a traverse's images straight into a file, on all cores: the file that
         ``from_images(...).save(path)`` would write, in the memory of one image a core. Open it
@@ -486,7 +526,7 @@ class Map:
         ----------
         path : str or path
             The file to write.
-        images, descriptor, positions, progress
+        images, descriptor, positions, progress, levels, skip_bad, mixed_sizes
             As for ``from_images``. A list of arrays, or an array, is in memory anyway; files, and
             sequences such as a data set's, are not.
 
@@ -516,6 +556,8 @@ class Map:
         positions: npt.ArrayLike | None = None,
         progress: _Progress = None,
         cache: _Path | None = None,
+        skip_bad: bool = False,
+        mixed_sizes: bool = False,
     ) -> None:
         """Makes the map in a file longer, without reading its rows into memory. The longer file is
         written beside the old one and then renamed: if it fails, or is stopped, the old one
@@ -540,6 +582,8 @@ class Map:
             As for ``from_images``.
         cache : path, optional
             With ``descriptor``, as for ``from_images``.
+        skip_bad, mixed_sizes : bool
+            As for ``from_images``.
 
         Raises
         ------
@@ -759,6 +803,8 @@ class Map:
         SurefixValueError
             For another length or type, a NaN or an infinity, or up to 8 zeros under the cosine.
         """
+    def __copy__(self) -> Map: ...
+    def __deepcopy__(self, memo: object, /) -> Map: ...
     def __len__(self) -> int: ...
     @property
     def dim(self) -> int:
@@ -786,6 +832,16 @@ class Map:
     @property
     def descriptor(self) -> Sad | None:
         """The recipe that describes an image; None if the map was made of ready descriptors."""
+    @property
+    def image_size(self) -> tuple[int, int] | None:
+        """Width and height of the images that the map was made of; None if that is not known, or they
+        differ. Queries should have the same shape.
+        """
+    @property
+    def levels(self) -> tuple[int, int] | None:
+        """The samples of images of more than 8 bits that are black and white, (low, high), for the
+        map's images and all queries; None for a map of 8-bit images or ready descriptors.
+        """
     @property
     def descriptors(self) -> npt.NDArray[Any]:
         """All descriptors, a copy: shape (n, dim)."""
@@ -1121,7 +1177,7 @@ class Localizer:
         ----------
         frame : array or path
             A uint8 image, (H, W) or (H, W, 3), or a file of one, described as the map's own images
-            were; or a descriptor, (input_dim,), of the map's own type, or float32 on a map of ready
+            were (or of uint16, by the map's ``levels``); or a descriptor, (input_dim,), of the map's own type, or float32 on a map of ready
             descriptors, as it is before post-processing. On several maps, an image for all of them,
             or a list with one of these for each map.
         trusted : bool, optional
@@ -2218,8 +2274,9 @@ def recall_at(
     [1.0, 1.0]
     """
 
-def read_image(path: _Path) -> _UInt8:
-    """Reads an image file (png, jpeg, bmp, tiff, webp or pnm) with the library's own decoder.
+def read_image(path: _Path) -> npt.NDArray[Any]:
+    """Reads an image file (png, jpeg, bmp, tiff, webp or pnm) with the library's own decoder, upright:
+    turned and mirrored as its EXIF orientation says.
 
     Parameters
     ----------
@@ -2228,16 +2285,19 @@ def read_image(path: _Path) -> _UInt8:
     Returns
     -------
     array of uint8, shape (H, W) for a grey file, (H, W, 3) RGB for any other
+        Of uint16 if the file has more than 8 bits a sample. The levels of a map say which range of
+        them is black to white (``Sad``).
 
     Raises
     ------
     SurefixFileError
         If the file cannot be opened.
     SurefixValueError
-        If it is not an image that can be decoded.
+        If it is not an image that can be decoded whole, or takes more than 512 MiB (or more than
+        the environment variable ``SUREFIX_MAX_IMAGE_MIB``).
     """
 
-def decode_image(data: bytes, name: str = "image") -> _UInt8:
+def decode_image(data: bytes, name: str = "image") -> npt.NDArray[Any]:
     """Decodes the bytes of an image file, such as a camera driver's compressed frame, as
     ``read_image`` does.
 
@@ -2249,21 +2309,27 @@ def decode_image(data: bytes, name: str = "image") -> _UInt8:
 
     Returns
     -------
-    array of uint8, shape (H, W) for a grey image, (H, W, 3) RGB for any other
+    array of uint8 or uint16, shape (H, W) for a grey image, (H, W, 3) RGB for any other
 
     Raises
     ------
     SurefixValueError
-        If it is not an image that can be decoded.
+        As for ``read_image``.
     """
 
-def find_images(place: _Path) -> list[str]:
+def find_images(place: _Path, order: _Order = "name") -> list[str]:
     """The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10``
-    follows ``frame9``.
+    follows ``Frame9``.
 
     Parameters
     ----------
     place : str or path
+    order : {"name", "decimals", "whole", "time", "exif"}
+        "name" is by names, as a person counts. In numbers with a point, such as the seconds of
+        ``9.25.png``, the digits after it are decimals, unless one of them ends in 0 and none begins
+        with 0; "decimals" (9.25 before 9.5) and "whole" (9.5 before 9.25, as of unpadded
+        nanoseconds) choose. "time" is by the time of the file's last change, "exif" by the time at
+        which the camera took it.
 
     Returns
     -------
@@ -2274,7 +2340,25 @@ def find_images(place: _Path) -> list[str]:
     SurefixFileError
         If there is no such folder.
     SurefixValueError
-        If it holds no images.
+        If it holds no images; for another order, or a file without the time of capture.
+    """
+
+def image_files(
+    place: _Path, order: _Order = "name", also: _Sequence[str] = ()
+) -> tuple[list[str], list[str]]:
+    """The files of ``find_images``, and what a user should know: the files that were left out, an
+    order that the names leave open, two drives in one folder.
+
+    Parameters
+    ----------
+    place, order
+        As for ``find_images``.
+    also : list of str
+        Other endings that count as images, such as "heic".
+
+    Returns
+    -------
+    (list of str, list of str)
     """
 
 @final

@@ -40,6 +40,11 @@ impl AtomicFile {
         Ok(Self { temporary, target, folder, old: old.map(|old| old.permissions()) })
     }
 
+    /// Refuses a path that no file can be written to.
+    pub(crate) fn check(path: &Path) -> io::Result<()> {
+        Self::beside(path).map(drop)
+    }
+
     /// A whole file at once.
     #[cfg(feature = "toml")]
     pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {

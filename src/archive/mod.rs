@@ -15,7 +15,6 @@ use std::io;
 use safetensors::tensor::Dtype;
 
 use crate::error::Error;
-#[cfg(feature = "toml")]
 pub(crate) use atomic::AtomicFile;
 #[cfg(feature = "mmap")]
 pub(crate) use reader::verify;

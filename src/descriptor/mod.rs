@@ -8,6 +8,6 @@ mod describe;
 mod patches;
 mod sad;
 
+pub(crate) use describe::DescriberPool;
 pub use describe::describe_all;
-pub(crate) use describe::{describe_each, describe_into};
 pub use sad::{Describer, Sad};

@@ -1,11 +1,13 @@
 //! The SAD descriptor: small, patch-normalised, grey (method 1.7).
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use super::patches::{LEVELS, Patches, level};
 use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::image::{Channels, Image, ImageView, Resize};
+use crate::image::{Channels, Image, ImageView, Levels, Resize};
 use crate::numbers::{Values, View};
 use crate::simd::{Compiled, Isa};
 
@@ -26,12 +28,14 @@ const TILES: usize = 8;
 /// assert_eq!(descriptor.len(), 2048);
 /// # Ok::<(), surefix::Error>(())
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "Unchecked")]
 pub struct Sad {
     size: (usize, usize),
     patch: usize,
     dtype: Dtype,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    levels: Option<Levels>,
 }
 
 /// A recipe of a file, before it is checked.
@@ -40,19 +44,35 @@ struct Unchecked {
     size: (usize, usize),
     patch: usize,
     dtype: Dtype,
+    #[serde(default)]
+    levels: Option<Levels>,
 }
 
 impl TryFrom<Unchecked> for Sad {
     type Error = Error;
 
-    fn try_from(Unchecked { size, patch, dtype }: Unchecked) -> Result<Self, Error> {
-        Self::new(size, patch, dtype)
+    fn try_from(recipe: Unchecked) -> Result<Self, Error> {
+        let Unchecked { size, patch, dtype, levels } = recipe;
+        Ok(Self { levels, ..Self::new(size, patch, dtype)? })
+    }
+}
+
+/// Levels only if there are any: a map is known by this text, among others.
+impl fmt::Debug for Sad {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { size, patch, dtype, levels } = self;
+        let mut text = f.debug_struct("Sad");
+        text.field("size", size).field("patch", patch).field("dtype", dtype);
+        if let Some(levels) = levels {
+            text.field("levels", levels);
+        }
+        text.finish()
     }
 }
 
 impl Default for Sad {
     fn default() -> Self {
-        Self { size: (64, 32), patch: 8, dtype: Dtype::U8 }
+        Self { size: (64, 32), patch: 8, dtype: Dtype::U8, levels: None }
     }
 }
 
@@ -78,7 +98,19 @@ impl Sad {
         if !matches!(dtype, Dtype::U8 | Dtype::F32) {
             return Err(option("dtype", "uint8 or float32", &dtype));
         }
-        Ok(Self { size, patch, dtype })
+        Ok(Self { size, patch, dtype, levels: None })
+    }
+
+    /// The same recipe, by which deep images are first made 8-bit ones by `levels`. Without, a map
+    /// of deep images measures its own, and others are described by [`Levels::FULL`].
+    #[must_use]
+    pub fn with_levels(self, levels: Option<Levels>) -> Self {
+        Self { levels, ..self }
+    }
+
+    /// The range of deep images, if it is known.
+    pub fn levels(&self) -> Option<Levels> {
+        self.levels
     }
 
     /// Width and height of the small image, in pixels.
@@ -162,7 +194,7 @@ impl Sad {
     }
 }
 
-/// Describes image after image without allocating, as long as the images keep their size.
+/// Describes image after image without allocating, as long as the images keep their size and depth.
 ///
 /// ```
 /// use surefix::{Channels, Describer, ImageView, Sad, Values};
@@ -178,6 +210,8 @@ pub struct Describer {
     sad: Sad,
     isa: Isa,
     resize: Resize,
+    /// A deep image in 8 bits.
+    shallow: Vec<u8>,
     small: Vec<u8>,
     patches: Patches,
 }
@@ -186,7 +220,8 @@ impl Describer {
     /// A describer with the memory that the recipe needs, on the best instruction set.
     pub fn new(sad: Sad) -> Self {
         let (small, patches) = (vec![0; sad.dim()], Patches::new(sad.size().0, sad.patch()));
-        Self { sad, isa: Isa::best(), resize: Resize::default(), small, patches }
+        let (isa, resize, shallow) = (Isa::best(), Resize::default(), Vec::new());
+        Self { sad, isa, resize, shallow, small, patches }
     }
 
     /// The same describer on another instruction set. The descriptors are the same on all of them.
@@ -232,7 +267,8 @@ impl Describer {
 
     /// The image in grey, at the recipe's size, before it is normalised: row by row.
     pub fn thumbnail(&mut self, image: ImageView<'_>) -> &[u8] {
-        let Self { sad, isa, resize, small, .. } = self;
+        let Self { sad, isa, resize, shallow, small, .. } = self;
+        let image = sad.levels.unwrap_or(Levels::FULL).view(image, shallow);
         isa.run(Shrink { isa: *isa, resize, image, to: sad.size(), small });
         small
     }

@@ -1,16 +1,26 @@
-//! Images from files: a folder, a pattern or a list, in the order that a person would count them.
+//! Images from files: a folder, a pattern or a list, in the order of the drive.
 
-use std::io::Cursor;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
+use super::decode::{looks_like_an_image, read_image};
+use super::drives::two_drives;
+use super::order::{Order, sort};
 use super::source::ImageSource;
-use super::view::{Channels, Image};
+use super::view::Image;
 use crate::error::Error;
 
 /// The endings that count as images in a folder.
-const ENDINGS: [&str; 11] =
-    ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "ppm", "pgm", "pbm", "pnm"];
+const ENDINGS: [&str; 14] = [
+    "png", "jpg", "jpeg", "jpe", "jfif", "jif", "bmp", "tif", "tiff", "webp", "ppm", "pgm", "pbm",
+    "pnm",
+];
+/// Endings of images that are not read.
+const FOREIGN: [&str; 12] =
+    ["heic", "heif", "avif", "gif", "jp2", "j2k", "jxl", "dng", "cr2", "nef", "arw", "exr"];
 
 /// Image files in route order. `frame10` follows `frame9`.
 ///
@@ -28,42 +38,87 @@ const ENDINGS: [&str; 11] =
 #[derive(Clone, Debug)]
 pub struct ImageFiles {
     paths: Vec<PathBuf>,
+    remarks: Vec<String>,
+    mixed: bool,
 }
 
 impl ImageFiles {
-    /// The images of a folder (other files are passed over), or those that a pattern such as
-    /// `route/*.png` matches.
+    /// The images of a folder, or those that a pattern such as `route/*.png` matches, in the
+    /// order of their names. Other files, and the folders in it, are left out, and
+    /// [`remarks`](Self::remarks) counts them.
     ///
     /// # Errors
     /// [`Error::Io`] if there is no such folder, [`Error::Option`] for a malformed pattern,
     /// [`Error::NoImages`] if none is found.
     pub fn find(place: impl AsRef<Path>) -> Result<Self, Error> {
+        Self::find_by(place, Order::Name)
+    }
+
+    /// The same in another order.
+    ///
+    /// # Errors
+    /// As for [`find`](Self::find); [`Error::Image`] for a file without the time that it is to be
+    /// sorted by.
+    pub fn find_by(place: impl AsRef<Path>, order: Order) -> Result<Self, Error> {
+        Self::find_also(place, order, &[])
+    }
+
+    /// The same, and files with these other endings, such as `heic`, for a caller that reads them
+    /// by another library.
+    ///
+    /// # Errors
+    /// As for [`find_by`](Self::find_by).
+    pub fn find_also(
+        place: impl AsRef<Path>,
+        order: Order,
+        also: &[String],
+    ) -> Result<Self, Error> {
         let place = place.as_ref();
         let pattern = place.to_string_lossy();
+        let mut left_out = LeftOut::default();
         let mut paths = if !place.exists() && pattern.contains(['*', '?', '[']) {
-            matching(&pattern)?
+            matching(&pattern, also, &mut left_out)?
         } else {
-            inside(place)?
+            inside(place, also, &mut left_out)?
         };
+        let left_out = left_out.to_string();
         if paths.is_empty() {
-            return Err(Error::NoImages { place: pattern.into_owned() });
+            return Err(Error::NoImages { place: pattern.into_owned(), left_out });
         }
-        alphanumeric_sort::sort_path_slice(&mut paths);
-        Ok(Self { paths })
+        let mut remarks = Vec::from_iter(sort(&mut paths, order)?);
+        if order.is_by_name() {
+            remarks.extend(two_drives(&paths));
+        }
+        if !left_out.is_empty() {
+            remarks.push(left_out);
+        }
+        Ok(Self { paths, remarks, mixed: false })
     }
 
     /// These files, in this order.
     pub fn list(paths: Vec<PathBuf>) -> Self {
-        Self { paths }
+        Self { paths, remarks: Vec::new(), mixed: false }
+    }
+
+    /// The same, of which a map may be made even if their sizes differ.
+    #[must_use]
+    pub fn with_mixed_sizes(self) -> Self {
+        Self { mixed: true, ..self }
     }
 
     /// The files, in route order.
     pub fn paths(&self) -> &[PathBuf] {
         &self.paths
     }
+
+    /// What a user should know: the files that were left out, an order that the names leave open,
+    /// two drives in one folder.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
 }
 
-fn inside(folder: &Path) -> Result<Vec<PathBuf>, Error> {
+fn inside(folder: &Path, also: &[String], left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error> {
     let refused = |source| Error::Io { path: folder.to_owned(), action: "list the folder", source };
     if folder.is_file() {
         return Err(refused(io::Error::other(
@@ -73,35 +128,116 @@ fn inside(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut paths = Vec::new();
     for entry in fs::read_dir(folder).map_err(refused)? {
         let path = entry.map_err(refused)?.path();
-        let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        if !hidden && is_image(&path) && path.is_file() {
+        if !is_hidden(&path) && has_ending(&path, also) && path.is_file() {
             paths.push(path);
+        } else {
+            left_out.add(&path);
         }
     }
     Ok(paths)
 }
 
-fn matching(pattern: &str) -> Result<Vec<PathBuf>, Error> {
+fn matching(pattern: &str, also: &[String], left_out: &mut LeftOut) -> Result<Vec<PathBuf>, Error> {
     let malformed = |e: glob::PatternError| Error::Option {
         name: "images",
         expected: "a folder or a pattern like route/*.png".to_owned(),
         got: format!("{pattern:?} ({e})"),
     };
-    let found = glob::glob(pattern).map_err(malformed)?;
-    found
-        .map(|entry| {
-            entry.map_err(|e| {
-                let path = e.path().to_owned();
-                Error::Io { path, action: "list the folder", source: e.into() }
-            })
-        })
-        .filter(|path| path.as_ref().map_or(true, |path| path.is_file()))
-        .collect()
+    let mut paths = Vec::new();
+    for entry in glob::glob(pattern).map_err(malformed)? {
+        let path = entry.map_err(|e| {
+            let path = e.path().to_owned();
+            Error::Io { path, action: "list the folder", source: e.into() }
+        })?;
+        // Of a file that a pattern names, the content decides if the name does not.
+        if path.is_file() && (has_ending(&path, also) && !is_hidden(&path) || is_image(&path)) {
+            paths.push(path);
+        } else {
+            left_out.add(&path);
+        }
+    }
+    Ok(paths)
 }
 
+fn ending(path: &Path) -> String {
+    path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase())
+}
+
+fn has_ending(path: &Path, also: &[String]) -> bool {
+    let ending = ending(path);
+    ENDINGS.contains(&ending.as_str()) || also.contains(&ending)
+}
+
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
+}
+
+/// By its first bytes.
 fn is_image(path: &Path) -> bool {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-    ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(32).read_to_end(&mut start));
+    read.is_ok() && looks_like_an_image(&start)
+}
+
+/// The entries of a folder, or those that a pattern matches, that are not taken.
+#[derive(Default)]
+struct LeftOut {
+    /// By ending.
+    files: BTreeMap<String, usize>,
+    hidden: usize,
+    folders: Vec<String>,
+}
+
+impl LeftOut {
+    fn add(&mut self, path: &Path) {
+        if is_hidden(path) {
+            self.hidden += 1;
+        } else if path.is_dir() {
+            let name = path.file_name().unwrap_or(path.as_os_str());
+            self.folders.push(name.to_string_lossy().into_owned());
+        } else {
+            *self.files.entry(ending(path)).or_default() += 1;
+        }
+    }
+}
+
+/// `5 files left out: 3 .heic, 1 .txt, 1 hidden, folder part2`; nothing if all were taken.
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { files, hidden, folders } = self;
+        let mut folders = folders.clone();
+        folders.sort();
+        let count = files.values().sum::<usize>() + hidden;
+        let mut parts: Vec<String> = files
+            .iter()
+            .map(|(ending, count)| match ending.as_str() {
+                "" => format!("{count} without an ending"),
+                ending => format!("{count} .{ending}"),
+            })
+            .collect();
+        parts.extend((*hidden > 0).then(|| format!("{hidden} hidden")));
+        let named = folders.len().min(3);
+        parts.extend(folders[..named].iter().map(|name| format!("folder {name}")));
+        parts.extend(
+            (folders.len() > named).then(|| format!("{} folders more", folders.len() - named)),
+        );
+        match count {
+            0 if folders.is_empty() => return Ok(()),
+            0 => write!(f, "left out: ")?,
+            1 => write!(f, "1 file left out: ")?,
+            count => write!(f, "{count} files left out: ")?,
+        }
+        f.write_str(&parts.join(", "))?;
+        let foreign = files.keys().find(|ending| FOREIGN.contains(&ending.as_str()));
+        match foreign {
+            Some(ending) => write!(
+                f,
+                " (convert them to png or jpeg first, for instance with ImageMagick: magick \
+                 mogrify -format jpg *.{ending})"
+            ),
+            None => Ok(()),
+        }
+    }
 }
 
 impl ImageSource for ImageFiles {
@@ -117,65 +253,8 @@ impl ImageSource for ImageFiles {
         let path = &self.paths[index];
         path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
     }
-}
 
-/// Reads one image file: grey ones as grey, all others as RGB, 8 bits a channel. Deeper ones are
-/// scaled to 8 bits; transparency and EXIF orientation are ignored.
-///
-/// # Errors
-/// [`Error::Io`] if the file cannot be opened, [`Error::Image`] if it is not an image that
-/// can be decoded.
-pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
-    let path = path.as_ref();
-    let io = |source| Error::Io { path: path.to_owned(), action: "read the image", source };
-    decode_image(&fs::read(path).map_err(io)?, &path.display().to_string())
-}
-
-/// Decodes the bytes of an image file, such as a camera driver's compressed frame, as
-/// [`read_image`] does.
-///
-/// An error calls it `name`.
-///
-/// # Errors
-/// [`Error::Image`] if they are not an image that can be decoded.
-pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
-    let unreadable = |reason: String| Error::Image { name: name.to_owned(), reason };
-    if is_cut_short(bytes) {
-        return Err(unreadable("a truncated JPEG: its end marker is missing".to_owned()));
+    fn has_mixed_sizes(&self) -> bool {
+        self.mixed
     }
-    let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let decoded = reader.map_err(|e| unreadable(e.to_string()))?.decode().map_err(|e| {
-        let more = match e {
-            image::ImageError::Unsupported(_) if cfg!(not(feature = "image-formats")) => {
-                "; more formats come with the cargo feature `image-formats`"
-            }
-            _ => "",
-        };
-        unreadable(format!("{e}{more}"))
-    })?;
-    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
-    let (channels, pixels) = if decoded.color().has_color() {
-        (Channels::Rgb, decoded.into_rgb8().into_raw())
-    } else {
-        (Channels::Grey, decoded.into_luma8().into_raw())
-    };
-    Image::new(width, height, channels, pixels).map_err(|e| unreadable(e.to_string()))
-}
-
-/// Whether these are the bytes of a JPEG without its end marker: decoders fill the rest in grey.
-fn is_cut_short(bytes: &[u8]) -> bool {
-    const START_OF_SCAN: u8 = 0xDA;
-    let Some(mut rest) = bytes.strip_prefix(&[0xFF, 0xD8]) else { return false };
-    // The segments before the picture, each with its length: a thumbnail in one of them has an end
-    // marker of its own.
-    while let [0xFF, marker, high, low, ..] = rest {
-        if *marker == START_OF_SCAN {
-            return !rest.windows(2).any(|pair| pair == [0xFF, 0xD9]);
-        }
-        let length = usize::from(u16::from_be_bytes([*high, *low]));
-        let Some(next) = rest.get(2 + length..) else { return true };
-        rest = next;
-    }
-    // Fill bytes, or something odd: the decoder decides.
-    rest.len() < 4
 }

@@ -8,14 +8,30 @@
 mod avx512;
 mod axis;
 #[cfg(feature = "image")]
+mod decode;
+#[cfg(feature = "image")]
+mod drives;
+#[cfg(feature = "image")]
 mod files;
 mod grey;
+mod levels;
+#[cfg(feature = "image")]
+mod order;
+#[cfg(feature = "image")]
+mod orientation;
+mod readable;
 mod resize;
 mod source;
 mod view;
 
 #[cfg(feature = "image")]
-pub use files::{ImageFiles, decode_image, read_image};
+pub use decode::{decode_image, read_image};
+#[cfg(feature = "image")]
+pub use files::ImageFiles;
+pub use levels::Levels;
+#[cfg(feature = "image")]
+pub use order::Order;
+pub use readable::ReadableImages;
 pub(crate) use resize::Resize;
 pub(crate) use source::go_on;
 pub use source::{ImageSource, Progress, quiet};

@@ -49,6 +49,11 @@ pub trait ImageSource: Sync {
     fn name(&self, index: usize) -> String {
         index.to_string()
     }
+
+    /// Whether a map may be made of them if they are not all of one size.
+    fn has_mixed_sizes(&self) -> bool {
+        false
+    }
 }
 
 impl ImageSource for [Image] {

@@ -1,4 +1,4 @@
-//! Images as the library takes them: 8-bit grey or RGB pixels, row by row.
+//! Images as the library takes them: grey or RGB pixels of 8 or 16 bits, row by row.
 
 use std::fmt;
 
@@ -34,12 +34,20 @@ impl fmt::Display for Channels {
     }
 }
 
+/// The memory of a sample: of one colour of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Depth {
+    Bits8,
+    Bits16,
+}
+
 /// An image that owns its pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     width: usize,
     height: usize,
     channels: Channels,
+    depth: Depth,
     pixels: Vec<u8>,
 }
 
@@ -59,6 +67,7 @@ pub struct ImageView<'a> {
     width: usize,
     height: usize,
     channels: Channels,
+    depth: Depth,
     pixels: &'a [u8],
 }
 
@@ -74,16 +83,32 @@ impl Image {
         pixels: Vec<u8>,
     ) -> Result<Self, Error> {
         ImageView::new(width, height, channels, &pixels)?;
-        Ok(Self { width, height, channels, pixels })
+        Ok(Self { width, height, channels, depth: Depth::Bits8, pixels })
+    }
+
+    /// The same of more than 8 bits a sample, as of a thermal camera: see
+    /// [`Levels`](crate::Levels).
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if a side is zero or there are not `width * height * channels` samples.
+    pub fn new_deep(
+        width: usize,
+        height: usize,
+        channels: Channels,
+        samples: &[u16],
+    ) -> Result<Self, Error> {
+        let view = ImageView::new_deep(width, height, channels, samples)?;
+        Ok(view.to_image())
     }
 
     /// The same image, borrowed.
     pub fn view(&self) -> ImageView<'_> {
-        let &Self { width, height, channels, ref pixels } = self;
-        ImageView { width, height, channels, pixels }
+        let &Self { width, height, channels, depth, ref pixels } = self;
+        ImageView { width, height, channels, depth, pixels }
     }
 
-    /// The bytes, row by row.
+    /// The bytes, row by row: one a sample, or two in the machine's order if the image is
+    /// [`deep`](Self::is_deep).
     pub fn pixels(&self) -> &[u8] {
         &self.pixels
     }
@@ -105,24 +130,69 @@ impl<'a> ImageView<'a> {
         channels: Channels,
         pixels: &'a [u8],
     ) -> Result<Self, Error> {
-        let bytes = width.checked_mul(height).and_then(|area| area.checked_mul(channels.count()));
-        if width == 0 || height == 0 || bytes != Some(pixels.len()) {
-            return Err(Error::Shape {
-                what: "image",
-                expected: format!(
-                    "at least one pixel, and {} byte(s) for each of {width} x {height} ({channels})",
-                    channels.count()
-                ),
-                got: format!("{} bytes", pixels.len()),
-            });
-        }
-        Ok(Self { width, height, channels, pixels })
+        check(width, height, channels, pixels.len(), "byte(s)")?;
+        Ok(Self { width, height, channels, depth: Depth::Bits8, pixels })
     }
 
-    /// The bytes, row by row.
+    /// The same of more than 8 bits a sample: see [`Levels`](crate::Levels).
+    ///
+    /// ```
+    /// use surefix::{Channels, ImageView};
+    /// let thermal = [7_300_u16, 7_310, 7_295, 7_402]; // 2 x 2 grey pixels
+    /// assert!(ImageView::new_deep(2, 2, Channels::Grey, &thermal)?.is_deep());
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if a side is zero or there are not `width * height * channels` samples.
+    pub fn new_deep(
+        width: usize,
+        height: usize,
+        channels: Channels,
+        samples: &'a [u16],
+    ) -> Result<Self, Error> {
+        check(width, height, channels, samples.len(), "16-bit sample(s)")?;
+        let pixels = bytemuck::must_cast_slice(samples);
+        Ok(Self { width, height, channels, depth: Depth::Bits16, pixels })
+    }
+
+    /// The bytes, row by row: one a sample, or two in the machine's order if the image is
+    /// [`deep`](Self::is_deep).
     pub fn pixels(&self) -> &'a [u8] {
         self.pixels
     }
+
+    /// A copy that owns its pixels.
+    pub fn to_image(&self) -> Image {
+        let &Self { width, height, channels, depth, pixels } = self;
+        Image { width, height, channels, depth, pixels: pixels.to_vec() }
+    }
+
+    /// The same shape with 8-bit pixels, of which there is one for each sample.
+    pub(super) fn with_bytes<'b>(&self, pixels: &'b [u8]) -> ImageView<'b> {
+        let &Self { width, height, channels, .. } = self;
+        ImageView { width, height, channels, depth: Depth::Bits8, pixels }
+    }
+}
+
+/// Refuses another number of samples than the sides have.
+fn check(
+    width: usize,
+    height: usize,
+    channels: Channels,
+    samples: usize,
+    unit: &str,
+) -> Result<(), Error> {
+    let count = channels.count();
+    let expected = width.checked_mul(height).and_then(|area| area.checked_mul(count));
+    if width > 0 && height > 0 && expected == Some(samples) {
+        return Ok(());
+    }
+    let got = format!("{samples} {}", if unit.starts_with("16") { "samples" } else { "bytes" });
+    let expected = format!(
+        "at least one pixel, and {count} {unit} for each of {width} x {height} ({channels})"
+    );
+    Err(Error::Shape { what: "image", expected, got })
 }
 
 macro_rules! sides {
@@ -141,6 +211,17 @@ macro_rules! sides {
             /// Grey or RGB.
             pub fn channels(&self) -> Channels {
                 self.channels
+            }
+
+            /// Whether a sample has 16 bits, and not 8.
+            pub fn is_deep(&self) -> bool {
+                self.depth == Depth::Bits16
+            }
+
+            /// The samples of a deep image, row by row; none of one of 8 bits.
+            pub fn deep_samples(&self) -> impl Iterator<Item = u16> {
+                let pixels = if self.is_deep() { &self.pixels[..] } else { &[] };
+                pixels.as_chunks::<2>().0.iter().map(|&bytes| u16::from_ne_bytes(bytes))
             }
         }
     };

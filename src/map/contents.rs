@@ -34,6 +34,9 @@ pub(super) struct Entry {
     /// The recipe of a learned descriptor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     learned: Option<serde_json::Value>,
+    /// Width and height of the images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    image_size: Option<(usize, usize)>,
 }
 
 /// The contents of a file beside its rows. Each part is written in pieces: those of the old file
@@ -104,6 +107,7 @@ pub(super) fn entry(kind: &Kind) -> Entry {
         descriptor: kind.recipe,
         post: kind.post.as_deref().map(Post::steps).unwrap_or_default(),
         learned: kind.learned.as_deref().and_then(|recipe| serde_json::from_str(recipe).ok()),
+        image_size: kind.image_size,
     }
 }
 
@@ -194,7 +198,8 @@ impl Head {
         };
         let learned = entry.learned.map(|recipe| recipe.to_string().into());
         let (metric, recipe) = (entry.metric, entry.descriptor);
-        let kind = Kind { dim, dtype, metric, recipe, post, learned };
+        let image_size = entry.image_size.filter(|&(width, height)| width > 0 && height > 0);
+        let kind = Kind { dim, dtype, metric, recipe, post, learned, image_size };
         Ok(Parts { kind, places, positions, norms, names, blank })
     }
 }

@@ -14,10 +14,10 @@ use super::recipe::Kind;
 use super::route::{Names, Positions};
 use super::storage::Storage;
 use super::{Map, Recipe, at_least_two};
-use crate::archive::{Reader, Refusal, Sink, swap_to_file_order};
+use crate::archive::{AtomicFile, Reader, Refusal, Sink, swap_to_file_order};
 #[cfg(feature = "mmap")]
 use crate::archive::{Tensors, verify};
-use crate::descriptor::{Sad, describe_each};
+use crate::descriptor::{DescriberPool, Sad};
 use crate::distance::Metric;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress};
@@ -120,15 +120,20 @@ impl Map {
         if got != places {
             return Err(Error::Length { what: "positions", expected: places, got });
         }
+        let path = path.as_ref();
+        let io = |source| Error::Io { path: path.to_owned(), action: "write the map", source };
+        // Before any image is read.
+        AtomicFile::check(path).map_err(io)?;
         let names = Names::new((0..places).map(|index| images.name(index)))?;
-        let (metric, recipe) = (Metric::Manhattan, Recipe::Sad(sad));
-        let (dim, dtype) = (sad.dim(), sad.dtype());
-        let kind = Kind { dim, dtype, metric, recipe, post: None, learned: None };
+        let pool = DescriberPool::of_map(sad, images)?;
+        let (metric, recipe) = (Metric::Manhattan, Recipe::Sad(pool.sad()));
+        let (dim, dtype, image_size) = (sad.dim(), sad.dtype(), pool.size());
+        let kind = Kind { dim, dtype, metric, recipe, post: None, learned: None, image_size };
         let positions = positions.into_iter().collect();
         let sidecar = Sidecar { places, positions, norms: Vec::new(), names: vec![&names] };
-        write(path.as_ref(), &kind, sidecar, |out| {
+        write(path, &kind, sidecar, |out| {
             let mut census = Census::new(&kind);
-            describe_each(&sad, images, progress, |rows| {
+            pool.describe_each(progress, |rows| {
                 census.add(rows);
                 out.numbers(rows.bytes(), dtype.size())
             })?;

@@ -13,7 +13,7 @@ use super::recipe::Kind;
 use super::route::Names;
 use super::{Map, Positions, Recipe};
 use crate::archive::{Refusal, Sink, swap_to_file_order};
-use crate::descriptor::describe_each;
+use crate::descriptor::DescriberPool;
 use crate::distance::Metric;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress, go_on};
@@ -108,13 +108,35 @@ impl Map {
         };
         old.write(&addition, |old, out| {
             let mut census = old.copy_rows(out, &mut || go_on(progress(0, places), 0, places))?;
-            describe_each(&sad, images, progress, |rows| {
+            let pool = DescriberPool::new(&sad, images)?;
+            check_shape(images, old.parts.kind.image_size, pool.size())?;
+            pool.describe_each(progress, |rows| {
                 census.add(rows);
                 out.numbers(rows.bytes(), sad.dtype().size())
             })?;
             Ok(census.places())
         })
     }
+}
+
+/// Refuses images of another shape (width to height) than the map's.
+fn check_shape(
+    images: &(impl ImageSource + ?Sized),
+    map: Option<(usize, usize)>,
+    more: Option<(usize, usize)>,
+) -> Result<(), Error> {
+    match (map, more) {
+        (Some(expected), Some(got)) if !same_shape(expected, got) => {
+            Err(Error::ImageSize { name: images.name(0), expected, got })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether two sizes have one shape, to 2 %.
+fn same_shape(one: (usize, usize), other: (usize, usize)) -> bool {
+    let [one, other] = [one, other].map(|(width, height)| width as f64 / height as f64);
+    (one / other - 1.0).abs() <= 0.02
 }
 
 /// Coordinates of a position; 0 without positions.
@@ -137,7 +159,11 @@ fn check(name: &str, map: (&Kind, usize, bool), more: (&Kind, usize, bool)) -> R
         Recipe::Ready => format!("ready descriptors of {} x {}, {}", of.dim, of.dtype, of.metric),
         Recipe::Sad(sad) => {
             let ((width, height), patch) = (sad.size(), sad.patch());
-            format!("SAD descriptors of {width} x {height} x {}, patch {patch}", of.dtype)
+            let levels = sad
+                .levels()
+                .map(|levels| format!(", of the levels {} to {}", levels.low(), levels.high()));
+            let levels = levels.unwrap_or_default();
+            format!("SAD descriptors of {width} x {height} x {}, patch {patch}{levels}", of.dtype)
         }
     };
     let names = |named| if named { "a name for each place" } else { "no names" }.to_owned();

@@ -17,7 +17,7 @@ use std::sync::{Arc, OnceLock};
 
 use twox_hash::XxHash3_64;
 
-use crate::descriptor::{Sad, describe_into};
+use crate::descriptor::{DescriberPool, Sad};
 use crate::distance::{Metric, Rows};
 use crate::dtype::Dtype;
 use crate::error::Error;
@@ -72,7 +72,8 @@ impl Map {
     }
 
     /// A map of the SAD descriptors of a traverse's images, described on all cores (feature
-    /// `rayon`). Places get the images' names. `progress` is told how many images are done and how
+    /// `rayon`). Places get the images' names. If the images are deep, and `sad` has no levels, the
+    /// map measures them ([`Levels`](crate::Levels)). `progress` is told how many images are done and how
     /// many there are; `Break` from it stops the work.
     ///
     /// # Errors
@@ -85,10 +86,12 @@ impl Map {
         progress: Progress<'_>,
     ) -> Result<Self, Error> {
         let places = at_least_two(images.len())?;
+        let pool = DescriberPool::of_map(sad, images)?;
         let mut rows = Storage::zeros(sad.dtype(), places * sad.dim());
-        describe_into(&sad, images, progress, rows.bytes_mut())?;
+        pool.describe_into(progress, rows.bytes_mut())?;
         let names = Names::new((0..places).map(|index| images.name(index)))?;
-        Self::checked(rows, sad.dim(), Metric::Manhattan, Recipe::Sad(sad))?.named(names)
+        let map = Self::checked(rows, sad.dim(), Metric::Manhattan, Recipe::Sad(pool.sad()))?;
+        map.named(names)?.with_image_size(pool.size())
     }
 
     /// A map of rows whose numbers have not been checked.
@@ -97,7 +100,7 @@ impl Map {
         rows.view().check_finite("descriptors", dim)?;
         let norms = lengths(rows.view(), dim, metric)?;
         let dtype = rows.view().dtype();
-        let kind = Kind { dim, dtype, metric, recipe, post: None, learned: None };
+        let kind = Kind { dim, dtype, metric, recipe, post: None, learned: None, image_size: None };
         Ok(Self::of(rows, &norms, kind))
     }
 

@@ -42,6 +42,8 @@ pub(super) struct Kind {
     pub(super) post: Option<Arc<Post>>,
     /// The recipe of a learned descriptor, as JSON.
     pub(super) learned: Option<Arc<str>>,
+    /// Width and height of the images that the rows were made of.
+    pub(super) image_size: Option<(usize, usize)>,
 }
 
 impl Kind {
@@ -130,6 +132,26 @@ impl Map {
         }
         self.kind.learned = Some(recipe.into());
         Ok(self)
+    }
+
+    /// The same map, made of images of this width and height: queries of another shape are then
+    /// noticed.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for a side of 0.
+    pub fn with_image_size(mut self, size: Option<(usize, usize)>) -> Result<Self, Error> {
+        if let Some((width, height)) = size.filter(|&(width, height)| width * height == 0) {
+            let (expected, got) = ("sides above 0".to_owned(), format!("{width} x {height}"));
+            return Err(Error::Option { name: "image_size", expected, got });
+        }
+        self.kind.image_size = size;
+        Ok(self)
+    }
+
+    /// Width and height of the images that the map was made of; `None` if that is not known, or
+    /// they differ.
+    pub fn image_size(&self) -> Option<(usize, usize)> {
+        self.kind.image_size
     }
 
     /// The recipe of learned descriptors as JSON, if it is known.

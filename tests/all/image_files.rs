@@ -5,7 +5,10 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
-use surefix::{Channels, Error, ImageFiles, ImageSource as _, Map, Sad, decode_image, read_image};
+use surefix::{
+    Channels, Error, Image, ImageFiles, ImageSource, Levels, Localizer, Map, Order, ReadableImages,
+    Recipe, Sad, decode_image, read_image,
+};
 use tempfile::tempdir;
 
 fn grey(width: u32, height: u32) -> DynamicImage {
@@ -78,7 +81,7 @@ fn every_format_is_read_in_its_own_colours() {
 }
 
 #[test]
-fn deeper_and_transparent_images_are_read_as_eight_bits() {
+fn transparency_is_ignored_and_sixteen_bits_stay() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("a.png");
     for (image, channels) in [
@@ -91,7 +94,11 @@ fn deeper_and_transparent_images_are_read_as_eight_bits() {
         let read = read_image(&path).unwrap();
         assert_eq!(read.channels(), channels);
         let expected = if channels == Channels::Grey { grey(5, 4) } else { rgb(5, 4) };
-        assert_eq!(read.pixels(), expected.as_bytes());
+        assert_eq!(Levels::FULL.apply(read.view()).pixels(), expected.as_bytes());
+        assert_eq!(
+            read.is_deep(),
+            image.color().bits_per_pixel() / u16::from(image.color().channel_count()) == 16
+        );
     }
 }
 
@@ -218,4 +225,107 @@ fn grey_and_coloured_files_of_one_scene_are_the_same_place() {
     grey(64, 32).save(folder.path().join("b.png")).unwrap();
     let map = build(&ImageFiles::find(folder.path()).unwrap()).unwrap();
     assert_eq!(map.descriptors().row(0, map.dim()), map.descriptors().row(1, map.dim()));
+}
+
+#[test]
+fn what_is_left_out_is_counted() {
+    let folder = tempdir().unwrap();
+    touch(folder.path(), &["a.png", "b.jfif", "c.jpe"]);
+    for name in ["d.heic", "e.HEIC", "notes.txt", ".DS_Store", "raw"] {
+        fs::write(folder.path().join(name), "other").unwrap();
+    }
+    fs::create_dir(folder.path().join("part2")).unwrap();
+    for place in [folder.path().to_owned(), folder.path().join("*")] {
+        let files = ImageFiles::find(&place).unwrap();
+        assert_eq!(names(&files), ["a.png", "b.jfif", "c.jpe"]);
+        let said = files.remarks().last().unwrap();
+        let expected =
+            "5 files left out: 1 without an ending, 2 .heic, 1 .txt, 1 hidden, folder part2";
+        assert!(said.starts_with(expected), "{said}");
+    }
+}
+
+#[test]
+fn the_order_is_chosen() {
+    let folder = tempdir().unwrap();
+    touch(folder.path(), &["9.5.png", "9.25.png", "9.125.png"]);
+    let find = |order| names(&ImageFiles::find_by(folder.path(), order).unwrap());
+    assert_eq!(find(Order::Name), ["9.125.png", "9.25.png", "9.5.png"]);
+    assert_eq!(find(Order::Decimals), find(Order::Name));
+    assert_eq!(find(Order::Whole), ["9.5.png", "9.25.png", "9.125.png"]);
+    for (name, order) in [("name", Order::Name), ("time", Order::Time), ("exif", Order::Exif)] {
+        assert_eq!((name.parse::<Order>().unwrap(), order.to_string().as_str()), (order, name));
+    }
+    let error = ImageFiles::find_by(folder.path(), Order::Exif).unwrap_err();
+    assert!(error.to_string().contains("DateTimeOriginal"), "{error}");
+    assert!("size".parse::<Order>().unwrap_err().to_string().contains("decimals"));
+}
+
+#[test]
+fn images_that_cannot_be_read_are_passed_over_if_that_is_said() {
+    let folder = tempdir().unwrap();
+    touch(folder.path(), &["a.png", "b.png", "c.png", "d.png"]);
+    fs::write(folder.path().join("b.png"), "").unwrap();
+    let files = ImageFiles::find(folder.path()).unwrap();
+    assert!(build(&files).is_err());
+    let mut told = Vec::new();
+    let readable = ReadableImages::of(&files, &mut |done, total| {
+        told.push((done, total));
+        ControlFlow::Continue(())
+    });
+    let readable = readable.unwrap();
+    assert_eq!((readable.kept(), readable.bad()[0].0), (&[0, 2, 3][..], 1));
+    assert_eq!(told, [(0, 4), (4, 4)]);
+    let map =
+        Map::from_images(&readable, Sad::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
+    assert_eq!(map.names().unwrap(), ["a.png", "c.png", "d.png"]);
+    for name in ["a.png", "c.png", "d.png"] {
+        fs::write(folder.path().join(name), "").unwrap();
+    }
+    let error = ReadableImages::of(&files, &mut |_, _| ControlFlow::Continue(())).unwrap_err();
+    assert!(error.to_string().contains("a.png"), "{error}");
+}
+
+/// Frames of 12 bits that differ.
+struct Deep;
+
+impl Deep {
+    fn samples(index: usize) -> Vec<u16> {
+        (0..64 * 32).map(|i: usize| ((i * i * (index + 7)) % 4001 + 17) as u16).collect()
+    }
+}
+
+impl ImageSource for Deep {
+    fn len(&self) -> usize {
+        9
+    }
+
+    fn load(&self, index: usize) -> Result<Image, Error> {
+        Image::new_deep(64, 32, Channels::Grey, &Self::samples(index))
+    }
+}
+
+#[test]
+fn the_map_fixes_the_range_of_deep_images() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("route");
+    Map::build(&path, &Deep, Sad::default(), None, &mut |_, _| ControlFlow::Continue(())).unwrap();
+    let map = Map::open(&path).unwrap();
+    let Recipe::Sad(sad) = map.recipe() else { panic!("a map of images") };
+    let levels = sad.levels().unwrap();
+    assert!(
+        (17..40).contains(&levels.low()) && (3980..4018).contains(&levels.high()),
+        "{levels:?}"
+    );
+    assert_eq!(map.image_size(), Some((64, 32)));
+    let mut localizer = Localizer::new(map.into(), surefix::Config::default()).unwrap();
+    for index in 0..9 {
+        let image = Deep.load(index).unwrap();
+        assert_eq!(localizer.push_image(&image).unwrap().single.place, index);
+        // The same in 8 bits by hand.
+        let shallow = levels.apply(image.view());
+        assert_eq!(sad.describe(shallow.view()).unwrap(), sad.describe(image.view()).unwrap());
+    }
+    let short = Image::new_deep(64, 32, Channels::Rgb, &Deep::samples(0)).unwrap_err();
+    assert!(short.to_string().contains("16-bit"), "{short}");
 }

@@ -40,6 +40,9 @@ def align_(
     odometry: inputs.Odometry = None,
     spacing: inputs.Spacing = None,
     places_per_metre: inputs.PlacesPerMetre = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    crop: inputs.Crop = False,
 ) -> None:
     """Align a recorded drive with a route, without any label: a truth for `surefix eval`.
 
@@ -66,7 +69,8 @@ def align_(
     write_report = None if report is None else _writer(report)
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
-    scale = {"spacing": spacing, "places_per_metre": places_per_metre}
+    sampling |= {"order": order, "strict": strict, "crop": crop}
+    scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
     drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
     given: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
     given["progress"] = terminal_bar("Aligning")

@@ -41,6 +41,9 @@ def audit_(
     odometry: inputs.Odometry = None,
     spacing: inputs.Spacing = None,
     places_per_metre: inputs.PlacesPerMetre = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    crop: inputs.Crop = False,
 ) -> None:
     """Estimate how often techniques are right on a recorded drive, without ground truth.
 
@@ -61,7 +64,8 @@ def audit_(
     """
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
-    scale = {"spacing": spacing, "places_per_metre": places_per_metre}
+    sampling |= {"order": order, "strict": strict, "crop": crop}
+    scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
     drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
     how: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
     if drive.maps:

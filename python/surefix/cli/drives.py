@@ -1,8 +1,8 @@
 """The maps or distances of a command, and the whole drive that goes with them."""
 
 import sys
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Collection, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,18 +10,21 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from surefix import Localizer, Map, SurefixValueError
+from surefix import Localizer, Map, Sad, SurefixValueError
 from surefix._progress import Bar, terminal_bar
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.inputs import refuse
-from surefix.descriptors import Onnx, extract
+from surefix.descriptors import Onnx
+from surefix.descriptors.extraction import described
 from surefix.descriptors.mapping import sad_map
 from surefix.errors import mismatch
 from surefix.frames import BagFrames, Frames, ImageFrames
 from surefix.frames import open as open_frames
 from surefix.frames.advances import time_in
+from surefix.frames.levels import FULL
 from surefix.frames.sampling import Derived
+from surefix.frames.shape import other_shape
 from surefix.tables.columns import Columns
 from surefix.tables.matrices import read_matrix
 from surefix.tables.vectors import ENDINGS
@@ -46,8 +49,12 @@ class Drive:
         By the odometry, in places.
     queries : list of str, or None
         The name of each query.
+    seen : list of str
+        The same, with the images that could not be read; of arrays none.
     times : sequence of float or None
-        When each query was taken, in seconds; empty if unknown.
+        When each of these was taken, in seconds; empty if unknown.
+    bad : tuple of int
+        The images that could not be read and are no queries, by their index.
     bag : BagFrames, or None
         The bag that the queries are in.
     """
@@ -57,7 +64,9 @@ class Drive:
     rows: list[npt.NDArray[Any]]
     advance: Float64 | None = None
     queries: list[str] | None = None
+    seen: Sequence[str] = ()
     times: Sequence[float | None] = ()
+    bad: tuple[int, ...] = ()
     bag: BagFrames | None = None
 
     @property
@@ -87,6 +96,9 @@ def open_drive(
     model: Path | None,
     spacing: float | None = None,
     places_per_metre: float | None = None,
+    order: str = "name",
+    strict: bool = False,
+    crop: bool = False,
     **sampling: Any,
 ) -> Drive:
     """Distances; or maps and queries, described for each map, with their advances by odometry."""
@@ -101,6 +113,7 @@ def open_drive(
         refuse(queries is not None, f"QUERIES: expected none with distances, got {queries}")
         refuse(model is not None, f"--model: expected a map, got the distances {route}")
         inputs.check_sampling(f"the distances {route}", **sampling)
+        refuse(order != "name" or crop, f"--order, --crop: expected images, got {route}")
         read = [read_matrix(file, similarity) for file in files]
         for file, each in zip(files, read, strict=True):
             if each.shape != read[0].shape:
@@ -119,25 +132,39 @@ def open_drive(
         refuse(scale is None, inputs.NO_SCALE)
         sampling["places_per_metre"] = scale
     place = str(queries)
+    reading: dict[str, Any] = {"order": order, "strict": strict}
+    reading["crop"] = inputs.crop_of(first, crop)
     if odometry is not None and Path(place).suffix.lower() in ENDINGS:
         # Rows of an array, a row of the odometry each.
         how = {"odometry": sampling.pop("odometry"), "places_per_metre": scale}
         del sampling["places_per_metre"]
-        frames = inputs.open_frames(place, **sampling)
+        frames = inputs.open_frames(place, **reading, **sampling)
         moved = open_frames(place, **how)
     else:
-        frames = moved = inputs.open_frames(place, **sampling)
+        frames = moved = inputs.open_frames(place, **reading, **sampling)
     for file, place_map, network in zip(files, maps, networks, strict=True):
         check_kind(place_map, file, frames, network)
     names, advances, times = names_and_advances(moved)
     advance = None if odometry is None else known(advances)
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
-    rows = [describe(each, frames, network) for each, network in zip(maps, networks, strict=True)]
-    for note in inputs.notes_on(moved):
-        print(note, file=sys.stderr)
+    if not crop:
+        look_at_shape(first, frames)
+    bad: set[int] = set()
+    rows = []
+    for place_map, network in zip(maps, networks, strict=True):
+        rows.append(describe(place_map, frames, network, bad=None if strict else bad))
+        if len(rows) == 1:
+            frames = without(frames, bad)
+    seen = [] if frames.ready is not None else names
+    names = [name for index, name in enumerate(names) if index not in bad]
     named = None if frames.ready is not None else names
-    return Drive(_named(files), maps, rows, advance, named, times, bag_of(frames))
+    if advance is not None:
+        advance = advance_without(advance, bad)
+    if notes := inputs.notes_on(moved, names):
+        print("; ".join(notes), file=sys.stderr)
+    lost, bag = tuple(sorted(bad)), bag_of(frames)
+    return Drive(_named(files), maps, rows, advance, named, seen, times, lost, bag)
 
 
 def _named(files: Sequence[str]) -> list[str]:
@@ -242,15 +269,61 @@ def known(advance: Sequence[float | None]) -> Float64:
 
 
 def describe(
-    place_map: Map, frames: Frames, network: Onnx | None, cache: Path | None = None
+    place_map: Map,
+    frames: Frames,
+    network: Onnx | None,
+    cache: Path | None = None,
+    bad: set[int] | None = None,
 ) -> npt.NDArray[Any]:
-    """The descriptors of the frames, as the map's own, (m, dim)."""
+    """The descriptors of the frames, as the map's own, (m, dim). With a set ``bad``, images that
+    cannot be read are passed over, and their indices are noted in it.
+    """
     if frames.ready is not None:
         return np.asarray(frames.ready)
     if network is not None:
-        return extract(frames, network, cache=cache)
-    assert place_map.descriptor is not None
-    return sad_map(frames, place_map.descriptor).descriptors
+        return described(frames, network, cache=cache, levels=place_map.levels, bad=bad)[0]
+    sad = place_map.descriptor
+    assert sad is not None
+    # A map of 8-bit images has no levels; those of the drive are not measured.
+    sad = Sad(sad.size, sad.patch, sad.dtype, sad.levels or FULL)
+    # A drive of one size is not asked for: a localizer would not either.
+    made = sad_map(frames, sad, skip_bad=bad is not None, mixed_sizes=True)
+    if bad is not None and isinstance(frames, ImageFrames):
+        bad.update(inputs.missing(frames.images.names, made.names or ()))
+    return made.descriptors
+
+
+def without(frames: Frames, bad: Collection[int]) -> Frames:
+    """The frames without the images that cannot be read."""
+    if not bad or not isinstance(frames, ImageFrames):
+        return frames
+    return frames.taken(index for index in range(len(frames)) if index not in bad)
+
+
+def truth_without(truth: Any, bad: Collection[int]) -> Any:
+    """A truth without the queries that cannot be read: a row or a column each."""
+    if not bad:
+        return truth
+    if isinstance(truth, tuple):
+        return truth[0], np.delete(truth[1], [*bad], axis=0)
+    return np.delete(truth, [*bad], axis=-1)
+
+
+def advance_without(advance: Float64, bad: Collection[int]) -> Float64:
+    """The advances of the queries that are left, each with those of the bad ones before it."""
+    moved = np.delete(np.cumsum(advance), [*bad])
+    return np.diff(moved, prepend=moved[:1])
+
+
+def look_at_shape(place_map: Map, frames: Frames) -> None:
+    """Warns of frames of another shape than the map's images."""
+    if frames.ready is not None or place_map.image_size is None:
+        return
+    with closing(frames.shots()) as shots, suppress(SurefixValueError):
+        shot = next(shots, None)
+        warning = None if shot is None else other_shape(place_map.image_size, shot.read())
+        if warning is not None:
+            print(warning, file=sys.stderr)
 
 
 class MapColumns(Columns):

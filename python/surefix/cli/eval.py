@@ -22,13 +22,17 @@ from surefix.baselines.truth import part_of, right_matches
 from surefix.cli import inputs, scenarios
 from surefix.cli.drives import (
     MapColumns,
+    advance_without,
     bag_of,
     check_kind,
     describe,
     distances_of,
     known,
+    look_at_shape,
     names_and_advances,
     open_map,
+    truth_without,
+    without,
 )
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import refuse
@@ -37,7 +41,8 @@ from surefix.descriptors import Onnx
 from surefix.errors import mismatch, refusal
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.by_name import UInt8, images_by_name
-from surefix.frames.images import Images, open_images
+from surefix.frames.images import Images, ShownImages, open_images
+from surefix.frames.levels import in_8_bits
 from surefix.frames.opening import is_recording
 from surefix.machine import room_for
 from surefix.study.fit import better_fit
@@ -101,6 +106,9 @@ def eval_(
     places_per_metre: Annotated[
         float | None, typer.Option(help="--odometry: places of the map in a metre, or --spacing.")
     ] = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    crop: inputs.Crop = False,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
     report.
@@ -213,7 +221,10 @@ def eval_(
         of_map = None if place_map is None else place_map.positions
         sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
         refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
-    frames = None if queries is None else inputs.open_frames(queries, **sampling)
+    refuse(crop and place_map is None, "--crop: expected a map, got distances")
+    shape = None if place_map is None else inputs.crop_of(place_map, crop)
+    reading: dict[str, Any] = {"order": order, "strict": strict, "crop": shape}
+    frames = None if queries is None else inputs.open_frames(queries, **reading, **sampling)
     names, advance, times = ([], [], []) if frames is None else names_and_advances(frames)
     ready = D if columns is None else columns
     if ready is not None:
@@ -266,17 +277,31 @@ def eval_(
         _Technique.open(file, places, count, frames, model, similarity) for file in fuse or ()
     ]
     speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
+    levels = None if place_map is None else place_map.levels
     pictures = None
     if references is not None:
         pictures = _reference_images(references, places, place_map)
+    if isinstance(pictures, Images):
+        pictures = ShownImages(pictures, levels)
     _check_before(places, options, out)
 
     # Compare the methods.
-    start = time.perf_counter()
+    start, given = time.perf_counter(), frames
     if D is None and columns is None:
         assert place_map is not None
         assert frames is not None
-        rows = describe(place_map, frames, network, cache)
+        if not crop:
+            look_at_shape(place_map, frames)
+        bad: set[int] = set()
+        rows = describe(place_map, frames, network, cache, None if strict else bad)
+        if bad:
+            # The rest of the truth is still that of the queries that are left.
+            frames = without(frames, bad)
+            names = [name for index, name in enumerate(names) if index not in bad]
+            count, along = len(names), None if along is None else np.delete(along, [*bad])
+            context = replace(context, truth=truth_without(context.truth, bad))
+            if context.advance is not None:
+                context = replace(context, advance=advance_without(context.advance, bad))
         if streamed:
             columns = MapColumns(place_map, rows)
         else:
@@ -291,8 +316,6 @@ def eval_(
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     how_long = "as they are needed" if streamed else f"in {time.perf_counter() - start:.1f} s"
     print(f"Distances: {size}, {how_long}")
-    for note in [] if frames is None else inputs.notes_on(frames):
-        print(note, file=sys.stderr)
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Comparing the methods") as status:
 
@@ -330,7 +353,7 @@ def eval_(
                 study,
                 out,
                 shlex.join(["surefix", *sys.argv[1:]]),
-                queries=None if frames is None else _pictures(frames, mistakes),
+                queries=None if frames is None else _pictures(frames, mistakes, levels),
                 references=pictures,
                 query_names=None if frames is None or frames.ready is not None else names,
                 place_names=pictures.names if isinstance(pictures, Images) else place_names,
@@ -344,6 +367,7 @@ def eval_(
     print(
         f"Made {report}: {plural(len(study.results), 'method')} compared, with pictures and tables "
         f"beside it, in {time.perf_counter() - begin:.1f} s"
+        + "".join(f"; {note}" for note in ([] if given is None else inputs.notes_on(given, names)))
     )
 
 
@@ -402,13 +426,16 @@ def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
         raise refusal(out, "cannot make the output folder", error) from None
 
 
-def _pictures(frames: Frames, wanted: Collection[int]) -> Pictures | None:
+def _pictures(
+    frames: Frames, wanted: Collection[int], levels: tuple[int, int] | None
+) -> Pictures | None:
     """The images of these frames at least; a recording is read again, up to the last of them."""
     if isinstance(frames, ImageFrames):
-        return None if frames.ready is not None else frames.images
+        return None if frames.ready is not None else ShownImages(frames.images, levels)
     with closing(frames.shots()) as shots:
         until = islice(shots, max(wanted, default=-1) + 1)
-        return {index: shot.read() for index, shot in enumerate(until) if index in wanted}
+        chosen = ((index, shot) for index, shot in enumerate(until) if index in wanted)
+        return {index: in_8_bits(shot.read(), levels) for index, shot in chosen}
 
 
 def _reference_images(place: str, places: int, known: Map | None) -> Images | dict[int, UInt8]:

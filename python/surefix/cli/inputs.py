@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,6 @@ from surefix._words import plural
 from surefix.descriptors import Onnx
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.frames.opening import is_recording
-from surefix.frames.recording import is_bag
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.metres import places_per_metre
 from surefix.tables.vectors import ENDINGS
@@ -35,6 +34,28 @@ Odometry = Annotated[
     typer.Option(
         help="A .csv with the columns time and x,y[,z] or distance, a trajectory of TUM, KITTI or "
         "EuRoC, or a topic of poses of the bag."
+    ),
+]
+
+Order = Annotated[
+    Literal["name", "decimals", "whole", "time", "exif"],
+    typer.Option(
+        help="The order of a folder's images: by their names (numbers with a point: decimals or "
+        "whole say how to read the digits after it), by the time of the files' last change, or by "
+        "the time at which the camera took them (EXIF)."
+    ),
+]
+Strict = Annotated[
+    bool,
+    typer.Option(
+        "--strict",
+        help="Stop at an image or a frame that cannot be read, instead of passing over it.",
+    ),
+]
+Crop = Annotated[
+    bool,
+    typer.Option(
+        "--crop", help="Cut images of another shape than the map's around their centre to that."
     ),
 ]
 
@@ -70,19 +91,42 @@ def refuse(wrong: bool, message: str) -> None:
         raise typer.BadParameter(message)
 
 
-def open_frames(place: str, key: str | None = None, **sampling: Any) -> frames.Frames:
+def open_frames(
+    place: str,
+    key: str | None = None,
+    *,
+    order: str = "name",
+    strict: bool = False,
+    crop: tuple[int, int] | None = None,
+    **sampling: Any,
+) -> frames.Frames:
     """The frames of a video or a bag, or of images with odometry, sampled; or all those of images
-    or an array. Bad frames of recordings are passed over.
+    or an array. Bad frames of recordings are passed over unless ``strict``.
     """
     array = Path(place).suffix.lower() in ENDINGS
     recording = is_recording(place) or (sampling.get("odometry") is not None and not array)
     refuse(key is not None and recording, f"--key: expected descriptors, got the recording {place}")
     if key is not None and not array:
         raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
+    refuse(order != "name" and array, f"--order: expected a folder of images, got {place}")
     if recording:
-        return frames.open(place, **sampling, skip_bad=is_bag(place))
+        more: dict[str, Any] = {"order": order, "skip_bad": not strict, "crop": crop}
+        return frames.open(place, **sampling, **more)
     check_sampling(place, **sampling)
-    return frames.ImageFrames(place, key)
+    images = frames.ImageFrames(place, key, order=order)
+    if crop is None or images.ready is not None:
+        return images
+    cut = frames.Crop(images, crop)
+    return cut if strict else frames.SkipBad(cut)
+
+
+def crop_of(known: Map, wanted: bool) -> tuple[int, int] | None:
+    """The size whose shape ``--crop`` cuts to."""
+    if not wanted:
+        return None
+    unknown = known.image_size is None
+    refuse(unknown, "--crop: expected a map that knows the size of its images; this one does not")
+    return known.image_size
 
 
 def notes_on(given: frames.Frames, kept: Sequence[str] | None = None) -> list[str]:
@@ -95,11 +139,25 @@ def notes_on(given: frames.Frames, kept: Sequence[str] | None = None) -> list[st
     while isinstance(source, frames.Frames):
         bad += getattr(source, "bad", [])
         notes += source.remarks
+        if isinstance(source, frames.ImageFrames) and kept is not None and not bad:
+            names = source.images.names
+            bad = [names[index] for index in missing(names, kept)]
         source = getattr(source, "source", None)
     if bad:
         some = ", ".join(bad[:3]) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
-        notes.insert(0, f"{plural(len(bad), 'bad image')} passed over: {some}")
+        notes.insert(0, f"{plural(len(bad), 'bad frame')} passed over: {some}")
     return [*dict.fromkeys(notes)]
+
+
+def missing(names: Sequence[str], kept: Sequence[str]) -> list[int]:
+    """The indices of the names that are not among the kept ones, which are in order."""
+    found, at = [], 0
+    for index, name in enumerate(names):
+        if at < len(kept) and kept[at] == name and len(names) - index >= len(kept) - at:
+            at += 1
+        else:
+            found.append(index)
+    return found
 
 
 def scale_of(

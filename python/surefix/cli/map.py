@@ -21,6 +21,7 @@ from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
 from surefix.errors import check_folder
 from surefix.frames import ImageFrames
+from surefix.frames.levels import Levels, checked_levels
 
 Metric = Literal["cosine", "euclidean", "manhattan"]
 # How SAD descriptors are kept.
@@ -34,9 +35,16 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _sad(size: str | None, patch: int, dtype: Dtype) -> Sad:
+def _levels(levels: tuple[int, int]) -> Levels:
     try:
-        return Sad(_size(size or "64x32"), patch, dtype)
+        return checked_levels(levels)
+    except SurefixValueError as error:
+        raise typer.BadParameter(f"--{error}") from None
+
+
+def _sad(size: str | None, patch: int, dtype: Dtype, levels: Levels | None) -> Sad:
+    try:
+        return Sad(_size(size or "64x32"), patch, dtype, levels)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
 
@@ -72,6 +80,10 @@ def build(
     every: inputs.Every = None,
     metres: inputs.Metres = None,
     odometry: inputs.Odometry = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    levels: tuple[int, int] | None = None,
+    mixed_sizes: bool = False,
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready
     descriptors.
@@ -97,8 +109,12 @@ def build(
     positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres; or with a column
         time, at times of their own; or a folder of images named @east@north@.
     skip_blank: Leave out the places that show nothing: black, covered, or equal to many others.
+    levels: Images of more than 8 bits: the samples LOW and HIGH that are black and white, for the
+        map and all its queries; by default measured on the images.
+    mixed_sizes: The images may differ in size.
     """
     start = time.perf_counter()
+    range_ = None if levels is None else _levels(levels)
     check_folder(out, "cannot write the map")
     steps = None if post is None else inputs.steps_of(post)
     network = None
@@ -111,7 +127,15 @@ def build(
         options = "--output, --mean, --std, --batch, --cache"
         raise typer.BadParameter(f"{options}: expected --model too, got none")
     frames = inputs.open_frames(
-        references, key, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
+        references,
+        key,
+        order=order,
+        strict=strict,
+        topic=topic,
+        stride=stride,
+        every=every,
+        metres=metres,
+        odometry=odometry,
     )
     inputs.check_not_read(out, [*frames.files, model, cache])
     where = None if positions is None else metres_of_frames(positions, frames)
@@ -119,24 +143,28 @@ def build(
         got = f"expected images, got the ready descriptors {references}"
         refuse(network is not None, f"--model: {got}")
         refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
+        refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
         by = metric or metric_of(references) or "cosine"
         Map.from_descriptors(frames.ready, by, positions=where, post=steps).save(out)
     elif network is not None:
-        map_of_images(frames, network, metric or "cosine", where, steps, cache).save(out)
+        how: dict[str, Any] = {"levels": range_, "skip_bad": not strict}
+        map_of_images(frames, network, metric or "cosine", where, steps, cache, **how).save(out)
     else:
         _check_sad(references, metric, post)
-        sad = _sad(size, patch, dtype)
+        sad = _sad(size, patch, dtype, range_)
         if isinstance(frames, ImageFrames):
-            Map.build(out, frames.source, sad, positions=where)
+            how = {"skip_bad": not strict, "mixed_sizes": mixed_sizes}
+            Map.build(out, frames.source, sad, positions=where, **how)
         else:
-            sad_map(frames, sad, where).save(out)
+            sad_map(frames, sad, where, mixed_sizes=mixed_sizes).save(out)
     made = _look(out)
+    kept = None if frames.ready is not None else made.names
     blank = _blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
     if blank and skip_blank:
         made.without_blank().save(out)
     del made
     said = f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s"
-    print("; ".join([said, *blank, *inputs.notes_on(frames)]))
+    print("; ".join([said, *blank, *inputs.notes_on(frames, kept)]))
 
 
 MATCHED = "nothing is matched to them (--skip-blank leaves them out)"
@@ -162,6 +190,9 @@ def append(
     positions: Path | None = None,
     model: inputs.Model = None,
     cache: inputs.Cache = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    mixed_sizes: bool = False,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
     every: inputs.Every = None,
@@ -180,14 +211,23 @@ def append(
     references: The places that follow: a folder of images, a pattern ("more/*.png"), a .npy, a
         video or a bag.
     positions: A .npy or .csv of each new place's position, if the map has positions.
+    mixed_sizes: The images may differ in size.
     """
     start, old = time.perf_counter(), _look(file)
     frames = inputs.open_frames(
-        references, topic=topic, stride=stride, every=every, metres=metres, odometry=odometry
+        references,
+        order=order,
+        strict=strict,
+        topic=topic,
+        stride=stride,
+        every=every,
+        metres=metres,
+        odometry=odometry,
     )
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
     where = None if positions is None else metres_of_frames(positions, frames)
+    more: dict[str, Any]
     network = None
     if model is not None:
         network = inputs.network_of(old, file, model)
@@ -198,22 +238,24 @@ def append(
         raise inputs.no_model(old.recipe["name"], file)
     if frames.ready is not None:
         rows, post, recipe = frames.ready, old.post, old.recipe
-        more = Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe)
-        Map.append(file, more)
+        Map.append(file, Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe))
     elif network is not None:
         images: Any = frames.source if isinstance(frames, ImageFrames) else frames
-        Map.append(file, images, network, positions=where, cache=cache)
+        more = {"positions": where, "cache": cache, "skip_bad": not strict}
+        Map.append(file, images, network, **more)
     elif isinstance(frames, ImageFrames):
-        Map.append(file, frames.source, positions=where)
+        more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
+        Map.append(file, frames.source, **more)
     elif old.descriptor is None:
         check_kind(old, str(file), frames, None)
     else:
-        Map.append(file, sad_map(frames, old.descriptor, where))
+        Map.append(file, sad_map(frames, old.descriptor, where, mixed_sizes=mixed_sizes))
     longer, seconds = _look(file), time.perf_counter() - start
     added = plural(len(longer) - len(old), "place")
+    kept = None if frames.ready is not None or longer.names is None else longer.names[len(old) :]
     said = f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
     blank = [place for place in longer.blank.tolist() if place >= len(old)]
-    notes = [*_again(old, longer), *_blank(blank, longer.names), *inputs.notes_on(frames)]
+    notes = [*_again(old, longer), *_blank(blank, longer.names), *inputs.notes_on(frames, kept)]
     print("; ".join([said, *notes]))
 
 
@@ -247,6 +289,8 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
         "dim": route.dim,
         "dtype": str(route.dtype),
         "metric": route.metric,
+        "image_size": None if route.image_size is None else list(route.image_size),
+        "levels": None if route.levels is None else list(route.levels),
         "descriptor": repr(route.descriptor) if route.descriptor else None,
         "recipe": route.recipe,
         "post": None if route.post is None else route.post.steps,
@@ -270,10 +314,14 @@ def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -
             "repeated": _said(facts["repeated"]),
             "positions": coordinates,
             "blank": "".join(_blank(facts["blank"], names)) or "none",
+            "image_size": " x ".join(map(str, route.image_size or ())),
+            "levels": " to ".join(map(str, route.levels or ())),
         }.get(name, str(value))
         # The descriptor's name stands for the recipe; --json has all of it.
         absent = (name == "post" and route.post is None) or (name == "repeated" and not value)
         if name in ("recipe", "input_dim") or absent:
+            continue
+        if name in ("image_size", "levels") and value is None:
             continue
         table.add_row(name, Text(shown))
     Console(highlight=False, soft_wrap=True).print(table)

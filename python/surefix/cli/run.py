@@ -4,9 +4,11 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
+import numpy as np
 import typer
 
 from surefix import Localizer, Settings, SurefixValueError, frames
@@ -14,11 +16,12 @@ from surefix._words import plural
 from surefix.cli.drives import check_kind, networks_of, open_map, others_of
 from surefix.cli.fixes import ALARM, Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
-from surefix.cli.inputs import NO_SCALE, check_not_read, notes_on, refuse, scale_of
+from surefix.cli.inputs import NO_SCALE, check_not_read, crop_of, notes_on, refuse, scale_of
 from surefix.cli.views import open_views
 from surefix.errors import refusal
-from surefix.frames import Advances, Frame, Frames
-from surefix.frames.recording import is_bag
+from surefix.frames import Advances, Frame, Frames, in_8_bits
+from surefix.frames.levels import Clipping
+from surefix.frames.shape import other_shape
 from surefix.live import View
 
 # The headings in the help, of the options about frames and about seeing them.
@@ -28,6 +31,7 @@ S = "Seeing it"
 
 BOTH = "--accept: expected none beside a --config that has a threshold"
 Format = Literal["csv", "json"]
+Order = Literal["name", "decimals", "whole", "time", "exif"]
 Size = tuple[int, ...]
 
 
@@ -56,6 +60,9 @@ def run(
     places_per_metre: Annotated[float | None, F] = None,
     gap: Annotated[float | None, F] = None,
     newest: Annotated[bool | None, F] = None,
+    order: Annotated[Order, typer.Option(rich_help_panel=F)] = "name",
+    strict: Annotated[bool, F] = False,
+    crop: Annotated[bool, F] = False,
     live: Annotated[bool, S] = False,
     save: Annotated[Path | None, S] = None,
     references: Annotated[str | None, S] = None,
@@ -92,6 +99,11 @@ def run(
         backward.
     gap: Treat frames more than this many seconds apart as a break.
     newest: If matching is slow, drop frames and take the newest; the default of a camera.
+    order: The order of a folder's images: by their names (numbers with a point: decimals or whole
+        say how to read the digits after it), by the time of the files' last change, or by the time
+        at which the camera took them (EXIF).
+    strict: Stop at a frame that cannot be read, instead of passing over it.
+    crop: Cut frames of another shape than the map's images around their centre to that.
     live: Open rerun's viewer; without rerun, the terminal's.
     save: Write a recording, to be opened by rerun FILE.rrd.
     references: The map's images, to be shown beside the queries: a folder, a .npy, or the video or
@@ -128,7 +140,9 @@ def run(
         odometry=odometry,
         places_per_metre=scale,
         newest=newest,
-        skip_bad=is_bag(queries),
+        order=order,
+        skip_bad=not strict,
+        crop=crop_of(places, crop),
     )
     names, maps = [route, *(fuse or ())], [places, *others_of(places, fuse or ())]
     networks = networks_of(maps, names, model)
@@ -152,6 +166,7 @@ def run(
         read.append(out)
     if save is not None:
         _check_save(save, read)
+    clipping = Clipping(places.levels)
     kind = options.get("motion") or (motion and "of the settings")
     summary = Summary(kind, accept, settings.options["tolerance"])
     if settings.threshold is not None:
@@ -163,7 +178,7 @@ def run(
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(_create(out))
         try:
-            localize(localizer, source, _writer(file, form, out), summary, views)
+            localize(localizer, source, _writer(file, form, out), summary, views, clipping)
             summary.ended = True
         except KeyboardInterrupt:
             # This is the way to end live frames.
@@ -175,6 +190,8 @@ def run(
             print(summary.text(out), file=sys.stderr)
             if out is None and sys.stdout.isatty() and summary.latencies:
                 print("not kept: add -o fixes.csv", file=sys.stderr)
+            if clipping.warning is not None:
+                print(clipping.warning, file=sys.stderr)
             if notes := notes_on(source):
                 print("; ".join(notes), file=sys.stderr)
             if isinstance(source, Advances):
@@ -200,9 +217,10 @@ def localize(
     write: Writer | None,
     summary: Summary,
     views: Sequence[View] = (),
+    clipping: Clipping | None = None,
 ) -> None:
     """Push each frame, write and count each fix, and show it in the views."""
-    names = localizer.map.names
+    names, levels = localizer.map.names, localizer.map.levels
     before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:
@@ -215,7 +233,13 @@ def localize(
             except SurefixValueError as error:
                 raise _at(frame, before, error) from None
             latency = (time.perf_counter_ns() - start) / 1000
+            if before is None and (warning := other_shape(localizer.map.image_size, frame.image)):
+                print(warning, file=sys.stderr)
             before = frame.image.shape
+            if clipping is not None:
+                clipping.add(frame.image)
+            if views and frame.image.dtype == np.uint16:
+                frame = replace(frame, image=in_8_bits(frame.image, levels))
             place_name = names[fix.place] if names else None
             timed = source.timed or source.live
             alarm = localizer.alarm

@@ -11,7 +11,7 @@ from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
 from surefix.cli.audit import print_columns
-from surefix.cli.drives import Drive, open_drive
+from surefix.cli.drives import Drive, open_drive, truth_without
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read, refuse
 from surefix.cli.where import GAP, Places, PositionGap, Queries, Where, by_positions, by_truth
@@ -41,6 +41,9 @@ def tune_(
     odometry: inputs.Odometry = None,
     spacing: inputs.Spacing = None,
     places_per_metre: inputs.PlacesPerMetre = None,
+    order: inputs.Order = "name",
+    strict: inputs.Strict = False,
+    crop: inputs.Crop = False,
 ) -> None:
     """Choose the settings for a route on a recorded drive, and a threshold with a promise.
 
@@ -82,14 +85,15 @@ def tune_(
     check_folder(out, "cannot write the settings")
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
-    scale = {"spacing": spacing, "places_per_metre": places_per_metre}
+    sampling |= {"order": order, "strict": strict, "crop": crop}
+    scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
     drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
 
     count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
     first = drive.maps[0] if drive.maps else None
     of_map = (None, None) if first is None else (first.positions, first.names)
     mapped = Places(drive.places, *of_map)
-    driven = Queries(count, drive.queries or (), drive.times, drive.bag)
+    driven = Queries(count + len(drive.bad), drive.seen, drive.times, drive.bag)
     known: Where | None = None
     if truth is not None:
         known = by_truth(truth, mapped, driven, tolerance)
@@ -97,7 +101,8 @@ def tune_(
         assert tolerance is not None
         known = by_positions(positions, query_positions, mapped, driven, tolerance, position_gap)
     tolerance = known.tolerance if known else 1 if tolerance is None else tolerance
-    how: dict[str, Any] = {"truth": known and known.truth, "tolerance": tolerance}
+    at = None if known is None else truth_without(known.truth, drive.bad)
+    how: dict[str, Any] = {"truth": at, "tolerance": tolerance}
     how |= {"wrong": wrong, "sure": sure, "motion": motion, "advance": drive.advance}
     tuned = refusing_options(tune, *drive.given, **how)
 

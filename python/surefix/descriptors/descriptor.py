@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix.errors import mismatch
+from surefix.frames.levels import in_8_bits
+from surefix.frames.pillow import pixels_of
 
 Image = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.float32]
@@ -85,8 +87,10 @@ def _has_image_shape(array: npt.NDArray[Any]) -> bool:
 
 
 def checked_image(image: Any, what: str) -> Image:
-    """The image as an array, if it is uint8 (H, W) or (H, W, 3) and has pixels."""
-    array = np.asarray(image)
+    """The image as an array, if it is uint8 or uint16 (H, W) or (H, W, 3) and has pixels; in 8
+    bits.
+    """
+    array = in_8_bits(pixels_of(image, what))
     if array.dtype != np.uint8 or not _has_image_shape(array) or 0 in array.shape:
         raise mismatch(what, "uint8 (H, W) or (H, W, 3)", f"{array.dtype} {array.shape}")
     return array

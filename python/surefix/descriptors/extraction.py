@@ -1,6 +1,7 @@
 """Describes all images of a drive: batch by batch, with a bar, and a cache to resume from."""
 
 import hashlib
+import logging
 import os
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
@@ -28,10 +29,13 @@ from surefix.descriptors.descriptor import (
 from surefix.errors import SurefixValueError, check_folder, mismatch, refusal
 from surefix.frames.frame import Frames, IteratedFrames, Shot
 from surefix.frames.images import frames_of
+from surefix.frames.levels import in_8_bits
+from surefix.frames.pillow import pixels_of
 
 if TYPE_CHECKING:
     from surefix._core import Traverse
 
+LOG = logging.getLogger("surefix")
 BATCH = 8
 # Bytes that tell one image from another: 2^-64 is the chance that two agree by accident.
 DIGEST = 8
@@ -53,6 +57,7 @@ def extract(
     batch: int | None = None,
     cache: str | PathLike[str] | None = None,
     progress: Progress | Literal[False] | None = None,
+    levels: tuple[int, int] | None = None,
 ) -> Rows:
     """Describes images one batch after the other.
 
@@ -74,6 +79,9 @@ def extract(
     progress : callable, optional
         Called as ``progress(done, total)`` after each batch; False from it stops. None is a bar on
         a terminal, False is nothing. An unknown total is one more than ``done``.
+    levels : (int, int), optional
+        The samples of uint16 images that become black and white, such as ``Map.levels``; by default
+        all 16 bits.
 
     Returns
     -------
@@ -104,7 +112,7 @@ def extract(
     >>> extract(images, Brightness(), batch=2).shape
     (5, 2)
     """
-    return described(frames_of(images), descriptor, batch, cache, progress)[0]
+    return described(frames_of(images), descriptor, batch, cache, progress, levels)[0]
 
 
 def described(
@@ -113,35 +121,48 @@ def described(
     batch: int | None = None,
     cache: str | PathLike[str] | None = None,
     progress: Progress | Literal[False] | None = None,
+    levels: tuple[int, int] | None = None,
+    bad: set[int] | None = None,
 ) -> tuple[Rows, list[Shot]]:
-    """As ``extract``; and the shots that were described, each without its image."""
+    """As ``extract``; and the shots that were described, each without its image. With a set
+    ``bad``, those that cannot be read are passed over, the logger says so, and their indices are
+    noted in it.
+    """
     descriptor = require_descriptor(descriptor)
     size = checked_batch(batch if batch is not None else getattr(descriptor, "batch", BATCH))
     report = terminal_bar("Describing") if progress is None else progress or None
     bar = Bar(report, frames.count, frames.estimate)
     seen: list[Shot] = []
+    load = _Loader(levels, bad)
     with closing(_shots(frames, seen)) as shots:
         if cache is None:
-            batches = _batches(shots, size, digests=False)
-            return _collect(_vectors(batches, descriptor), frames.count, bar), seen
+            batches = load.batches(shots, size, digests=False)
+            rows = _collect(_vectors(batches, descriptor), frames.count, bar)
+            return rows, load.readable(seen)
         path = Path(cache)
         check_folder(path, "cannot write the cache")
-        with closing(Cache(path, descriptor.name, descriptor.recipe)) as kept:
+        recipe = dict(descriptor.recipe) | ({} if levels is None else {"levels": [*levels]})
+        with closing(Cache(path, descriptor.name, recipe)) as kept:
             if frames.count is not None and kept.rows > frames.count:
                 raise _too_long(path, frames.count, kept.rows)
             known = kept.rows
-            for shot in islice(shots, known):
-                kept.expect(shot.name, _digest(shot, None))
+            while kept.checked < known and (shot := next(shots, None)) is not None:
+                try:
+                    kept.expect(shot.name, _digest(shot, None))
+                    load.count, load.some = load.count + 1, True
+                except SurefixValueError:
+                    if not load.passes_over(shot):
+                        raise
             if kept.checked < known:
                 raise _too_long(path, kept.checked, known)
             bar.show(kept.rows)
-            for part in _vectors(_batches(shots, size, digests=True), descriptor):
+            for part in _vectors(load.batches(shots, size, digests=True), descriptor):
                 kept.append(*part)
                 bar.show(kept.rows)
             if kept.rows == 0:
                 raise mismatch("images", "at least one", "none")
             bar.end(kept.rows)
-            return kept.result(), seen
+            return kept.result(), load.readable(seen)
 
 
 def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
@@ -153,29 +174,84 @@ def _shots(frames: Frames, seen: list[Shot]) -> Generator[Shot, None, None]:
             yield shot
 
 
-def _batches(
-    shots: Iterator[Shot], size: int, *, digests: bool
-) -> Generator[list[Loaded], None, None]:
-    """Loaded images, ``size`` at a time; threads read the next batch while one is used."""
-    waiting: deque[Future[Loaded]] = deque()
-    with ThreadPoolExecutor(THREADS, thread_name_prefix="surefix-read") as pool:
+class _UnreadableError(SurefixValueError):
+    """The error of an image that cannot be read."""
+
+    def __init__(self, reason: SurefixValueError) -> None:
+        super().__init__(str(reason))
+        self.reason = reason
+
+
+class _Loader:
+    """Reads images ahead, in 8 bits, and notes those that cannot be read."""
+
+    def __init__(self, levels: tuple[int, int] | None, bad: set[int] | None) -> None:
+        self.levels, self.skip_bad = levels, bad is not None
+        # The number of shots so far, and which of them are bad.
+        self.count = 0
+        self.bad: set[int] = set() if bad is None else bad
+        self.some = False
+        self.first: SurefixValueError | None = None
+
+    def readable(self, seen: list[Shot]) -> list[Shot]:
+        """The shots that were described."""
+        return [shot for index, shot in enumerate(seen) if index not in self.bad]
+
+    def passes_over(self, shot: Shot) -> bool:
+        """Whether this shot, of which the cache has no vector, cannot be read."""
+        if self.skip_bad:
+            try:
+                shot.read()
+            except SurefixValueError as error:
+                self._pass_over(self.count, error)
+                self.count += 1
+                return True
+        return False
+
+    def batches(
+        self, shots: Iterator[Shot], size: int, *, digests: bool
+    ) -> Generator[list[Loaded], None, None]:
+        """Loaded images, ``size`` at a time; threads read the next batch while one is used."""
+        waiting: deque[tuple[int, Future[Loaded]]] = deque()
+        with ThreadPoolExecutor(THREADS, thread_name_prefix="surefix-read") as pool:
+            try:
+                while True:
+                    for shot in islice(shots, 2 * size - len(waiting)):
+                        waiting.append((self.count, pool.submit(self._load, shot, digests)))
+                        self.count += 1
+                    if not waiting:
+                        if self.first is not None and not self.some:
+                            raise self.first
+                        return
+                    batch: list[Loaded] = []
+                    while waiting and len(batch) < size:
+                        index, future = waiting.popleft()
+                        try:
+                            batch.append(future.result())
+                        except _UnreadableError as error:
+                            if not self.skip_bad:
+                                raise error.reason from None
+                            self._pass_over(index, error.reason)
+                    if batch:
+                        self.some = True
+                        yield batch
+                    del batch
+            finally:
+                for _, future in waiting:
+                    future.cancel()
+
+    def _load(self, shot: Shot, digests: bool) -> Loaded:
         try:
-            while True:
-                free = 2 * size - len(waiting)
-                waiting.extend(pool.submit(_load, shot, digests) for shot in islice(shots, free))
-                batch = [waiting.popleft().result() for _ in range(min(size, len(waiting)))]
-                if not batch:
-                    return
-                yield batch
-                del batch
-        finally:
-            for future in waiting:
-                future.cancel()
+            given = shot.read()
+        except SurefixValueError as error:
+            raise _UnreadableError(error) from None
+        image = checked_image(in_8_bits(pixels_of(given), self.levels), f"image {shot.name}")
+        return shot.name, _digest(shot, image) if digests else b"", image
 
-
-def _load(shot: Shot, digests: bool) -> Loaded:
-    image = checked_image(shot.read(), f"image {shot.name}")
-    return shot.name, _digest(shot, image) if digests else b"", image
+    def _pass_over(self, index: int, error: SurefixValueError) -> None:
+        self.first = self.first or error
+        self.bad.add(index)
+        LOG.warning("Passed over: %s", error)
 
 
 def _digest(shot: Shot, image: npt.NDArray[np.uint8] | None) -> bytes:

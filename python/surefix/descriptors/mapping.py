@@ -1,7 +1,7 @@
 """Maps of frames: described by a network, or by SAD some at a time."""
 
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Generator, Sequence
+from contextlib import closing, suppress
 from itertools import islice
 from os import PathLike
 from typing import Any
@@ -16,8 +16,10 @@ from surefix.descriptors.extraction import described
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
+from surefix.frames.levels import LOOKED_AT, Levels, measured
 from surefix.frames.nearest import EveryMetres
 from surefix.frames.passing import SkipBad
+from surefix.frames.shape import Crop
 
 # Images are described in parallel, this many at a time; no more are held.
 AT_ONCE = 128
@@ -32,17 +34,57 @@ def map_of_images(
     post: Any = None,
     cache: str | PathLike[str] | None = None,
     progress: Progress | None = None,
+    levels: Levels | None = None,
+    skip_bad: bool = False,
 ) -> Map:
-    """The map of images, described by a network. Names are kept if they are frames or counted."""
+    """The map of images, described by a network. Names are kept if they are frames or counted.
+    Levels of deep images are measured if they are not given, and stand in the recipe.
+    """
     frames = frames_of(images)
     _check_positions(frames, positions)
-    rows, shots = described(frames, descriptor, cache=cache, progress=progress)
+    first = _first(frames, skip_bad)
+    if levels is None and first is not None and first.dtype == np.uint16:
+        levels = levels_of(frames)
+    bad: set[int] | None = set() if skip_bad else None
+    how: dict[str, Any] = {"levels": levels, "bad": bad}
+    rows, shots = described(frames, descriptor, cache=cache, progress=progress, **how)
+    positions = _kept(positions, bad)
     if isinstance(images, Frames):
         positions = _positions(images, shots, positions)
     named = frames.count is not None or isinstance(images, Frames)
     names = [shot.name for shot in shots] if named else None
-    recipe = recipe_of(descriptor)
-    return Map.from_descriptors(rows, metric, positions, names, post=post, recipe=recipe)
+    recipe = recipe_of(descriptor) | ({} if levels is None else {"levels": [*levels]})
+    size = None if first is None or first.ndim < 2 else first.shape[1::-1]
+    return Map.from_descriptors(
+        rows, metric, positions, names, post=post, recipe=recipe, image_size=size
+    )
+
+
+def levels_of(frames: Frames) -> Levels | None:
+    """The levels of a map of these frames, by up to 32 of them; None if they have 8 bits."""
+    every = max((frames.estimate or LOOKED_AT) // LOOKED_AT, 1)
+
+    def looked_at() -> Generator[npt.NDArray[Any], None, None]:
+        with closing(frames.shots()) as shots:
+            for shot in islice(shots, None, None, every):
+                with suppress(SurefixValueError):
+                    yield shot.read()
+
+    return measured(looked_at())
+
+
+def _first(frames: Frames, skip_bad: bool) -> npt.NDArray[Any] | None:
+    """The first image that can be read; None if that would use up the frames."""
+    if frames.count is None and not frames.files:
+        return None
+    with closing(frames.shots()) as shots:
+        for shot in shots:
+            try:
+                return np.asarray(shot.read())
+            except SurefixValueError:
+                if not skip_bad:
+                    raise
+    return None
 
 
 def append_images(
@@ -52,6 +94,7 @@ def append_images(
     positions: Any = None,
     cache: str | PathLike[str] | None = None,
     progress: Progress | None = None,
+    skip_bad: bool = False,
 ) -> None:
     """The map in the file made longer by images, described and post-processed as its own were."""
     old = Map.open(path, mmap=True)
@@ -59,7 +102,11 @@ def append_images(
     # Before anything is described.
     _check_own(old, descriptor)
     _check_positions(frames, positions)
-    rows, shots = described(frames, descriptor, cache=cache, progress=progress)
+    levels = old.levels
+    bad: set[int] | None = set() if skip_bad else None
+    how: dict[str, Any] = {"levels": levels, "bad": bad}
+    rows, shots = described(frames, descriptor, cache=cache, progress=progress, **how)
+    positions = _kept(positions, bad)
     if isinstance(images, Frames):
         positions = _positions(images, shots, positions)
     names = None
@@ -73,11 +120,19 @@ def append_images(
     Map.append(path, more)
 
 
-def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
+def sad_map(
+    frames: Frames,
+    sad: Sad,
+    positions: Positions = None,
+    *,
+    skip_bad: bool = False,
+    mixed_sizes: bool = False,
+) -> Map:
     """A map of frames by SAD, with the positions given, else those of the odometry."""
     report = terminal_bar("Describing")
     if isinstance(frames, ImageFrames):
-        return Map.from_images(frames.source, sad, positions=positions, progress=report)
+        terms: dict[str, Any] = {"skip_bad": skip_bad, "mixed_sizes": mixed_sizes}
+        return Map.from_images(frames.source, sad, positions=positions, progress=report, **terms)
     bar = Bar(report, None, frames.estimate)
     route: Map | None = None
     count = 0
@@ -90,7 +145,12 @@ def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
                 # If they are too few, the error comes at the end, with the number of frames.
                 where = positions[count : count + len(part)]
                 where = np.pad(where, ((0, len(part) - len(where)), (0, 0)))
-            made = Map.from_images(images, sad, positions=where, progress=False)
+            if sad.levels is None and images[0].dtype == np.uint16:
+                levels = levels_of(frames)
+                sad = Sad(sad.size, sad.patch, sad.dtype, levels)
+            made = Map.from_images(
+                images, sad, positions=where, progress=False, mixed_sizes=mixed_sizes
+            )
             route = made if route is None else route.extended(made)
             count += len(part)
             bar.show(count)
@@ -102,13 +162,22 @@ def sad_map(frames: Frames, sad: Sad, positions: Positions = None) -> Map:
     return route
 
 
+def _kept(positions: Any, bad: set[int] | None) -> Any:
+    """The positions without those of images that were passed over."""
+    return (
+        np.delete(np.asarray(positions), [*bad], axis=0)
+        if bad and positions is not None
+        else positions
+    )
+
+
 def _positions(frames: Frames, taken: Sequence[Frame | Shot], positions: Any) -> Any:
     """The positions of the frames that were taken: the given ones, or the odometry's."""
     if positions is not None:
         if len(positions) != len(taken):
             raise _not_each(frames, len(positions), len(taken))
         return positions
-    while isinstance(frames, SkipBad):
+    while isinstance(frames, (SkipBad, Crop)):
         frames = frames.source
     if not isinstance(frames, EveryMetres) or frames.odometry.positions.shape[1] < 2:
         return None
@@ -127,8 +196,10 @@ def _check_own(route: Map, descriptor: Any) -> None:
         expected = f"{route.descriptor!r}, as the map's own"
         raise mismatch("descriptor", expected, repr(descriptor.name))
     recipe = recipe_of(descriptor)
-    if route.recipe is not None and not same_vectors(route.recipe, recipe):
-        raise mismatch("descriptor", f"the map's own, by the recipe {route.recipe}", recipe)
+    # Levels are of the images, and not of the network.
+    own = {key: value for key, value in (route.recipe or {}).items() if key != "levels"}
+    if own and not same_vectors(own, recipe):
+        raise mismatch("descriptor", f"the map's own, by the recipe {own}", recipe)
 
 
 def _check_positions(frames: Frames, positions: Any) -> None:

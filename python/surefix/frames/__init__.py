@@ -15,6 +15,7 @@ from surefix.frames.camera import CameraFrames
 from surefix.frames.follow import FollowFrames
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageFrames
+from surefix.frames.levels import in_8_bits
 from surefix.frames.nearest import Every, EveryMetres
 from surefix.frames.newest import KeepNewest
 from surefix.frames.odometry import Odometry
@@ -22,12 +23,14 @@ from surefix.frames.opening import open
 from surefix.frames.passing import SkipBad
 from surefix.frames.ros_image import image_of
 from surefix.frames.sampling import Gaps, Selection, Stride
+from surefix.frames.shape import Crop
 from surefix.frames.video import VideoFrames
 
 __all__ = [
     "Advances",
     "BagFrames",
     "CameraFrames",
+    "Crop",
     "Every",
     "EveryMetres",
     "FollowFrames",
@@ -43,5 +46,6 @@ __all__ = [
     "Stride",
     "VideoFrames",
     "image_of",
+    "in_8_bits",
     "open",
 ]

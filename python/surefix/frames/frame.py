@@ -17,8 +17,9 @@ class Frame:
 
     Attributes
     ----------
-    image : array of uint8, shape (H, W) grey or (H, W, 3) RGB
-        From a file of ready descriptors, one of them: shape (dim,).
+    image : array of uint8 or uint16, shape (H, W) grey or (H, W, 3) RGB
+        uint16 if it has more than 8 bits. From a file of ready descriptors, one of them: shape
+        (dim,).
     time : float or None
         In seconds: since 1970 from a camera, a bag or a folder that grows, since the start from a
         video. None if the source has no times.

@@ -12,10 +12,13 @@ from typing import Any, Self, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Traverse, find_images, read_image
+from surefix._core import Traverse, image_files
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.bayer import Pattern, demosaic
+from surefix.frames.foreign import endings, is_foreign, read_any
 from surefix.frames.frame import Frames, Shot
+from surefix.frames.levels import in_8_bits
+from surefix.frames.pillow import pixels_of
 from surefix.tables.npy import read_npy
 from surefix.tables.vectors import ENDINGS, check_no_key, load
 
@@ -24,7 +27,8 @@ Place = str | os.PathLike[str]
 
 
 class Images(Sequence[UInt8], ABC):
-    """Images in route order, loaded lazily: ``images[i]`` is uint8, (H, W) grey or (H, W, 3) RGB.
+    """Images in route order, loaded lazily: ``images[i]`` is uint8, (H, W) grey or (H, W, 3) RGB;
+    uint16 of more than 8 bits.
 
     ``Map.from_images`` and ``match`` take them as they are, and then hold all at once. If ``paths``
     is not None, give them that instead: plain image files are read and described in parallel, a few
@@ -82,7 +86,9 @@ class Images(Sequence[UInt8], ABC):
 
 
 class ImageFiles(Images):
-    """Plain image files: png, jpeg, bmp, tiff, webp or pnm."""
+    """Image files: png, jpeg, bmp, tiff, webp or pnm; with ``surefix[heif]`` heic and avif too, and
+    then ``paths`` is None.
+    """
 
     def __init__(self, paths: Iterable[Place]) -> None:
         files = [os.fspath(path) for path in paths]
@@ -90,10 +96,10 @@ class ImageFiles(Images):
 
     @property
     def paths(self) -> list[str] | None:
-        return list(self._items)
+        return None if any(map(is_foreign, self._items)) else list(self._items)
 
     def _load(self, item: str) -> UInt8:
-        return read_image(item)
+        return read_any(item)
 
 
 class BayerFiles(ImageFiles):
@@ -111,13 +117,15 @@ class BayerFiles(ImageFiles):
 
     def _load(self, item: str) -> UInt8:
         try:
-            return demosaic(super()._load(item), self.pattern)
+            return demosaic(in_8_bits(super()._load(item)), self.pattern)
         except SurefixValueError as error:
             raise SurefixValueError(f"{item}: {error}") from None
 
 
 class ImageArray(Images):
-    """Images that lie in one array, (n, H, W) or (n, H, W, 3) uint8, in memory or memory-mapped."""
+    """Images that lie in one array, (n, H, W) or (n, H, W, 3) uint8 or uint16, in memory or
+    memory-mapped.
+    """
 
     def __init__(
         self, array: npt.NDArray[Any] | Sequence[UInt8], names: Iterable[str] | None = None
@@ -128,6 +136,17 @@ class ImageArray(Images):
         return np.array(item)
 
 
+class ShownImages(Images):
+    """Images in 8 bits, by the levels of a map."""
+
+    def __init__(self, images: Images, levels: tuple[int, int] | None) -> None:
+        super().__init__(range(len(images)), images.names)
+        self._images, self._levels = images, levels
+
+    def _load(self, item: int) -> UInt8:
+        return in_8_bits(self._images[item], self._levels)
+
+
 class ImageFrames(Frames):
     """The images of a folder or a pattern, ``frame9`` before ``frame10``; of a list, in its order;
     or the rows of an array in a file. No times.
@@ -135,11 +154,13 @@ class ImageFrames(Frames):
     Parameters
     ----------
     place : str or path, or iterable of them
-        A folder, a pattern like ``route/*.png``, or a list of files. Or a ``.npy`` of uint8 images,
-        (n, H, W) or (n, H, W, 3), or of ready descriptors, (n, dim); these also in the other files
-        that ``surefix.descriptors.load`` reads.
+        A folder, a pattern like ``route/*.png``, or a list of files. Or a ``.npy`` of uint8 or
+        uint16 images, (n, H, W) or (n, H, W, 3), or of ready descriptors, (n, dim); these also in
+        the other files that ``surefix.descriptors.load`` reads.
     key : str, optional
         As for ``surefix.descriptors.load``.
+    order : str
+        Of a folder or a pattern, as for ``surefix.find_images``.
 
     Attributes
     ----------
@@ -156,8 +177,11 @@ class ImageFrames(Frames):
 
     parallel = True
 
-    def __init__(self, place: Place | Iterable[Place], key: str | None = None) -> None:
+    def __init__(
+        self, place: Place | Iterable[Place], key: str | None = None, *, order: str = "name"
+    ) -> None:
         self._array: npt.NDArray[Any] | None = None
+        self._remarks: list[str] = []
         name = os.fspath(place) if isinstance(place, (str, os.PathLike)) else None
         if name is not None and Path(name).suffix.lower() in ENDINGS:
             self._array, self._files = _load_array(name, key), [name]
@@ -165,10 +189,19 @@ class ImageFrames(Frames):
         elif key is not None:
             raise mismatch("key", "a file of descriptors", place)
         else:
-            files = place if name is None else find_images(name)
-            self.images = ImageFiles(files)  # type: ignore[arg-type]
-            self._files = self.images.paths or []
+            files: Any = place
+            if name is not None:
+                files, self._remarks = image_files(name, order, list(endings()))
+            self._files = [os.fspath(file) for file in files]
+            self.images = ImageFiles(self._files)
         self._count = len(self.images)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What to know of a folder or a pattern: the files that were left out, an order that the
+        names leave open, two drives in one folder.
+        """
+        return list(self._remarks)
 
     @property
     def ready(self) -> npt.NDArray[Any] | None:
@@ -176,9 +209,21 @@ class ImageFrames(Frames):
         return None if self._array is None or self._array.ndim != 2 else self._array
 
     @property
-    def source(self) -> list[str] | npt.NDArray[Any]:
+    def source(self) -> list[str] | Images | npt.NDArray[Any]:
         """As ``Map.from_images`` takes them, to be read in parallel: the files, or the array."""
-        return self.files if self._array is None else self._array
+        if self._array is not None:
+            return self._array
+        return self.images if self.images.paths is None else self.files
+
+    def taken(self, indices: Iterable[int]) -> "ImageFrames":
+        """Some of them, in this order."""
+        some, chosen = copy(self), list(indices)
+        some.images, some._count = self.images.take(chosen), len(chosen)
+        if self._array is None:
+            some._files = [self._files[index] for index in chosen]
+        else:
+            some._array = self._array[chosen]
+        return some
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each image, by its file's name or its number."""
@@ -203,10 +248,10 @@ class _GivenFrames(Frames):
         for index, thing in enumerate(self._images if self._count is None else counted):
             if isinstance(thing, (str, os.PathLike)):
                 path = os.fspath(thing)
-                yield Shot(None, Path(path).name, partial(read_image, path), path=path)
+                yield Shot(None, Path(path).name, partial(read_any, path), path=path)
             else:
                 image = getattr(thing, "image", thing)
-                yield Shot(None, str(index), partial(np.asarray, image))
+                yield Shot(None, str(index), partial(pixels_of, image))
 
 
 def _is_counted(images: Any) -> bool:
@@ -218,7 +263,8 @@ def frames_of(images: Any) -> Frames:
     if isinstance(images, Images) and images.paths is not None:
         images = images.paths
     if isinstance(images, (str, os.PathLike)):
-        images = find_images(images)
+        found = ImageFiles(image_files(images, also=list(endings()))[0])
+        images = found if found.paths is None else found.paths
     if isinstance(images, np.ndarray) and (
         images.ndim not in (3, 4) or (images.ndim == 3 and images.shape[2] == 3)
     ):
@@ -258,7 +304,7 @@ def _load_array(place: str, key: str | None) -> npt.NDArray[Any]:
     images = array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
     if array.ndim == 2:
         return load(place)
-    if not (images and array.dtype == np.uint8):
-        expected = "descriptors (n, dim), or uint8 images (n, H, W) or (n, H, W, 3)"
+    if not (images and array.dtype in (np.uint8, np.uint16)):
+        expected = "descriptors (n, dim), or uint8 or uint16 images (n, H, W) or (n, H, W, 3)"
         raise mismatch(place, expected, f"{array.dtype} {array.shape}")
     return array

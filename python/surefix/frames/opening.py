@@ -17,6 +17,7 @@ from surefix.frames.odometry import Odometry
 from surefix.frames.passing import SkipBad
 from surefix.frames.recording import BAG_ENDINGS, is_bag, is_bags
 from surefix.frames.sampling import Gaps, Stride, check_stride
+from surefix.frames.shape import Crop
 from surefix.frames.video import VIDEO_ENDINGS, VideoFrames, is_video
 from surefix.tables.vectors import ENDINGS
 
@@ -36,7 +37,9 @@ def open(
     odometry: Odometry | Place | None = None,
     places_per_metre: float | None = None,
     newest: bool | int | None = None,
+    order: str = "name",
     skip_bad: bool = False,
+    crop: tuple[int, int] | None = None,
 ) -> Frames:
     """The frames of images, a folder that grows, a video, a bag, a camera or an array.
 
@@ -72,6 +75,12 @@ def open(
     newest : bool or int, optional
         Read in a thread, and keep the newest frame, or this many, for a slow reader
         (``KeepNewest``). By default for a camera only: the frames of a folder wait.
+    order : str
+        Of the files of a folder or a pattern, as for ``surefix.find_images``.
+    skip_bad : bool
+        Pass over frames that cannot be decoded, and say so (``SkipBad``, ``VideoFrames``).
+    crop : (int, int), optional
+        Cut each image around its centre to the shape of this width and height (``Crop``).
 
     skip_bad : bool
         Pass over frames that cannot be decoded, and say so (``SkipBad``, ``BagFrames``).
@@ -94,7 +103,7 @@ def open(
     >>> localizer.stream(surefix.frames.open("drive.mp4", every=0.5, gap=2))     # doctest: +SKIP
     >>> bag = surefix.frames.open("drive.bag", metres=3, odometry="/odom")       # doctest: +SKIP
     """
-    source = _source(place, topic, follow, idle, skip_bad)
+    source = _source(place, topic, follow, idle, order, skip_bad)
     for option, value in (("gap", gap), ("every", every)):
         if value is not None and not source.timed:
             raise mismatch(option, "frames with times, as of a video or a bag", place)
@@ -116,6 +125,8 @@ def open(
         frames = Every(frames, every)
     if metres is not None and track is not None:
         frames = EveryMetres(frames, track, metres)
+    if crop is not None:
+        frames = Crop(frames, crop)
     # Of the frames that are left: the others are not decoded.
     if skip_bad and not (source.live or isinstance(source, VideoFrames)):
         frames = SkipBad(frames)
@@ -139,6 +150,7 @@ def _source(
     topic: str | None,
     follow: bool,
     idle: float | None,
+    order: str,
     skip_bad: bool,
 ) -> Frames:
     if idle is not None and not follow:
@@ -149,6 +161,8 @@ def _source(
             return BagFrames(place, topic, skip_bad=skip_bad)
         if follow or topic is not None:
             raise SurefixValueError(f"{'follow' if follow else 'topic'}: not for a list of files")
+        if order != "name":
+            raise mismatch("order", "a folder or a pattern", "a list of files, which has its own")
         return ImageFrames(place)
     name = str(place) if isinstance(place, int) else fspath(place)
     file = Path(name)
@@ -156,20 +170,24 @@ def _source(
     if topic is not None and not bag:
         raise mismatch("topic", "a bag", name)
     array, camera = file.suffix.lower() in ENDINGS, is_camera(name) and not file.is_dir()
+    if order != "name" and (follow or bag or array or camera or video):
+        raise mismatch("order", "a folder of images or a pattern", name)
     if follow:
         if bag or array or camera or video:
             raise mismatch("follow", "a folder or a pattern", name)
         return FollowFrames(name, idle=idle)
     if bag:
         return BagFrames(name, topic, skip_bad=skip_bad)
-    for fits, kind in ((array, ImageFrames), (camera, CameraFrames), (video, VideoFrames)):
+    if video:
+        return VideoFrames(name, skip_bad=skip_bad)
+    for fits, kind in ((array, ImageFrames), (camera, CameraFrames)):
         if fits:
             return kind(name)
     if file.is_file():
         endings = ", ".join(sorted({*VIDEO_ENDINGS, *BAG_ENDINGS, *ENDINGS}))
         expected = f"a folder of images, a pattern, or a file that ends in {endings}"
         raise SurefixValueError(f"{name}: expected {expected}")
-    return ImageFrames(name)
+    return ImageFrames(name, order=order)
 
 
 def _odometry(given: Odometry | Place, source: Frames) -> Odometry:

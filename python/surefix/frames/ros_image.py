@@ -66,19 +66,19 @@ BAYER: dict[str, tuple[str, Pattern]] = {
     for size in (1, 2)
     for pattern in get_args(Pattern)
 }
+OF_FLOATS = 256
 # Drivers write RGB8 and NV12 as well.
 KNOWN = {name.lower(): name for name in (*LAYOUTS, *BAYER)}
 
 
-def image_of(message: Any, where: str = "image") -> UInt8:
+def image_of(message: Any, where: str = "image") -> Pixels:
     """The picture of an image message of rclpy, rospy or rosbags: ``sensor_msgs`` Image or
     CompressedImage, or Foxglove's of the same names.
 
-    16 bits are rounded to the upper 8. Floats become 16 bits: 0 to 1 are black to white if no pixel
-    is above 1; else hundredths are counted, such as those of kelvin or metres, if none is above
-    655.35; else ones. What is no number is black. A Bayer mosaic becomes a colour image of half
-    its sides (``surefix.datasets.demosaic``). Of YUV the brightness is taken. An alpha channel is
-    left out.
+    16 bits stay so: the map's levels make 8 of them. Floats become 16 bits by one rule, whatever
+    the image: times 256, so that shades from 0 to 1 keep 256 levels, and depths up to 256 m steps
+    of 4 mm. What is no number is 0. A Bayer mosaic becomes a colour image of half its sides
+    (``surefix.datasets.demosaic``). Of YUV the brightness is taken. An alpha channel is left out.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def image_of(message: Any, where: str = "image") -> UInt8:
 
     Returns
     -------
-    array of uint8, shape (H, W) or (H, W, 3) RGB
+    array of uint8 or uint16, shape (H, W) or (H, W, 3) RGB
 
     Raises
     ------
@@ -116,32 +116,24 @@ def _layout(message: Any, where: str) -> Layout:
     return LAYOUTS[name] if name in LAYOUTS else Layout(BAYER[name][0], 1, GREY)
 
 
-def _raw(message: Any, where: str) -> UInt8:
+def _raw(message: Any, where: str) -> Pixels:
     layout = _layout(message, where)
     samples = _rows(message, layout, where)
     name = KNOWN[str(message.encoding).lower()]
     if name in BAYER:
         try:
-            return upper_8(demosaic(samples[..., 0], BAYER[name][1]))
+            return demosaic(samples[..., 0], BAYER[name][1])
         except SurefixValueError as error:
             raise SurefixValueError(f"{where}: {error}") from None
     channels = layout.channels[0] if len(layout.channels) == 1 else layout.channels
-    return np.ascontiguousarray(upper_8(samples[..., channels]))
-
-
-def upper_8(samples: Pixels) -> UInt8:
-    """The range rule: how samples of more than 8 bits become 8."""
+    samples = samples[..., channels]
     if samples.dtype == np.float32:
         known = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)
-        top = known.max(initial=0)
-        scale = 65535 if top <= 1 else 100 if top <= 655.35 else 1
-        samples = np.rint((known * scale).clip(0, 65535)).astype(np.uint16)
-    if samples.dtype == np.uint16:
-        samples = ((samples.astype(np.uint32) + 128) // 257).astype(np.uint8)
-    return samples
+        samples = np.rint((known * OF_FLOATS).clip(0, 65535)).astype(np.uint16)
+    return np.ascontiguousarray(samples)
 
 
-def _compressed(message: Any, where: str) -> UInt8:
+def _compressed(message: Any, where: str) -> Pixels:
     encoding = str(message.format)
     # Its png has a header of its own before it, and 16-bit depths in it.
     if "compressedDepth" in encoding:

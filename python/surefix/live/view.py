@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from surefix import Fix, Localizer, Map, SurefixError, read_image
 from surefix.errors import mismatch
+from surefix.frames.levels import in_8_bits
 
 __all__ = ["Closing", "Image", "Images", "References", "Seen", "View"]
 
@@ -110,7 +111,7 @@ class References:
     KEPT = 32
 
     def __init__(self, map: Map, source: str | Path | Images | None = None) -> None:
-        self.names = map.names
+        self.names, self.levels = map.names, map.levels
         self.images = None if source is None or isinstance(source, str | Path) else source
         self.folder = Path(source) if isinstance(source, str | Path) else Path()
         self.image = lru_cache(maxsize=self.KEPT)(self._image)
@@ -133,14 +134,14 @@ class References:
         """The image of a place; None if there is none or it cannot be read."""
         if self.images is not None:
             try:
-                return self.images[place]
+                return in_8_bits(self.images[place], self.levels)
             except KeyError:
                 return None
         if not self.names:
             return None
         file = self.folder / self.names[place]
         try:
-            return read_image(file) if file.is_file() else None
+            return in_8_bits(read_image(file), self.levels) if file.is_file() else None
         except SurefixError:
             # A picture beside the answer is no reason to stop a robot.
             return None

@@ -318,7 +318,7 @@ def test_fixes_before_a_bad_image_are_kept(drives: Path, tmp_path: Path) -> None
         Image.new("L", (96, 48), index).save(tmp_path / f"{index}.png")
     (tmp_path / "7.png").write_bytes(b"\x89PNG not really")
     out = tmp_path / "fixes.csv"
-    done = surefix_("run", drives / "route.safetensors", tmp_path, "-o", out, code=1)
+    done = surefix_("run", drives / "route.safetensors", tmp_path, "-o", out, "--strict", code=1)
     assert "7.png" in done.stderr
     assert done.stderr.startswith("7 fixes, ")
     assert len(out.read_text().splitlines()) == 1 + 7

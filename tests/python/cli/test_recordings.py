@@ -189,12 +189,12 @@ def test_a_damaged_bag_is_localized_as_far_as_it_goes(drive: Path, tmp_path: Pat
             bag.compressed("/camera", data[: 30 if index == 7 else None], "png", 100 + index / 8)
     done = surefix_("run", tmp_path / "route", bag.path, "-o", tmp_path / "fixes.csv")
     assert done.stderr.startswith("39 fixes")
-    assert re.search(r"1 bad image passed over: .*winter, /camera, message 7: ", done.stderr)
+    assert re.search(r"1 bad frame passed over: .*winter, /camera, message 7: ", done.stderr)
     again, said = made(drive, tmp_path / "again", bag.path)
     assert len(again) == 39
     assert again.names is not None
     assert again.names[7] == "8"
-    assert "1 bad image passed over: " in said
+    assert "1 bad frame passed over: " in said
 
 
 MISTAKES = {

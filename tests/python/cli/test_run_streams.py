@@ -14,6 +14,7 @@ from collections.abc import Generator
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -136,7 +137,8 @@ def test_a_damaged_video_keeps_the_fixes_so_far(drive: Path, tmp_path: Path) -> 
     data = (drive / "drive.mkv").read_bytes()
     (tmp_path / "cut.mkv").write_bytes(data[: len(data) // 2])
     out = tmp_path / "fixes.csv"
-    done = surefix_("run", drive / "route.safetensors", tmp_path / "cut.mkv", "-o", out, code=1)
+    run = ("run", drive / "route.safetensors", tmp_path / "cut.mkv", "-o", out)
+    done = surefix_(*run, "--strict", code=1)
     found = rows(out.read_text())
     assert 0 < len(found) < PLACES
     summary, track, error = done.stderr.splitlines()
@@ -147,6 +149,9 @@ def test_a_damaged_video_keeps_the_fixes_so_far(drive: Path, tmp_path: Path) -> 
         found,
         rows(surefix_("run", drive / "route.safetensors", drive / "images").stdout)[: len(found)],
     )
+    done = surefix_(*run)
+    assert rows(out.read_text()) == [row | {"latency_us": ANY} for row in found]
+    assert done.stderr.splitlines()[-1].startswith("1 bad frame passed over: ")
 
 
 def test_images_that_change_size_are_nothing_to_a_sad_map(drive: Path, tmp_path: Path) -> None:

@@ -201,9 +201,9 @@ CASES: dict[str, tuple[Callable[[Path], Any], list[str]]] = {
         ["x.jpg", "truncated"],
     ),
     "a bool image": (lambda _: surefix.Sad().describe(EYE > 0), ["uint8", "bool", "255 * image"]),
-    "a 16-bit image": (
-        lambda _: surefix.Sad().describe(EYE.astype(np.uint16)),
-        ["uint16", "image >> 8"],
+    "a 32-bit image": (
+        lambda _: surefix.Sad().describe(EYE.astype(np.int32)),
+        ["uint16", "int32", "image.astype"],
     ),
     "one RGB image as a route": (
         lambda _: surefix.Map.from_images(np.zeros((8, 9, 3), np.uint8)),

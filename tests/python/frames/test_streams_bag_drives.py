@@ -256,7 +256,7 @@ def test_two_cameras_are_listed_with_type_number_and_size(tmp_path: Path) -> Non
 def test_a_thermal_camera_alone_is_the_camera(tmp_path: Path) -> None:
     with Bag(tmp_path, "mcap") as bag:
         bag.image("/thermal", np.full((4, 6), 257 * 9, np.uint16), START, encoding="mono16")
-    assert next(iter(frames_open(bag.path))).image.tolist() == [[9] * 6] * 4
+    assert next(iter(frames_open(bag.path))).image.tolist() == [[257 * 9] * 6] * 4
 
 
 PLANAR = {
@@ -299,8 +299,9 @@ def test_other_encodings_of_drivers() -> None:
     shares = generator.uniform(0, 1, (4, 6)).astype("<f4")
     shares[0, 0] = np.nan
     image = image_of(raw(shares.view(np.uint8), "32FC1", (4, 6), 24))
+    assert image.dtype == np.uint16
     assert image[0, 0] == 0
-    assert np.abs(image[1:] - 255 * shares[1:]).max() <= 0.51
+    assert np.abs(image[1:] - 256 * shares[1:]).max() <= 0.51
     # The last row without its padding, and a driver that leaves the step out.
     padded = np.pad(pixels[..., 0], ((0, 0), (0, 5)))
     cut = padded.reshape(-1)[:-5]

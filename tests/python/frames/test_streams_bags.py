@@ -17,7 +17,7 @@ from PIL import Image
 import surefix
 from recordings import KINDS, Bag, pictures
 from surefix.datasets import demosaic
-from surefix.frames import BagFrames, SkipBad, image_of
+from surefix.frames import BagFrames, SkipBad, image_of, in_8_bits
 from surefix.frames import open as frames_open
 
 IMAGES = pictures(6)
@@ -135,9 +135,10 @@ def test_16_bits_are_scaled_as_in_an_image_file(
         pixels.astype(">u2" if big else "<u2").view(np.uint8).reshape(7, -1), ((0, 0), (0, 3))
     )
     image = image_of(message(rows, encoding, 9, big=big))
-    # The library's own scaling of a 16-bit PNG; OpenCV writes colour as BGR.
+    # As the library reads a 16-bit PNG; OpenCV writes colour as BGR.
     stored = pixels[..., ::-1] if encoding == "rgb16" else pixels
     assert cv2.imwrite(str(tmp_path / "deep.png"), stored)
+    assert image.dtype == np.uint16
     assert np.array_equal(image, surefix.read_image(tmp_path / "deep.png"))
 
 
@@ -148,6 +149,7 @@ def test_a_bayer_mosaic_becomes_a_colour_image(pattern: str, bits: int) -> None:
     # 257 times a byte is the same shade in 16 bits.
     rows = mosaic if bits == 8 else (mosaic.astype("<u2") * 257)
     image = image_of(message(rows, f"bayer_{pattern}{bits}", 8))
+    image = in_8_bits(image)
     assert np.array_equal(image, demosaic(mosaic, pattern))  # type: ignore[arg-type]
     colours = dict(
         zip(pattern, (mosaic[0, 0], mosaic[0, 1], mosaic[1, 0], mosaic[1, 1]), strict=True)

@@ -1,0 +1,157 @@
+//! The bytes of image files become upright pixels.
+
+use std::io::Cursor;
+use std::path::Path;
+use std::{env, fs};
+
+use image::ColorType::{L16, La16, Rgb16, Rgb32F, Rgba16, Rgba32F};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
+
+use super::orientation;
+use super::view::{Channels, Image};
+use crate::error::Error;
+
+/// The most bytes of an image's pixels in MiB, unless [`LIMIT`] says otherwise: a file of a few
+/// bytes can claim to be of any size.
+const MAX_MIB: u64 = 512;
+/// The environment variable that sets another limit.
+const LIMIT: &str = "SUREFIX_MAX_IMAGE_MIB";
+
+/// Reads one image file, upright: turned and mirrored as its EXIF orientation says. Grey ones are
+/// grey, all others RGB; transparency is ignored. Files of more than 8 bits a sample give deep
+/// images ([`Image::is_deep`]), floats from 0 to 1 among them.
+///
+/// # Errors
+/// [`Error::Io`] if the file cannot be opened, [`Error::Image`] if it is not an image that
+/// can be decoded whole, or one of more than 512 MiB (the environment variable
+/// `SUREFIX_MAX_IMAGE_MIB` sets another limit).
+pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
+    let path = path.as_ref();
+    let io = |source| Error::Io { path: path.to_owned(), action: "read the image", source };
+    decode_image(&fs::read(path).map_err(io)?, &path.display().to_string())
+}
+
+/// Decodes the bytes of an image file, such as a camera driver's compressed frame, as
+/// [`read_image`] does.
+///
+/// An error calls it `name`.
+///
+/// # Errors
+/// [`Error::Image`] as for [`read_image`].
+pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
+    let unreadable = |reason: String| Error::Image { name: name.to_owned(), reason };
+    if bytes.is_empty() {
+        return Err(unreadable("the file is empty".to_owned()));
+    }
+    if is_cut_short(bytes) {
+        return Err(unreadable("a truncated JPEG: its end marker is missing".to_owned()));
+    }
+    let upright = upright(bytes).map_err(unreadable)?;
+    let (width, height) = (upright.width() as usize, upright.height() as usize);
+    let image = match upright.color() {
+        L16 | La16 => {
+            Image::new_deep(width, height, Channels::Grey, upright.into_luma16().as_raw())
+        }
+        Rgb16 | Rgba16 | Rgb32F | Rgba32F => {
+            Image::new_deep(width, height, Channels::Rgb, upright.into_rgb16().as_raw())
+        }
+        color if color.has_color() => {
+            Image::new(width, height, Channels::Rgb, upright.into_rgb8().into_raw())
+        }
+        _ => Image::new(width, height, Channels::Grey, upright.into_luma8().into_raw()),
+    };
+    image.map_err(|e| unreadable(e.to_string()))
+}
+
+/// Whether the first bytes of a file are those of an image that can be decoded.
+pub(super) fn looks_like_an_image(start: &[u8]) -> bool {
+    image::guess_format(start).is_ok_and(|format| format.reading_enabled())
+}
+
+fn upright(bytes: &[u8]) -> Result<DynamicImage, String> {
+    let is_jpeg = bytes.starts_with(&[0xFF, 0xD8]);
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let mut reader = reader.map_err(|e| e.to_string())?;
+    // The limit is this function's own, which names it.
+    reader.no_limits();
+    let mut decoder = reader.into_decoder().map_err(|e| said(&e))?;
+    let (bytes, (width, height)) = (decoder.total_bytes(), decoder.dimensions());
+    let limit = env::var(LIMIT).ok().and_then(|text| text.trim().parse().ok()).unwrap_or(MAX_MIB);
+    if bytes > limit << 20 {
+        let mib = bytes.div_ceil(1 << 20);
+        return Err(format!(
+            "{width} x {height} pixels take {mib} MiB, and surefix reads images of up to {limit} \
+             MiB: make it smaller, or set the environment variable {LIMIT}={mib}"
+        ));
+    }
+    let orientation = orientation::of(&mut decoder);
+    let mut decoded = DynamicImage::from_decoder(decoder).map_err(|e| said(&e))?;
+    if is_jpeg && is_filled_up(&decoded) {
+        return Err("a damaged JPEG: the rest of the picture is missing".to_owned());
+    }
+    decoded.apply_orientation(orientation);
+    Ok(decoded)
+}
+
+/// Whether a decoder made up the end of a picture whose data ended too early: it repeats the last
+/// block, or fills in 128. Two rows of blocks, and those before them, are then the same: a picture
+/// of one grey level only is none.
+fn is_filled_up(decoded: &DynamicImage) -> bool {
+    // Of a block, twice the least.
+    const SIDE: usize = 16;
+    let channels = usize::from(decoded.color().bytes_per_pixel());
+    let (bytes, width) = (decoded.as_bytes(), decoded.width() as usize);
+    let (across, down) = (width / SIDE, decoded.height() as usize / SIDE);
+    let line = |block: usize, row: usize| {
+        let (x, y) = (block % across * SIDE, block / across * SIDE + row);
+        let start = (y * width + x) * channels;
+        bytes.get(start..start + SIDE * channels)
+    };
+    let Some(last) = (across * down).checked_sub(1) else { return false };
+    let same = |block: usize| (0..SIDE).all(|row| line(block, row) == line(last, row));
+    let repeated = (0..last).rev().take_while(|&block| same(block)).count();
+    // Cameras see no such block twice, but for bars and skies of one colour.
+    let pixels = |row| line(last, row).unwrap_or_default().iter();
+    let first = line(last, 0).map(|line| line[..channels].to_vec()).unwrap_or_default();
+    let plain = (0..SIDE).all(|row| pixels(row).zip(first.iter().cycle()).all(|(a, b)| a == b));
+    let made_up = !plain || first.iter().all(|&byte| byte == 128);
+    made_up && repeated >= 2 * across && repeated < last
+}
+
+fn said(error: &ImageError) -> String {
+    let text = error.to_string();
+    let more = match error {
+        ImageError::Unsupported(_) if cfg!(not(feature = "image-formats")) => {
+            "; more formats come with the cargo feature `image-formats`"
+        }
+        ImageError::Unsupported(_) if text.contains("Palette") => {
+            "; expected grey or RGB samples: save it as RGB"
+        }
+        ImageError::Unsupported(_)
+            if text.contains("olor type") || text.contains("ample format") =>
+        {
+            "; expected samples of 8 or 16 bits without sign, or RGB floats from 0 to 1: scale \
+             those of other kinds to 16 bits, all images of a route and its drives alike"
+        }
+        _ => "",
+    };
+    format!("{text}{more}")
+}
+
+/// Whether these are the bytes of a JPEG without its end marker: decoders fill the rest in grey.
+fn is_cut_short(bytes: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xDA;
+    let Some(mut rest) = bytes.strip_prefix(&[0xFF, 0xD8]) else { return false };
+    // The segments before the picture, each with its length: a thumbnail in one of them has an end
+    // marker of its own.
+    while let [0xFF, marker, high, low, ..] = rest {
+        if *marker == START_OF_SCAN {
+            return !rest.windows(2).any(|pair| pair == [0xFF, 0xD9]);
+        }
+        let length = usize::from(u16::from_be_bytes([*high, *low]));
+        let Some(next) = rest.get(2 + length..) else { return true };
+        rest = next;
+    }
+    // Fill bytes, or something odd: the decoder decides.
+    rest.len() < 4
+}
