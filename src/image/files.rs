@@ -44,7 +44,7 @@ pub struct ImageFiles {
 
 impl ImageFiles {
     /// The images of a folder, or those that a pattern such as `route/*.png` matches, in the
-    /// order of their names. Other files, and the folders in it, are left out, and
+    /// order of their names; or the one image of a file. Other files, and the folders in it, are left out, and
     /// [`remarks`](Self::remarks) counts them.
     ///
     /// # Errors
@@ -78,6 +78,8 @@ impl ImageFiles {
         let mut left_out = LeftOut::default();
         let mut paths = if !place.exists() && pattern.contains(['*', '?', '[']) {
             matching(&pattern, also, &mut left_out)?
+        } else if place.is_file() && (has_ending(place, also) || is_image(place)) {
+            vec![place.to_owned()]
         } else {
             inside(place, also, &mut left_out)?
         };

@@ -24,7 +24,7 @@ T = TypeVar("T")
 @documented
 def align_(
     route: str,
-    queries: Annotated[str | None, typer.Argument()] = None,
+    queries: inputs.Place | None = None,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("truth.csv"),
     report: Path | None = None,
     motion: str = "any",

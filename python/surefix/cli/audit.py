@@ -27,7 +27,7 @@ THRESHOLDS = (0.5, 0.8, 0.9, 0.95, 0.99)
 @documented
 def audit_(
     route: str,
-    queries: Annotated[str | None, typer.Argument()] = None,
+    queries: inputs.Place | None = None,
     motion: str = "any",
     tolerance: Annotated[int, typer.Option(min=0)] = 1,
     accept: Annotated[float | None, typer.Option(min=0, max=1)] = None,

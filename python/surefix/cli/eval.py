@@ -66,7 +66,7 @@ DEFAULT_METHODS = ("sequence", "weighted", "single", "masked")
 @with_options(floor="global", names={"tolerance": "agreement"})
 def eval_(
     route: str,
-    queries: Annotated[str | None, typer.Argument()] = None,
+    queries: inputs.Place | None = None,
     model: inputs.Model = None,
     cache: inputs.Cache = None,
     truth: str | None = None,

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
+from surefix.cli.inputs import Place, one_place
 from surefix.options import OPTIONS, Option
 
 Command = Callable[..., None]
@@ -19,16 +20,21 @@ def documented(command: Command) -> Command:
     """Gives a command's parameters their help: ``name: help`` in its docstring, after the summary.
 
     A bool is a flag without an opposite; a text beside a type is the heading that it stands under.
+    A ``Place`` may be given as all the files that a pattern matches.
     """
     text = inspect.cleandoc(command.__doc__ or "")
     summary, _, rest = text.partition("\n\nParameters\n----------\n")
     entries = (entry.partition(": ") for entry in re.split(r"\n(?=\w+: )", rest))
     helps = {name: " ".join(text.split()) for name, _, text in entries}
     parameters: list[inspect.Parameter] = []
+    places: list[str] = []
     signature = inspect.signature(command, eval_str=True)
     for parameter in signature.parameters.values():
         if parameter.name in helps:
             kind, info = parameter.annotation, None
+            if kind in (Place, Place | None):
+                places.append(parameter.name)
+                kind, info = list[str] if kind is Place else list[str] | None, typer.Argument()
             if get_origin(kind) is Annotated:
                 kind, info = get_args(kind)
             if parameter.default is parameter.empty:
@@ -39,9 +45,14 @@ def documented(command: Command) -> Command:
             info.help = helps[parameter.name]
             parameter = parameter.replace(annotation=Annotated[kind, info])
         parameters.append(parameter)
-    command.__doc__ = summary
-    command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    return command
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        command(**(given | {name: one_place(given[name]) for name in places}))
+
+    run.__doc__ = summary
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return run
 
 
 def with_options(

@@ -1,5 +1,6 @@
 """Inputs that several commands take: images or recordings, and the network of a map."""
 
+import glob
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -18,10 +19,17 @@ from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.metres import places_per_metre
 from surefix.tables.vectors import ENDINGS
 
+
+class Place(str):
+    """The annotation of an argument that names images or a recording: on the command line one name,
+    or several (``one_place``).
+    """
+
+
 Topic = Annotated[
     str | None, typer.Option(help="A bag: the topic of the images, if there are several.")
 ]
-Stride = Annotated[int, typer.Option(min=1, help="A video or a bag: take every n-th frame.")]
+Stride = Annotated[int, typer.Option(min=1, help="Take every n-th frame.")]
 Every = Annotated[
     float | None, typer.Option(help="A video or a bag: take a frame every this many seconds.")
 ]
@@ -104,6 +112,7 @@ def open_frames(
     or an array. Bad frames of recordings are passed over unless ``strict``.
     """
     array = Path(place).suffix.lower() in ENDINGS
+    stride = sampling.get("stride", 1)
     recording = is_recording(place) or (sampling.get("odometry") is not None and not array)
     refuse(key is not None and recording, f"--key: expected descriptors, got the recording {place}")
     if key is not None and not array:
@@ -112,12 +121,40 @@ def open_frames(
     if recording:
         more: dict[str, Any] = {"order": order, "skip_bad": not strict, "crop": crop}
         return frames.open(place, **sampling, **more)
-    check_sampling(place, **sampling)
+    check_sampling(place, **(sampling | {"stride": 1}))
     images = frames.ImageFrames(place, key, order=order)
+    if stride != 1:
+        images = images.taken(range(0, len(images), stride))
     if crop is None or images.ready is not None:
         return images
     cut = frames.Crop(images, crop)
     return cut if strict else frames.SkipBad(cut)
+
+
+def one_place(given: Sequence[str] | None) -> str | None:
+    """The name of a folder, a file or a pattern; of several files, as the shell makes of a pattern
+    without quotes, the pattern.
+    """
+    if not given:
+        return None
+    if len(given) == 1:
+        return given[0]
+    start, end = _common(given), _common([name[::-1] for name in given])[::-1]
+    end = end[max(0, len(start) + len(end) - min(map(len, given))) :]
+    # The shell orders them by the alphabet, and cannot be told to count.
+    pattern = f"{glob.escape(start)}*{glob.escape(end)}"
+    if sorted(glob.glob(pattern)) == sorted(given):
+        return pattern
+    some = ", ".join(given[:3]) + (f" and {len(given) - 3} more" if len(given) > 3 else "")
+    wanted = "expected a folder, a file, or all the files that a pattern matches"
+    raise typer.BadParameter(f'{wanted} (in quotes: "photos/*.png"), got {some}')
+
+
+def _common(names: Sequence[str]) -> str:
+    """The characters that all begin with."""
+    first, last = min(names), max(names)
+    pairs = zip(first, last, strict=False)
+    return first[: next((at for at, (a, b) in enumerate(pairs) if a != b), len(first))]
 
 
 def crop_of(known: Map, wanted: bool) -> tuple[int, int] | None:

@@ -59,7 +59,7 @@ def _check_sad(references: str, metric: Metric | None, post: str | None) -> None
 
 @documented
 def build(
-    references: str,
+    references: inputs.Place,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.safetensors"),
     size: str | None = None,
     patch: Annotated[int, typer.Option(min=1)] = 8,
@@ -186,7 +186,7 @@ def _blank(blank: list[int], names: list[str] | None, done: str = "") -> list[st
 @documented
 def append(
     file: Path,
-    references: str,
+    references: inputs.Place,
     positions: Path | None = None,
     model: inputs.Model = None,
     cache: inputs.Cache = None,

@@ -16,7 +16,15 @@ from surefix._words import plural
 from surefix.cli.drives import check_kind, networks_of, open_map, others_of
 from surefix.cli.fixes import ALARM, Summary, Writer, csv_writer, json_writer, row_of
 from surefix.cli.flags import documented, with_options
-from surefix.cli.inputs import NO_SCALE, check_not_read, crop_of, notes_on, refuse, scale_of
+from surefix.cli.inputs import (
+    NO_SCALE,
+    Place,
+    check_not_read,
+    crop_of,
+    notes_on,
+    refuse,
+    scale_of,
+)
 from surefix.cli.views import open_views
 from surefix.errors import refusal
 from surefix.frames import Advances, Frame, Frames, in_8_bits
@@ -39,7 +47,7 @@ Size = tuple[int, ...]
 @with_options(motion="any", names={"tolerance": "agreement"})
 def run(
     route: Path,
-    queries: str,
+    queries: Place,
     out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
     form: Annotated[Format | None, typer.Option("--format")] = None,
     *,

@@ -21,7 +21,7 @@ from surefix.errors import check_folder
 @documented
 def tune_(
     route: str,
-    queries: Annotated[str | None, typer.Argument()] = None,
+    queries: inputs.Place | None = None,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.toml"),
     truth: str | None = None,
     positions: Path | None = None,

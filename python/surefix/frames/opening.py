@@ -1,10 +1,11 @@
 """The frames that a name means."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from os import PathLike, fspath
 from pathlib import Path
 
-from surefix.errors import SurefixValueError, mismatch
+from surefix.errors import SurefixFileError, SurefixValueError, mismatch
 from surefix.frames.advances import Advances, on_clock
 from surefix.frames.bag import BagFrames
 from surefix.frames.camera import CameraFrames, is_camera
@@ -46,10 +47,10 @@ def open(
     Parameters
     ----------
     place : str, path, int, or list of files
-        A folder of images or a pattern; a ``.npy``, or another file of descriptors; a video file; a
-        bag (``.bag``, ``.mcap``, ``.db3``, or the folder of a ROS 2 bag), or a folder, a pattern or
-        a list of the bags of one drive; a camera's number, device file or URL; or a list of image
-        files.
+        A folder of images, a pattern or one image; a ``.npy``, or another file of descriptors; a
+        video file; a bag (``.bag``, ``.mcap``, ``.db3``, or the folder of a ROS 2 bag), or a
+        folder, a pattern or a list of the bags of one drive; a camera's number, device file or URL;
+        or a list of image files.
     topic : str, optional
         Of a bag: the images' topic, if there are several cameras.
     follow : bool
@@ -184,6 +185,8 @@ def _source(
         if fits:
             return kind(name)
     if file.is_file():
+        with suppress(SurefixFileError):
+            return ImageFrames(name)
         endings = ", ".join(sorted({*VIDEO_ENDINGS, *BAG_ENDINGS, *ENDINGS}))
         expected = f"a folder of images, a pattern, or a file that ends in {endings}"
         raise SurefixValueError(f"{name}: expected {expected}")
