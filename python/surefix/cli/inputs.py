@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import typer
 
-from surefix import Map, SurefixValueError, frames
+from surefix import Map, SurefixValueError, find_images, frames
 from surefix._words import plural
 from surefix.descriptors import Onnx
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
@@ -21,9 +21,11 @@ from surefix.tables.vectors import ENDINGS
 
 
 class Place(str):
-    """The annotation of an argument that names images or a recording: on the command line one name,
-    or several (``one_place``).
+    """The name of images or of a recording; or of some images of a folder, with their ``files``. As
+    an annotation: an argument that may be several names on the command line (``one_place``).
     """
+
+    files: Sequence[str] = ()
 
 
 Topic = Annotated[
@@ -122,7 +124,7 @@ def open_frames(
         more: dict[str, Any] = {"order": order, "skip_bad": not strict, "crop": crop}
         return frames.open(place, **sampling, **more)
     check_sampling(place, **(sampling | {"stride": 1}))
-    images = frames.ImageFrames(place, key, order=order)
+    images = frames.ImageFrames(listed(place), key, order=order)
     if stride != 1:
         images = images.taken(range(0, len(images), stride))
     if crop is None or images.ready is not None:
@@ -133,7 +135,7 @@ def open_frames(
 
 def one_place(given: Sequence[str] | None) -> str | None:
     """The name of a folder, a file or a pattern; of several files, as the shell makes of a pattern
-    without quotes, the pattern.
+    without quotes, that pattern, or these images of their folder.
     """
     if not given:
         return None
@@ -141,13 +143,28 @@ def one_place(given: Sequence[str] | None) -> str | None:
         return given[0]
     start, end = _common(given), _common([name[::-1] for name in given])[::-1]
     end = end[max(0, len(start) + len(end) - min(map(len, given))) :]
-    # The shell orders them by the alphabet, and cannot be told to count.
+    # The shell orders them by the alphabet, and cannot be told to count: find them anew.
     pattern = f"{glob.escape(start)}*{glob.escape(end)}"
     if sorted(glob.glob(pattern)) == sorted(given):
         return pattern
-    some = ", ".join(given[:3]) + (f" and {len(given) - 3} more" if len(given) > 3 else "")
-    wanted = "expected a folder, a file, or all the files that a pattern matches"
-    raise typer.BadParameter(f'{wanted} (in quotes: "photos/*.png"), got {some}')
+    wanted = {Path(name) for name in given}
+    folders = {path.parent for path in wanted}
+    there = (
+        find_images(folders.pop()) if len(folders) == 1 and all(map(Path.is_file, wanted)) else []
+    )
+    place = Place(f"{given[0]} and {len(given) - 1} more")
+    place.files = [name for name in there if Path(name) in wanted]
+    if len(place.files) == len(wanted):
+        return place
+    expected = "expected a folder, a file, a pattern, or images of one folder"
+    raise typer.BadParameter(
+        f"{expected}, got {', '.join(given[:3])} and so on, {len(given)} names"
+    )
+
+
+def listed(place: str) -> str | Sequence[str]:
+    """The place as ``surefix.frames.open`` takes it."""
+    return place.files if isinstance(place, Place) and place.files else place
 
 
 def _common(names: Sequence[str]) -> str:

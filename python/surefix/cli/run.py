@@ -21,6 +21,7 @@ from surefix.cli.inputs import (
     Place,
     check_not_read,
     crop_of,
+    listed,
     notes_on,
     refuse,
     scale_of,
@@ -137,7 +138,7 @@ def run(
     scale, of = scale_of(where, spacing, places_per_metre)
     refuse(odometry is not None and scale is None and metres is None, NO_SCALE)
     source = frames.open(
-        queries,
+        listed(queries),
         topic=topic,
         follow=follow,
         idle=idle,

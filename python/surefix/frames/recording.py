@@ -201,7 +201,7 @@ def is_bag(place: Place) -> bool:
         return True
     if not path.is_dir():
         pattern = any(mark in fspath(place) for mark in "*?[")
-        return pattern and bool(bag_parts(place))
+        return pattern and not path.exists() and bool(bag_parts(place))
     if not _inside(path):
         return False
     try:
