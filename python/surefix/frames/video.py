@@ -155,7 +155,7 @@ class VideoFrames(Frames):
 
 def is_video(place: Path) -> bool:
     """Whether this is a video by its name, and not a folder or a pattern."""
-    pattern = any(mark in str(place) for mark in "*?[")
+    pattern = any(mark in str(place) for mark in "*?[") and not place.exists()
     return place.suffix.lower() in VIDEO_ENDINGS and not place.is_dir() and not pattern
 
 
