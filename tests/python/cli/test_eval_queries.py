@@ -236,8 +236,8 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
         1,
         "by 'strips', which is no ONNX file; got images",
     ),
-    "a stride of images": (
-        ("sad.safetensors", "winter", "--stride", 2),
+    "ticks of images without times": (
+        ("sad.safetensors", "winter", "--every", 2),
         2,
         "expected a video or a bag, got winter",
     ),

@@ -501,7 +501,7 @@ def test_a_long_recording_is_described_piece_by_piece(
 
 def test_options_of_recordings_are_for_recordings(drive: Path, tmp_path: Path) -> None:
     out = tmp_path / "route.safetensors"
-    refused = surefix_("map", "build", drive / "images", "--stride", 2, "-o", out, code=2).stderr
+    refused = surefix_("map", "build", drive / "images", "--every", 2, "-o", out, code=2).stderr
     assert "expected a video or a bag" in re.sub(r"[\s│]+", " ", refused)
     assert not out.exists()
 

@@ -258,8 +258,8 @@ CASES: dict[str, tuple[Callable[[Path], Any], list[str]]] = {
         lambda _: surefix.evaluate(surefix.match_distances(EYE), np.arange(4)),
         ["truth", "expected 5", "got 4"],
     ),
-    "a truth of floats": (
-        lambda _: surefix.evaluate(surefix.match_distances(EYE), np.ones(5)),
+    "a truth of halves": (
+        lambda _: surefix.evaluate(surefix.match_distances(EYE), np.ones(5) / 2),
         ["truth", "whole"],
     ),
     "a truth below -1": (
@@ -414,10 +414,11 @@ def test_a_forked_child_goes_on_alone() -> None:
 
 
 def test_a_file_is_no_folder_and_a_folder_must_be_there(tmp_path: Path) -> None:
-    image, route = picture(tmp_path / "one.png"), tmp_path / "none" / "route.safetensors"
+    image, route = tmp_path / "notes.txt", tmp_path / "none" / "route.safetensors"
+    image.write_text("sunny")
     with pytest.raises(
         surefix.SurefixFileError,
-        match=r"one.png: .* it is a file, where a folder of images or a pattern",
+        match=r"notes.txt: .* it is a file, where a folder of images or a pattern",
     ):
         surefix.Map.from_images(image)
     with pytest.raises(
