@@ -15,6 +15,7 @@ mod inputs;
 mod learned;
 mod localizer;
 mod map;
+mod map_making;
 mod matcher;
 mod options;
 mod pickle;

@@ -3,22 +3,17 @@
 import shlex
 import sys
 import time
-from collections.abc import Collection, Mapping, Sequence
-from contextlib import closing
-from dataclasses import dataclass, replace
-from itertools import islice
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import typer
 from rich.console import Console
 
-from surefix import Map, SurefixError, SurefixValueError, match_distances
+from surefix import SurefixError, SurefixValueError, match_distances
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
-from surefix.baselines.truth import part_of, right_matches
 from surefix.cli import inputs, scenarios
 from surefix.cli.drives import (
     MapColumns,
@@ -36,16 +31,14 @@ from surefix.cli.drives import (
 )
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import refuse
+from surefix.cli.pictures import pictures_of, reference_images
+from surefix.cli.results import print_results, warn_of_fit, warn_of_similarities
+from surefix.cli.techniques import Technique
 from surefix.cli.where import GAP, Places, PositionGap, Queries, by_positions, by_truth
-from surefix.descriptors import Onnx
 from surefix.errors import mismatch, refusal
-from surefix.frames import Frames, ImageFrames
-from surefix.frames.by_name import UInt8, images_by_name
+from surefix.frames import ImageFrames
 from surefix.frames.images import Images, ShownImages, open_images
-from surefix.frames.levels import in_8_bits
-from surefix.frames.opening import is_recording
 from surefix.machine import room_for
-from surefix.study.fit import better_fit
 from surefix.study.scenarios import RECORDED
 from surefix.study.study import Recall
 from surefix.tables.columns import Columns, is_held
@@ -53,11 +46,7 @@ from surefix.tables.matrices import large_matrix, read_matrix
 from surefix.tables.truth import read_truth
 
 if TYPE_CHECKING:
-    from surefix.study import Result, Study
-
-Image: TypeAlias = npt.NDArray[np.uint8]
-Float64: TypeAlias = npt.NDArray[np.float64]
-Pictures: TypeAlias = Sequence[Image] | Mapping[int, Image]
+    from surefix.study import Result
 
 DEFAULT_METHODS = ("sequence", "weighted", "single", "masked")
 
@@ -273,26 +262,24 @@ def eval_(
         context = replace(context, calibration=(learned, lesson))
     if moved:
         context = replace(context, advance=known(advance))
-    others = [
-        _Technique.open(file, places, count, frames, model, similarity) for file in fuse or ()
-    ]
+    others = [Technique.open(file, places, count, frames, model, similarity) for file in fuse or ()]
     speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
     levels = None if place_map is None else place_map.levels
     pictures = None
     if references is not None:
-        pictures = _reference_images(references, places, place_map)
+        pictures = reference_images(references, places, place_map)
     if isinstance(pictures, Images):
         pictures = ShownImages(pictures, levels)
     _check_before(places, options, out)
 
     # Compare the methods.
     start, given = time.perf_counter(), frames
+    bad: set[int] = set()
     if D is None and columns is None:
         assert place_map is not None
         assert frames is not None
         if not crop:
             look_at_shape(place_map, frames)
-        bad: set[int] = set()
         rows = describe(place_map, frames, network, cache, None if strict else bad)
         if bad:
             # The rest of the truth is still that of the queries that are left.
@@ -309,9 +296,9 @@ def eval_(
     elif not similarity:
         some = D if columns is None else columns.block(0, min(columns.width, count))
         assert some is not None
-        _warn_of_similarities(some, context)
+        warn_of_similarities(some, context)
     if others:
-        techniques = [other.distances(frames) for other in others]
+        techniques = [other.distances(frames, bad) for other in others]
         context = replace(context, techniques=techniques)
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     how_long = "as they are needed" if streamed else f"in {time.perf_counter() - start:.1f} s"
@@ -336,11 +323,9 @@ def eval_(
         for each in made:
             status.update(f"Comparing the methods: {each.scenario}")
             _ = each.results
-    _print_results(study)
+    print_results(study)
     if not judged.by_position:
-        fit = better_fit(study.run.single_place, study.true_place, int(study.tolerance))
-        if fit is not None:
-            print(f"Warning: the truth may not be of this map and drive: {fit}", file=sys.stderr)
+        warn_of_fit(study)
     if drives:
         scenarios.print_drives([study, *made])
 
@@ -353,7 +338,7 @@ def eval_(
                 study,
                 out,
                 shlex.join(["surefix", *sys.argv[1:]]),
-                queries=None if frames is None else _pictures(frames, mistakes, levels),
+                queries=None if frames is None else pictures_of(frames, mistakes, levels),
                 references=pictures,
                 query_names=None if frames is None or frames.ready is not None else names,
                 place_names=pictures.names if isinstance(pictures, Images) else place_names,
@@ -371,49 +356,6 @@ def eval_(
     )
 
 
-@dataclass(frozen=True)
-class _Technique:
-    """Another technique's distances, or its map and the network of that."""
-
-    ready: npt.NDArray[np.float32] | None
-    place_map: Map | None = None
-    network: Onnx | None = None
-
-    @classmethod
-    def open(
-        cls,
-        file: str,
-        places: int,
-        count: int,
-        frames: Frames | None,
-        model: Path | None,
-        similarity: bool,
-    ) -> "_Technique":
-        if Path(file).suffix == ".npy":
-            ready = read_matrix(file, similarity)
-            if ready.shape != (places, count):
-                raise mismatch(f"--fuse {file}", f"the shape {(places, count)}", ready.shape)
-            return cls(ready)
-        place_map = open_map(file)
-        if len(place_map) != places:
-            raise mismatch(f"--fuse {file}", f"a map of {places} places", len(place_map))
-        if frames is None:
-            raise mismatch(
-                f"--fuse {file}", "a .npy of distances, as there are no QUERIES", "a map"
-            )
-        learned = model is not None and place_map.descriptor is None
-        network = inputs.network_of(place_map, file, model) if model and learned else None
-        check_kind(place_map, file, frames, network)
-        return cls(None, place_map, network)
-
-    def distances(self, frames: Frames | None) -> npt.NDArray[np.float32]:
-        if self.ready is not None:
-            return self.ready
-        assert self.place_map is not None
-        assert frames is not None
-        return distances_of(self.place_map, describe(self.place_map, frames, self.network))
-
-
 def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
     """The matcher's own checks, and the output folder, before the slow part."""
     try:
@@ -424,64 +366,3 @@ def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise refusal(out, "cannot make the output folder", error) from None
-
-
-def _pictures(
-    frames: Frames, wanted: Collection[int], levels: tuple[int, int] | None
-) -> Pictures | None:
-    """The images of these frames at least; a recording is read again, up to the last of them."""
-    if isinstance(frames, ImageFrames):
-        return None if frames.ready is not None else ShownImages(frames.images, levels)
-    with closing(frames.shots()) as shots:
-        until = islice(shots, max(wanted, default=-1) + 1)
-        chosen = ((index, shot) for index, shot in enumerate(until) if index in wanted)
-        return {index: in_8_bits(shot.read(), levels) for index, shot in chosen}
-
-
-def _reference_images(place: str, places: int, known: Map | None) -> Images | dict[int, UInt8]:
-    if is_recording(place):
-        names = None if known is None else known.names
-        frames = inputs.open_frames(place)
-        found = images_by_name(frames, names, places, f"--references {place}")
-        if len(found) != places:
-            raise mismatch(f"--references {place}", f"images of {places} places", len(found))
-        return found
-    images = open_images(Path(place))
-    if len(images) != places:
-        expected = f"an image for each of {places} places"
-        raise mismatch(f"--references {place}", expected, len(images))
-    return images
-
-
-def _warn_of_similarities(D: npt.NDArray[np.float32], context: Context) -> None:
-    """Says so if the places of greatest distance are the right ones."""
-    assert context.truth is not None
-    truth = len(D), part_of(context.truth, 0, D.shape[1]), context.truth_tolerance
-    extremes = np.argmin(D, axis=0), np.argmax(D, axis=0)
-    near, far = (int(right_matches(places, *truth)[0].sum()) for places in extremes)
-    if far > 2 * near and far >= near + 5:
-        print(
-            f"Warning: of the places at the greatest distance {far} are right, of the nearest "
-            f"{near}: are these similarities? Then use --similarity",
-            file=sys.stderr,
-        )
-
-
-def _print_results(study: "Study") -> None:
-    """A line a method, and a warning if no query of some could be judged by the truth."""
-    for result in study.results:
-        area, low, high = result.area
-        right = f"{result.curve.correct} of {result.curve.judged} right"
-        areas = f"{area:.3f} ({low:.3f} to {high:.3f})"
-        print(f"{result.name}: area up to recall 0.2 is {areas}, {right}")
-    true, false = study.trust.true_positives, study.trust.false_positives
-    print(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
-    names = [result.name for result in study.results if not result.judged.any()]
-    if not names:
-        return
-    length, queries = study.context.sequence_length, len(study)
-    if length > queries:
-        why = f"a sequence takes {length} queries, and the drive has {queries}"
-    else:
-        why = "the truth says nothing about any match"
-    print(f"Warning: no query was judged for {', '.join(names)}: {why}", file=sys.stderr)
