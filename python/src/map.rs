@@ -387,8 +387,8 @@ impl Map {
         metres.call_method1("places_per_metre", (positions,)).map(Some)
     }
 
-    /// The places that show nothing, in order: int64. They are SAD descriptors of images whose tiles
-    /// are nearly all flat, ready descriptors of zeros, and those that at least 5 places share; ready
+    /// The places that show nothing, in order: int64. They are SAD descriptors of images with hardly
+    /// any content, ready descriptors of zeros, and those that at least 5 places share; ready
     /// descriptors of up to 8 numbers are taken as they are. Nothing is matched to such a place.
     #[getter]
     fn blank<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {

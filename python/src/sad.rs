@@ -86,8 +86,7 @@ impl Sad {
         rows_to_py(py, values.view(), &[values.len()])
     }
 
-    /// Whether an image shows nothing: nearly all its tiles are flat, as of a lens cap or in a
-    /// tunnel, whatever describes it.
+    /// Whether an image shows nothing: a lens cap, a tunnel, a text on black, whatever describes it.
     ///
     /// Parameters
     /// ----------

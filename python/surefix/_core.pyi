@@ -329,8 +329,7 @@ class Sad:
             For another type or shape.
         """
     def shows_nothing(self, image: _Array) -> bool:
-        """Whether an image shows nothing: nearly all its tiles are flat, as of a lens cap or in a
-        tunnel, whatever describes it.
+        """Whether an image shows nothing: a lens cap, a tunnel, a text on black, whatever describes it.
 
         Parameters
         ----------
@@ -856,8 +855,8 @@ class Map:
         """
     @property
     def blank(self) -> _Int64:
-        """The places that show nothing, in order: int64. They are SAD descriptors of images whose tiles
-        are nearly all flat, ready descriptors of zeros, and those that at least 5 places share; ready
+        """The places that show nothing, in order: int64. They are SAD descriptors of images with hardly
+        any content, ready descriptors of zeros, and those that at least 5 places share; ready
         descriptors of up to 8 numbers are taken as they are. Nothing is matched to such a place.
         """
     @property

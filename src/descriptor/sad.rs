@@ -14,9 +14,11 @@ use crate::simd::{Compiled, Isa};
 /// The longest side that is accepted: sums over a patch stay exact.
 const MAX_SIDE: usize = 4096;
 
-/// An image shows nothing if at most one tile in this many is not flat: room for a clock in a
-/// corner.
-const TILES: usize = 8;
+/// An image shows nothing if at most this share of its numbers is apart from the median of its tile.
+/// Of real roads it is at least a half, of a clock or "NO SIGNAL" on black at most an eighth.
+const BARE: (usize, usize) = (3, 20);
+/// How many levels of a byte (32 are a deviation of the tile) are not apart.
+const ABOUT: usize = 8;
 
 /// The recipe of the SAD descriptor: grey, resize, normalise patch by patch (method 1.7).
 ///
@@ -148,8 +150,8 @@ impl Sad {
         Ok(values)
     }
 
-    /// Whether an image shows nothing (method 1.7): nearly all tiles are flat, as of a lens cap or in
-    /// a tunnel, whatever describes it.
+    /// Whether an image shows nothing (method 1.7): a lens cap, a tunnel, a text on black, whatever
+    /// describes it.
     ///
     /// ```
     /// use surefix::{Channels, ImageView, Sad};
@@ -161,27 +163,47 @@ impl Sad {
     /// # Errors
     /// None today: an [`ImageView`] is checked when it is made.
     pub fn shows_nothing(&self, image: ImageView<'_>) -> Result<bool, Error> {
-        Ok(self.is_flat(self.describe(image)?.view()))
+        Ok(self.is_bare(self.describe(image)?.view()))
     }
 
-    /// Whether nearly all tiles of a descriptor are flat.
-    pub(crate) fn is_flat(&self, descriptor: View<'_>) -> bool {
-        let is_zero = |at: usize| match descriptor {
-            View::U8(numbers) => numbers.get(at) == Some(&128),
-            View::F32(numbers) => numbers.get(at) == Some(&0.0),
+    /// Whether nearly all numbers of a descriptor are about the median of their tile: flat tiles, and
+    /// those with some strokes of a text or some bright pixels on them.
+    pub(crate) fn is_bare(&self, descriptor: View<'_>) -> bool {
+        // In levels of a byte, whatever the type.
+        let level_at = |at: usize| match descriptor {
+            View::U8(numbers) => numbers[at],
+            View::F32(numbers) => level(f64::from(numbers[at])),
             // There are no such SAD descriptors.
-            _ => false,
+            View::F16(_) | View::I8(_) => 0,
         };
         let ((width, height), patch) = (self.size, self.patch);
-        let most = (width / patch) * (height / patch) / TILES;
+        if descriptor.len() != width * height {
+            return false;
+        }
+        let most = (width * height * BARE.0 / BARE.1) as u32;
+        let half = ((patch * patch) as u32).div_ceil(2);
         let corners = (0..height)
             .step_by(patch)
             .flat_map(|top| (0..width).step_by(patch).map(move |left| top * width + left));
-        let flat = |corner: usize| {
-            let mut rows = (0..patch).map(|row| corner + row * width);
-            rows.all(|start| (start..start + patch).all(&is_zero))
-        };
-        corners.filter(|&corner| !flat(corner)).nth(most).is_none()
+        let mut apart = 0;
+        for corner in corners {
+            let mut counts = [0_u32; 256];
+            for start in (0..patch).map(|row| corner + row * width) {
+                (start..start + patch).for_each(|at| counts[usize::from(level_at(at))] += 1);
+            }
+            let mut below = 0;
+            let up_to = |count: &u32| {
+                below += count;
+                below >= half
+            };
+            let median = counts.iter().position(up_to).unwrap_or_default();
+            let about = median.saturating_sub(ABOUT)..counts.len().min(median + ABOUT + 1);
+            apart += (patch * patch) as u32 - counts[about].iter().sum::<u32>();
+            if apart > most {
+                return false;
+            }
+        }
+        true
     }
 
     /// The image in grey, at the descriptor's size, before it is normalised.

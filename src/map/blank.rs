@@ -87,7 +87,7 @@ pub(super) fn flagged(flags: &[u8]) -> Option<Arc<[usize]>> {
 }
 
 impl Map {
-    /// The places that show nothing, in order: SAD descriptors whose tiles are nearly all flat
+    /// The places that show nothing, in order: SAD descriptors of images with hardly any content
     /// (method 1.7), ready descriptors of zeros, and any that at least 5 places share. Of ready
     /// descriptors, only those of more than 8 numbers can be. The distance to such a place is the
     /// mean of the others, and so it is never a query's best match.
@@ -177,7 +177,7 @@ fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
 /// Whether a descriptor shows nothing by itself.
 fn shows_nothing(recipe: Recipe, row: View<'_>) -> bool {
     match (recipe, row) {
-        (Recipe::Sad(sad), row) => sad.is_flat(row),
+        (Recipe::Sad(sad), row) => sad.is_bare(row),
         (Recipe::Ready, row) => row.len() > SMALL && each_type!(View, row, v => are_zero(v)),
     }
 }
