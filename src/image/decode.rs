@@ -5,7 +5,7 @@ use std::path::Path;
 use std::{env, fs};
 
 use image::ColorType::{L16, La16, Rgb16, Rgb32F, Rgba16, Rgba32F};
-use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
 use super::orientation;
 use super::view::{Channels, Image};
@@ -65,13 +65,23 @@ pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
 
 /// Whether the first bytes of a file are those of an image that can be decoded.
 pub(super) fn looks_like_an_image(start: &[u8]) -> bool {
-    image::guess_format(start).is_ok_and(|format| format.reading_enabled())
+    let format = image::guess_format(start).ok().or_else(|| big_tiff(start));
+    format.is_some_and(|format| format.reading_enabled())
+}
+
+/// TIFF with numbers of 64 bits, which `guess_format` does not know.
+fn big_tiff(start: &[u8]) -> Option<ImageFormat> {
+    let big = start.starts_with(b"II+\0") || start.starts_with(b"MM\0+");
+    big.then_some(ImageFormat::Tiff)
 }
 
 fn upright(bytes: &[u8]) -> Result<DynamicImage, String> {
     let is_jpeg = bytes.starts_with(&[0xFF, 0xD8]);
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let mut reader = reader.map_err(|e| e.to_string())?;
+    if let Some(format) = big_tiff(bytes) {
+        reader.set_format(format);
+    }
     // The limit is this function's own, which names it.
     reader.no_limits();
     let mut decoder = reader.into_decoder().map_err(|e| said(&e))?;
