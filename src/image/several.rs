@@ -1,5 +1,6 @@
 //! Files that hold more than one image.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -21,7 +22,7 @@ pub(super) fn several(paths: &[PathBuf]) -> Option<String> {
 }
 
 fn has_several(path: &Path) -> bool {
-    let ending = path.extension().map(|ending| ending.to_ascii_lowercase()).unwrap_or_default();
+    let ending = path.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
     // These alone may; the others need not be opened.
     if !["png", "tif", "tiff", "webp", ""].iter().any(|&known| ending == *known) {
         return false;
@@ -42,7 +43,7 @@ fn counts_several(mut file: impl Read + Seek) -> io::Result<bool> {
             Ok(head.starts_with(b"WEBPVP8X") && head[12] & 2 != 0)
         }
         [b'I', b'I', kind @ (42 | 43), 0, ..] | [b'M', b'M', 0, kind @ (42 | 43), ..] => {
-            Tiff { file, little: start[0] == b'I', big: *kind == 43 }.pages(&start)
+            Tiff { file, little: start[0] == b'I', big: *kind == 43 }.pages(start)
         }
         _ => Ok(false),
     }
@@ -62,7 +63,7 @@ fn png(file: &mut (impl Read + Seek)) -> io::Result<bool> {
             b"acTL" => return Ok(u32::from_be_bytes(read(file)?) > 1),
             b"IDAT" | b"IEND" => return Ok(false),
             _ => file.seek_relative(i64::from(u32::from_be_bytes(length)) + 4)?,
-        };
+        }
     }
 }
 
@@ -74,7 +75,7 @@ struct Tiff<R> {
 
 impl<R: Read + Seek> Tiff<R> {
     /// Whether a page after the first is neither a smaller copy of one nor a mask.
-    fn pages(mut self, start: &[u8; 8]) -> io::Result<bool> {
+    fn pages(mut self, start: [u8; 8]) -> io::Result<bool> {
         let mut at = if self.big {
             self.number(8)?
         } else {
