@@ -22,10 +22,9 @@ pub(crate) fn as_array<'py>(
         return in_native_order(array.clone());
     }
     let numpy = py.import("numpy")?;
-    let module = object.get_type().module()?;
     let converted = if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
         of_sequence(&numpy, object)
-    } else if module.to_str()?.starts_with("PIL.") {
+    } else if is_of_pillow(object) {
         // Upright, and in grey or RGB.
         py.import("surefix.frames.pillow")?.call_method1("array_of", (object, what))
     } else if object.hasattr("__array__")? {
@@ -44,6 +43,14 @@ pub(crate) fn as_array<'py>(
     let converted = converted
         .map_err(|e| refused(py, e, |e| format!("{what}: cannot be read as a NumPy array: {e}")))?;
     in_native_order(converted.cast_into()?)
+}
+
+/// Whether it is a `PIL.Image.Image`, or of a class made from it, such as the images of pillow-heif.
+fn is_of_pillow(object: &Bound<'_, PyAny>) -> bool {
+    let classes = object.get_type().mro();
+    classes.iter().any(|class| {
+        class.getattr("__module__").is_ok_and(|name| name.eq("PIL.Image").unwrap_or(false))
+    })
 }
 
 /// Numbers of another byte order are copied: the same numbers.

@@ -1,18 +1,19 @@
 //! Images from Python: arrays, files, folders, and anything that yields them.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyString, PyTuple};
+use pyo3::types::{PyList, PySlice, PyString, PyTuple};
 use surefix::{Channels, Error, Image, ImageFiles, ImageSource, ImageView, Order, ReadableImages};
 
 use crate::arrays::{as_array, contiguous, dtype_of, image_to_py, shape_of};
 use crate::error::{OrRaise as _, to_py, value};
 use crate::simulate::Traverse;
 
-/// A uint8 or uint16 array (H, W) or (H, W, 3), held for as long as it is read.
+/// A uint8 or uint16 array (H, W), (H, W, 1), (H, W, 3) or (H, W, 4), whose alpha is left out, held
+/// for as long as it is read.
 pub(crate) struct Pixels<'py> {
     samples: Samples<'py>,
     width: usize,
@@ -27,8 +28,13 @@ enum Samples<'py> {
 
 impl<'py> Pixels<'py> {
     pub(crate) fn new(array: &Bound<'py, PyUntypedArray>, what: &str) -> PyResult<Self> {
+        let opaque = match *array.shape() {
+            [_, _, 4] => Some(without_alpha(array)?),
+            _ => None,
+        };
+        let array = opaque.as_ref().unwrap_or(array);
         let (height, width, channels) = match *array.shape() {
-            [height, width] => (height, width, Channels::Grey),
+            [height, width] | [height, width, 1] => (height, width, Channels::Grey),
             [height, width, 3] => (height, width, Channels::Rgb),
             _ => {
                 let shape = shape_of(array);
@@ -55,6 +61,13 @@ impl<'py> Pixels<'py> {
     }
 }
 
+/// Red, green and blue.
+fn without_alpha<'py>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let py = array.py();
+    let key = (py.Ellipsis(), PySlice::new(py, 0, 3, 1));
+    Ok(array.get_item(key)?.cast_into()?)
+}
+
 /// The refusal of pixels of another type, which says how to convert them.
 fn not_pixels(array: &Bound<'_, PyUntypedArray>, what: &str) -> PyErr {
     let got = dtype_of(array);
@@ -77,7 +90,7 @@ pub(crate) enum Images<'py> {
 }
 
 impl<'py> Images<'py> {
-    /// A folder or a pattern; a generated traverse; an array (n, H, W) or (n, H, W, 3); an iterable
+    /// A folder or a pattern; a generated traverse; an array of images as ``Pixels`` takes them; an iterable
     /// of paths or of arrays; or any other sequence of arrays, each of which is asked for when it
     /// is its turn.
     pub(crate) fn new(object: &Bound<'py, PyAny>) -> PyResult<Self> {
@@ -95,7 +108,7 @@ impl<'py> Images<'py> {
             return Ok(Self::Sequence(Sequence::new(object)?));
         }
         if let Ok(array) = object.cast::<PyUntypedArray>()
-            && (array.ndim() < 3 || (array.ndim() == 3 && array.shape()[2] == 3))
+            && (array.ndim() < 3 || (array.ndim() == 3 && [1, 3, 4].contains(&array.shape()[2])))
         {
             let (expected, got) = ("(n, H, W) or (n, H, W, 3), one image a place", shape_of(array));
             return Err(value(py, format!("images: expected {expected}, got the shape {got}")));
@@ -113,7 +126,10 @@ impl<'py> Images<'py> {
         let items: Vec<Bound<'py, PyAny>> =
             object.try_iter().map_err(not_images)?.collect::<PyResult<_>>()?;
         if !items.is_empty() && items.iter().all(|item| path_of(item).is_some()) {
-            return Ok(Self::Files(ImageFiles::list(items.iter().filter_map(path_of).collect())));
+            return Self::of_files(
+                py,
+                ImageFiles::list(items.iter().filter_map(path_of).collect()),
+            );
         }
         let arrays = items.iter().enumerate().map(|(index, item)| {
             let what = format!("image {index}");
@@ -124,14 +140,11 @@ impl<'py> Images<'py> {
 
     /// The images of a folder or a pattern, some of which Python may have to read.
     fn found(py: Python<'py>, place: PathBuf) -> PyResult<Self> {
-        let foreign = py.import("surefix.frames.foreign")?;
-        let also: Vec<String> = foreign.call_method0("endings")?.extract()?;
-        let files = ImageFiles::find_also(place, Order::Name, &also).or_raise(py)?;
-        let is_foreign = |path: &PathBuf| {
-            let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-            ending.is_some_and(|ending| also.contains(&ending))
-        };
-        if !files.paths().iter().any(is_foreign) {
+        Self::of_files(py, files_in(py, place, "name", &foreign_endings(py)?)?)
+    }
+
+    fn of_files(py: Python<'py>, files: ImageFiles) -> PyResult<Self> {
+        if !files.paths().iter().any(|path| may_be_foreign(path)) {
             return Ok(Self::Files(files));
         }
         let images = py.import("surefix.frames.images")?;
@@ -299,8 +312,8 @@ pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> Option<PathBuf> {
     named.then(|| object.extract().ok()).flatten()
 }
 
-/// Reads an image file (png, jpeg, bmp, tiff, webp or pnm) with the library's own decoder, upright:
-/// turned and mirrored as its EXIF orientation says.
+/// Reads an image file (png, jpeg, bmp, tiff, webp or pnm; with ``surefix[heif]`` heic and avif too),
+/// upright: turned and mirrored as its EXIF orientation says.
 ///
 /// Parameters
 /// ----------
@@ -321,8 +334,25 @@ pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> Option<PathBuf> {
 ///     the environment variable ``SUREFIX_MAX_IMAGE_MIB``).
 #[pyfunction]
 pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
+    if may_be_foreign(&path) && foreign_endings(py)?.contains(&ending_of(&path)) {
+        return py.import("surefix.frames.foreign")?.call_method1("read_any", (path,));
+    }
     let image = py.detach(|| surefix::read_image(path)).or_raise(py)?;
     image_to_py(py, &image)
+}
+
+/// The endings of the images that Python reads with what is installed.
+pub(crate) fn foreign_endings(py: Python<'_>) -> PyResult<Vec<String>> {
+    py.import("surefix.frames.foreign")?.call_method0("endings")?.extract()
+}
+
+/// Whether Python may read this file: without asking it.
+fn may_be_foreign(path: &Path) -> bool {
+    ["avif", "heic", "heif"].contains(&ending_of(path).as_str())
+}
+
+fn ending_of(path: &Path) -> String {
+    path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase())
 }
 
 /// Decodes the bytes of an image file, such as a camera driver's compressed frame, as
@@ -379,11 +409,12 @@ pub(crate) fn decode_image<'py>(
 #[pyfunction]
 #[pyo3(signature = (place, order="name"))]
 pub(crate) fn find_images(py: Python<'_>, place: PathBuf, order: &str) -> PyResult<Vec<OsString>> {
-    image_files(py, place, order, Vec::new()).map(|(files, _)| files)
+    files_in(py, place, order, &[]).map(|files| names_of(&files))
 }
 
 /// The files of ``find_images``, and what a user should know: the files that were left out, an
-/// order that the names leave open, two drives in one folder.
+/// order that the names leave open, two drives in one folder, files of which only the first image is
+/// taken.
 ///
 /// Parameters
 /// ----------
@@ -403,10 +434,22 @@ pub(crate) fn image_files(
     order: &str,
     also: Vec<String>,
 ) -> PyResult<(Vec<OsString>, Vec<String>)> {
+    let files = files_in(py, place, order, &also)?;
+    Ok((names_of(&files), py.detach(|| files.remarks())))
+}
+
+pub(crate) fn files_in(
+    py: Python<'_>,
+    place: PathBuf,
+    order: &str,
+    also: &[String],
+) -> PyResult<ImageFiles> {
     let order: Order = order.parse().or_raise(py)?;
-    let files = py.detach(|| ImageFiles::find_also(place, order, &also)).or_raise(py)?;
-    let paths = files.paths().iter().map(|path| path.as_os_str().to_owned()).collect();
-    Ok((paths, files.remarks().to_vec()))
+    py.detach(|| ImageFiles::find_also(place, order, also)).or_raise(py)
+}
+
+pub(crate) fn names_of(files: &ImageFiles) -> Vec<OsString> {
+    files.paths().iter().map(|path| path.as_os_str().to_owned()).collect()
 }
 
 /// Tells `callback(done, total)` of the work that `run` does, and stops it on Ctrl-C, or if the

@@ -9,7 +9,7 @@ use surefix::calibration::Alarm;
 use crate::calibrate::Threshold;
 use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
-use crate::images::{find_images, path_of, read_image};
+use crate::images::{files_in, foreign_endings, names_of, path_of, read_image};
 use crate::inputs::{Input, descriptors, listed, maps};
 use crate::map::Map;
 use crate::options::{config, given, settings, whole};
@@ -172,8 +172,8 @@ impl Localizer {
         let py = slf.py();
         let opened = || py.import("surefix.frames")?.call_method1("open", (frames,))?.try_iter();
         let frames = match path_of(frames) {
-            Some(place) => match find_images(py, place, "name") {
-                Ok(images) => images.into_pyobject(py)?.try_iter()?,
+            Some(place) => match files_in(py, place, "name", &foreign_endings(py)?) {
+                Ok(images) => names_of(&images).into_pyobject(py)?.try_iter()?,
                 // A video, a bag or a camera; if there is none, the error is its own.
                 Err(_) => opened()?,
             },

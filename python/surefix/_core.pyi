@@ -2274,8 +2274,8 @@ def recall_at(
     """
 
 def read_image(path: _Path) -> npt.NDArray[Any]:
-    """Reads an image file (png, jpeg, bmp, tiff, webp or pnm) with the library's own decoder, upright:
-    turned and mirrored as its EXIF orientation says.
+    """Reads an image file (png, jpeg, bmp, tiff, webp or pnm; with ``surefix[heif]`` heic and avif too),
+    upright: turned and mirrored as its EXIF orientation says.
 
     Parameters
     ----------
@@ -2346,7 +2346,8 @@ def image_files(
     place: _Path, order: _Order = "name", also: _Sequence[str] = ()
 ) -> tuple[list[str], list[str]]:
     """The files of ``find_images``, and what a user should know: the files that were left out, an
-    order that the names leave open, two drives in one folder.
+    order that the names leave open, two drives in one folder, files of which only the first image is
+    taken.
 
     Parameters
     ----------

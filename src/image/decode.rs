@@ -5,7 +5,7 @@ use std::path::Path;
 use std::{env, fs};
 
 use image::ColorType::{L16, La16, Rgb16, Rgb32F, Rgba16, Rgba32F};
-use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
 use super::orientation;
 use super::view::{Channels, Image};
@@ -65,32 +65,62 @@ pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
 
 /// Whether the first bytes of a file are those of an image that can be decoded.
 pub(super) fn looks_like_an_image(start: &[u8]) -> bool {
-    image::guess_format(start).is_ok_and(|format| format.reading_enabled())
+    let format = image::guess_format(start).ok().or_else(|| big_tiff(start));
+    format.is_some_and(|format| format.reading_enabled())
+}
+
+/// TIFF with numbers of 64 bits, which `guess_format` does not know.
+fn big_tiff(start: &[u8]) -> Option<ImageFormat> {
+    let big = start.starts_with(b"II+\0") || start.starts_with(b"MM\0+");
+    big.then_some(ImageFormat::Tiff)
 }
 
 fn upright(bytes: &[u8]) -> Result<DynamicImage, String> {
     let is_jpeg = bytes.starts_with(&[0xFF, 0xD8]);
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let mut reader = reader.map_err(|e| e.to_string())?;
+    if let Some(format) = big_tiff(bytes) {
+        reader.set_format(format);
+    }
     // The limit is this function's own, which names it.
     reader.no_limits();
     let mut decoder = reader.into_decoder().map_err(|e| said(&e))?;
-    let (bytes, (width, height)) = (decoder.total_bytes(), decoder.dimensions());
+    let (size, (width, height)) = (decoder.total_bytes(), decoder.dimensions());
     let limit = env::var(LIMIT).ok().and_then(|text| text.trim().parse().ok()).unwrap_or(MAX_MIB);
-    if bytes > limit << 20 {
-        let mib = bytes.div_ceil(1 << 20);
+    if size > limit << 20 {
+        let mib = size.div_ceil(1 << 20);
         return Err(format!(
             "{width} x {height} pixels take {mib} MiB, and surefix reads images of up to {limit} \
              MiB: make it smaller, or set the environment variable {LIMIT}={mib}"
         ));
     }
-    let orientation = orientation::of(&mut decoder);
+    let orientation = orientation::of(&mut decoder, bytes);
     let mut decoded = DynamicImage::from_decoder(decoder).map_err(|e| said(&e))?;
     if is_jpeg && is_filled_up(&decoded) {
         return Err("a damaged JPEG: the rest of the picture is missing".to_owned());
     }
+    if let Some(range) = beyond_one(&decoded) {
+        return Err(format!(
+            "floats of {range}; expected RGB floats from 0 to 1, or samples of 8 or 16 bits: scale \
+             them to 16 bits, all images of a route and its drives alike"
+        ));
+    }
     decoded.apply_orientation(orientation);
     Ok(decoded)
+}
+
+/// The range of floats if one in 1000 or more is not from 0 to 1; some that overshoot are cut.
+fn beyond_one(decoded: &DynamicImage) -> Option<String> {
+    let samples: &[f32] = match decoded {
+        DynamicImage::ImageRgb32F(image) => image.as_raw(),
+        DynamicImage::ImageRgba32F(image) => image.as_raw(),
+        _ => return None,
+    };
+    let beyond = samples.iter().filter(|sample| !(0.0..=1.0).contains(*sample)).count();
+    let (low, high) = samples
+        .iter()
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &s| (low.min(s), high.max(s)));
+    (1000 * beyond > samples.len()).then(|| format!("{low} to {high}"))
 }
 
 /// Whether a decoder made up the end of a picture whose data ended too early: it repeats the last

@@ -25,7 +25,7 @@ pub(super) fn two_drives(paths: &[PathBuf]) -> Option<String> {
 }
 
 /// The words of a name, with # for each number, and its numbers.
-fn parts(path: &Path) -> (String, Vec<String>) {
+pub(super) fn parts(path: &Path) -> (String, Vec<String>) {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let (mut words, mut numbers) = (String::new(), Vec::<String>::new());
     let mut inside = false;

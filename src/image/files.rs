@@ -7,8 +7,10 @@ use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 use super::decode::{looks_like_an_image, read_image};
+use super::doubts::doubtful;
 use super::drives::two_drives;
 use super::order::{Order, sort};
+use super::several::several;
 use super::source::ImageSource;
 use super::view::Image;
 use crate::error::Error;
@@ -89,6 +91,7 @@ impl ImageFiles {
         }
         let mut remarks = Vec::from_iter(sort(&mut paths, order)?);
         if order.is_by_name() {
+            remarks.extend(doubtful(&paths));
             remarks.extend(two_drives(&paths));
         }
         if !left_out.is_empty() {
@@ -114,9 +117,10 @@ impl ImageFiles {
     }
 
     /// What a user should know: the files that were left out, an order that the names leave open,
-    /// two drives in one folder.
-    pub fn remarks(&self) -> &[String] {
-        &self.remarks
+    /// two drives in one folder, files of which only the first image is taken. It opens the files
+    /// that may hold several.
+    pub fn remarks(&self) -> Vec<String> {
+        several(&self.paths).into_iter().chain(self.remarks.iter().cloned()).collect()
     }
 }
 

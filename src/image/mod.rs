@@ -10,6 +10,8 @@ mod axis;
 #[cfg(feature = "image")]
 mod decode;
 #[cfg(feature = "image")]
+mod doubts;
+#[cfg(feature = "image")]
 mod drives;
 #[cfg(feature = "image")]
 mod files;
@@ -21,6 +23,8 @@ mod order;
 mod orientation;
 mod readable;
 mod resize;
+#[cfg(feature = "image")]
+mod several;
 mod source;
 mod view;
 

@@ -238,7 +238,7 @@ fn what_is_left_out_is_counted() {
     for place in [folder.path().to_owned(), folder.path().join("*")] {
         let files = ImageFiles::find(&place).unwrap();
         assert_eq!(names(&files), ["a.png", "b.jfif", "c.jpe"]);
-        let said = files.remarks().last().unwrap();
+        let said = files.remarks().pop().unwrap();
         let expected =
             "5 files left out: 1 without an ending, 2 .heic, 1 .txt, 1 hidden, folder part2";
         assert!(said.starts_with(expected), "{said}");

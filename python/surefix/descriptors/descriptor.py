@@ -83,12 +83,12 @@ def checked_batch(batch: object) -> int:
 
 
 def _has_image_shape(array: npt.NDArray[Any]) -> bool:
-    return array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
+    return array.ndim == 2 or (array.ndim == 3 and array.shape[2] in (1, 3, 4))
 
 
 def checked_image(image: Any, what: str) -> Image:
     """The image as an array, if it is uint8 or uint16 (H, W) or (H, W, 3) and has pixels; in 8
-    bits.
+    bits, and without alpha.
     """
     array = in_8_bits(pixels_of(image, what))
     if array.dtype != np.uint8 or not _has_image_shape(array) or 0 in array.shape:

@@ -18,12 +18,14 @@ from surefix.frames.bayer import Pattern, demosaic
 from surefix.frames.foreign import endings, is_foreign, read_any
 from surefix.frames.frame import Frames, Shot
 from surefix.frames.levels import in_8_bits
-from surefix.frames.pillow import pixels_of
+from surefix.frames.pillow import pixels_of, plain
 from surefix.tables.npy import read_npy
 from surefix.tables.vectors import ENDINGS, check_no_key, load
 
 UInt8 = npt.NDArray[np.uint8]
 Place = str | os.PathLike[str]
+# Of an image: grey, RGB, and RGB with alpha.
+CHANNELS = (1, 3, 4)
 
 
 class Images(Sequence[UInt8], ABC):
@@ -92,7 +94,7 @@ class ImageFiles(Images):
 
     def __init__(self, paths: Iterable[Place]) -> None:
         files = [os.fspath(path) for path in paths]
-        super().__init__(files, (Path(path).name for path in files))
+        super().__init__(files, map(_name_of, files))
 
     @property
     def paths(self) -> list[str] | None:
@@ -100,6 +102,11 @@ class ImageFiles(Images):
 
     def _load(self, item: str) -> UInt8:
         return read_any(item)
+
+
+def _name_of(path: str) -> str:
+    """As the library has it: what is no UTF-8 is written as U+FFFD."""
+    return os.fsencode(Path(path).name).decode("utf-8", "replace")
 
 
 class BayerFiles(ImageFiles):
@@ -124,7 +131,7 @@ class BayerFiles(ImageFiles):
 
 class ImageArray(Images):
     """Images that lie in one array, (n, H, W) or (n, H, W, 3) uint8 or uint16, in memory or
-    memory-mapped.
+    memory-mapped. Of (n, H, W, 4) alpha is left out, and (n, H, W, 1) is grey.
     """
 
     def __init__(
@@ -133,7 +140,7 @@ class ImageArray(Images):
         super().__init__(array, map(str, range(len(array))) if names is None else names)
 
     def _load(self, item: UInt8) -> UInt8:
-        return np.array(item)
+        return np.array(plain(item))
 
 
 class ShownImages(Images):
@@ -199,7 +206,7 @@ class ImageFrames(Frames):
     @property
     def remarks(self) -> list[str]:
         """What to know of a folder or a pattern: the files that were left out, an order that the
-        names leave open, two drives in one folder.
+        names leave open, two drives in one folder, files of which only the first image is taken.
         """
         return list(self._remarks)
 
@@ -236,19 +243,19 @@ class _GivenFrames(Frames):
     parallel = True
 
     def __init__(self, images: Any) -> None:
-        self._images = images
+        self._images = ImageArray(images) if isinstance(images, np.ndarray) else images
         self._count = len(images) if _is_counted(images) else None
 
     def shots(self) -> Generator[Shot, None, None]:
         # The classes of surefix may be read by several threads; others are read here, in order.
-        if isinstance(self._images, (Images, Traverse, np.ndarray)):
+        if isinstance(self._images, (Images, Traverse)):
             yield from _shots_of_images(self._images)
             return
         counted = (self._images[i] for i in range(self._count or 0))
         for index, thing in enumerate(self._images if self._count is None else counted):
             if isinstance(thing, (str, os.PathLike)):
                 path = os.fspath(thing)
-                yield Shot(None, Path(path).name, partial(read_any, path), path=path)
+                yield Shot(None, _name_of(path), partial(read_any, path), path=path)
             else:
                 image = getattr(thing, "image", thing)
                 yield Shot(None, str(index), partial(pixels_of, image))
@@ -266,7 +273,7 @@ def frames_of(images: Any) -> Frames:
         found = ImageFiles(image_files(images, also=list(endings()))[0])
         images = found if found.paths is None else found.paths
     if isinstance(images, np.ndarray) and (
-        images.ndim not in (3, 4) or (images.ndim == 3 and images.shape[2] == 3)
+        images.ndim not in (3, 4) or (images.ndim == 3 and images.shape[2] in CHANNELS)
     ):
         expected = "(n, H, W) or (n, H, W, 3), one image a place"
         raise mismatch("images", expected, f"the shape {images.shape}")
@@ -301,10 +308,10 @@ def _load_array(place: str, key: str | None) -> npt.NDArray[Any]:
         return load(place, key)
     check_no_key(place, key)
     array = read_npy(place, "the array", mapped=True)
-    images = array.ndim == 3 or (array.ndim == 4 and array.shape[3] == 3)
+    images = array.ndim == 3 or (array.ndim == 4 and array.shape[3] in CHANNELS)
     if array.ndim == 2:
         return load(place)
-    if not (images and array.dtype in (np.uint8, np.uint16)):
+    if not (images and array.dtype.newbyteorder("=") in (np.uint8, np.uint16)):
         expected = "descriptors (n, dim), or uint8 or uint16 images (n, H, W) or (n, H, W, 3)"
         raise mismatch(place, expected, f"{array.dtype} {array.shape}")
     return array

@@ -10,8 +10,19 @@ from surefix.errors import SurefixValueError, mismatch
 
 def pixels_of(image: Any, what: str = "image") -> npt.NDArray[Any]:
     """The pixels of an image of Pillow, upright, or of anything that NumPy takes."""
-    of_pillow = type(image).__module__.startswith("PIL.")
-    return array_of(image, what) if of_pillow else np.asarray(image)
+    # The images of pillow-heif are of a class made from Pillow's.
+    of_pillow = any(each.__module__ == "PIL.Image" for each in type(image).__mro__)
+    return array_of(image, what) if of_pillow else plain(np.asarray(image))
+
+
+def plain(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """In this machine's order of bytes; an image (H, W, 1) as (H, W), and one (H, W, 4) without its
+    alpha, as (H, W, 3).
+    """
+    native = array.astype(array.dtype.newbyteorder("="), copy=False)
+    if native.ndim == 3 and native.shape[2] == 4:
+        return native[..., :3]
+    return native[..., 0] if native.ndim == 3 and native.shape[2] == 1 else native
 
 
 def array_of(image: Any, what: str = "image") -> npt.NDArray[Any]:

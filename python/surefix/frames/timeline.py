@@ -15,6 +15,8 @@ SECOND = 1_000_000_000
 BACK = 5
 # In messages: how late one may be and still be put in its place. Videos send a few out of order.
 LATE = 16
+# Stamps that span so many times less than the recording are in another unit: microseconds, say.
+UNIT = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +24,8 @@ class Timeline:
     """When the messages of a topic were taken.
 
     The clock is that of the stamps; or that of the recording, for all messages, if a stamp is 0 or
-    more than one in ten is that of the message before.
+    more than one in ten is that of the message before, or they span far less than the recording, as
+    those in another unit do.
 
     A message that was recorded late is put in its place, unless more than ``LATE`` recorded before
     it are newer: then it is left out. If the clock goes back and stays back, a new stretch begins
@@ -71,10 +74,15 @@ def timeline(
     # A simulator's clock begins at 0: the next stamp follows on it.
     if zero == 1 and len(given) > 1 and given[0] == 0 and 0 < steps[0] <= 5 * np.median(steps):
         zero = 0
-    by_recording = zero > 0 or 10 * still > len(given)
+    spans = [(int(np.ptp(each[numbers])) if len(numbers) else 0) for each in (stamps, recorded)]
+    small = UNIT * spans[0] < spans[1]
+    by_recording = zero > 0 or 10 * still > len(given) or small
     if by_recording:
         count = plural(len(given), "stamp")
         why = f"{zero} of {count} are 0" if zero else f"{still} of {count} repeat the one before"
+        if small and not zero and 10 * still <= len(given):
+            span, whole_span = (each / SECOND for each in spans)
+            why = f"{count} span {span:.3g} s, the recording {whole_span:.3g} s"
         remarks.append(f"{why}: times are those of the recording")
     time = recorded.copy() if by_recording else stamps.copy()
     order: list[int] = []

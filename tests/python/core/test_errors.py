@@ -163,9 +163,9 @@ CASES: dict[str, tuple[Callable[[Path], Any], list[str]]] = {
         lambda _: surefix.Sad().describe(EYE),
         ["image", "uint8", "float32", "astype"],
     ),
-    "an image of four channels": (
-        lambda _: surefix.Sad().describe(np.zeros((4, 4, 4), np.uint8)),
-        ["(H, W, 3)", "(4, 4, 4)"],
+    "an image of five channels": (
+        lambda _: surefix.Sad().describe(np.zeros((4, 4, 5), np.uint8)),
+        ["(H, W, 3)", "(4, 4, 5)"],
     ),
     "an image without pixels": (
         lambda _: surefix.Sad().describe(np.zeros((0, 4), np.uint8)),
@@ -332,7 +332,7 @@ def test_a_refused_push_leaves_the_object_as_it_was() -> None:
         localizer.push(frames[index])
     before = localizer.snapshot()
     for bad in (
-        np.zeros((4, 4, 4), np.uint8),
+        np.zeros((4, 4, 5), np.uint8),
         np.full(2048, np.nan, np.float32),
         np.zeros(7, np.uint8),
         "no.png",

@@ -341,7 +341,7 @@ def test_what_is_no_descriptor_and_no_image_is_named(folder: Path, tmp_path: Pat
             Means(),
             r"image 0: expected uint8 .* got float32 \(4, 4\)",
         ),
-        ([IMAGES[0], np.zeros((4, 4, 4), np.uint8)], Means(), r"image 1: expected uint8"),
+        ([IMAGES[0], np.zeros((4, 4, 5), np.uint8)], Means(), r"image 1: expected uint8"),
         (
             IMAGES,
             Wrong(lambda images: np.zeros(3)),

@@ -338,7 +338,7 @@ def test_another_network_and_wrong_options_are_named(tiny: Path, tmp_path: Path)
         (lambda: XFeat(tiny, reliability=1.5), "reliability: expected a number from 0"),
         (lambda: XFeat(tiny, cosine=float("nan")), "cosine: expected a number from 0"),
         (lambda: XFeat(tiny).features(image.astype(float)), "the image: expected uint8"),
-        (lambda: XFeat(tiny).features(np.zeros((4, 4, 4), np.uint8)), "the image: expected uint8"),
+        (lambda: XFeat(tiny).features(np.zeros((4, 4, 5), np.uint8)), "the image: expected uint8"),
     ]
     for call, message in cases:
         with pytest.raises(surefix.SurefixValueError, match=message):

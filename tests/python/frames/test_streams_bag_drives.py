@@ -165,6 +165,27 @@ def test_stamps_that_stand_still_are_none(tmp_path: Path) -> None:
     assert "9 of 10 stamps repeat the one before" in source.remarks[0]
 
 
+def test_stamps_in_another_unit_are_none(tmp_path: Path) -> None:
+    recorded = [1_700_000_000 + index / 8 for index in range(80)]
+    with Bag(tmp_path, "mcap") as bag:
+        for index, time in enumerate(recorded):
+            # Microseconds, written as nanoseconds.
+            bag.image("/image", IMAGES[index % len(IMAGES)], time / 1000, recorded=time)
+    taken = frames_open(bag.path, every=1.0)
+    assert [frame.time for frame in taken] == pytest.approx(recorded[::8], abs=1e-6, rel=0)
+    source = frames_open(bag.path)
+    assert [frame.time for frame in source] == pytest.approx(recorded, abs=1e-6, rel=0)
+    said = "80 stamps span 0.00988 s, the recording 9.88 s: times are those of the recording"
+    assert said in source.remarks
+    # A simulator at a tenth of its speed is none of them.
+    with Bag(tmp_path / "slow", "mcap") as bag:
+        for index, time in enumerate(recorded):
+            bag.image("/image", IMAGES[index % len(IMAGES)], index / 80, recorded=time)
+    source = frames_open(bag.path)
+    assert [frame.time for frame in source] == [index / 80 for index in range(80)]
+    assert not any("stamps" in each for each in source.remarks)
+
+
 def test_a_bag_recorded_in_a_loop_has_a_stretch_a_lap(tmp_path: Path) -> None:
     with Bag(tmp_path, "ros1") as bag:
         for index in range(30):
