@@ -57,6 +57,9 @@ class Drive:
         The images that could not be read and are no queries, by their index.
     bag : BagFrames, or None
         The bag that the queries are in.
+    numbers, total : sequence of int, int
+        The row of each query, bad images among them, among the frames of its recording, and their
+        number.
     """
 
     names: list[str]
@@ -68,6 +71,8 @@ class Drive:
     times: Sequence[float | None] = ()
     bad: tuple[int, ...] = ()
     bag: BagFrames | None = None
+    numbers: Sequence[int] = ()
+    total: int = 0
 
     @property
     def given(self) -> tuple[Any, ...]:
@@ -144,7 +149,7 @@ def open_drive(
         frames = moved = inputs.open_frames(place, **reading, **sampling)
     for file, place_map, network in zip(files, maps, networks, strict=True):
         check_kind(place_map, file, frames, network)
-    names, advances, times = names_and_advances(moved)
+    names, advances, times, numbers, total = names_and_advances(moved)
     advance = None if odometry is None else known(advances)
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
@@ -164,7 +169,8 @@ def open_drive(
     if notes := inputs.notes_on(moved, names):
         print("; ".join(notes), file=sys.stderr)
     lost, bag = tuple(sorted(bad)), bag_of(frames)
-    return Drive(_named(files), maps, rows, advance, named, seen, times, lost, bag)
+    rest = numbers, total
+    return Drive(_named(files), maps, rows, advance, named, seen, times, lost, bag, *rest)
 
 
 def _named(files: Sequence[str]) -> list[str]:
@@ -232,11 +238,15 @@ def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None)
 
 
 class Listed(NamedTuple):
-    """The name, the advance and the time of each frame; the last two are empty if unknown."""
+    """The name, the advance and the time of each frame; the last two are empty if unknown. Of a
+    recording the row of each among all of its frames, and how many these are.
+    """
 
     names: list[str]
     advances: list[float | None]
     times: list[float | None]
+    numbers: list[int]
+    total: int
 
 
 def names_and_advances(frames: Frames) -> Listed:
@@ -245,11 +255,12 @@ def names_and_advances(frames: Frames) -> Listed:
         names = frames.images.names
         # Files may be named by their times.
         times = [time_in(Path(name).name) for name in names]
-        return Listed(names, [], [] if None in times else times)
-    listed = Listed([], [], [])
+        return Listed(names, [], [] if None in times else times, [*range(len(names))], len(names))
+    listed = Listed([], [], [], [], 0)
     bar = Bar(terminal_bar("Counting"), None, frames.estimate)
     with closing(frames.shots()) as shots:
         for shot in shots:
+            listed.numbers.append(len(listed.names) if shot.number is None else shot.number)
             listed.names.append(shot.name)
             listed.advances.append(shot.advance)
             listed.times.append(time_in(shot.name) if shot.time is None else shot.time)
@@ -257,7 +268,8 @@ def names_and_advances(frames: Frames) -> Listed:
     bar.end(len(listed.names))
     if not listed.names:
         raise mismatch(frames.files[0], "frames", "none")
-    return listed
+    last = listed.numbers[-1] + 1
+    return listed._replace(total=max(last, len(listed.names), frames.total or 0))
 
 
 def known(advance: Sequence[float | None]) -> Float64:
