@@ -22,7 +22,7 @@ from surefix.errors import mismatch
 from surefix.frames import BagFrames, Frames, ImageFrames
 from surefix.frames import open as open_frames
 from surefix.frames.advances import time_in
-from surefix.frames.levels import FULL
+from surefix.frames.levels import FULL, Clipping
 from surefix.frames.sampling import Derived
 from surefix.frames.shape import other_shape
 from surefix.tables.columns import Columns
@@ -153,8 +153,7 @@ def open_drive(
     advance = None if odometry is None else known(advances)
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
-    if not crop:
-        look_at_shape(first, frames)
+    look_at(first, frames, crop)
     bad: set[int] = set()
     rows = []
     for place_map, network in zip(maps, networks, strict=True):
@@ -299,7 +298,13 @@ def describe(
     # A map of 8-bit images has no levels; those of the drive are not measured.
     sad = Sad(sad.size, sad.patch, sad.dtype, sad.levels or FULL)
     # A drive of one size is not asked for: a localizer would not either.
-    made = sad_map(frames, sad, skip_bad=bad is not None, mixed_sizes=True)
+    try:
+        made = sad_map(frames, sad, skip_bad=bad is not None, mixed_sizes=True)
+    except SurefixValueError as error:
+        # The map that is made here is of the queries.
+        if str(error).startswith("map: expected at least 2 places"):
+            raise mismatch("QUERIES", "at least 2 queries", 1) from None
+        raise
     if bad is not None and isinstance(frames, ImageFrames):
         bad.update(inputs.missing(frames.images.names, made.names or ()))
     return made.descriptors
@@ -327,13 +332,25 @@ def advance_without(advance: Float64, bad: Collection[int]) -> Float64:
     return np.diff(moved, prepend=moved[:1])
 
 
-def look_at_shape(place_map: Map, frames: Frames) -> None:
-    """Warns of frames of another shape than the map's images."""
-    if frames.ready is not None or place_map.image_size is None:
+def look_at(place_map: Map, frames: Frames, crop: bool = False) -> None:
+    """Warns of frames of another shape than the map's images, unless they are cut to it; and of
+    frames of more than 8 bits that do not fit its levels.
+    """
+    if frames.ready is not None:
         return
+    clipping, size = Clipping(place_map.levels, every=1), place_map.image_size
+    warnings = []
     with closing(frames.shots()) as shots, suppress(SurefixValueError):
-        shot = next(shots, None)
-        warning = None if shot is None else other_shape(place_map.image_size, shot.read())
+        for index, shot in enumerate(shots):
+            if index % Clipping.EVERY:
+                continue
+            image = shot.read()
+            if index == 0 and not crop:
+                warnings.append(other_shape(size, image))
+            if image.dtype != np.uint16:
+                break
+            clipping.add(image)
+    for warning in (*warnings, clipping.warning):
         if warning is not None:
             print(warning, file=sys.stderr)
 

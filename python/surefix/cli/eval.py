@@ -24,7 +24,7 @@ from surefix.cli.drives import (
     describe,
     distances_of,
     known,
-    look_at_shape,
+    look_at,
     names_and_advances,
     open_map,
     truth_without,
@@ -281,8 +281,7 @@ def eval_(
     if D is None and columns is None:
         assert place_map is not None
         assert frames is not None
-        if not crop:
-            look_at_shape(place_map, frames)
+        look_at(place_map, frames, crop)
         rows = describe(place_map, frames, network, cache, None if strict else bad)
         if bad:
             # The rest of the truth is still that of the queries that are left.

@@ -17,7 +17,7 @@ from surefix.cli.inputs import refuse
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames import BagFrames, Frames, ImageFrames, Odometry
 from surefix.frames.recording import is_bag
-from surefix.tables.overlap import check_overlap
+from surefix.tables.overlap import ALL, MANY, check_overlap
 from surefix.tables.positions import (
     Positions,
     by_name,
@@ -75,7 +75,9 @@ class Queries:
 
     def say(self, source: object, whole: bool) -> None:
         """Says which frames a truth has rows of, if some did not come."""
-        missing = f"{plural(self.lost, 'frame')} of {self.total} did not come"
+        lost = sorted({*range(self.total)} - {*self.numbers})
+        some = ", ".join(map(str, lost[:3])) + (f" and {self.lost - 3} more" if lost[3:] else "")
+        missing = f"{plural(self.lost, 'frame')} of {self.total} did not come ({some})"
         left = "its row is left out" if self.lost == 1 else "their rows are left out"
         came = f"a row for each of the {self.count} that came"
         print(f"{source}: {missing}; {left if whole else came}", file=sys.stderr)
@@ -127,6 +129,8 @@ def by_truth(source: str, places: Places, queries: Queries, tolerance: float | N
         expected = f"--tolerance: expected less than the {places.count} places of the map"
         refuse(wide, f"{expected}, within which every match is right; got {tolerance}")
         truth = _read_truth(source, places.count, queries)
+        if tolerance is not None:
+            _check_tolerance(truth, places.count, int(tolerance))
         if truth.dtype != bool and not (truth >= (1 if truth.ndim == 2 else 0)).any():
             unknown = bool(np.isnan(truth).all()) if truth.dtype.kind == "f" else False
             says = "of no query is the place known" if unknown else "no query has a place"
@@ -144,6 +148,21 @@ def by_truth(source: str, places: Places, queries: Queries, tolerance: float | N
         if len(read.values) != count and not (of == "queries" and queries.fits(len(read.values))):
             raise mismatch(read.source, f"a row for each of the {count} {of}", len(read.values))
     return _compared(mapped.all_known(), queries.rows(driven), metres)
+
+
+def _check_tolerance(truth: npt.NDArray[Any], places: int, tolerance: int) -> None:
+    """Refuses a tolerance by which almost any match is right, and warns of one by which many are."""
+    at = truth[truth >= 0] if truth.ndim == 1 else np.empty(0)
+    if not len(at) or tolerance <= 1:
+        return
+    within = np.minimum(at + tolerance, places - 1) - np.maximum(at - tolerance, 0) + 1
+    by_chance = float(np.mean(within) / places)
+    said = f"a random match would be right for {by_chance:.0%} of the queries"
+    expected = "--tolerance: expected one that tells places apart"
+    refuse(by_chance >= ALL, f"{expected}, got {tolerance} of {places} places: {said}")
+    if by_chance >= MANY:
+        large = f"the tolerance of {tolerance} is large beside the route of {places} places"
+        print(f"Warning: {said}: {large}", file=sys.stderr)
 
 
 def _read_truth(source: str, places: int, queries: Queries) -> npt.NDArray[Any]:
@@ -236,7 +255,14 @@ def _of_queries(
     """A row for each query, or frame of a map: by its name, by its time, or by its number."""
     if read.names is not None and queries.names:
         rows = by_name(read, queries.names)
-        if 2 * sum(row >= 0 for row in rows) >= len(rows):
+        found = sum(row >= 0 for row in rows)
+        files = any(Path(name).suffix for name in queries.names)
+        if files and not found:
+            named = f"{', '.join(read.names[:3])} for {', '.join(queries.names[:3])}"
+            what = "names of the images in its column of names"
+            raise mismatch(read.source, what, f"none that is one: {named}")
+        # Frames have numbers, which others may have by chance.
+        if files or 2 * found >= len(rows):
             return read.at(rows)
     if read.times is None:
         if not queries.fits(len(read.values)) and queries.times:
