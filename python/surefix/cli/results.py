@@ -40,8 +40,9 @@ def print_results(study: "Study") -> None:
     print(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
     blank = int(np.count_nonzero(study.run.blank))
     if blank:
-        shows = f"{plural(blank, 'query', 'queries')} of {len(study)} {'shows' if blank == 1 else 'show'}"
-        print(f"Warning: {shows} nothing: nothing is matched to them", file=sys.stderr)
+        some, show = plural(blank, "query", "queries"), "shows" if blank == 1 else "show"
+        said = f"{some} of {len(study)} {show} nothing: nothing is matched to them"
+        print(f"Warning: {said}", file=sys.stderr)
     names = [result.name for result in study.results if not result.judged.any()]
     if not names:
         return

@@ -151,7 +151,7 @@ def by_truth(source: str, places: Places, queries: Queries, tolerance: float | N
 
 
 def _check_tolerance(truth: npt.NDArray[Any], places: int, tolerance: int) -> None:
-    """Refuses a tolerance by which almost any match is right, and warns of one by which many are."""
+    """Refuses a tolerance by which almost any match is right, warns of one by which many are."""
     at = truth[truth >= 0] if truth.ndim == 1 else np.empty(0)
     if not len(at) or tolerance <= 1:
         return

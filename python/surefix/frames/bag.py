@@ -153,9 +153,7 @@ class BagFrames(Frames):
                             lost += 1
                             continue
                         row = rows[taken - 1]
-                        yield replace(
-                            next_one, dropped=lost, gap=next_one.gap or gap, number=row
-                        )
+                        yield replace(next_one, dropped=lost, gap=next_one.gap or gap, number=row)
                         lost, gap = 0, False
         if read.error is not None:
             raise read.error

@@ -72,8 +72,8 @@ class Shot:
     """A frame before it is decoded: most of a 30 Hz camera's frames are passed over.
 
     ``read`` decodes it; ``path`` is the image file, if it has one of its own; ``time``, ``name``,
-    ``dropped``, ``gap``, ``advance`` and ``clock`` are those of the ``Frame``. ``number`` is its row
-    among the frames of the recording, in their order, with those that do not come; None if all come.
+    ``dropped``, ``gap``, ``advance`` and ``clock`` are those of the ``Frame``. ``number`` is
+    its row among all frames of the recording, with those that do not come; None if all come.
     """
 
     time: float | None
