@@ -100,8 +100,8 @@ def read_positions(
     - a table whose header names its columns, in any order, among others; or 2 or 3 metres a row;
     - trajectories: TUM (8 numbers a row), KITTI (12), EuRoC (by its header); ``.gpx``.
 
-    A row that is empty or NaN, or 0,0 or -1,-1 far from its neighbours, is not known. With the frames'
-    ``names``, each must have a row; a column ``name`` gives them, in any order.
+    A row that is empty or NaN, or 0,0 or -1,-1 far from its neighbours, is not known. With the
+    frames' ``names``, each must have a row; a column ``name`` gives them, in any order.
     """
     suffix = path.suffix.lower()
     if path.is_dir():
@@ -347,7 +347,7 @@ def by_name(read: Positions, names: Sequence[str]) -> list[int]:
 
 
 def _without_zeros(read: Positions) -> Positions:
-    """Rows of 0,0 and of -1,-1 as not known, if they are a receiver's without a fix: in degrees all,
+    """Rows of 0,0 and -1,-1 as not known, if they are a receiver's without a fix: in degrees all,
     as no route is there; in metres those far from the rows before and after, as many a robot starts
     at 0,0, and those repeated and left with a jump, as none stands still so.
     """
