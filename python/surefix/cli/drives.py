@@ -22,7 +22,7 @@ from surefix.errors import mismatch
 from surefix.frames import BagFrames, Frames, ImageFrames
 from surefix.frames import open as open_frames
 from surefix.frames.advances import time_in
-from surefix.frames.levels import FULL
+from surefix.frames.levels import FULL, Clipping
 from surefix.frames.sampling import Derived
 from surefix.frames.shape import other_shape
 from surefix.tables.columns import Columns
@@ -57,6 +57,9 @@ class Drive:
         The images that could not be read and are no queries, by their index.
     bag : BagFrames, or None
         The bag that the queries are in.
+    numbers, total : sequence of int, int
+        The row of each query, bad images among them, among the frames of its recording, and their
+        number.
     """
 
     names: list[str]
@@ -68,6 +71,8 @@ class Drive:
     times: Sequence[float | None] = ()
     bad: tuple[int, ...] = ()
     bag: BagFrames | None = None
+    numbers: Sequence[int] = ()
+    total: int = 0
 
     @property
     def given(self) -> tuple[Any, ...]:
@@ -144,12 +149,11 @@ def open_drive(
         frames = moved = inputs.open_frames(place, **reading, **sampling)
     for file, place_map, network in zip(files, maps, networks, strict=True):
         check_kind(place_map, file, frames, network)
-    names, advances, times = names_and_advances(moved)
+    names, advances, times, numbers, total = names_and_advances(moved)
     advance = None if odometry is None else known(advances)
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
-    if not crop:
-        look_at_shape(first, frames)
+    look_at(first, frames, crop)
     bad: set[int] = set()
     rows = []
     for place_map, network in zip(maps, networks, strict=True):
@@ -164,7 +168,8 @@ def open_drive(
     if notes := inputs.notes_on(moved, names):
         print("; ".join(notes), file=sys.stderr)
     lost, bag = tuple(sorted(bad)), bag_of(frames)
-    return Drive(_named(files), maps, rows, advance, named, seen, times, lost, bag)
+    rest = numbers, total
+    return Drive(_named(files), maps, rows, advance, named, seen, times, lost, bag, *rest)
 
 
 def _named(files: Sequence[str]) -> list[str]:
@@ -232,11 +237,15 @@ def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None)
 
 
 class Listed(NamedTuple):
-    """The name, the advance and the time of each frame; the last two are empty if unknown."""
+    """The name, the advance and the time of each frame; the last two are empty if unknown. Of a
+    recording the row of each among all of its frames, and how many these are.
+    """
 
     names: list[str]
     advances: list[float | None]
     times: list[float | None]
+    numbers: list[int]
+    total: int
 
 
 def names_and_advances(frames: Frames) -> Listed:
@@ -245,11 +254,12 @@ def names_and_advances(frames: Frames) -> Listed:
         names = frames.images.names
         # Files may be named by their times.
         times = [time_in(Path(name).name) for name in names]
-        return Listed(names, [], [] if None in times else times)
-    listed = Listed([], [], [])
+        return Listed(names, [], [] if None in times else times, [*range(len(names))], len(names))
+    listed = Listed([], [], [], [], 0)
     bar = Bar(terminal_bar("Counting"), None, frames.estimate)
     with closing(frames.shots()) as shots:
         for shot in shots:
+            listed.numbers.append(len(listed.names) if shot.number is None else shot.number)
             listed.names.append(shot.name)
             listed.advances.append(shot.advance)
             listed.times.append(time_in(shot.name) if shot.time is None else shot.time)
@@ -257,7 +267,8 @@ def names_and_advances(frames: Frames) -> Listed:
     bar.end(len(listed.names))
     if not listed.names:
         raise mismatch(frames.files[0], "frames", "none")
-    return listed
+    last = listed.numbers[-1] + 1
+    return listed._replace(total=max(last, len(listed.names), frames.total or 0))
 
 
 def known(advance: Sequence[float | None]) -> Float64:
@@ -287,7 +298,13 @@ def describe(
     # A map of 8-bit images has no levels; those of the drive are not measured.
     sad = Sad(sad.size, sad.patch, sad.dtype, sad.levels or FULL)
     # A drive of one size is not asked for: a localizer would not either.
-    made = sad_map(frames, sad, skip_bad=bad is not None, mixed_sizes=True)
+    try:
+        made = sad_map(frames, sad, skip_bad=bad is not None, mixed_sizes=True)
+    except SurefixValueError as error:
+        # The map that is made here is of the queries.
+        if str(error).startswith("map: expected at least 2 places"):
+            raise mismatch("QUERIES", "at least 2 queries", 1) from None
+        raise
     if bad is not None and isinstance(frames, ImageFrames):
         bad.update(inputs.missing(frames.images.names, made.names or ()))
     return made.descriptors
@@ -315,13 +332,25 @@ def advance_without(advance: Float64, bad: Collection[int]) -> Float64:
     return np.diff(moved, prepend=moved[:1])
 
 
-def look_at_shape(place_map: Map, frames: Frames) -> None:
-    """Warns of frames of another shape than the map's images."""
-    if frames.ready is not None or place_map.image_size is None:
+def look_at(place_map: Map, frames: Frames, crop: bool = False) -> None:
+    """Warns of frames of another shape than the map's images, unless they are cut to it; and of
+    frames of more than 8 bits that do not fit its levels.
+    """
+    if frames.ready is not None:
         return
+    clipping, size = Clipping(place_map.levels, every=1), place_map.image_size
+    warnings = []
     with closing(frames.shots()) as shots, suppress(SurefixValueError):
-        shot = next(shots, None)
-        warning = None if shot is None else other_shape(place_map.image_size, shot.read())
+        for index, shot in enumerate(shots):
+            if index % Clipping.EVERY:
+                continue
+            image = shot.read()
+            if index == 0 and not crop:
+                warnings.append(other_shape(size, image))
+            if image.dtype != np.uint16:
+                break
+            clipping.add(image)
+    for warning in (*warnings, clipping.warning):
         if warning is not None:
             print(warning, file=sys.stderr)
 

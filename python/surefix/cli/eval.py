@@ -16,6 +16,7 @@ from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.cli import inputs, scenarios
 from surefix.cli.drives import (
+    Listed,
     MapColumns,
     advance_without,
     bag_of,
@@ -23,7 +24,7 @@ from surefix.cli.drives import (
     describe,
     distances_of,
     known,
-    look_at_shape,
+    look_at,
     names_and_advances,
     open_map,
     truth_without,
@@ -214,7 +215,8 @@ def eval_(
     shape = None if place_map is None else inputs.crop_of(place_map, crop)
     reading: dict[str, Any] = {"order": order, "strict": strict, "crop": shape}
     frames = None if queries is None else inputs.open_frames(queries, **reading, **sampling)
-    names, advance, times = ([], [], []) if frames is None else names_and_advances(frames)
+    listed = Listed([], [], [], [], 0) if frames is None else names_and_advances(frames)
+    names, advance, times = listed.names, listed.advances, listed.times
     ready = D if columns is None else columns
     if ready is not None:
         places, count = ready.shape
@@ -242,7 +244,8 @@ def eval_(
     where = None if place_map is None else place_map.positions
     mapped = Places(places, where, None if place_map is None else place_map.names)
     named = [] if frames is None or frames.ready is not None else names
-    driven = Queries(count, named, times, bag_of(frames))
+    recorded = () if is_matrix else (listed.numbers, listed.total)
+    driven = Queries(count, named, times, bag_of(frames), *recorded)
     if truth is not None:
         judged = by_truth(truth, mapped, driven, tolerance)
     else:
@@ -278,8 +281,7 @@ def eval_(
     if D is None and columns is None:
         assert place_map is not None
         assert frames is not None
-        if not crop:
-            look_at_shape(place_map, frames)
+        look_at(place_map, frames, crop)
         rows = describe(place_map, frames, network, cache, None if strict else bad)
         if bad:
             # The rest of the truth is still that of the queries that are left.

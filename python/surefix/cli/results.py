@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from surefix._words import plural
 from surefix.baselines import Context
 from surefix.baselines.truth import part_of, right_matches
 from surefix.cli.drives import Float32
@@ -37,6 +38,11 @@ def print_results(study: "Study") -> None:
         print(f"{result.name}: area up to recall 0.2 is {areas}, {right}")
     true, false = study.trust.true_positives, study.trust.false_positives
     print(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
+    blank = int(np.count_nonzero(study.run.blank))
+    if blank:
+        some, show = plural(blank, "query", "queries"), "shows" if blank == 1 else "show"
+        said = f"{some} of {len(study)} {show} nothing: nothing is matched to them"
+        print(f"Warning: {said}", file=sys.stderr)
     names = [result.name for result in study.results if not result.judged.any()]
     if not names:
         return

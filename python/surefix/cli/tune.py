@@ -93,7 +93,8 @@ def tune_(
     first = drive.maps[0] if drive.maps else None
     of_map = (None, None) if first is None else (first.positions, first.names)
     mapped = Places(drive.places, *of_map)
-    driven = Queries(count + len(drive.bad), drive.seen, drive.times, drive.bag)
+    recorded = drive.numbers, drive.total
+    driven = Queries(count + len(drive.bad), drive.seen, drive.times, drive.bag, *recorded)
     known: Where | None = None
     if truth is not None:
         known = by_truth(truth, mapped, driven, tolerance)

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +14,10 @@ from surefix._words import plural
 from surefix.baselines.truth import Truth
 from surefix.cli.drives import names_and_advances
 from surefix.cli.inputs import refuse
-from surefix.errors import mismatch
+from surefix.errors import SurefixValueError, mismatch
 from surefix.frames import BagFrames, Frames, ImageFrames, Odometry
 from surefix.frames.recording import is_bag
-from surefix.tables.overlap import check_overlap
+from surefix.tables.overlap import ALL, MANY, check_overlap
 from surefix.tables.positions import (
     Positions,
     by_name,
@@ -46,12 +46,41 @@ PositionGap = Annotated[
 
 @dataclass(frozen=True, eq=False)
 class Queries:
-    """The queries of a drive: how many; names, times and bag, if there are such."""
+    """The queries of a drive: how many; names, times and bag, if there are such; and of a recording
+    the row of each among all of its frames, which are ``total``.
+    """
 
     count: int
     names: Sequence[str] = ()
     times: Times = ()
     bag: BagFrames | None = None
+    numbers: Sequence[int] = ()
+    total: int = 0
+
+    @property
+    def lost(self) -> int:
+        """The number of frames of the recording that did not come."""
+        return max(self.total - self.count, 0)
+
+    def fits(self, rows: int) -> bool:
+        """Whether so many rows are one for each query, or for each frame of the recording."""
+        return rows == self.count or (self.lost > 0 and rows == self.total)
+
+    def rows(self, read: Positions) -> Positions:
+        """Those of the queries, of a row for each frame of the recording or for each query."""
+        if not self.lost or not self.fits(len(read.values)):
+            return read
+        self.say(read.source, whole := len(read.values) == self.total)
+        return replace(read, values=read.values[list(self.numbers)]) if whole else read
+
+    def say(self, source: object, whole: bool) -> None:
+        """Says which frames a truth has rows of, if some did not come."""
+        lost = sorted({*range(self.total)} - {*self.numbers})
+        some = ", ".join(map(str, lost[:3])) + (f" and {self.lost - 3} more" if lost[3:] else "")
+        missing = f"{plural(self.lost, 'frame')} of {self.total} did not come ({some})"
+        left = "its row is left out" if self.lost == 1 else "their rows are left out"
+        came = f"a row for each of the {self.count} that came"
+        print(f"{source}: {missing}; {left if whole else came}", file=sys.stderr)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +128,9 @@ def by_truth(source: str, places: Places, queries: Queries, tolerance: float | N
         wide = tolerance is not None and tolerance >= places.count
         expected = f"--tolerance: expected less than the {places.count} places of the map"
         refuse(wide, f"{expected}, within which every match is right; got {tolerance}")
-        truth = read_truth(source, places.count, queries.count)
+        truth = _read_truth(source, places.count, queries)
+        if tolerance is not None:
+            _check_tolerance(truth, places.count, int(tolerance))
         if truth.dtype != bool and not (truth >= (1 if truth.ndim == 2 else 0)).any():
             unknown = bool(np.isnan(truth).all()) if truth.dtype.kind == "f" else False
             says = "of no query is the place known" if unknown else "no query has a place"
@@ -114,9 +145,46 @@ def by_truth(source: str, places: Places, queries: Queries, tolerance: float | N
     mapped = Positions(f"{source}, utmDb", found.places, said=True)
     driven = Positions(f"{source}, utmQ", found.queries, said=True)
     for read, count, of in ((mapped, places.count, "places"), (driven, queries.count, "queries")):
-        if len(read.values) != count:
+        if len(read.values) != count and not (of == "queries" and queries.fits(len(read.values))):
             raise mismatch(read.source, f"a row for each of the {count} {of}", len(read.values))
-    return _compared(mapped.all_known(), driven, metres)
+    return _compared(mapped.all_known(), queries.rows(driven), metres)
+
+
+def _check_tolerance(truth: npt.NDArray[Any], places: int, tolerance: int) -> None:
+    """Refuses a tolerance by which almost any match is right, warns of one by which many are."""
+    at = truth[truth >= 0] if truth.ndim == 1 else np.empty(0)
+    if not len(at) or tolerance <= 1:
+        return
+    within = np.minimum(at + tolerance, places - 1) - np.maximum(at - tolerance, 0) + 1
+    by_chance = float(np.mean(within) / places)
+    said = f"a random match would be right for {by_chance:.0%} of the queries"
+    expected = "--tolerance: expected one that tells places apart"
+    refuse(by_chance >= ALL, f"{expected}, got {tolerance} of {places} places: {said}")
+    if by_chance >= MANY:
+        large = f"the tolerance of {tolerance} is large beside the route of {places} places"
+        print(f"Warning: {said}: {large}", file=sys.stderr)
+
+
+def _read_truth(source: str, places: int, queries: Queries) -> npt.NDArray[Any]:
+    """A truth with a row for each query, or for each frame of their recording."""
+    if not queries.lost:
+        return read_truth(source, places, queries.count)
+    # Query i is frame i, unless the places are too few: they may lack the same frames.
+    all_first = source == "identity" and queries.total <= places != queries.count
+    counts = [queries.count, queries.total]
+    problem: SurefixValueError | None = None
+    for count in reversed(counts) if all_first else counts:
+        try:
+            truth = read_truth(source, places, count)
+        except SurefixValueError as error:
+            problem = problem or error
+            continue
+        whole = count == queries.total
+        queries.say(f"--truth {source}" if source == "identity" else source, whole)
+        return truth[..., list(queries.numbers)] if whole else truth
+    assert problem is not None
+    numbers = f"{queries.count} of {queries.total} frames of the recording came"
+    raise SurefixValueError(f"{problem} ({numbers})")
 
 
 def by_positions(
@@ -140,8 +208,11 @@ def metres_of_frames(positions: Path, frames: Frames) -> Float64:
     read = read_positions(positions)
     listed = isinstance(frames, ImageFrames) and frames.ready is None
     if not listed and (read.times is None or not frames.timed):
+        if frames.ready is None:
+            names, _, times, numbers, total = names_and_advances(frames)
+            read = Queries(len(names), names, times, None, numbers, total).rows(read)
         return metres_of(read).values
-    names, _, times = names_and_advances(frames)
+    names, _, times, *_ = names_and_advances(frames)
     queries = Queries(len(names), names, times)
     return metres_of(_of_queries(positions, read, queries, GAP, "--positions")).values
 
@@ -184,20 +255,27 @@ def _of_queries(
     """A row for each query, or frame of a map: by its name, by its time, or by its number."""
     if read.names is not None and queries.names:
         rows = by_name(read, queries.names)
-        if 2 * sum(row >= 0 for row in rows) >= len(rows):
+        found = sum(row >= 0 for row in rows)
+        files = any(Path(name).suffix for name in queries.names)
+        if files and not found:
+            named = f"{', '.join(read.names[:3])} for {', '.join(queries.names[:3])}"
+            what = "names of the images in its column of names"
+            raise mismatch(read.source, what, f"none that is one: {named}")
+        # Frames have numbers, which others may have by chance.
+        if files or 2 * found >= len(rows):
             return read.at(rows)
     if read.times is None:
-        if len(read.values) != queries.count and queries.times:
+        if not queries.fits(len(read.values)) and queries.times:
             got = f"the shape {read.values.shape}, without times; a column time would do"
             raise mismatch(option, f"{queries.count} rows of 2 or 3 metres", got)
-        return _each(read, queries.count, option)
+        return _each(queries.rows(read), queries.count, option)
     times = np.array([np.nan if time is None else time for time in queries.times], np.float64)
     clock = read.times[np.isfinite(read.times)]
     if len(times) and len(clock) and np.isfinite(times).any():
         inside = (times >= clock.min()) & (times <= clock.max())
         if inside.any():
             return read.at_times(times, gap)
-        if len(read.values) != queries.count:
+        if not queries.fits(len(read.values)):
             got = (
                 f"positions from {clock.min():.3f} to {clock.max():.3f} s and queries from "
                 f"{np.nanmin(times):.3f} to {np.nanmax(times):.3f} s"
@@ -205,10 +283,10 @@ def _of_queries(
             raise mismatch(
                 driven, "positions at the times of the queries", f"{got}: two clocks; give both one"
             )
-    elif len(read.values) != queries.count:
+    elif not queries.fits(len(read.values)):
         expected = f"queries with times, as {read.source} has them, or {queries.count} rows"
         raise mismatch(option, expected, f"{len(read.values)} rows, no times")
-    return _each(read, queries.count, option)
+    return _each(queries.rows(read), queries.count, option)
 
 
 def _read_queries(driven: str | Path, queries: Queries) -> Positions:

@@ -101,6 +101,11 @@ class BagFrames(Frames):
         return self._messages
 
     @property
+    def total(self) -> int | None:
+        """The number of messages that there are."""
+        return self._read.messages
+
+    @property
     def span(self) -> tuple[float, float] | None:
         """The first and the last time, in seconds; None without frames."""
         times = self._read.timeline.time[self._read.timeline.order]
@@ -125,6 +130,8 @@ class BagFrames(Frames):
         self.bad, self._early = list(read.bad.values()), 0
         line = read.timeline
         rank = {number: at for at, number in enumerate(line.order)}
+        # Those that are kept have the rows of all that are, in order of time.
+        rows = sorted(line.order)
         waiting: dict[int, Shot | None] = {}
         taken, lost, gap = 0, 0, False
         with open_recording(self.place, self.skip_bad) as bag:
@@ -145,7 +152,8 @@ class BagFrames(Frames):
                         if next_one is None:
                             lost += 1
                             continue
-                        yield replace(next_one, dropped=lost, gap=next_one.gap or gap)
+                        row = rows[taken - 1]
+                        yield replace(next_one, dropped=lost, gap=next_one.gap or gap, number=row)
                         lost, gap = 0, False
         if read.error is not None:
             raise read.error

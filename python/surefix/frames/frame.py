@@ -72,7 +72,8 @@ class Shot:
     """A frame before it is decoded: most of a 30 Hz camera's frames are passed over.
 
     ``read`` decodes it; ``path`` is the image file, if it has one of its own; ``time``, ``name``,
-    ``dropped``, ``gap``, ``advance`` and ``clock`` are those of the ``Frame``.
+    ``dropped``, ``gap``, ``advance`` and ``clock`` are those of the ``Frame``. ``number`` is
+    its row among all frames of the recording, with those that do not come; None if all come.
     """
 
     time: float | None
@@ -83,6 +84,7 @@ class Shot:
     path: str | None = None
     advance: float | None = None
     clock: float | None = None
+    number: int | None = None
 
     def frame(self) -> Frame:
         """The frame, decoded. Call it before taking the next shot."""
@@ -121,6 +123,13 @@ class Frames(ABC):
     def count(self) -> int | None:
         """The number of frames; None if it is not known."""
         return self._count
+
+    @property
+    def total(self) -> int | None:
+        """The number of frames of the newest iteration so far, with those that do not come: damaged
+        ones, messages left out; None if it is not known, or the same.
+        """
+        return None
 
     @property
     def ready(self) -> npt.NDArray[Any] | None:

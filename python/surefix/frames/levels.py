@@ -74,21 +74,23 @@ class Clipping:
     SHARE = 0.2
     # Frames that are looked at: one in so many.
     EVERY = 8
+    # Of the 256 levels: fewer are few. Images of 12 bits have no more, as a 257th is kept.
+    FEW = 16
 
-    def __init__(self, levels: Levels | None) -> None:
-        self.levels = levels
+    def __init__(self, levels: Levels | None, every: int = EVERY) -> None:
+        self.levels, self.every = levels, every
         self.frames = self.outside = self.samples = self.few = self.looked = 0
 
     def add(self, image: npt.NDArray[Any]) -> None:
         """Looks at some of the frames."""
         self.frames += 1
-        if image.dtype != np.uint16 or (self.frames - 1) % self.EVERY or not image.size:
+        if image.dtype != np.uint16 or (self.frames - 1) % self.every or not image.size:
             return
         self.looked += 1
         if self.levels is None:
-            # Nearly all samples in 10 of the 256 levels.
+            # Nearly all samples in a few levels.
             low, high = np.percentile(image, (5, 95))
-            self.few += high - low < 10 * 257
+            self.few += high - low < self.FEW * 257
             return
         low, high = self.levels
         self.samples += image.size

@@ -51,6 +51,11 @@ class Nearest(Derived):
     def ruler(self) -> Ruler:
         """A new one for each iteration."""
 
+    @property
+    def total(self) -> int | None:
+        """None: of the frames that are chosen, all come."""
+        return None
+
     def shots(self) -> Generator[Shot, None, None]:
         """The chosen ones."""
         ruler = self.ruler()

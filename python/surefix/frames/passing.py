@@ -3,10 +3,12 @@
 import logging
 from collections.abc import Generator, Iterable
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from surefix.errors import SurefixValueError
-from surefix.frames.frame import Frame, Shot
+from surefix.frames.frame import Frame, Shot, added
 from surefix.frames.sampling import Derived
 
 LOG = logging.getLogger("surefix")
@@ -36,24 +38,26 @@ class SkipBad(Derived):
         # A bad frame shows when it is read, which is when its turn comes.
         self.parallel = False
         self.bad: list[str] = []
+        self._seen = 0
+
+    @property
+    def total(self) -> int | None:
+        """The number of frames of the source, with the bad ones."""
+        total = super().total
+        return self._seen if total is None else total
 
     def shots(self) -> Generator[Shot, None, None]:
         """Those that can be decoded, already decoded."""
-        for frame in self.frames():
-            image = partial(getattr, frame, "image")
-            given = frame.advance, frame.clock
-            yield Shot(frame.time, frame.name, image, frame.dropped, frame.gap, None, *given)
-
-    def frames(self) -> Generator[Frame, None, None]:
-        """Those that can be decoded."""
-        self.bad = []
+        self.bad, self._seen = [], 0
         first: SurefixValueError | None = None
         lost, gap, some = 0, False, False
         moved: float | None = 0.0
         with closing(self.source.shots()) as shots:
             for shot in shots:
+                number = self._seen if shot.number is None else shot.number
+                self._seen += 1
                 lost, gap = lost + shot.dropped, gap or shot.gap
-                moved = None if moved is None or shot.advance is None else moved + shot.advance
+                moved = added(moved, shot.advance)
                 try:
                     image = shot.read()
                 except SurefixValueError as error:
@@ -63,7 +67,12 @@ class SkipBad(Derived):
                     lost += 1
                     continue
                 some = True
-                yield Frame(image, shot.time, shot.name, lost, gap, moved, shot.clock)
+                given: dict[str, Any] = {"dropped": lost, "gap": gap, "advance": moved}
+                yield replace(shot, read=partial(_same, image), path=None, number=number, **given)
                 lost, gap, moved = 0, False, 0.0
         if first is not None and not some:
             raise first
+
+
+def _same(image: Any) -> Any:
+    return image

@@ -25,6 +25,11 @@ class Derived(Frames):
         """Those of the source."""
         return self.source.files
 
+    @property
+    def total(self) -> int | None:
+        """That of the source."""
+        return self.source.total
+
     def close(self) -> None:
         """Ends the source's iteration."""
         self.source.close()
@@ -38,6 +43,11 @@ class Selection(Derived):
     @abstractmethod
     def chooser(self) -> Callable[[Shot], bool]:
         """Says of each shot, in order, whether to take it; a new one for each iteration."""
+
+    @property
+    def total(self) -> int | None:
+        """None: of the frames that are chosen, all come."""
+        return None
 
     def shots(self) -> Generator[Shot, None, None]:
         """The chosen ones."""
@@ -122,13 +132,15 @@ class Gaps(Derived):
 
 
 def follow(*shots: Shot | None) -> Shot:
-    """The last one, with the gaps, dropped frames and advances of those before it."""
+    """The last one, with the gaps, dropped frames and advances of those before it. Frames that are
+    chosen are counted anew.
+    """
     known = [shot for shot in shots if shot is not None]
     moved: float | None = 0.0
     for shot in known:
         moved = added(moved, shot.advance)
     dropped, gap = sum(shot.dropped for shot in known), any(shot.gap for shot in known)
-    return replace(known[-1], dropped=dropped, gap=gap, advance=moved)
+    return replace(known[-1], dropped=dropped, gap=gap, advance=moved, number=None)
 
 
 def check_stride(stride: object) -> int:

@@ -62,12 +62,18 @@ class VideoFrames(Frames):
         self.skip_bad = skip_bad
         self.bad: list[str] = []
         self._files = [self.path]
+        self._total: int | None = None
         self._av = require("av", "a video", "PyAV", "surefix[video]")
         with self._open() as container:
             self._estimate = int(container.streams.video[0].frames) or None
             ends, rate = _end(container), container.streams.video[0].average_rate
         if not self._estimate and ends is not None and rate:
             self._estimate = round(ends * float(rate)) or None
+
+    @property
+    def total(self) -> int | None:
+        """The number of frames, with the damaged ones, once all are read."""
+        return self._total
 
     def shots(self) -> Generator[Shot, None, None]:
         """Each frame, by its number from 0."""
@@ -105,8 +111,11 @@ class VideoFrames(Frames):
                         whole = False
                     if whole:
                         given += 1
-                        yield Shot(frame.time, str(index), partial(_upright, frame), lost)
+                        read = partial(_upright, frame)
+                        yield Shot(frame.time, str(index), read, lost, number=index)
                     index, lost = index + 1, 0 if whole else lost + 1
+            # Those at the end of which nothing came.
+            self._total = index + (len(waiting) if self.bad else 0)
             self._check_whole(container, index, end)
             if self.bad and not given:
                 raise SurefixValueError(self.bad[0])

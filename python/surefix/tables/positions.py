@@ -24,6 +24,8 @@ COLUMNS = "x,y[,z] or easting,northing in metres, or latitude,longitude (or lat,
 _TURN, _POLE = 180.0, 90.0
 # A row of 0,0 so many steps from its neighbours is a receiver's without a fix.
 _FAR = 20
+# One that is repeated, so many long steps from them.
+_JUMP = 2.5
 # Of the VPR data sets whose images are named @east@north@zone@letter@latitude@longitude@...
 _IN_NAME = re.compile(r"^@\s*([-+.\d]+)@\s*([-+.\d]+)@(?:(\d+)@([A-Za-z]?)@)?")
 ZONES = "positions of one UTM zone"
@@ -98,8 +100,8 @@ def read_positions(
     - a table whose header names its columns, in any order, among others; or 2 or 3 metres a row;
     - trajectories: TUM (8 numbers a row), KITTI (12), EuRoC (by its header); ``.gpx``.
 
-    A row that is empty or NaN, or 0,0 far from its neighbours, is not known. With the frames'
-    ``names``, each must have a row; a column ``name`` gives them, in any order.
+    A row that is empty or NaN, or 0,0 or -1,-1 far from its neighbours, is not known. With the
+    frames' ``names``, each must have a row; a column ``name`` gives them, in any order.
     """
     suffix = path.suffix.lower()
     if path.is_dir():
@@ -345,27 +347,39 @@ def by_name(read: Positions, names: Sequence[str]) -> list[int]:
 
 
 def _without_zeros(read: Positions) -> Positions:
-    """Rows of 0,0 as not known, if they are a receiver's without a fix: all in degrees, as no route
-    is there; in metres those far from the rows before and after, as many a robot starts at 0,0.
+    """Rows of 0,0 and -1,-1 as not known, if they are a receiver's without a fix: in degrees all,
+    as no route is there; in metres those far from the rows before and after, as many a robot starts
+    at 0,0, and those repeated and left with a jump, as none stands still so.
     """
-    zero = (read.values[:, :2] == 0).all(axis=1)
+    none = [(read.values[:, :2] == value).all(axis=1) for value in (0, -1)]
+    zero = none[0] | none[1]
     others = np.flatnonzero(~zero & read.known)
     if not zero.any() or len(others) < 2:
         return read
     plane, lost = read.values[others, :2], np.flatnonzero(zero)
     if not read.degrees:
         step = float(np.median(np.linalg.norm(np.diff(plane, axis=0), axis=1)))
-        away = np.linalg.norm(np.vstack([plane[:1], plane, plane[-1:]]), axis=1)
+        ends = np.vstack([plane[:1], plane, plane[-1:]])
         # The known rows before and after each; at an end the one that there is.
         after = np.searchsorted(others, lost) + 1
-        jump = np.minimum(away[after - 1], away[after])
-        lost = lost[jump > max(_FAR * step, 1e-9)]
+        here = read.values[lost, :2]
+        away = [np.linalg.norm(ends[rows] - here, axis=1) for rows in (after - 1, after)]
+        jump = np.minimum(*away)
+        fast = float(np.quantile(np.linalg.norm(np.diff(plane, axis=0), axis=1), 0.95))
+        # How many rows repeat it.
+        runs = np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1)
+        repeated = np.concatenate([np.full(len(run), len(run)) for run in runs])
+        left = (repeated > 1) & (jump > max(_JUMP * fast, 1e-9))
+        lost = lost[left | (jump > max(_FAR * step, 1e-9))]
     if not len(lost):
         return read
     values = read.values.copy()
     values[lost] = np.nan
     one = len(lost) == 1
-    count = f"{len(lost)} {'row' if one else 'rows'} of 0,0"
+    of = " or ".join(
+        text for text, rows in zip(("0,0", "-1,-1"), none, strict=True) if rows[lost].any()
+    )
+    count = f"{len(lost)} {'row' if one else 'rows'} of {of}"
     where = f"row {lost[0]}" if one else f"the first is row {lost[0]}"
     note = f"{read.source}: {count} taken as not known (a receiver without a fix); {where}"
     return replace(read, values=values, notes=(*read.notes, note))

@@ -451,3 +451,34 @@ def test_gpx_and_times_without_a_header(tmp_path: Path) -> None:
         assert read.times is not None
         np.testing.assert_allclose(read.values[:, :2], PLANE)
         np.testing.assert_allclose(read.times, times)
+
+
+class TestRowsWithoutAFix:
+    """A receiver without a fix says 0,0 or -1,-1."""
+
+    @staticmethod
+    def lost(folder: Path, header: str, rows: np.ndarray) -> list[int]:
+        """The rows that are not known."""
+        np.savetxt(folder / "at.csv", rows, delimiter=",", header=header, comments="", fmt="%.7f")
+        return np.flatnonzero(~read_positions(folder / "at.csv").known).tolist()
+
+    def test_in_degrees_all(self, tmp_path: Path) -> None:
+        rows = np.stack([51.76 + np.arange(30) * 9e-5, -1.26 + np.arange(30) * 1e-5], axis=1)
+        rows[[0, 1, 7]], rows[[20, 29]] = -1, 0
+        assert self.lost(tmp_path, "lat,lon", rows) == [0, 1, 7, 20, 29]
+
+    @pytest.mark.parametrize("value", [0, -1])
+    @pytest.mark.parametrize("at", [range(12), range(10, 14)])
+    def test_in_metres_those_repeated_before_a_jump(
+        self, tmp_path: Path, value: int, at: range
+    ) -> None:
+        rows = np.stack([np.arange(60) * 5.0, np.zeros(60)], axis=1)
+        rows[at] = value
+        assert self.lost(tmp_path, "x,y", rows) == [*at]
+
+    @pytest.mark.parametrize("origin", [0, -1])
+    @pytest.mark.parametrize("still", [1, 2, 15])
+    def test_a_drive_that_starts_there_stays(self, tmp_path: Path, origin: int, still: int) -> None:
+        way = np.concatenate([np.zeros(still), np.arange(1, 60) * 0.5])
+        rows = np.stack([way, 0 * way], axis=1) + origin
+        assert self.lost(tmp_path, "x,y", rows) == []
