@@ -14,9 +14,11 @@ use crate::simd::{Compiled, Isa};
 /// The longest side that is accepted: sums over a patch stay exact.
 const MAX_SIDE: usize = 4096;
 
-/// An image shows nothing if at most this share of its numbers is apart from the median of its tile.
-/// Of real roads it is at least a half, of a clock or "NO SIGNAL" on black at most an eighth.
-const BARE: (usize, usize) = (3, 20);
+/// An image shows nothing if at most one tile in this many is not even, whatever is on it: a logo.
+const TILES: usize = 8;
+/// Or if at most this share of its numbers is apart from the median of its tile: a clock or "NO
+/// SIGNAL" on black. Of a railway's tunnel by headlight it is a little more, of roads a half.
+const BARE: (usize, usize) = (3, 40);
 /// How many levels of a byte (32 are a deviation of the tile) are not apart.
 const ABOUT: usize = 8;
 
@@ -166,8 +168,8 @@ impl Sad {
         Ok(self.is_bare(self.describe(image)?.view()))
     }
 
-    /// Whether nearly all numbers of a descriptor are about the median of their tile: flat tiles, and
-    /// those with some strokes of a text or some bright pixels on them.
+    /// Whether nearly all tiles of a descriptor are even, or nearly all numbers about the median of
+    /// their tile: flat tiles, and those with some strokes of a text or some bright pixels on them.
     pub(crate) fn is_bare(&self, descriptor: View<'_>) -> bool {
         // In levels of a byte, whatever the type.
         let level_at = |at: usize| match descriptor {
@@ -185,7 +187,8 @@ impl Sad {
         let corners = (0..height)
             .step_by(patch)
             .flat_map(|top| (0..width).step_by(patch).map(move |left| top * width + left));
-        let mut apart = 0;
+        let tiles = (width / patch) * (height / patch) / TILES;
+        let (mut apart, mut uneven) = (0, 0);
         for corner in corners {
             let mut counts = [0_u32; 256];
             for start in (0..patch).map(|row| corner + row * width) {
@@ -198,8 +201,10 @@ impl Sad {
             };
             let median = counts.iter().position(up_to).unwrap_or_default();
             let about = median.saturating_sub(ABOUT)..counts.len().min(median + ABOUT + 1);
-            apart += (patch * patch) as u32 - counts[about].iter().sum::<u32>();
-            if apart > most {
+            let off = (patch * patch) as u32 - counts[about].iter().sum::<u32>();
+            apart += off;
+            uneven += usize::from(off > 0);
+            if apart > most && uneven > tiles {
                 return false;
             }
         }

@@ -70,6 +70,7 @@ class Fixes:
                     fix.gradient.value,
                     0.0 if track is None else track.confidence,
                     0.0 if track is None else track.off_map,
+                    fix.blank,
                 )
             )
 
@@ -81,6 +82,11 @@ class Fixes:
     def trusted(self) -> Flags:
         """The trust flags, (m,)."""
         return self.column(3, bool)
+
+    @property
+    def blank(self) -> Flags:
+        """Whether a query shows nothing, (m,)."""
+        return self.column(10, bool)
 
     @property
     def single_place(self) -> npt.NDArray[np.int64]:

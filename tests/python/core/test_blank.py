@@ -33,7 +33,7 @@ def nothing(like: Array, kind: str, seed: int = 0) -> Array:
     dice = np.random.default_rng(seed)
     if kind == "hot pixels":
         image = np.zeros_like(like)
-        spots = dice.integers(0, like.shape[0], 60), dice.integers(0, like.shape[1], 60)
+        spots = dice.integers(0, like.shape[0], 30), dice.integers(0, like.shape[1], 30)
         image[spots] = 255
         return image
     if kind in ("clock", "no signal"):
@@ -42,7 +42,7 @@ def nothing(like: Array, kind: str, seed: int = 0) -> Array:
         if kind == "clock":
             text, size, at = f"2024-05-01 12:00:{seed % 60:02}", side / 9, (side / 20, 0.85 * side)
         else:
-            text, size, at = "NO SIGNAL", side / 5, (0.5 * side, 0.4 * side)
+            text, size, at = "NO SIGNAL", side / 6, (0.5 * side, 0.4 * side)
         draw.text(at, text, fill="white", font_size=size)
         image = np.asarray(drawn)
         return image if like.ndim == 3 else np.asarray(drawn.convert("L"))
