@@ -91,7 +91,7 @@ python: $(VENV)/installed $(VENV)/dev
 	@mkdir -p target
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest surefix._core
-	$(BIN)/python -m pytest 2>&1 | tee $(LOG).python; test $${PIPESTATUS[0]} -eq 0
+	$(BIN)/python -m pytest -n auto 2>&1 | tee $(LOG).python; test $${PIPESTATUS[0]} -eq 0
 
 examples: $(VENV)/installed
 	cargo run --locked --profile test-release --example stream
