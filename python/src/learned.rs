@@ -12,7 +12,7 @@ use crate::error::{OrRaise as _, value};
 use crate::images::{Pixels, path_of, read_image};
 use crate::sad::Sad;
 
-/// Vectors of up to so many numbers are points, of which the origin is one.
+/// Vectors of at most 8 numbers are points, and the origin is a point too.
 const POINT: usize = 8;
 
 /// Whether a `descriptor` argument is one of Python's.

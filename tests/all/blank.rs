@@ -107,7 +107,7 @@ fn the_file_knows_the_list_however_it_was_made() {
         assert_eq!(Map::open(path).unwrap().blank(), expected);
         #[cfg(all(feature = "mmap", target_endian = "little"))]
         #[allow(unsafe_code)]
-        // SAFETY: nobody changes the file.
+        // SAFETY: the file is not changed.
         let mapped = unsafe { Map::open_mapped(path) };
         #[cfg(all(feature = "mmap", target_endian = "little"))]
         assert_eq!(mapped.unwrap().blank(), expected);

@@ -63,7 +63,7 @@ class Queries:
         return max(self.total - self.count, 0)
 
     def fits(self, rows: int) -> bool:
-        """Whether so many rows are one for each query, or for each frame of the recording."""
+        """Whether this number of rows is one for each query, or for each frame of the recording."""
         return rows == self.count or (self.lost > 0 and rows == self.total)
 
     def rows(self, read: Positions) -> Positions:

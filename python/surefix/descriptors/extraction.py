@@ -39,7 +39,7 @@ LOG = logging.getLogger("surefix")
 BATCH = 8
 # Bytes that tell one image from another: 2^-64 is the chance that two agree by accident.
 DIGEST = 8
-# Vectors of up to so many numbers are points, of which the origin is one.
+# Vectors of at most 8 numbers are points, and the origin is a point too.
 POINT = 8
 SAD = Sad()
 THREADS = min(4, os.cpu_count() or 1)

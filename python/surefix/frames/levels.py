@@ -72,7 +72,7 @@ class Clipping:
 
     # A drive in whose frames more than this share of the samples lies outside is worth a word.
     SHARE = 0.2
-    # Frames that are looked at: one in so many.
+    # One frame in this many is looked at.
     EVERY = 8
     # Of the 256 levels: fewer are few. Images of 12 bits have no more, as a 257th is kept.
     FEW = 16

@@ -15,7 +15,7 @@ SECOND = 1_000_000_000
 BACK = 5
 # In messages: how late one may be and still be put in its place. Videos send a few out of order.
 LATE = 16
-# Stamps that span so many times less than the recording are in another unit: microseconds, say.
+# If the recording spans this many times more than the stamps, they are in another unit.
 UNIT = 300
 
 

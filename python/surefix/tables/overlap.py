@@ -24,7 +24,7 @@ FEW = 0.1
 ENOUGH, SMALL = 20, 50
 # A fit has queries at this many places.
 SEVERAL = 4
-# A place so many extents of the others away is a wrong fix.
+# A place this many extents of the others away is a wrong fix.
 LOST = 10
 
 

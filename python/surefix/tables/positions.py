@@ -22,9 +22,9 @@ Role = Literal["places", "queries"]
 
 COLUMNS = "x,y[,z] or easting,northing in metres, or latitude,longitude (or lat,lon) in degrees"
 _TURN, _POLE = 180.0, 90.0
-# A row of 0,0 so many steps from its neighbours is a receiver's without a fix.
+# A row of 0,0 this many steps from its neighbours is a receiver's without a fix.
 _FAR = 20
-# One that is repeated, so many long steps from them.
+# The same for rows that repeat, in long steps.
 _JUMP = 2.5
 # Of the VPR data sets whose images are named @east@north@zone@letter@latitude@longitude@...
 _IN_NAME = re.compile(r"^@\s*([-+.\d]+)@\s*([-+.\d]+)@(?:(\d+)@([A-Za-z]?)@)?")

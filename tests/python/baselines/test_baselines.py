@@ -73,7 +73,7 @@ def test_a_mask_refuses_what_the_consensus_does_not_trust(D: Array) -> None:
     np.testing.assert_array_equal(matches.score, single.score)
     flags = np.arange(D.shape[1]) % 3 == 0
     accepted = baselines.masked_single_frame(D, trusted=flags).accepted
-    # Distances that are all equal are trusted by nobody.
+    # Distances that are all equal are never trusted.
     np.testing.assert_array_equal(accepted, flags & oracle.telling(D))
 
 

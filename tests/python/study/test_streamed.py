@@ -150,7 +150,7 @@ main()
 
 
 def limited(limit: int, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """The command with so many bytes of address space."""
+    """The command with this many bytes of address space."""
     command = [sys.executable, "-c", LIMITED, str(limit), *map(str, arguments)]
     # A pool of threads takes address space of its own.
     one = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
