@@ -103,6 +103,7 @@ pub use method::{Aligned, Fix, Given, Matcher, Peak, Sequence, Single, Track};
 pub use motion::Motion;
 pub use numbers::{Values, View};
 pub use post::{Post, Running, Step, standardized};
+pub use segments::{Segment, Segments};
 pub use settings::{MapMark, Settings};
 pub use simd::Isa;
 

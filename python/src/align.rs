@@ -10,13 +10,14 @@ use pyo3::types::PyDict;
 use surefix::{Drive, Floor, Motion, align_descriptors, align_distances};
 
 use crate::arrays::{numbers, whole_numbers};
-use crate::batch::{Rows, indices, matrices, views};
+use crate::batch::{Rows, matrices, views};
 use crate::error::{OrRaise as _, value};
 use crate::images::{progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
 use crate::map::Map;
 use crate::options::config;
 use crate::pickle::pickled;
+use crate::segments::given_segments;
 
 /// Where each query of a drive was, by all of its queries: arrays of the shape (m,).
 ///
@@ -161,6 +162,8 @@ impl Alignment {
 ///     The places that the robot moved before each query, by odometry.
 /// gaps : array or list of int, optional
 ///     As for ``match``.
+/// segments : Segments, optional
+///     With distances: how the places follow each other. A map knows it.
 /// tolerance : int
 ///     The confidence is the belief within this many places.
 /// at : array of int, shape (k, m), optional
@@ -193,8 +196,8 @@ impl Alignment {
 #[pyfunction]
 #[pyo3(
     signature = (
-        map, queries=None, *, motion=None, advance=None, gaps=None, tolerance=None, at=None,
-        descriptor=None, progress=None
+        map, queries=None, *, motion=None, advance=None, gaps=None, segments=None, tolerance=None,
+        at=None, descriptor=None, progress=None
     )
 )]
 #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
@@ -205,6 +208,7 @@ pub(crate) fn align(
     motion: Option<&Bound<'_, PyAny>>,
     advance: Option<&Bound<'_, PyAny>>,
     gaps: Option<&Bound<'_, PyAny>>,
+    segments: Option<&Bound<'_, PyAny>>,
     tolerance: Option<&Bound<'_, PyAny>>,
     at: Option<&Bound<'_, PyAny>>,
     descriptor: Option<&Bound<'_, PyAny>>,
@@ -220,9 +224,11 @@ pub(crate) fn align(
     config.motion.get_or_insert_with(Motion::any);
     config.sequence_length = 1;
     let advance = advance.map(|advance| numbers(advance, "advance")).transpose()?;
-    let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
+    let gaps = gaps.map(crate::batch::gaps).transpose()?.unwrap_or_default();
     let mut drive = Drive::default().gaps(&gaps);
     drive.advance = advance.as_deref();
+    let segments = given_segments(segments)?;
+    drive.segments = segments.as_ref();
     let at = at.map(places).transpose()?.unwrap_or_default();
     let at: Vec<&[usize]> = at.iter().map(Vec::as_slice).collect();
     let Some(queries) = queries else {

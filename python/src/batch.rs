@@ -23,6 +23,7 @@ use crate::inputs::{descriptors, listed, maps};
 use crate::learned;
 use crate::options::config;
 use crate::pickle::pickled;
+use crate::segments::given_segments;
 use crate::simulate::Traverse;
 
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
@@ -225,6 +226,8 @@ impl Run {
 /// gaps : array or list of int, optional
 ///     The queries, in any order, before which there is a gap (``Matcher.gap``): one that does not
 ///     follow on the one before.
+/// segments : Segments, optional
+///     How the places follow each other; in one segment by default.
 /// **options
 ///     As for ``Matcher``.
 ///
@@ -248,7 +251,7 @@ impl Run {
 /// array([False,  True, False,  True])
 #[pyfunction]
 #[pyo3(
-    signature = (distances, *, trusted=None, advance=None, gaps=None, **options)
+    signature = (distances, *, trusted=None, advance=None, gaps=None, segments=None, **options)
 )]
 pub(crate) fn match_distances(
     py: Python<'_>,
@@ -256,15 +259,18 @@ pub(crate) fn match_distances(
     trusted: Option<&Bound<'_, PyAny>>,
     advance: Option<&Bound<'_, PyAny>>,
     gaps: Option<&Bound<'_, PyAny>>,
+    segments: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Run> {
     let config = config(py, options, Floor::Global)?;
     let matrices = matrices(distances)?;
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
     let advance = advance.map(|advance| numbers(advance, "advance")).transpose()?;
-    let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
+    let gaps = gaps.map(self::gaps).transpose()?.unwrap_or_default();
     let mut drive = Drive::default().gaps(&gaps);
     (drive.trusted, drive.advance) = (trusted.as_deref(), advance.as_deref());
+    let segments = given_segments(segments)?;
+    drive.segments = segments.as_ref();
     let views = views(py, &matrices)?;
     let run = py.detach(|| match views[..] {
         [view] => surefix::match_distances(view, &config, drive),
@@ -335,7 +341,7 @@ pub(crate) fn match_(
     let config = config(py, options, Floor::Running)?;
     let trusted = trusted.map(|trusted| flags(trusted, "trusted")).transpose()?;
     let advance = advance.map(|advance| numbers(advance, "advance")).transpose()?;
-    let gaps = gaps.map(indices).transpose()?.unwrap_or_default();
+    let gaps = gaps.map(self::gaps).transpose()?.unwrap_or_default();
     let mut drive = Drive::default().gaps(&gaps);
     (drive.trusted, drive.advance) = (trusted.as_deref(), advance.as_deref());
     let maps = maps(map)?;
@@ -500,17 +506,28 @@ fn is_matrices(each: &[Bound<'_, PyAny>]) -> bool {
 }
 
 /// The queries before which there is a gap; whether there are such queries is for the crate to say.
-pub(crate) fn indices(gaps: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
-    let given = sequence_or_array(gaps, "gaps")?;
+pub(crate) fn gaps(given: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+    indices(given, "gaps", "queries")
+}
+
+/// The indices that an argument lists, of queries or places.
+pub(crate) fn indices(
+    given: &Bound<'_, PyAny>,
+    name: &'static str,
+    of: &str,
+) -> PyResult<Vec<usize>> {
+    let py = given.py();
+    let given = sequence_or_array(given, name)?;
     if dtype_of(&given) == "bool" {
-        let advice =
-            "expected indices of queries, got bool; convert a mask with np.flatnonzero(mask)";
-        return Err(value(gaps.py(), format!("gaps: {advice}")));
+        let advice = format!(
+            "{name}: expected indices of {of}, got bool; convert a mask with np.flatnonzero(mask)"
+        );
+        return Err(value(py, advice));
     }
-    let indices = whole_numbers(given.as_any(), "gaps")?.into_iter().map(|index| {
+    let indices = whole_numbers(given.as_any(), name)?.into_iter().map(|index| {
         usize::try_from(index).map_err(|_| {
-            let (name, expected) = ("gaps", "indices of queries, from 0".to_owned());
-            to_py(gaps.py(), &surefix::Error::Option { name, expected, got: index.to_string() })
+            let (expected, got) = (format!("indices of {of}, from 0"), index.to_string());
+            to_py(py, &surefix::Error::Option { name, expected, got })
         })
     });
     indices.collect()

@@ -22,6 +22,7 @@ mod pickle;
 mod places;
 mod post;
 mod sad;
+mod segments;
 mod settings;
 mod simulate;
 mod truth;
@@ -61,6 +62,8 @@ mod _core {
     use crate::post::{Post, Running, fit_post};
     #[pymodule_export]
     use crate::sad::Sad;
+    #[pymodule_export]
+    use crate::segments::{Segment, Segments};
     #[pymodule_export]
     use crate::settings::Settings;
     #[pymodule_export]

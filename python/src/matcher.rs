@@ -9,14 +9,16 @@ use crate::arrays::floats;
 use crate::error::{OrRaise as _, busy};
 use crate::fix::Fix;
 use crate::options::{config, given, whole};
+use crate::segments::Segments;
 
 /// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
 /// yields distances.
 ///
 /// Parameters
 /// ----------
-/// places : int
-///     The number of places of the route, at least 2.
+/// places : int or Segments
+///     The number of places of the route, at least 2; or how they follow each other, if that is not
+///     in one segment.
 /// sequence_length : int
 ///     `L`, the number of queries of a sequence (Eq. 5), from 1 to `places`.
 /// weight : float
@@ -67,7 +69,11 @@ impl Matcher {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let config = config(py, options, Floor::Running)?;
-        Ok(Self(surefix::Matcher::new(whole("places", places)?, config).or_raise(py)?))
+        let segments = match places.cast::<Segments>() {
+            Ok(segments) => segments.get().0.clone(),
+            Err(_) => surefix::Segments::one(whole("places", places)?),
+        };
+        Ok(Self(surefix::Matcher::along(segments, config).or_raise(py)?))
     }
 
     /// Takes the distances from the current query to every place, and says where the robot is.

@@ -40,6 +40,8 @@ __all__ = [
     "Run",
     "Running",
     "Sad",
+    "Segment",
+    "Segments",
     "Sequence",
     "Settings",
     "Single",
@@ -271,6 +273,96 @@ class Fix:
     @property
     def speed(self) -> float | None:
         """The track's speed, else the sequence's slope, in places a query; None in the warm-up."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Segment:
+    """A stretch of places that follow each other: ``start``, ``end`` (the place after its last) and
+    ``closed``, whether its last place is followed by its first.
+    """
+
+    @property
+    def start(self) -> int:
+        """Its first place."""
+    @property
+    def end(self) -> int:
+        """The place after its last."""
+    @property
+    def closed(self) -> bool:
+        """Whether its last place is followed by its first."""
+    def __len__(self) -> int: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Segments:
+    """How a route's places follow each other: segments, one after the other, that cover all places.
+
+    Gradients, sequences and motion end at the end of a segment. A closed segment has no end: its
+    last place is followed by its first. Links are further successors for the tracker's motion, as
+    at a junction.
+
+    Parameters
+    ----------
+    places : int
+        The number of places of the route.
+    breaks : sequence of int
+        The places at which a new segment begins, ascending, from 1 to ``places - 1``.
+    closed : bool or sequence of int
+        Whether all segments are closed; or the indices of those that are. A closed segment has at
+        least 3 places.
+    links : array, shape (k, 2)
+        Pairs of places: the second may follow the first, beside the one that follows it in its
+        segment.
+
+    Raises
+    ------
+    SurefixValueError
+        For breaks that do not ascend within the route, a closed segment of fewer than 3 places or
+        that there is not, or a link that leads nowhere, to itself or to the place that follows
+        anyway.
+
+    Examples
+    --------
+    >>> import surefix
+    >>> town = surefix.Segments(100, breaks=[60], closed=[1], links=[(59, 60)])
+    >>> list(town)
+    [Segment(0, 60), Segment(60, 100, closed=True)]
+    >>> town.links.tolist()
+    [[59, 60]]
+    """
+
+    def __new__(
+        cls,
+        places: SupportsIndex,
+        breaks: npt.ArrayLike = (),
+        closed: bool | npt.ArrayLike = False,
+        links: npt.ArrayLike = (),
+    ) -> Segments: ...
+    @property
+    def places(self) -> int:
+        """How many places the route has."""
+    @property
+    def breaks(self) -> _Int64:
+        """The places at which a new segment begins."""
+    @property
+    def links(self) -> _Int64:
+        """The links, array of int64, shape (k, 2)."""
+    def index_of(self, place: SupportsIndex) -> int:
+        """The index of a place's segment.
+
+        Parameters
+        ----------
+        place : int
+
+        Raises
+        ------
+        SurefixValueError
+            For a place that there is not.
+        """
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> Segment: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -980,8 +1072,9 @@ class Matcher:
 
     Parameters
     ----------
-    places : int
-        The number of places of the route, at least 2.
+    places : int or Segments
+        The number of places of the route, at least 2; or how they follow each other, if that is not
+        in one segment.
     sequence_length : int
         `L`, the number of queries of a sequence (Eq. 5), from 1 to `places`.
     weight : float
@@ -1021,7 +1114,7 @@ class Matcher:
 
     def __new__(
         cls,
-        places: SupportsIndex,
+        places: SupportsIndex | Segments,
         **options: Unpack[Options],
     ) -> Matcher: ...
     def push(
@@ -1544,6 +1637,7 @@ def align(
     motion: Motion | str | None = None,
     advance: _Array | list[float] | None = None,
     gaps: _Array | list[int] | None = None,
+    segments: Segments | None = None,
     tolerance: SupportsIndex | None = None,
     at: _Array | _Sequence[_Array | list[int]] | None = None,
     descriptor: _Descriptor | _Sequence[_Descriptor | None] | None = None,
@@ -1566,6 +1660,8 @@ def align(
         The places that the robot moved before each query, by odometry.
     gaps : array or list of int, optional
         As for ``match``.
+    segments : Segments, optional
+        With distances: how the places follow each other. A map knows it.
     tolerance : int
         The confidence is the belief within this many places.
     at : array of int, shape (k, m), optional
@@ -1611,6 +1707,7 @@ def match_distances(
     trusted: _Array | list[bool] | None = None,
     advance: _Array | list[float] | None = None,
     gaps: _Array | list[int] | None = None,
+    segments: Segments | None = None,
     **options: Unpack[Options],
 ) -> Run:
     """Matches a whole distance matrix, in parallel: the answers are those of a ``Matcher`` that is
@@ -1632,6 +1729,8 @@ def match_distances(
     gaps : array or list of int, optional
         The queries, in any order, before which there is a gap (``Matcher.gap``): one that does not
         follow on the one before.
+    segments : Segments, optional
+        How the places follow each other; in one segment by default.
     **options
         As for ``Matcher``.
 

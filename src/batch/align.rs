@@ -133,7 +133,7 @@ pub fn align_distances(
         finite(out, query)
     };
     let source = Drives { queries, techniques: distances.len(), flags, column };
-    run(config, &Segments::one(places), source, at, progress)
+    run(config, &drive.route(places)?, source, at, progress)
 }
 
 /// Aligns many descriptors, one after the other, with a map; or those of several techniques, one
@@ -152,6 +152,7 @@ pub fn align_descriptors(
 ) -> Result<Alignment, Error> {
     let segments = one_route(maps)?;
     let total = one_drive(maps, queries)?;
+    drive.on_a_map()?;
     let flags = Flags::new(drive, total)?;
     let mut each = Vec::with_capacity(maps.len());
     for (map, queries) in maps.iter().zip(queries) {

@@ -2,6 +2,7 @@
 
 use crate::error::Error;
 use crate::method::{Fix, Given, Matcher};
+use crate::segments::Segments;
 
 /// What is known about the queries of a batch beside their distances.
 ///
@@ -20,6 +21,9 @@ pub struct Drive<'a> {
     pub advance: Option<&'a [f64]>,
     /// The queries, in any order, before which there is a gap ([`Matcher::gap`]).
     pub gaps: &'a [usize],
+    /// How the places of a distance matrix follow each other: in one segment if it is not said. A
+    /// map knows its own.
+    pub segments: Option<&'a Segments>,
 }
 
 impl<'a> Drive<'a> {
@@ -40,6 +44,40 @@ impl<'a> Drive<'a> {
     pub fn gaps(self, gaps: &'a [usize]) -> Self {
         Self { gaps, ..self }
     }
+
+    /// Along these segments.
+    #[must_use]
+    pub fn along(self, segments: &'a Segments) -> Self {
+        Self { segments: Some(segments), ..self }
+    }
+
+    /// The segments of a distance matrix of `places` places.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for those of another number of places.
+    pub(super) fn route(&self, places: usize) -> Result<Segments, Error> {
+        match self.segments {
+            None => Ok(Segments::one(places)),
+            Some(segments) if segments.places() == places => Ok(segments.clone()),
+            Some(segments) => {
+                let (what, got) = ("segments", segments.places());
+                Err(Error::Length { what, expected: places, got })
+            }
+        }
+    }
+
+    /// # Errors
+    /// [`Error::Option`] if there are segments.
+    pub(super) fn on_a_map(&self) -> Result<(), Error> {
+        match self.segments {
+            None => Ok(()),
+            Some(segments) => Err(Error::Option {
+                name: "segments",
+                expected: "none with a map, which has its own".to_owned(),
+                got: format!("those of {} places", segments.places()),
+            }),
+        }
+    }
 }
 
 /// [`Drive`], checked.
@@ -52,7 +90,7 @@ pub(super) struct Flags<'a> {
 
 impl<'a> Flags<'a> {
     pub(super) fn new(drive: Drive<'a>, queries: usize) -> Result<Self, Error> {
-        let Drive { trusted, advance, gaps } = drive;
+        let Drive { trusted, advance, gaps, .. } = drive;
         let lengths = [("trusted", trusted.map(<[_]>::len)), ("advance", advance.map(<[_]>::len))];
         for (what, length) in lengths {
             if let Some(got) = length.filter(|&got| got != queries) {

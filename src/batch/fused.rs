@@ -28,8 +28,9 @@ pub fn match_fused_distances(
     let (places, queries) = one_shape(distances)?;
     config.validate(places)?;
     let flags = Flags::new(drive, queries)?;
+    let segments = drive.route(places)?;
     let fixes = twice_if_global(config, |config| {
-        let mut matcher = Matcher::new(places, config.clone())?;
+        let mut matcher = Matcher::along(segments.clone(), config.clone())?;
         let mut fusion = Fusion::new(distances.len(), places, config)?;
         let mut columns = vec![vec![0.0; places]; distances.len()];
         let push = |query: usize| {
@@ -99,6 +100,7 @@ pub fn match_fused(
 ) -> Result<Run, Error> {
     let total = one_drive(maps, queries)?;
     let places = maps.first().map_or(0, |map| map.places());
+    drive.on_a_map()?;
     let flags = Flags::new(drive, total)?;
     let mut report = |done: usize| {
         if done.is_multiple_of(REPORTED) && progress(done, total).is_break() {

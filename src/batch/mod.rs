@@ -106,7 +106,8 @@ pub fn match_distances(
     let (places, queries) = distances.dim();
     config.validate(places)?;
     let flags = Flags::new(drive, queries)?;
-    let stream = Matcher::new(places, Config { floor: Floor::Running, ..config.clone() })?;
+    let config_of_stream = Config { floor: Floor::Running, ..config.clone() };
+    let stream = Matcher::along(drive.route(places)?, config_of_stream)?;
     let Pieces { lead, length } = Pieces::new(stream.memory(), queries);
     let pieces = 0..queries.div_ceil(length);
     let span = |index: usize| (index * length, queries.min((index + 1) * length));
@@ -272,6 +273,7 @@ pub fn match_descriptors<'a>(
 ) -> Result<Run, Error> {
     let queries = queries.into();
     let count = count(map, queries)?;
+    drive.on_a_map()?;
     let flags = Flags::new(drive, count)?;
     config.validate(map.places())?;
     queries.check_finite("queries", map.input_dim())?;

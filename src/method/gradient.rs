@@ -10,7 +10,7 @@ use std::ops::Range;
 use super::argmin::{BLOCK, Search, beats, first_better, first_least};
 use super::window::{Cells, Exact, MAX_OPEN, Ring, Window};
 use crate::config::Gradient;
-use crate::segments::Segments;
+use crate::segments::{Segment, Segments};
 
 /// Where the enhanced gradient peaks: the place whose distance dips most sharply.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -135,7 +135,7 @@ impl Enhancement {
             let open = (0..ages).find(|&age| !cells.is_resolved(age))?;
             for segment in segments.iter() {
                 let bounds = self.bounds(cells, segment);
-                for start in segment.clone().step_by(BLOCK) {
+                for start in segment.places().step_by(BLOCK) {
                     let sums = &mut scratch.gradients[start..segment.end.min(start + BLOCK)];
                     bounds.block(start - segment.start, sums);
                     // The largest sum is the least negated one.
@@ -169,7 +169,7 @@ impl Enhancement {
     }
 
     /// Upper bounds of the sums: a place's least distance between its neighbours' largest.
-    fn bounds<'a>(self, cells: &'a Cells, segment: &'a Range<usize>) -> Enhanced<'a> {
+    fn bounds<'a>(self, cells: &'a Cells, segment: &'a Segment) -> Enhanced<'a> {
         Enhanced { columns: &cells.lower, around: cells.upper(), segment, options: self }
     }
 }
@@ -181,7 +181,7 @@ struct Enhanced<'a> {
     columns: &'a Ring,
     /// The neighbours' distances: `columns`, or upper bounds.
     around: &'a Ring,
-    segment: &'a Range<usize>,
+    segment: &'a Segment,
     options: Enhancement,
 }
 
@@ -283,7 +283,7 @@ impl Enhanced<'_> {
     /// The neighbours' and the places' own distances of `age` queries ago.
     #[inline(always)]
     fn column(&self, age: usize) -> (&[f32], &[f32]) {
-        let segment = || self.segment.clone();
+        let segment = || self.segment.places();
         (&self.around.column(age)[segment()], &self.columns.column(age)[segment()])
     }
 }

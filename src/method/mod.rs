@@ -101,9 +101,19 @@ impl Matcher {
 
     /// A matcher for the places of some segments.
     ///
+    /// ```
+    /// use surefix::{Config, Matcher, Segments};
+    /// let roads = Segments::new(6, &[3])?; // places 0 to 2, and 3 to 5
+    /// let mut matcher = Matcher::along(roads, Config::default())?;
+    /// matcher.push(&[0.9, 0.8, 0.1, 0.9, 0.8, 0.9])?;
+    /// let fix = matcher.push(&[0.9, 0.8, 0.9, 0.1, 0.8, 0.9])?;
+    /// assert_ne!(fix.sequence.map(|sequence| sequence.place), Some(3)); // place 3 does not follow 2
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// As for [`new`](Self::new).
-    pub(crate) fn along(segments: Segments, config: Config) -> Result<Self, Error> {
+    pub fn along(segments: Segments, config: Config) -> Result<Self, Error> {
         let places = segments.places();
         config.validate(places)?;
         if config.floor == Floor::Global {

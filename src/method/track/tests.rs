@@ -50,7 +50,7 @@ fn segments(places: usize, cut: usize) -> Segments {
     if cut == 0 || cut >= places {
         return Segments::one(places);
     }
-    Segments::of_lengths(&[cut, places - cut])
+    Segments::new(places, &[cut]).unwrap()
 }
 
 proptest! {
