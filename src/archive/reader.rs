@@ -256,6 +256,11 @@ impl Tensors<'_> {
         Ok(Some((&info.shape, numbers)))
     }
 
+    /// A tensor's bytes as they lie in the file; none if there is no tensor of that name.
+    pub(crate) fn bytes(&self, name: &str) -> &[u8] {
+        self.data.get(name).map_or(&[][..], |bytes| bytes)
+    }
+
     /// The same, of a tensor that must be there.
     pub(crate) fn required<T: Number>(
         &self,

@@ -13,6 +13,8 @@ use super::blank::{flagged, flags};
 use super::recipe::{Kind, is_recipe};
 use super::route::{Names, Positions};
 use super::storage::Storage;
+use super::traverses::Traverses;
+use super::traverses_file::ROWS as TRAVERSES;
 use super::{Map, Recipe, count_places};
 use crate::archive::{Format, Header, Reader, Refusal, Sink, Tensors, Writer};
 use crate::distance::Metric;
@@ -47,6 +49,8 @@ pub(super) struct Sidecar<'a> {
     pub(super) positions: Vec<&'a Positions>,
     pub(super) norms: Vec<&'a [f64]>,
     pub(super) names: Vec<&'a Names>,
+    /// Those of a whole map.
+    pub(super) traverses: Option<&'a Traverses>,
 }
 
 /// The tensors of a map's file, in the order of the file: from the strictest alignment to the
@@ -56,7 +60,7 @@ pub(super) fn contents<'a>(
     sidecar: Sidecar<'a>,
     rows: impl FnOnce(&mut Sink<'_>) -> Result<Vec<usize>, Error> + 'a,
 ) -> Writer<'a> {
-    let Sidecar { places, positions, norms, names } = sidecar;
+    let Sidecar { places, positions, norms, names, traverses } = sidecar;
     let mut writer = Writer::new();
     if let Some(first) = positions.first() {
         let metres = positions.iter().map(|positions| positions.metres()).collect();
@@ -64,6 +68,9 @@ pub(super) fn contents<'a>(
     }
     if kind.metric == Metric::Cosine {
         writer.numbers("norms", vec![places], norms);
+    }
+    if let Some(traverses) = traverses {
+        traverses.write_head(kind, &mut writer);
     }
     let stages = kind.post.as_deref().map_or(&[][..], Post::fitted_steps).iter().enumerate();
     for (step, stage) in stages.clone() {
@@ -82,6 +89,9 @@ pub(super) fn contents<'a>(
         *found.borrow_mut() = rows(out)?;
         Ok(())
     });
+    if let Some(traverses) = traverses {
+        traverses.write_rows(kind, &mut writer);
+    }
     let mut width = kind.post.as_deref().map_or(0, Post::input);
     for (step, stage) in stages {
         let output = stage.output(width);
@@ -97,6 +107,9 @@ pub(super) fn contents<'a>(
     if !names.is_empty() {
         let texts: Vec<_> = names.into_iter().map(Names::bytes).collect();
         writer.numbers("names", vec![texts.iter().map(|text| text.len()).sum()], texts);
+    }
+    if let Some(traverses) = traverses {
+        traverses.write_tail(kind, &mut writer);
     }
     writer
 }
@@ -130,6 +143,10 @@ pub(super) struct Parts {
     pub(super) names: Option<Names>,
     /// The places that show nothing, if the file says so.
     blank: Option<Arc<[usize]>>,
+    /// Whether there are several traverses.
+    pub(super) several: bool,
+    /// They come with their rows.
+    pub(super) traverses: Traverses,
 }
 
 impl Head {
@@ -200,13 +217,17 @@ impl Head {
         let (metric, recipe) = (entry.metric, entry.descriptor);
         let image_size = entry.image_size.filter(|&(width, height)| width > 0 && height > 0);
         let kind = Kind { dim, dtype, metric, recipe, post, learned, image_size };
-        Ok(Parts { kind, places, positions, norms, names, blank })
+        let several = tensors.header.info(TRAVERSES).is_some();
+        let traverses = Traverses::default();
+        Ok(Parts { kind, places, positions, norms, names, blank, several, traverses })
     }
 }
 
 /// Whether a map has a tensor of this name beside its rows.
 pub(super) fn is_part(name: &str) -> bool {
-    matches!(name, "positions" | "norms" | "names" | BLANK) || name.starts_with("post.")
+    matches!(name, "positions" | "norms" | "names" | BLANK)
+        || name.starts_with("post.")
+        || name.starts_with("traverse.")
 }
 
 impl Parts {
@@ -226,6 +247,7 @@ impl Parts {
         let mut map = Map::of(rows, self.norms.as_deref().unwrap_or(own), self.kind);
         let route = Arc::make_mut(&mut map.route);
         (route.positions, route.names) = (self.positions, self.names);
+        route.traverses = self.traverses;
         if let Some(blank) = self.blank {
             map.blank = blank.into();
         }
@@ -280,7 +302,7 @@ fn misfit(what: &str, expected: &str, info: &TensorInfo) -> Refusal {
     Refusal::Foreign(format!("{what}: expected {expected}, got {got}"))
 }
 
-fn file_dtype(dtype: Dtype) -> FileDtype {
+pub(super) fn file_dtype(dtype: Dtype) -> FileDtype {
     match dtype {
         Dtype::F32 => FileDtype::F32,
         Dtype::F16 => FileDtype::F16,

@@ -22,6 +22,8 @@ use crate::post::Post;
 
 /// Bytes of rows that are copied at a time.
 const PIECE: usize = 1 << 18;
+const ONE: &str = "a map of one traverse (others can be extended in memory)";
+const SEVERAL: &str = "one of several";
 
 impl Map {
     /// This map and then `more`, as one: the map that all their descriptors at once would have
@@ -58,6 +60,9 @@ impl Map {
     /// is then as it was.
     pub fn append(path: impl AsRef<Path>, more: &Self) -> Result<(), Error> {
         let old = Existing::open(path.as_ref())?;
+        if more.has_several() {
+            return Err(misfit(&old.name(), ONE, SEVERAL));
+        }
         let (positions, names) = (more.positions(), more.route.names.as_ref());
         check(&old.name(), old.about(), (&more.kind, axes(positions), names.is_some()))?;
         if old.parts.kind.metric == Metric::Cosine && old.parts.norms.is_none() {
@@ -105,6 +110,7 @@ impl Map {
             positions: positions.into_iter().collect(),
             norms: Vec::new(),
             names: names.iter().collect(),
+            traverses: None,
         };
         old.write(&addition, |old, out| {
             let mut census = old.copy_rows(out, &mut || go_on(progress(0, places), 0, places))?;
@@ -153,7 +159,7 @@ fn numbered_on(images: &(impl ImageSource + ?Sized), first: usize) -> impl Itera
 }
 
 /// Refuses places that cannot follow those of the map.
-fn check(name: &str, map: (&Kind, usize, bool), more: (&Kind, usize, bool)) -> Result<(), Error> {
+pub(super) fn check(name: &str, map: (&Kind, usize, bool), more: (&Kind, usize, bool)) -> Result<(), Error> {
     let ((map, map_axes, map_named), (more, axes, named)) = (map, more);
     let kind = |of: &Kind| match of.recipe {
         Recipe::Ready => format!("ready descriptors of {} x {}, {}", of.dim, of.dtype, of.metric),
@@ -235,7 +241,11 @@ impl<'a> Existing<'a> {
             }
             Ok(Self { path, file, start, parts })
         };
-        read().map_err(|refusal| refusal.of_map(path))
+        let old = read().map_err(|refusal| refusal.of_map(path))?;
+        if old.parts.several {
+            return Err(misfit(&old.name(), ONE, SEVERAL));
+        }
+        Ok(old)
     }
 
     fn name(&self) -> String {
@@ -259,6 +269,7 @@ impl<'a> Existing<'a> {
             positions: positions.iter().chain(addition.positions.iter().copied()).collect(),
             norms: norms.iter().map(Vec::as_slice).chain(addition.norms.iter().copied()).collect(),
             names: names.iter().chain(addition.names.iter().copied()).collect(),
+            traverses: None,
         };
         write(self.path, kind, sidecar, |out| rows(self, out))
     }

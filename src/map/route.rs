@@ -4,23 +4,26 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::OnceLock;
 
+use super::traverses::Traverses;
 use crate::error::Error;
 use crate::segments::Segments;
 
-/// The route along the map's rows. Today it is one segment with one row for each place. The rest of
-/// the crate asks [`segments`](Self::segments) where neighbours end, [`rows`](Self::rows) which
-/// rows are a place, and [`fold`](Self::fold) makes one distance of them.
+/// The route along the map's rows. The rest of the crate asks [`segments`](Self::segments) where
+/// neighbours end, and [`rows`](Self::rows) which rows are places; a place may have further rows in
+/// other traverses.
 #[derive(Clone, Debug)]
 pub(crate) struct Route {
     segments: Segments,
     pub(super) positions: Option<Positions>,
     pub(super) names: Option<Names>,
+    pub(super) traverses: Traverses,
 }
 
 impl Route {
     /// A route without breaks.
     pub(super) fn unbroken(places: usize) -> Self {
-        Self { segments: Segments::one(places), positions: None, names: None }
+        let traverses = Traverses::default();
+        Self { segments: Segments::one(places), positions: None, names: None, traverses }
     }
 
     pub(crate) fn places(&self) -> usize {
@@ -33,16 +36,10 @@ impl Route {
         &self.segments
     }
 
-    /// The rows of a range of places.
-    #[expect(clippy::unused_self, reason = "several rows a place will need it")]
+    /// The rows of a range of places in the first traverse.
+    #[expect(clippy::unused_self, reason = "the first traverse has one row for each place")]
     pub(crate) fn rows(&self, places: Range<usize>) -> Range<usize> {
         places
-    }
-
-    /// Turns the distances to the rows of some places into one for each place, the least of its
-    /// rows' distances. With one row for each place, they are the same.
-    pub(crate) fn fold(&self, distances: &mut [f32]) {
-        debug_assert!(distances.len() <= self.places(), "one row for each place");
     }
 
     /// This route and then `more`, in one segment.
@@ -54,6 +51,7 @@ impl Route {
                 .zip(more.positions.as_ref())
                 .map(|(a, b)| a.followed_by(b)),
             names: self.names.as_ref().zip(more.names.as_ref()).map(|(a, b)| a.followed_by(b)),
+            traverses: self.traverses.followed_by(self.places(), &more.traverses),
             ..Self::unbroken(self.places() + more.places())
         }
     }
@@ -64,6 +62,7 @@ impl Route {
             segments: self.segments.slice(places.clone()),
             positions: self.positions.as_ref().map(|positions| positions.slice(places.clone())),
             names: self.names.as_ref().map(|names| names.slice(places.clone())),
+            traverses: self.traverses.keep(places),
         }
     }
 }
