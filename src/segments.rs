@@ -222,11 +222,10 @@ impl Segments {
     pub(crate) fn slice(&self, places: Range<usize>) -> Self {
         let within = |segment: &Segment| {
             let (from, to) = (segment.start.max(places.start), segment.end.min(places.end));
-            let closed = segment.closed && to - from == segment.len();
             (from < to).then(|| Segment {
                 start: from - places.start,
                 end: to - places.start,
-                closed,
+                closed: segment.closed && to - from == segment.len(),
             })
         };
         let kept = |&&(from, to): &&(usize, usize)| places.contains(&from) && places.contains(&to);
@@ -316,6 +315,7 @@ mod tests {
         let expected = Segments::new(7, &[1]).unwrap().with_closed(&[1]).unwrap();
         assert_eq!(cut, expected.with_links(&[(0, 5), (4, 1)]).unwrap());
         assert!(!route.slice(3..9).of(1).closed);
+        assert_eq!(route.slice(0..2), Segments::one(2));
         let text = serde_json::to_string(&route).unwrap();
         assert_eq!(serde_json::from_str::<Segments>(&text).unwrap(), route);
     }
