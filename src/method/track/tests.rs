@@ -9,12 +9,11 @@ use super::evidence::Says;
 use super::exp::exp;
 use super::hubness::Hubness;
 use super::novelty::View;
-use super::steps::{Steps, Tap, arriving, lost};
+use super::steps::Steps;
 use super::sums::sum;
 use crate::config::Config;
 use crate::method::{Given, Matcher};
 use crate::motion::Motion;
-use crate::segments::Segments;
 use crate::simd::Isa;
 
 fn cases() -> ProptestConfig {
@@ -45,47 +44,12 @@ fn pearson(a: &[f64], b: &[f64]) -> f64 {
     product(a, mean_a, b, mean_b) / spread.sqrt()
 }
 
-/// Two segments, the second from `cut` on.
-fn segments(places: usize, cut: usize) -> Segments {
-    if cut == 0 || cut >= places {
-        return Segments::one(places);
-    }
-    Segments::new(places, &[cut]).unwrap()
-}
-
 proptest! {
     #![proptest_config(cases())]
 
     #[test]
     fn exp_is_within_its_error(x in -700.0..700.0_f64) {
         prop_assert!((exp(x) / x.exp() - 1.0).abs() < 3e-13, "{x}");
-    }
-
-    #[test]
-    fn mass_moves_by_its_taps_and_never_across_the_end_of_a_segment(
-        source in vec(0.0..1.0_f64, 2..600),
-        cut in 0..40_usize,
-        shifts in vec((-3..6_isize, 0.0..1.0_f64), 1..6),
-        start in 0..600_usize,
-        factor in 0.1..2.0_f64,
-    ) {
-        let mut taps: Vec<Tap> = shifts.iter().map(|&(shift, weight)| Tap { shift, weight }).collect();
-        taps.sort_by_key(|tap| tap.shift);
-        let segments = segments(source.len(), cut);
-        let start = start % source.len();
-        let mut out = vec![f64::NAN; (source.len() - start).min(256)];
-        arriving(&source, &taps, &segments, factor, start, &mut out);
-        let arrives = |place: usize, tap: &Tap| {
-            let from = place.checked_add_signed(-tap.shift).filter(|&from| from < source.len());
-            from.filter(|&from| segments.of(from) == segments.of(place)).map_or(0.0, |from| tap.weight * source[from])
-        };
-        for (place, out) in (start..).zip(&out) {
-            let expected = factor * taps.iter().map(|tap| arrives(place, tap)).sum::<f64>();
-            prop_assert!((out - expected).abs() < 1e-12, "{place}: {out}, {expected}");
-        }
-        let all: f64 = taps.iter().map(|tap| tap.weight).sum::<f64>() * source.iter().sum::<f64>();
-        let kept: f64 = (0..source.len()).flat_map(|place| taps.iter().map(move |tap| (place, tap))).map(|(place, tap)| arrives(place, tap)).sum();
-        prop_assert!((lost(&source, &taps, &segments) - (all - kept)).abs() < 1e-9);
     }
 
     #[test]
