@@ -108,9 +108,7 @@ def check(track: Any, belief: Array | None, want: oracle_track.Tracked, j: int, 
 def compare(case: Case, cut: int) -> None:
     """The stream, saved and restored before query `cut`, and the batch beside the oracle."""
     m = case.D.shape[1]
-    want = oracle_track.track(
-        case.D, case.motion, case.advance, case.gaps, segments=case.segments
-    )
+    want = oracle_track.track(case.D, case.motion, case.advance, case.gaps, segments=case.segments)
     live, fixes = surefix.Matcher(case.route, **case.options), []
     for j in range(m):
         if j == cut:
