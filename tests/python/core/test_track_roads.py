@@ -143,11 +143,11 @@ def test_a_drive_is_followed_through_a_junction() -> None:
 def test_what_does_not_fit_is_refused() -> None:
     D, segments = np.random.default_rng(0).random((9, 5), np.float32), surefix.Segments(8)
     for refuse in (surefix.align, surefix.audit, surefix.match_distances):
-        with pytest.raises(surefix.SurefixValueError, match="segments.*expected 9.*got 8"):
+        with pytest.raises(surefix.SurefixValueError, match=r"segments.*expected 9.*got 8"):
             refuse(D, segments=segments)
         with pytest.raises(surefix.SurefixError, match="segments"):
             refuse(D, segments=[3])
     route = surefix.Map.from_descriptors(D)
     for on_a_map in (surefix.align, surefix.audit):
-        with pytest.raises(surefix.SurefixValueError, match="segments.*none with a map"):
+        with pytest.raises(surefix.SurefixValueError, match=r"segments.*none with a map"):
             on_a_map(route, D, segments=surefix.Segments(9))
