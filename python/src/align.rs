@@ -65,6 +65,7 @@ impl Alignment {
         self.column(py, |one| one.track.speed)
     }
     /// The first and the last place that hold 95 % of the belief on the map: int64, (m, 2).
+    /// On a closed route it may go round: the first is then the greater.
     #[getter]
     fn interval<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
         let rows: Vec<Vec<i64>> = self

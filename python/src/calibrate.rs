@@ -312,9 +312,10 @@ pub(crate) fn calibrate(
             return Err(Error::Option { name: "tolerance", expected, got }).or_raise(py);
         }
         let (alignment, places) = (&alignment.get().0, run.map(|run| run.get().0.places));
-        if let Some(expected) = places.filter(|&places| places != alignment.places) {
+        if let Some(expected) = places.filter(|&places| places != alignment.segments.places()) {
             let what = "alignment: the route";
-            return Err(Error::Length { what, expected, got: alignment.places }).or_raise(py);
+            let got = alignment.segments.places();
+            return Err(Error::Length { what, expected, got }).or_raise(py);
         }
         alignment.wrong(&found, tolerance as usize)
     } else {

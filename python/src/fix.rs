@@ -278,7 +278,8 @@ impl Track {
     fn speed(&self) -> f64 {
         self.0.speed
     }
-    /// The first and the last place of those that hold 95 % of the belief on the map.
+    /// The first and the last place of those that hold 95 % of the belief on the map. On a
+    /// closed route it may go round: the first is then the greater.
     #[getter]
     fn interval(&self) -> (usize, usize) {
         self.0.interval

@@ -182,7 +182,9 @@ class Track:
         """In places a query; the advance if it is known."""
     @property
     def interval(self) -> tuple[int, int]:
-        """The first and the last place of those that hold 95 % of the belief on the map."""
+        """The first and the last place of those that hold 95 % of the belief on the map. On a
+        closed route it may go round: the first is then the greater.
+        """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -1933,7 +1935,9 @@ class Alignment:
         """The speed in places a query, or the advance if it is known: float64."""
     @property
     def interval(self) -> _Int64:
-        """The first and the last place that hold 95 % of the belief on the map: int64, (m, 2)."""
+        """The first and the last place that hold 95 % of the belief on the map: int64, (m, 2).
+        On a closed route it may go round: the first is then the greater.
+        """
     @property
     def single_place(self) -> _Int64:
         """The best match of each query alone: int64."""

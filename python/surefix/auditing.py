@@ -9,6 +9,7 @@ import numpy.typing as npt
 from surefix._core import (
     Map,
     Run,
+    Segments,
     align,
     block_length,
     described,
@@ -25,6 +26,7 @@ SAMPLES = 1000
 
 Float64 = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Places = npt.NDArray[np.int64]
 
 
 class Estimate(float):
@@ -222,6 +224,7 @@ def audit(
     motion: Motion | str = "any",
     advance: npt.ArrayLike | None = None,
     gaps: list[int] | None = None,
+    segments: Segments | None = None,
     tolerance: int = 1,
     descriptor: Any = None,
     progress: Any = None,
@@ -248,10 +251,10 @@ def audit(
     motion : {"any", "steady", "free"} or Motion
         How the robot moved. The estimates are as good as it: "steady" if both drives took frames
         at the same distances.
-    advance, gaps, descriptor, progress
+    advance, gaps, segments, descriptor, progress
         As for ``align``.
     tolerance : int
-        A match is right within this many places.
+        A match is right within this many places of its segment.
 
     Returns
     -------
@@ -284,10 +287,12 @@ def audit(
         parts = list(zip(techniques, rows, strict=True))
         alone["progress"] = progress
         matched = [match(*part, **alone) for part in ([drive] if several else []) + parts]
+        along = getattr(techniques[0], "segments", None)
     else:
         if any(isinstance(each, Map) for each in techniques):
             raise mismatch("queries", "images or descriptors", "none")
-        drive = (techniques,)
+        drive, along = (techniques,), segments
+        alone["segments"] = segments
         matched = [match_distances(techniques, **alone)] if several else []
         matched += [match_distances(each, **alone) for each in techniques]
     singles: list[Any] = [each.single_place for each in matched]
@@ -295,7 +300,7 @@ def audit(
         raise mismatch("queries", "at least one query", "none")
     verified = _verified(reranked, (len(techniques[0]), len(singles[0])))
     how: dict[str, Any] = {"motion": motion, "advance": advance, "gaps": gaps}
-    how |= {"tolerance": tolerance, "progress": progress}
+    how |= {"segments": segments, "tolerance": tolerance, "progress": progress}
     aligned = align(*drive, at=[*singles, *_places(run, techniques[0], len(singles[0]))], **how)
     audits = [
         Audit(
@@ -305,7 +310,7 @@ def audit(
             aligned.confidence,
             None,
             None,
-            None if verified is None else np.abs(each.single_place - verified) <= tolerance,
+            None if verified is None else _near(along, each.single_place, verified, tolerance),
             (),
         )
         for right, each in zip(aligned.right, matched, strict=False)
@@ -316,6 +321,20 @@ def audit(
     ready: Any = run.ready
     score = np.where(ready, run.score, np.float32(np.inf))
     return replace(whole, fix_right=aligned.right[-1], score=score)
+
+
+def _near(segments: Segments | None, one: Places, other: Places, tolerance: int) -> Flags:
+    """Which of the places are within the tolerance of each other, on one segment."""
+    apart = np.abs(one - other)
+    if segments is None:
+        return np.less_equal(apart, tolerance)
+    starts = np.array([each.start for each in segments])
+    closed = np.array([each.closed for each in segments])
+    lengths = np.diff(starts, append=segments.places)
+    of_one, of_other = (np.searchsorted(starts, places, "right") - 1 for places in (one, other))
+    round_it = np.where(closed[of_one], lengths[of_one] - apart, apart)
+    same: Flags = (of_one == of_other) & (np.minimum(apart, round_it) <= tolerance)
+    return same
 
 
 def _verified(reranked: Any, shape: tuple[int, int]) -> npt.NDArray[np.int64] | None:

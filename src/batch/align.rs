@@ -20,7 +20,7 @@ use crate::numbers::{View, first_not_finite};
 use crate::segments::Segments;
 
 /// The track of each query of a drive by all of its queries, those after it too.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Alignment {
     /// One a query, in order.
@@ -30,13 +30,13 @@ pub struct Alignment {
     pub right: Vec<Vec<f64>>,
     /// The position of each query's place, if the map (the first that has any) has positions.
     pub positions: Option<Positions>,
-    /// How many places the route has.
-    pub places: usize,
+    /// How the route's places follow each other.
+    pub segments: Segments,
 }
 
 impl Alignment {
     /// How wrong each match of the same drive is, from 0 to 1: wholly if its place is more than
-    /// `tolerance` places from the aligned one, else as much as the alignment is not sure.
+    /// `tolerance` places from the aligned one, or on another segment, else as much as the alignment is not sure.
     ///
     /// # Errors
     /// [`Error::Length`] if the alignment has another number of queries.
@@ -46,7 +46,7 @@ impl Alignment {
             return Err(Error::Length { what: "alignment", expected, got });
         }
         let wrong = |(found, aligned): (&Match, &Aligned)| {
-            let near = found.place.abs_diff(aligned.track.place) <= tolerance;
+            let near = self.segments.are_near(aligned.track.place, found.place, tolerance);
             if near { 1.0 - aligned.track.confidence } else { 1.0 }
         };
         Ok(matches.iter().zip(&self.queries).map(|each| Some(wrong(each))).collect())
@@ -212,7 +212,7 @@ fn run<C: FnMut(usize, usize, &mut [f32]) -> Result<(), Error>>(
         }
         Ok(())
     })?;
-    Ok(Alignment { queries, right, positions: None, places })
+    Ok(Alignment { queries, right, positions: None, segments: segments.clone() })
 }
 
 /// A drive whose columns are computed when they are asked for, by technique and query.

@@ -132,7 +132,9 @@ impl Matcher {
             sequence: SequenceSearch::new(&config)?,
             tracker: {
                 let motion = config.motion.as_ref();
-                motion.map(|motion| Tracker::new(motion, config.tolerance, places)).transpose()?
+                motion
+                    .map(|motion| Tracker::new(motion, config.tolerance, &segments))
+                    .transpose()?
             },
             segments,
             isa: Isa::best(),

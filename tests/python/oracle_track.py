@@ -1,5 +1,6 @@
 """The oracle of the tracker (docs/method.md, 1.9) in plain NumPy, with the transition of each speed
-as an explicit matrix.
+as an explicit matrix. On a route of segments and links (1.14) the matrix of a move by `s` places is
+a power of that of a single move.
 
 It shares no code with the library: hubness and evidence come for all queries at once, and beliefs
 are matrices (place, speed), divided by their total after each query.
@@ -18,6 +19,55 @@ from oracle import Array
 OFF = 0.05
 BY_WAY, BY_VIEW = 0.05, 0.1  # what a robot that stands still learns
 TAIL = 0.025
+FARTHEST = 64  # longer moves do not follow links
+
+
+class Roads:
+    """How places follow each other, as matrices from each place (row) to each."""
+
+    def __init__(self, segments: Any) -> None:
+        """Of `surefix.Segments`."""
+        self.n = segments.places
+        self.start, self.end, self.closed = np.zeros((3, self.n), int)
+        for one in segments:
+            here = slice(one.start, one.end)
+            self.start[here], self.end[here], self.closed[here] = one.start, one.end, one.closed
+        self.linked = np.zeros((self.n, self.n))
+        for one, other in segments.links:
+            self.linked[one, other] = 1.0
+        self.loop = bool(len(segments) == 1 and self.closed.all())
+
+    def along(self, by: int) -> Array:
+        """`by` places along the segment."""
+        length = self.end - self.start
+        to = np.arange(self.n) - self.start + by
+        inside = (to >= 0) & (to < length) | (self.closed == 1)
+        moved = np.zeros((self.n, self.n))
+        rows = np.flatnonzero(inside)
+        moved[rows, (self.start + to % length)[rows]] = 1.0
+        return moved
+
+    def move(self, by: int) -> Array:
+        """`by` places on, or back if it is below 0; by one link at most."""
+        if not self.linked.any() or by == 0 or abs(by) > FARTHEST:
+            return self.along(by)
+        sign, steps = (1, by) if by > 0 else (-1, -by)
+        natural, links = self.along(sign), self.linked if by > 0 else self.linked.T
+        ways = np.maximum((natural + links).sum(1, keepdims=True), 1.0)
+        straight, turn = natural / ways, links / ways
+        # before[k]: k places that took no link; the link is the place after these.
+        before, total = np.eye(self.n), np.zeros((self.n, self.n))
+        for k in range(steps):
+            total += before @ turn @ self.along(sign * (steps - 1 - k))
+            before = before @ straight
+        return total + before
+
+    def near(self, place: int, tolerance: int) -> Array:
+        """Which places are within the tolerance."""
+        apart = np.abs(np.arange(self.n) - place)
+        length = self.end - self.start
+        apart = np.where(self.closed == 1, np.minimum(apart, length - apart), apart)
+        return (self.start == self.start[place]) & (apart <= tolerance)
 
 
 @dataclass(frozen=True)
@@ -30,18 +80,28 @@ class Tracked:
     """Off the map, (m,)."""
     speeds: Array
     """The mean speed if the robot is in that place, (n, m)."""
+    roads: Roads | None = None
 
     def confidence(self, query: int, place: int, tolerance: int) -> float:
+        if self.roads is not None:
+            return float(self.belief[self.roads.near(place, tolerance), query].sum())
         return float(self.belief[max(0, place - tolerance) : place + tolerance + 1, query].sum())
 
     def intervals(self, query: int, place: int, slack: float) -> tuple[set[int], set[int]]:
         """The first and the last place of 95 % of the belief, in which `place` is; all that it may
-        be if a sum of beliefs is `slack` away.
+        be if a sum of beliefs is `slack` away. On a closed road they are counted from the place
+        opposite.
         """
+        n = len(self.belief)
+        if self.roads is not None and self.roads.loop:
+            turn = n // 2 - place
+            turned = Tracked(np.roll(self.belief[:, [query]], turn, axis=0), self.off, self.speeds)
+            low, high = turned.intervals(0, n // 2, slack)
+            return {(at - turn) % n for at in low}, {(at - turn) % n for at in high}
         on = self.belief[:, query].sum()
         below = np.cumsum(self.belief[:, query])
         above = np.cumsum(self.belief[::-1, query])
-        n, tails = len(below), TAIL * on + np.array([-slack, slack])
+        tails = TAIL * on + np.array([-slack, slack])
 
         def first_above(sums: Array, tail: float) -> int:
             return int(np.argmax(sums > tail)) if (sums > tail).any() else n - 1
@@ -67,7 +127,9 @@ def evidence(D: Array, motion: Any) -> tuple[Array, Array]:
     return np.where(clear, z, 0.0), says
 
 
-def transition(n: int, move: float, jitter: float, reach: int = 1) -> Array:
+def transition(
+    n: int, move: float, jitter: float, reach: int = 1, roads: Roads | None = None
+) -> Array:
     """1.9, 3: the probability to get from place `j` to place `i`, (n, n)."""
     p = min(jitter, 0.25 / reach)
     astray = np.full(2 * reach + 1, p)
@@ -75,19 +137,24 @@ def transition(n: int, move: float, jitter: float, reach: int = 1) -> Array:
     whole = int(np.floor(move))
     chances = np.convolve([1 - (move - whole), move - whole], astray)
     by = whole - reach + np.arange(len(chances))
+    if roads is not None:
+        moved: Array = sum(
+            chance * roads.move(int(places)) for places, chance in zip(by, chances, strict=True)
+        )
+        return moved.T
     of_move = np.zeros(2 * n - 1)  # from 1 - n to n - 1 places
     inside = np.abs(by) < n
     of_move[by[inside] + n - 1] = chances[inside]
     return np.lib.stride_tricks.sliding_window_view(of_move, n)[:, ::-1]
 
 
-def speed_transitions(n: int, motion: Any) -> list[Array]:
+def speed_transitions(n: int, motion: Any, roads: Roads | None = None) -> list[Array]:
     """One for each speed. Jitter reaches half of the way to the farther neighbouring speed."""
     speeds = np.array(motion.speeds, float) * motion.pace
     gaps = np.concatenate([[0.0], np.diff(motion.speeds), [0.0]]) * motion.pace
     reaches = np.maximum(np.ceil(np.maximum(gaps[1:], gaps[:-1]) / 2), 1).astype(int)
     return [
-        transition(n, v, motion.jitter if v else 0.0, int(reach))
+        transition(n, v, motion.jitter if v else 0.0, int(reach), roads)
         for v, reach in zip(speeds, reaches, strict=True)
     ]
 
@@ -120,17 +187,19 @@ def track(
     advance: Array | None = None,
     gaps: Mapping[int, float | None] = {},
     total: float = 1 - OFF,
+    segments: Any = None,
 ) -> Tracked:
     """1.9 for distances (n, m). `advance` (m,) is NaN if it is not known; `gaps` are before these
     queries, with the advance in them if it is known. `total` is the sum of the beliefs at the
-    start.
+    start. `segments` are the route's, if it is not one open segment.
     """
     D = np.asarray(D, np.float64)
     n, m = D.shape
     V = len(motion.speeds)
     z, says = evidence(D, motion)
     advance = np.full(m, np.nan) if advance is None else np.asarray(advance, float)
-    of_speeds, change = speed_transitions(n, motion), switching(V, motion.switching)
+    roads = None if segments is None else Roads(segments)
+    of_speeds, change = speed_transitions(n, motion, roads), switching(V, motion.switching)
     start = np.full((n, V), total / (n * V)), 1 - OFF, OFF
     b, on, off = start
     travelled, fresh, viewed = 0.0, True, None
@@ -157,8 +226,8 @@ def track(
         else:
             to = travelled + a
             by = a if motion.by_distance else np.rint(to) - np.rint(travelled)
-            travelled = to
-            moved = (transition(n, by, motion.jitter * astray) @ b.sum(axis=1))[:, None]
+            travelled, jitter = to, motion.jitter * astray
+            moved = (transition(n, by, jitter, roads=roads) @ b.sum(axis=1))[:, None]
             stayed, speeds = np.zeros((n, 1)), np.array([a])
         left = moves * (on - moved.sum())
         anew = rejoin * off + (1 - leave) * restart * on + keep * left
@@ -173,4 +242,4 @@ def track(
         mean_speeds[:, j] = moving @ speeds / predicted.sum(axis=1)
         if b.shape[1] != V:  # all speeds are as likely after a known advance
             b = np.repeat(b / V, V, axis=1)
-    return Tracked(belief, offs, mean_speeds)
+    return Tracked(belief, offs, mean_speeds, roads)

@@ -101,7 +101,7 @@ impl<'a> Aligner<'a> {
         let motion = config.motion.clone().unwrap_or_default();
         let several = (techniques > 1).then(|| Fusion::new(techniques, places, config));
         Ok(Self {
-            tracker: Tracker::new(&motion, config.tolerance, places)?,
+            tracker: Tracker::new(&motion, config.tolerance, segments)?,
             fusion: several.transpose()?,
             segments,
             isa: Isa::best(),
@@ -147,7 +147,7 @@ impl<'a> Aligner<'a> {
                     later = Later::none(&self.tracker);
                 } else {
                     let Self { tracker, segments, isa, .. } = &self;
-                    isa.run(|| later.step_back(one, tracker, segments));
+                    isa.run(|| later.step_back(one, tracker, tracker.way(segments)));
                 }
                 report(queries + aligned.len())?;
             }

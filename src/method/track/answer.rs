@@ -4,8 +4,9 @@ use super::steps::arriving;
 use super::sums::{CHUNK, LANES, sum};
 use super::{Prediction, State, Step, Taken, Tracker};
 use crate::method::argmin::first_better;
-use crate::segments::Segments;
+use crate::segments::{Segment, Segments};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// The share of the belief on either side of [`Track::interval`].
 const TAIL: f64 = 0.025;
@@ -23,7 +24,8 @@ pub struct Track {
     pub off_map: f64,
     /// The speed in places a query, or the advance if it is known.
     pub speed: f64,
-    /// The first and the last place of the interval that holds 95 % of the belief on the map.
+    /// The first and the last place of the interval that holds 95 % of the belief on the map. On a
+    /// route that is one closed segment it may go round: the first is then the greater.
     pub interval: (usize, usize),
 }
 
@@ -51,7 +53,7 @@ impl Tracker {
         self.each_row(step, |row, taps, share| {
             let keep = prediction.keep * share;
             let mut arrived = [0.0];
-            arriving(row, taps, segments, keep * moved, place, &mut arrived);
+            arriving(row, taps, self.way(segments), keep * moved, place, &mut arrived);
             let moving = arrived[0] + prediction.anew;
             total += moving + keep * (1.0 - moved) * row[place];
             sum += moving * speeds.next().copied().unwrap_or(0.0);
@@ -89,56 +91,114 @@ impl Belief<'_> {
         }
         let place = best.0;
         let confidence = self.near(place, tolerance, segments);
-        let (low, high) = self.interval();
         Track {
             place,
             confidence,
             off_map: self.off,
             speed: speed(place),
-            interval: (low.min(place), high.max(place)),
+            interval: self.interval(place, segments),
         }
     }
 
     /// The belief within `tolerance` places of a place, on its segment.
     pub(super) fn near(&self, place: usize, tolerance: usize, segments: &Segments) -> f64 {
         let segment = segments.of(place);
+        let of = |places: Range<usize>| self.mass[places].iter().sum::<f64>();
+        if segment.closed && tolerance < segment.len() / 2 {
+            let end = |by: isize| segment.onward(place, by).unwrap_or(place);
+            let (first, after) = (end(-(tolerance as isize)), end(tolerance as isize) + 1);
+            if first < after {
+                return self.scale * of(first..after);
+            }
+            return self.scale * (of(first..segment.end) + of(segment.start..after));
+        }
+        // Within half a lap lies the whole of a closed segment.
+        let tolerance = if segment.closed { segment.len() } else { tolerance };
         let near = place.saturating_sub(tolerance).max(segment.start)
             ..place.saturating_add(1).saturating_add(tolerance).min(segment.end);
-        self.scale * self.mass[near].iter().sum::<f64>()
+        self.scale * of(near)
     }
 
-    /// The places beside which [`TAIL`] of the mass lies on either side.
-    fn interval(&self) -> (usize, usize) {
-        let Self { mass, sums, .. } = *self;
+    /// The places beside which [`TAIL`] of the mass lies on either side, `place` or those beyond it
+    /// at most. On a route that is one closed segment, the sides begin at the place opposite.
+    fn interval(&self, place: usize, segments: &Segments) -> (usize, usize) {
+        let places = self.mass.len();
+        let seam = match segments.of(place) {
+            Segment { closed: true, .. } if segments.len() == 1 => {
+                (place + places.div_ceil(2)) % places
+            }
+            _ => 0,
+        };
         let tail = TAIL * self.on / self.scale;
-        let (mut below, mut chunk) = (0.0, 0);
-        while chunk + 1 < sums.len() && below + sums[chunk] <= tail {
-            below += sums[chunk];
-            chunk += 1;
+        let parts = || [seam..places, 0..seam];
+        let (low, high) = (self.first_above(tail, parts()), self.last_above(tail, parts()));
+        // How far along from the seam.
+        let along = |at: usize| if at < seam { at + places - seam } else { at - seam };
+        (
+            if along(low) < along(place) { low } else { place },
+            if along(high) > along(place) { high } else { place },
+        )
+    }
+
+    /// The first place, by one part after the other, with which the mass exceeds `tail`.
+    fn first_above(&self, tail: f64, parts: [Range<usize>; 2]) -> usize {
+        let Self { mass, sums, .. } = *self;
+        let (mut below, mut last) = (0.0, 0);
+        for part in parts {
+            let mut at = part.start;
+            while at < part.end {
+                let next = (at + CHUNK).min(mass.len());
+                if at.is_multiple_of(CHUNK) && next <= part.end && below + sums[at / CHUNK] <= tail
+                {
+                    below += sums[at / CHUNK];
+                    at = next;
+                    continue;
+                }
+                let next = at + LANES;
+                if next <= part.end && below + sum(&mass[at..next]) <= tail {
+                    below += sum(&mass[at..next]);
+                    at = next;
+                    continue;
+                }
+                if below + mass[at] > tail {
+                    return at;
+                }
+                below += mass[at];
+                at += 1;
+            }
+            last = part.end.checked_sub(1).unwrap_or(last);
         }
-        let mut low = chunk * CHUNK;
-        while low + LANES < mass.len() && below + sum(&mass[low..low + LANES]) <= tail {
-            below += sum(&mass[low..low + LANES]);
-            low += LANES;
+        last
+    }
+
+    /// The same backwards, by the last part first.
+    fn last_above(&self, tail: f64, parts: [Range<usize>; 2]) -> usize {
+        let Self { mass, sums, .. } = *self;
+        let (mut above, mut first) = (0.0, 0);
+        for part in parts.into_iter().rev() {
+            let mut at = part.end;
+            while at > part.start {
+                let chunk = (at - 1) / CHUNK;
+                let whole = at.is_multiple_of(CHUNK) || at == mass.len();
+                if whole && chunk * CHUNK >= part.start && above + sums[chunk] <= tail {
+                    above += sums[chunk];
+                    at = chunk * CHUNK;
+                    continue;
+                }
+                let next = at.saturating_sub(LANES);
+                if at >= part.start + LANES && above + sum(&mass[next..at]) <= tail {
+                    above += sum(&mass[next..at]);
+                    at = next;
+                    continue;
+                }
+                if above + mass[at - 1] > tail {
+                    return at - 1;
+                }
+                above += mass[at - 1];
+                at -= 1;
+            }
+            first = part.start;
         }
-        while low + 1 < mass.len() && below + mass[low] <= tail {
-            below += mass[low];
-            low += 1;
-        }
-        let (mut above, mut chunk) = (0.0, sums.len());
-        while chunk > 1 && above + sums[chunk - 1] <= tail {
-            above += sums[chunk - 1];
-            chunk -= 1;
-        }
-        let mut high = mass.len().min(chunk * CHUNK);
-        while high > LANES && above + sum(&mass[high - LANES..high]) <= tail {
-            above += sum(&mass[high - LANES..high]);
-            high -= LANES;
-        }
-        while high > 1 && above + mass[high - 1] <= tail {
-            above += mass[high - 1];
-            high -= 1;
-        }
-        (low, high - 1)
+        first
     }
 }

@@ -1,10 +1,9 @@
 //! The backward pass of an alignment (method 1.10).
 
 use super::align::Recorded;
-use super::steps::{Steps, Tap, arriving, inside, known};
+use super::steps::{Steps, Tap, Way, arriving, beyond, known};
 use super::sums::{CHUNK, sum};
 use super::{Step, Tracker};
-use crate::segments::Segments;
 
 /// How likely the queries after one are, for each speed and place after the change of speed, and
 /// off the map.
@@ -21,9 +20,9 @@ impl Later {
 
     /// From how likely the queries after one are to how likely it and those are.
     #[inline(always)]
-    pub(super) fn step_back(&mut self, one: &Recorded, tracker: &Tracker, segments: &Segments) {
+    pub(super) fn step_back(&mut self, one: &Recorded, tracker: &Tracker, way: Way<'_>) {
         let Tracker { motion, steps, .. } = tracker;
-        let (places, speeds) = (segments.places(), motion.speeds.len());
+        let (places, speeds) = (way.segments.places(), motion.speeds.len());
         let [leave, restart, rejoin] = one.rates;
         let keep = (1.0 - leave) * (1.0 - restart);
         // Before the change of speed, times the evidence.
@@ -38,7 +37,7 @@ impl Later {
         match one.step {
             Step::Known { shift, part, jitter } => {
                 let (row, others) = rows.split_at_mut(places);
-                leading(&h, &known(shift, part, jitter), 1.0, anywhere, segments, row);
+                leading(&h, &known(shift, part, jitter), 1.0, anywhere, way, row);
                 weigh(row, keep, rest);
                 others.chunks_exact_mut(places).for_each(|other| other.copy_from_slice(row));
             }
@@ -46,7 +45,7 @@ impl Later {
                 debug_assert_eq!(h.len(), places * speeds);
                 let all = rows.chunks_exact_mut(places).zip(h.chunks_exact(places));
                 for (speed, (row, h)) in all.enumerate() {
-                    leading(h, steps.of(speed), moved, anywhere, segments, row);
+                    leading(h, steps.of(speed), moved, anywhere, way, row);
                     weigh(row, keep, rest);
                 }
             }
@@ -86,32 +85,30 @@ impl Later {
 /// For each place, the mean of `h` where a move leads from it: with probability `moved` by the
 /// taps, and to `anywhere` beyond the end of its segment; else it stays.
 #[inline(always)]
-fn leading(
+pub(super) fn leading(
     h: &[f64],
     taps: &[Tap],
     moved: f64,
     anywhere: f64,
-    segments: &Segments,
+    way: Way<'_>,
     out: &mut [f64],
 ) {
     // The same taps, taken backwards; in the order of their shifts.
     let back: Vec<Tap> =
         taps.iter().rev().map(|tap| Tap { shift: -tap.shift, weight: tap.weight }).collect();
-    let ones = vec![1.0; h.len()];
-    let mut beyond = [0.0; CHUNK];
+    let along = Way { links: None, ..way };
+    let stays = 1.0 - moved;
     for (index, out) in out.chunks_mut(CHUNK).enumerate() {
         let start = index * CHUNK;
-        arriving(h, &back, segments, moved, start, out);
-        let stays = 1.0 - moved;
+        arriving(h, &back, along, moved, start, out);
         out.iter_mut().zip(&h[start..]).for_each(|(out, h)| *out += stays * h);
-        if inside(&back, segments, start, out.len()) {
-            continue;
-        }
-        let beyond = &mut beyond[..out.len()];
-        arriving(&ones, &back, segments, moved, start, beyond);
-        out.iter_mut()
-            .zip(beyond)
-            .for_each(|(out, &mut arrive)| *out += (moved - arrive) * anywhere);
+    }
+    beyond(taps, along, |weight, places| {
+        out[places].iter_mut().for_each(|out| *out += moved * weight * anywhere);
+    });
+    if let Some(links) = way.links {
+        let divided = |place: usize, mean: f64| out[place] = moved * mean + stays * h[place];
+        links.leading(h, taps, anywhere, divided);
     }
 }
 

@@ -19,6 +19,7 @@ mod evidence;
 mod exp;
 mod hubness;
 mod later;
+mod links;
 mod novelty;
 mod state;
 mod steps;
@@ -26,6 +27,8 @@ mod sums;
 #[cfg(test)]
 mod tests;
 mod update;
+#[cfg(test)]
+mod walks;
 
 use super::estimator::{Estimator, Memory, Seen};
 use super::window::{Exact, Window};
@@ -38,11 +41,15 @@ pub(crate) use align::{Aligner, Source, stretch};
 pub use answer::Track;
 use evidence::{Evidence, Says};
 pub(super) use hubness::Hubness;
+use links::Links;
 use novelty::{Novelty, View};
 pub(super) use state::Saved;
 use state::State;
-use steps::{Steps, Tap, known, lost};
+use steps::{Steps, Tap, Way, known, lost};
 use sums::CHUNK;
+
+/// The longest move: all whole numbers up to it are known exactly.
+const MAX_SHIFT: f64 = (1_u64 << 53) as f64;
 
 /// The estimator of all queries so far.
 #[derive(Clone, Debug)]
@@ -50,6 +57,8 @@ pub(super) struct Tracker {
     motion: Motion,
     tolerance: usize,
     steps: Steps,
+    /// If the route has any.
+    links: Option<Links>,
     hubness: Hubness,
     /// The belief, speed by speed and place by place, times `state.scale`. Only the first speed's
     /// row counts if they are `joint`.
@@ -74,8 +83,12 @@ struct Scratch {
 impl Tracker {
     /// # Errors
     /// [`Error::Memory`] if there is not enough.
-    pub(super) fn new(motion: &Motion, tolerance: usize, places: usize) -> Result<Self, Error> {
-        let speeds = motion.speeds.len();
+    pub(super) fn new(
+        motion: &Motion,
+        tolerance: usize,
+        segments: &Segments,
+    ) -> Result<Self, Error> {
+        let (places, speeds) = (segments.places(), motion.speeds.len());
         let zeros = |count: Option<usize>| {
             let count = count.ok_or(Error::Memory { places, columns: speeds })?;
             let mut zeros = reserved(count)?;
@@ -87,6 +100,7 @@ impl Tracker {
             motion: motion.clone(),
             tolerance,
             steps: Steps::new(motion)?,
+            links: Links::new(segments),
             hubness: Hubness::new(places)?,
             mass: zeros(places.checked_mul(speeds))?,
             before: zeros(places.checked_mul(speeds))?,
@@ -254,16 +268,21 @@ impl Tracker {
             (travelled.round_ties_even() - state.travelled.round_ties_even(), 0.0)
         };
         state.travelled = travelled;
-        // Beyond the route, jitter included, is as far as any further.
-        let end = places as f64 + 2.0;
         let jitter = (motion.jitter * novelty.jitter).min(MAX_JITTER);
-        Step::Known { shift: whole.clamp(-end, end) as isize, part, jitter }
+        Step::Known { shift: whole.clamp(-MAX_SHIFT, MAX_SHIFT) as isize, part, jitter }
+    }
+
+    /// How the places follow each other.
+    fn way<'a>(&'a self, segments: &'a Segments) -> Way<'a> {
+        Way { segments, links: self.links.as_ref() }
     }
 
     fn predict(&self, step: Step, novelty: Novelty, segments: &Segments) -> Prediction {
         let Self { motion, state, .. } = self;
         let mut lost_mass = 0.0;
-        self.each_row(step, |row, taps, share| lost_mass += share * lost(row, taps, segments));
+        self.each_row(step, |row, taps, share| {
+            lost_mass += share * lost(row, taps, self.way(segments))
+        });
         let left = step.moved() * state.scale * lost_mass;
         let [leave, restart, rejoin] = motion.rates(novelty.happens);
         let keep = (1.0 - leave) * (1.0 - restart);

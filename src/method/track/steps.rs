@@ -1,9 +1,12 @@
 //! Where the belief goes between two queries (method 1.9, 3): shifts with their probabilities.
 
+use std::ops::Range;
+
+use super::links::Links;
 use crate::error::Error;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
-use crate::segments::Segments;
+use crate::segments::{Segment, Segments};
 
 /// A move by `shift` places, and its probability.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,38 +121,85 @@ fn jittered(off: isize, reach: isize, jitter: f64) -> f64 {
     }
 }
 
+/// How the places follow each other.
+#[derive(Clone, Copy)]
+pub(super) struct Way<'a> {
+    pub(super) segments: &'a Segments,
+    /// If it has links.
+    pub(super) links: Option<&'a Links>,
+}
+
 /// The mass that a move takes beyond the ends of its segment.
-pub(super) fn lost(source: &[f64], taps: &[Tap], segments: &Segments) -> f64 {
+pub(super) fn lost(source: &[f64], taps: &[Tap], way: Way<'_>) -> f64 {
     let mut lost = 0.0;
-    for &Tap { shift, weight } in taps {
-        for segment in segments.iter() {
-            let away = shift.unsigned_abs().min(segment.len());
-            let leaving = if shift > 0 {
+    beyond(taps, way, |weight, leaving| lost += weight * source[leaving].iter().sum::<f64>());
+    lost + way.links.map_or(0.0, |links| links.lost(source, taps))
+}
+
+/// Calls `visit` with the weight of each tap and the places from which it leads beyond the end of
+/// their segment, save those from which it may follow a link.
+pub(super) fn beyond(taps: &[Tap], way: Way<'_>, mut visit: impl FnMut(f64, Range<usize>)) {
+    for (index, segment) in way.segments.iter().enumerate() {
+        if segment.closed {
+            continue;
+        }
+        for &tap in taps {
+            let away = tap.shift.unsigned_abs().min(segment.len());
+            let leaving = if tap.shift > 0 {
                 segment.end - away..segment.end
             } else {
                 segment.start..segment.start + away
             };
-            lost += weight * source[leaving].iter().sum::<f64>();
+            let clear = way.links.map_or(leaving.clone(), |links| links.clear(index, tap));
+            let leaving = leaving.start.max(clear.start)..leaving.end.min(clear.end);
+            if leaving.start < leaving.end {
+                visit(tap.weight, leaving);
+            }
         }
     }
-    lost
 }
 
 /// Writes the belief that arrives at the places from `start` on: `factor` times the sum over the
 /// taps of the weight and the belief where it comes from. Nothing comes across the end of a
-/// segment.
+/// segment but by a link.
 #[inline(always)]
 pub(super) fn arriving(
     source: &[f64],
     taps: &[Tap],
-    segments: &Segments,
+    way: Way<'_>,
     factor: f64,
     start: usize,
     out: &mut [f64],
 ) {
-    if !inside(taps, segments, start, out.len()) {
-        return arriving_at_ends(source, taps, segments, factor, start, out);
+    let (Some(first), Some(last)) = (taps.first(), taps.last()) else { return out.fill(0.0) };
+    let end = start + out.len();
+    for segment in way.segments.within(start..end) {
+        let here = segment.start.max(start)..segment.end.min(end);
+        // The places that all taps reach from within the segment.
+        let low = segment.start.saturating_add_signed(last.shift.max(0)).min(here.end);
+        let high = segment.end.saturating_add_signed(first.shift.min(0)).max(here.start);
+        let low = low.max(here.start);
+        let high = high.min(here.end).max(low);
+        let mut at_an_end = |places: Range<usize>| {
+            if !places.is_empty() {
+                let out = &mut out[places.start - start..places.end - start];
+                arriving_at_an_end(source, taps, segment, factor, places.start, out);
+            }
+        };
+        at_an_end(here.start..low);
+        at_an_end(high..here.end);
+        if low < high {
+            arriving_inside(source, taps, factor, low, &mut out[low - start..high - start]);
+        }
     }
+    if let Some(links) = way.links {
+        links.arriving(source, taps, factor, start, out);
+    }
+}
+
+/// [`arriving`] at places that all taps reach from within the segment.
+#[inline(always)]
+fn arriving_inside(source: &[f64], taps: &[Tap], factor: f64, start: usize, out: &mut [f64]) {
     let count = out.len();
     let from = |tap: Tap| &source[(start as isize - tap.shift) as usize..][..count];
     match *taps {
@@ -185,41 +235,40 @@ pub(super) fn arriving(
     }
 }
 
-/// Whether all that arrives at `count` places from `start` on, and they themselves, are in one
-/// segment.
+/// [`arriving`] near the ends of a segment: the same sums, with terms left out if it is open, and
+/// from its other end if it is closed.
 #[inline(always)]
-pub(super) fn inside(taps: &[Tap], segments: &Segments, start: usize, count: usize) -> bool {
-    let (Some(first), Some(last)) = (taps.first(), taps.last()) else { return false };
-    let segment = segments.of(start);
-    let (low, high) = (start as isize - last.shift, (start + count) as isize - first.shift);
-    low.min(start as isize) >= segment.start as isize
-        && high.max((start + count) as isize) <= segment.end as isize
-}
-
-/// [`arriving`] near the ends of segments: the same sums, with terms left out.
-#[inline(always)]
-fn arriving_at_ends(
+fn arriving_at_an_end(
     source: &[f64],
     taps: &[Tap],
-    segments: &Segments,
+    segment: &Segment,
     factor: f64,
     start: usize,
     out: &mut [f64],
 ) {
     out.fill(0.0);
-    let end = start + out.len();
-    for segment in segments.iter().filter(|segment| segment.start < end && segment.end > start) {
-        for &Tap { shift, weight } in taps {
-            let w = factor * weight;
-            let low = segment.start.saturating_add_signed(shift).max(segment.start).max(start);
-            let high = segment.end.saturating_add_signed(shift).min(segment.end).min(end);
-            if low < high {
-                let from = low.saturating_add_signed(-shift);
-                let source = &source[from..from + high - low];
-                for (out, &x) in out[low - start..high - start].iter_mut().zip(source) {
-                    *out += w * x;
-                }
+    let (count, len) = (out.len(), segment.len());
+    let at = start - segment.start;
+    for &Tap { shift, weight } in taps {
+        let w = factor * weight;
+        let mut add = |to: usize, from: usize, count: usize| {
+            let source = &source[segment.start + from..][..count];
+            for (out, &x) in out[to..to + count].iter_mut().zip(source) {
+                *out += w * x;
             }
+        };
+        if segment.closed {
+            let back = shift.rem_euclid(len as isize) as usize;
+            let from = if at < back { at + len - back } else { at - back };
+            let before_the_seam = count.min(len - from);
+            add(0, from, before_the_seam);
+            add(before_the_seam, 0, count - before_the_seam);
+        } else {
+            // From `from` on, and those after it on the segment.
+            let from = at as isize - shift;
+            let skipped = from.saturating_neg().clamp(0, count as isize) as usize;
+            let first = from.max(0) as usize;
+            add(skipped, first.min(len), len.saturating_sub(first).min(count - skipped));
         }
     }
 }

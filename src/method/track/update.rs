@@ -2,7 +2,7 @@
 //! places at a time.
 
 use super::evidence::Evidence;
-use super::steps::{Steps, arriving, known};
+use super::steps::{Steps, Way, arriving, known};
 use super::sums::{BLOCK, CHUNK, sum};
 use super::{Prediction, Step, Tracker};
 use crate::segments::Segments;
@@ -17,7 +17,8 @@ impl Tracker {
         prediction: Prediction,
         segments: &Segments,
     ) {
-        let Self { motion, steps, hubness, mass, before, state, scratch, .. } = self;
+        let Self { motion, steps, links, hubness, mass, before, state, scratch, .. } = self;
+        let way = Way { segments, links: links.as_ref() };
         let (places, speeds) = (column.len(), motion.speeds.len());
         let Prediction { keep, anew, off } = prediction;
         let moved = step.moved();
@@ -39,7 +40,7 @@ impl Tracker {
                 };
                 let of_places = if let Some((row, taps)) = one {
                     let out = &mut mass[range];
-                    arriving(row, taps, segments, keep * moved, start, out);
+                    arriving(row, taps, way, keep * moved, start, out);
                     stay(row, keep * (1.0 - moved), start, out);
                     weigh(out, anew, e);
                     &*out
@@ -50,7 +51,7 @@ impl Tracker {
                         let out = &mut out[..range.len()];
                         let (row, share) = steps.row(before, speed, joint);
                         let keep = keep * share;
-                        arriving(row, steps.of(speed), segments, keep * moved, start, out);
+                        arriving(row, steps.of(speed), way, keep * moved, start, out);
                         stay(row, keep * (1.0 - moved), start, out);
                         weigh(out, anew, e);
                     }

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import surefix
+from oracle_track import Roads
 from surefix.simulate import Route
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
@@ -22,9 +23,10 @@ SPEEDS = {
 class Model:
     """The tracker of docs/method.md 1.9 as one matrix a query, over all states."""
 
-    def __init__(self, techniques, motion, advance):
+    def __init__(self, techniques, motion, advance, segments=None):
         self.n, self.m = techniques[0].shape
         self.advance, self.any = advance, motion == "any"
+        self.roads = Roads(segments or surefix.Segments(self.n))
         # With odometry all speeds move alike.
         self.speeds = SPEEDS[motion] if advance is None else [1.0]
         self.lam, self.clip = (0.6, 6) if self.any else (0.5, 4)
@@ -70,9 +72,8 @@ class Model:
         for target, share in ((whole, 1 - places + whole), (whole + 1, places - whole)):
             for off in range(-reach, reach + 1):
                 weight = 1 - 2 * reach * jitter if off == 0 else jitter
-                for i in range(self.n):
-                    to = i + target + off
-                    step[i, to if 0 <= to < self.n else self.n] += share * weight
+                step[:, : self.n] += share * weight * self.roads.move(target + off)
+        step[:, self.n] = 1 - step.sum(1)
         return step
 
     def matrix(self, query):
@@ -108,8 +109,8 @@ class Model:
         return M
 
 
-def oracle(techniques, motion, advance=None, tolerance=1, at=()):
-    model = Model(techniques, motion, advance)
+def oracle(techniques, motion, advance=None, tolerance=1, at=(), segments=None):
+    model = Model(techniques, motion, advance, segments)
     n, m, V, seen = model.n, model.m, len(model.speeds), model.evidence()
     state = np.append(np.full(V * n, 0.95 / (V * n)), 0.05)
     forwards = []
@@ -124,7 +125,7 @@ def oracle(techniques, motion, advance=None, tolerance=1, at=()):
         places = both[:-1].reshape(V, n).sum(0)
         best = int(places.argmax())
         asked = [best, *(int(each[query]) for each in at)]
-        near = [places[max(0, i - tolerance) : i + tolerance + 1].sum() for i in asked]
+        near = [places[model.roads.near(i, tolerance)].sum() for i in asked]
         found[query] = best, near[0], both[-1], *near[1:]
         later = model.matrix(query) @ (seen[query] * later)
         later /= later.mean()

@@ -57,10 +57,15 @@ class Case:
     advance: Array
     """(m,), NaN if not known."""
     gaps: dict[int, float | None]
+    segments: surefix.Segments | None = None
 
     @property
     def options(self) -> dict[str, Any]:
         return {"motion": self.motion, "tolerance": self.tolerance}
+
+    @property
+    def route(self) -> int | surefix.Segments:
+        return len(self.D) if self.segments is None else self.segments
 
 
 def generate(rng: np.random.Generator, n: int, m: int) -> Case:
@@ -102,9 +107,9 @@ def check(track: Any, belief: Array | None, want: oracle_track.Tracked, j: int, 
 
 def compare(case: Case, cut: int) -> None:
     """The stream, saved and restored before query `cut`, and the batch beside the oracle."""
-    n, m = case.D.shape
-    want = oracle_track.track(case.D, case.motion, case.advance, case.gaps)
-    live, fixes = surefix.Matcher(places=n, **case.options), []
+    m = case.D.shape[1]
+    want = oracle_track.track(case.D, case.motion, case.advance, case.gaps, segments=case.segments)
+    live, fixes = surefix.Matcher(case.route, **case.options), []
     for j in range(m):
         if j == cut:
             live = surefix.Matcher.restore(live.snapshot())
@@ -120,7 +125,12 @@ def compare(case: Case, cut: int) -> None:
     if advance is not None:
         advance = advance + [case.gaps.get(j) or 0.0 for j in range(m)]
     run = surefix.match_distances(
-        case.D, trusted=case.trusted, advance=advance, gaps=list(case.gaps), **case.options
+        case.D,
+        trusted=case.trusted,
+        advance=advance,
+        gaps=list(case.gaps),
+        segments=case.segments,
+        **case.options,
     )
     for name in ("place", "confidence", "off_map", "speed", "score", "trusted"):
         np.testing.assert_array_equal(getattr(run, name), [getattr(f, name) for f in fixes])
