@@ -30,13 +30,19 @@ pub struct Alignment {
     pub right: Vec<Vec<f64>>,
     /// The position of each query's place, if the map (the first that has any) has positions.
     pub positions: Option<Positions>,
-    /// How many places the route has.
-    pub places: usize,
+    /// How the route's places follow each other.
+    pub segments: Segments,
 }
 
 impl Alignment {
+    /// How many places the route has.
+    pub fn places(&self) -> usize {
+        self.segments.places()
+    }
+
     /// How wrong each match of the same drive is, from 0 to 1: wholly if its place is more than
-    /// `tolerance` places from the aligned one, else as much as the alignment is not sure.
+    /// `tolerance` places of the same segment from the aligned one, else as much as the alignment is
+    /// not sure.
     ///
     /// # Errors
     /// [`Error::Length`] if the alignment has another number of queries.
@@ -46,7 +52,9 @@ impl Alignment {
             return Err(Error::Length { what: "alignment", expected, got });
         }
         let wrong = |(found, aligned): (&Match, &Aligned)| {
-            let near = found.place.abs_diff(aligned.track.place) <= tolerance;
+            let there = aligned.track.place;
+            let near = found.place < self.places()
+                && self.segments.are_near(there, found.place, tolerance);
             if near { 1.0 - aligned.track.confidence } else { 1.0 }
         };
         Ok(matches.iter().zip(&self.queries).map(|each| Some(wrong(each))).collect())
@@ -212,7 +220,7 @@ fn run<C: FnMut(usize, usize, &mut [f32]) -> Result<(), Error>>(
         }
         Ok(())
     })?;
-    Ok(Alignment { queries, right, positions: None, places })
+    Ok(Alignment { queries, right, positions: None, segments: segments.clone() })
 }
 
 /// A drive whose columns are computed when they are asked for, by technique and query.

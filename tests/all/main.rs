@@ -32,6 +32,7 @@ mod random;
 mod sad;
 mod sad_bits;
 mod screen;
+mod segments;
 #[cfg(feature = "toml")]
 mod settings;
 mod snapshot;
