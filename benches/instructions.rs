@@ -24,7 +24,8 @@ use std::sync::Arc;
 use random::SplitMix64;
 use surefix::Describer;
 use surefix::{
-    Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Motion, Sad, Values, View,
+    Channels, Config, Dtype, Image, Isa, Localizer, Map, Matcher, Metric, Motion, Sad, Segments,
+    Values, View,
 };
 
 /// Rows of a map: few, as each costs the same.
@@ -62,6 +63,7 @@ fn main() {
     }
     distances(&DTYPES, true);
     push(&[2, 3, 10, 100]);
+    segments();
     track();
     screened();
     image();
@@ -101,6 +103,22 @@ fn push(lengths: &[usize]) {
         (0..2 * sequence_length).for_each(|_| push());
         // As many as the sequence is long: not all of them need cost the same.
         case(&format!("push, n = {PLACES}, L = {sequence_length}"), sequence_length.max(16), push);
+    }
+}
+
+/// Roads of a town, each shorter than the paper's route.
+fn segments() {
+    const ROAD: usize = 450;
+    let columns = SplitMix64(2).drive(PLACES, 16);
+    let breaks: Vec<usize> = (1..PLACES / ROAD).map(|road| road * ROAD).collect();
+    for (name, closed) in [("open", false), ("closed", true)] {
+        let indices: Vec<usize> = (0..if closed { PLACES / ROAD } else { 0 }).collect();
+        let roads = Segments::new(PLACES, &breaks).and_then(|roads| roads.with_closed(&indices));
+        let mut matcher = Matcher::along(roads.unwrap(), config! { sequence_length: 3 }).unwrap();
+        let mut frames = columns.iter().cycle();
+        let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
+        (0..6).for_each(|_| push());
+        case(&format!("push, n = {PLACES}, L = 3, {name} segments of {ROAD}"), 16, push);
     }
 }
 

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 use crate::motion::Motion;
+use crate::segments::{Segment, Segments};
 
 /// The longest smoothing that is accepted: `push` costs this much a place at most.
 const MAX_SMOOTHING: usize = 65_536;
@@ -51,7 +52,8 @@ pub enum Floor {
 #[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Config {
-    /// `L`, the queries of a sequence (Eq. 5). From 1 to the number of places; 2 by default.
+    /// `L`, the queries of a sequence (Eq. 5). From 1 to the number of places, or of those of the
+    /// longest segment if none is closed; 2 by default.
     pub sequence_length: usize,
     /// `w`, how far a trusted cell is drawn to the floor (Eq. 4). From 0 (the plain sequence) to 1;
     /// 0.99 by default.
@@ -100,6 +102,16 @@ impl Config {
     /// [`Error::TooFewPlaces`] below two places, [`Error::Option`] for the first option outside its
     /// range.
     pub fn validate(&self, places: usize) -> Result<(), Error> {
+        self.validate_along(&Segments::one(places))
+    }
+
+    /// Checks every option against its range, for a route of these segments. Each of the sequence's
+    /// diagonals must fit a segment; a closed one has them all, for they go round it.
+    ///
+    /// # Errors
+    /// As for [`validate`](Self::validate).
+    pub fn validate_along(&self, segments: &Segments) -> Result<(), Error> {
+        let places = segments.places();
         if places < 2 {
             return Err(Error::TooFewPlaces { what: "places", got: places });
         }
@@ -110,7 +122,14 @@ impl Config {
             let expected = format!("a whole number from {} to {}{why}", range.start(), range.end());
             Err(Error::Option { name, expected, got: got.to_string() })
         };
-        in_range("sequence_length", 1..=places, " (the number of places)", self.sequence_length)?;
+        let closed = segments.iter().any(|segment| segment.closed);
+        let longest = segments.iter().map(Segment::len).max().unwrap_or_default();
+        let (longest, whose, fits) = if closed || longest == places {
+            (places, " (the number of places)", "the route")
+        } else {
+            (longest, " (the places of the longest segment)", "a segment")
+        };
+        in_range("sequence_length", 1..=longest, whose, self.sequence_length)?;
         in_range("smoothing", 1..=MAX_SMOOTHING, "", self.smoothing)?;
         if !(0.0..=1.0).contains(&self.weight) {
             return Err(option("weight", "a number from 0 to 1", self.weight));
@@ -143,10 +162,10 @@ impl Config {
                 ));
             }
             let reach = reach(speed, self.sequence_length - 1);
-            if reach > (places - 1) as f64 {
+            if reach > (longest - 1) as f64 {
                 let expected = format!(
-                    "speeds whose diagonal fits the route: at most {} places back over a sequence of {}",
-                    places - 1,
+                    "speeds whose diagonal fits {fits}: at most {} places back over a sequence of {}",
+                    longest - 1,
                     self.sequence_length
                 );
                 return Err(option("speeds", &expected, speed));
@@ -165,6 +184,16 @@ impl Config {
 }
 
 impl Config {
+    /// How many queries' distances a matcher holds: those of the sequence and of the gradients that
+    /// have a place on some diagonal. On an open segment an older one has none.
+    pub(crate) fn columns(&self, segments: &Segments) -> usize {
+        let reach = |segment: &Segment| match segment.closed {
+            true => self.smoothing,
+            false => self.smoothing.min(segment.len()),
+        };
+        segments.iter().map(reach).fold(self.sequence_length, usize::max)
+    }
+
     /// The options that differ from those of `other`, each with both values.
     pub(crate) fn differences(&self, other: &Self) -> String {
         let values = |config: &Self| serde_json::to_value(config).unwrap_or_default();

@@ -45,6 +45,18 @@ impl Segment {
         (0..len).contains(&to).then(|| self.start + to as usize)
     }
 
+    /// The place that lies `back` places before one of its places. It must lie on the segment, if
+    /// that is open.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "it is asked for every cell of a diagonal")]
+    pub(crate) fn before(&self, place: usize, back: usize) -> usize {
+        let ahead = place - self.start;
+        if back <= ahead {
+            return place - back;
+        }
+        self.end - 1 - (back - ahead - 1) % self.len()
+    }
+
     /// How many places lie between two of its places, the shorter way.
     pub(crate) fn apart(&self, one: usize, other: usize) -> usize {
         let straight = one.abs_diff(other);
@@ -71,6 +83,13 @@ pub struct Segments {
     list: Arc<[Segment]>,
     /// In order.
     links: Arc<[(usize, usize)]>,
+}
+
+impl Default for Segments {
+    /// Of no places.
+    fn default() -> Self {
+        Self::one(0)
+    }
 }
 
 impl Segments {

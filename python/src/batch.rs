@@ -23,7 +23,7 @@ use crate::inputs::{descriptors, listed, maps};
 use crate::learned;
 use crate::options::config;
 use crate::pickle::pickled;
-use crate::segments::given_segments;
+use crate::segments::{Segments, given_segments};
 use crate::simulate::Traverse;
 
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
@@ -77,6 +77,21 @@ impl Run {
     #[getter]
     fn place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.column(py, |fix| fix.place as i64)
+    }
+    /// The index of that place's segment: int64.
+    #[getter]
+    fn segment<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |fix| fix.segment as i64)
+    }
+    /// That place, counted from its segment's first: int64.
+    #[getter]
+    fn segment_place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |fix| fix.segment_place as i64)
+    }
+    /// How the route's places follow each other.
+    #[getter]
+    fn segments(&self) -> Segments {
+        Segments(self.0.segments.clone())
     }
     /// How good the match is, less is better: float32.
     #[getter]
@@ -178,6 +193,8 @@ impl Run {
             "confidence",
             "off_map",
             "blank",
+            "segment",
+            "segment_place",
         ] {
             columns.set_item(name, slf.getattr(name)?)?;
         }
@@ -241,7 +258,7 @@ impl Run {
 /// ------
 /// SurefixValueError
 ///     For another shape or type, a NaN or an infinity (the error says where), an option outside
-///     its range, or a gap before a query that there is not.
+///     its range, a gap before a query that there is not, or segments of other places.
 ///
 /// Examples
 /// --------

@@ -14,7 +14,7 @@ use crate::evaluate::matches_of;
 use crate::fix::Fix;
 use crate::options::whole;
 use crate::pickle::pickled;
-use crate::truth::truth_of;
+use crate::truth::truth_along;
 
 /// A threshold from a calibration drive, with its promise, by ``calibrate``.
 ///
@@ -311,17 +311,17 @@ pub(crate) fn calibrate(
             let got = tolerance.to_string();
             return Err(Error::Option { name: "tolerance", expected, got }).or_raise(py);
         }
-        let (alignment, places) = (&alignment.get().0, run.map(|run| run.get().0.places));
-        if let Some(expected) = places.filter(|&places| places != alignment.segments.places()) {
+        let (alignment, places) = (&alignment.get().0, run.map(|run| run.get().0.places()));
+        if let Some(expected) = places.filter(|&places| places != alignment.places()) {
             let what = "alignment: the route";
-            let got = alignment.segments.places();
-            return Err(Error::Length { what, expected, got }).or_raise(py);
+            return Err(Error::Length { what, expected, got: alignment.places() }).or_raise(py);
         }
         alignment.wrong(&found, tolerance as usize)
     } else {
-        let truth = truth_of(truth, tolerance)?;
-        if let Some(run) = run {
-            truth.check_places(run.get().0.places).or_raise(py)?;
+        let segments = run.map(|run| &run.get().0.segments);
+        let truth = truth_along(truth, tolerance, segments)?;
+        if let Some(segments) = segments {
+            truth.check_places(segments.places()).or_raise(py)?;
         }
         wrong_by_truth(&found, &truth)
     };

@@ -10,7 +10,8 @@ use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::options::whole;
 use crate::pickle::pickled;
-use crate::truth::{truth_of, warn_of_units};
+use crate::segments::given_segments;
+use crate::truth::{truth_along, warn_of_units};
 
 /// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
 /// ones together. A sequence's warm-up, and queries that the truth ignores, are left out.
@@ -29,11 +30,14 @@ use crate::truth::{truth_of, warn_of_units};
 ///     into metres).
 /// tolerance : float
 ///     How far from the truth still counts as correct: places, or metres if the truth is
-///     positions.
+///     positions. Places on either side of a break are not near each other; the last place of a
+///     closed segment and its first are.
 /// recall : {"correct", "place_exists", "rejected"}
 ///     What recall is a share of. "correct" (the paper's wording): the queries whose match is
 ///     correct. "place_exists": those that have a true place. "rejected": true positives and all
 ///     rejected queries (the authors' earlier code).
+/// segments : Segments, optional
+///     How the route's places follow each other, for ``Matches``; a ``Run`` knows it.
 ///
 /// Returns
 /// -------
@@ -60,8 +64,8 @@ use crate::truth::{truth_of, warn_of_units};
 /// 1.0
 #[pyfunction]
 #[pyo3(
-    signature = (matches, truth, tolerance=1.0, recall="correct"),
-    text_signature = "(matches, truth, tolerance=1, recall='correct')"
+    signature = (matches, truth, tolerance=1.0, recall="correct", *, segments=None),
+    text_signature = "(matches, truth, tolerance=1, recall='correct', *, segments=None)"
 )]
 pub(crate) fn evaluate(
     py: Python<'_>,
@@ -69,12 +73,22 @@ pub(crate) fn evaluate(
     truth: &Bound<'_, PyAny>,
     tolerance: f64,
     recall: &str,
+    segments: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Evaluation> {
     let recall: Recall = recall.parse().or_raise(py)?;
     let given = truth;
-    let truth = truth_of(given, tolerance)?;
-    if let Ok(run) = matches.cast::<Run>() {
-        truth.check_places(run.get().0.places).or_raise(py)?;
+    let segments = match (matches.cast::<Run>(), given_segments(segments)?) {
+        (Ok(_), Some(segments)) => {
+            let expected = "none with a run, which has its own".to_owned();
+            let got = format!("those of {} places", segments.places());
+            return Err(Error::Option { name: "segments", expected, got }).or_raise(py);
+        }
+        (Ok(run), None) => Some(run.get().0.segments.clone()),
+        (Err(_), segments) => segments,
+    };
+    let truth = truth_along(given, tolerance, segments.as_ref())?;
+    if let Some(segments) = segments {
+        truth.check_places(segments.places()).or_raise(py)?;
     }
     let matches = matches_of(matches)?;
     warn_of_units(given, &truth, tolerance)?;
@@ -337,7 +351,7 @@ impl Evaluation {
 /// Parameters
 /// ----------
 /// distances : array of float32, shape (n, m)
-/// truth, tolerance
+/// truth, tolerance, segments
 ///     As for ``evaluate``.
 /// ks : sequence of int
 ///
@@ -357,8 +371,8 @@ impl Evaluation {
 /// [1.0, 1.0]
 #[pyfunction]
 #[pyo3(
-    signature = (distances, truth, ks=None, tolerance=1.0),
-    text_signature = "(distances, truth, ks=[1, 5, 10], tolerance=1)"
+    signature = (distances, truth, ks=None, tolerance=1.0, *, segments=None),
+    text_signature = "(distances, truth, ks=[1, 5, 10], tolerance=1, *, segments=None)"
 )]
 pub(crate) fn recall_at(
     py: Python<'_>,
@@ -366,10 +380,16 @@ pub(crate) fn recall_at(
     truth: &Bound<'_, PyAny>,
     ks: Option<&Bound<'_, PyAny>>,
     tolerance: f64,
+    segments: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<f64>> {
     let matrix = matrix(distances, "distances")?;
-    let truth = truth_of(truth, tolerance)?;
+    let segments = given_segments(segments)?;
+    let truth = truth_along(truth, tolerance, segments.as_ref())?;
     let view = matrix.as_array().into_dimensionality().map_err(|e| value(py, e.to_string()))?;
+    if let Some(got) = segments.map(|segments| segments.places()).filter(|&n| n != view.nrows()) {
+        let (what, expected) = ("segments", view.nrows());
+        return Err(Error::Length { what, expected, got }).or_raise(py);
+    }
     let ks = match ks {
         None => vec![1, 5, 10],
         Some(ks) => ks.try_iter()?.map(|k| whole("ks", &k?)).collect::<PyResult<_>>()?,

@@ -24,6 +24,10 @@ fn python_bool(flag: bool) -> &'static str {
 /// place : int
 ///     The track's place if there is motion; else the sequence's once it is ready, and before that
 ///     the single match's.
+/// segment : int
+///     The index of that place's segment: 0 on a route without breaks.
+/// segment_place : int
+///     That place, counted from its segment's first.
 /// score : float
 ///     The score of that place: ``1 - confidence`` of the track, the sequence's score, or the
 ///     single match's distance. Less is better.
@@ -92,6 +96,16 @@ impl Fix {
     #[getter]
     fn place(&self) -> usize {
         self.0.place
+    }
+    /// The index of that place's segment.
+    #[getter]
+    fn segment(&self) -> usize {
+        self.0.segment
+    }
+    /// That place, counted from its segment's first.
+    #[getter]
+    fn segment_place(&self) -> usize {
+        self.0.segment_place
     }
     /// The score of that place: ``1 - confidence``, the sequence's score, or the single match's
     /// distance. Less is better.

@@ -20,12 +20,13 @@ use crate::segments::Segments;
 ///     The number of places of the route, at least 2; or how they follow each other, if that is not
 ///     in one segment.
 /// sequence_length : int
-///     `L`, the number of queries of a sequence (Eq. 5), from 1 to `places`.
+///     `L`, the number of queries of a sequence (Eq. 5), from 1 to `places`, or to those of the
+///     longest segment if none is closed.
 /// weight : float
 ///     `w`, how far a trusted cell is drawn to the floor (Eq. 4), from 0 (the plain sequence) to 1.
 /// tolerance : int
 ///     The most places between the minimum and the gradient's peak of a trusted match (Eq.
-///     3).
+///     3), on one segment.
 /// smoothing : int
 ///     The number of gradients that are summed along the diagonal (the paper's 3 x 3 kernel); 1 if
 ///     queries come in any order.
@@ -210,6 +211,12 @@ impl Matcher {
     #[getter]
     fn places(&self) -> usize {
         self.0.places()
+    }
+
+    /// How the places follow each other.
+    #[getter]
+    fn segments(&self) -> Segments {
+        Segments(self.0.segments().clone())
     }
 
     /// How many queries it has taken since the start or the last reset.

@@ -4,7 +4,7 @@ use numpy::{PyArrayDescrMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use surefix::evaluate::{TrustTable, Truth};
-use surefix::{Error, Positions};
+use surefix::{Error, Positions, Segments};
 
 use crate::arrays::{contiguous, coordinates, numbers, sequence_or_array, shape_of, whole_numbers};
 use crate::batch::Run;
@@ -42,7 +42,7 @@ pub(crate) fn warn_of_units(
 
 /// The truth from an array of places (m,), a matrix (n, m), or a pair of positions ((n, k), (m,
 /// k)).
-pub(crate) fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Truth> {
+fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Truth> {
     let py = object.py();
     if let Ok(pair) = object.cast::<PyTuple>()
         && pair.len() == 2
@@ -82,6 +82,19 @@ pub(crate) fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Tr
     let view = cells.as_array();
     let view = view.into_dimensionality().map_err(|e| value(py, e.to_string()))?;
     py.detach(|| Truth::cells(&view, tolerance)).or_raise(py)
+}
+
+/// [`truth_of`], on the segments of a run.
+pub(crate) fn truth_along(
+    object: &Bound<'_, PyAny>,
+    tolerance: f64,
+    segments: Option<&Segments>,
+) -> PyResult<Truth> {
+    let truth = truth_of(object, tolerance)?;
+    Ok(match segments {
+        Some(segments) => truth.along(segments),
+        None => truth,
+    })
 }
 
 /// The rows with a NaN, which become zeros: positions that are not known.
@@ -181,7 +194,7 @@ pub(crate) fn evaluate_trust(
     truth: &Bound<'_, PyAny>,
     tolerance: f64,
 ) -> PyResult<Trust> {
-    let truth = truth_of(truth, tolerance)?;
+    let truth = truth_along(truth, tolerance, Some(&run.0.segments))?;
     Ok(Trust(surefix::evaluate::evaluate_trust(&run.0, &truth).or_raise(py)?))
 }
 

@@ -243,6 +243,12 @@ class Fix:
     def blank(self) -> bool:
         """Whether the query shows nothing, so that it can never be trusted."""
     @property
+    def segment(self) -> int:
+        """x"""
+    @property
+    def segment_place(self) -> int:
+        """x"""
+    @property
     def place(self) -> int:
         """The track's place, else the sequence's once it is ready, else the single match's."""
     @property
@@ -1485,6 +1491,9 @@ class Matcher:
         >>> matcher.push(columns[3])
         Fix(frame=2, place=3, score=0, trusted=True, sequence=None)
         """
+    @property
+    def segments(self) -> Segments:
+        """x"""
     def reset(self) -> None:
         """Forgets all queries: the next one is frame 0."""
     def snapshot(self) -> bytes:
@@ -1780,6 +1789,15 @@ class Run:
     Fix(frame=3, place=3, score=0, trusted=True)
     """
 
+    @property
+    def segment(self) -> _Int64:
+        """x"""
+    @property
+    def segment_place(self) -> _Int64:
+        """x"""
+    @property
+    def segments(self) -> Segments:
+        """x"""
     @property
     def place(self) -> _Int64:
         """Where the robot was: int64."""
@@ -2612,6 +2630,8 @@ def evaluate(
     truth: _Truth,
     tolerance: float = 1,
     recall: Literal["correct", "place_exists", "rejected"] | str = "correct",
+    *,
+    segments: Segments | None = None,
 ) -> Evaluation:
     """The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
     ones together. A sequence's warm-up, and queries that the truth ignores, are left out.
@@ -2690,7 +2710,12 @@ def evaluate_trust(run: Run, truth: _Truth, tolerance: float = 1) -> Trust:
     """
 
 def recall_at(
-    distances: _Array, truth: _Truth, ks: Iterable[int] = [1, 5, 10], tolerance: float = 1
+    distances: _Array,
+    truth: _Truth,
+    ks: Iterable[int] = [1, 5, 10],
+    tolerance: float = 1,
+    *,
+    segments: Segments | None = None,
 ) -> list[float]:
     """Recall at K: the share of the queries with a true place that have one among their K nearest
     places.

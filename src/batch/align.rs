@@ -35,8 +35,14 @@ pub struct Alignment {
 }
 
 impl Alignment {
+    /// How many places the route has.
+    pub fn places(&self) -> usize {
+        self.segments.places()
+    }
+
     /// How wrong each match of the same drive is, from 0 to 1: wholly if its place is more than
-    /// `tolerance` places from the aligned one, or on another segment, else as much as the alignment is not sure.
+    /// `tolerance` places of the same segment from the aligned one, else as much as the alignment is
+    /// not sure.
     ///
     /// # Errors
     /// [`Error::Length`] if the alignment has another number of queries.
@@ -46,7 +52,9 @@ impl Alignment {
             return Err(Error::Length { what: "alignment", expected, got });
         }
         let wrong = |(found, aligned): (&Match, &Aligned)| {
-            let near = self.segments.are_near(aligned.track.place, found.place, tolerance);
+            let there = aligned.track.place;
+            let near = found.place < self.places()
+                && self.segments.are_near(there, found.place, tolerance);
             if near { 1.0 - aligned.track.confidence } else { 1.0 }
         };
         Ok(matches.iter().zip(&self.queries).map(|each| Some(wrong(each))).collect())

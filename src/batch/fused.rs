@@ -9,7 +9,7 @@ use super::{REPORTED, Run, count, fixed, of_query};
 use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
-use crate::localizer::{Input, Localizer};
+use crate::localizer::{Input, Localizer, one_route};
 use crate::map::Map;
 use crate::method::{Fix, Fusion, MAX_TECHNIQUES, Matcher};
 use crate::numbers::View;
@@ -26,9 +26,9 @@ pub fn match_fused_distances(
     drive: Drive<'_>,
 ) -> Result<Run, Error> {
     let (places, queries) = one_shape(distances)?;
-    config.validate(places)?;
-    let flags = Flags::new(drive, queries)?;
     let segments = drive.route(places)?;
+    config.validate_along(&segments)?;
+    let flags = Flags::new(drive, queries)?;
     let fixes = twice_if_global(config, |config| {
         let mut matcher = Matcher::along(segments.clone(), config.clone())?;
         let mut fusion = Fusion::new(distances.len(), places, config)?;
@@ -45,7 +45,7 @@ pub fn match_fused_distances(
         };
         (0..queries).map(push).collect()
     })?;
-    Ok(Run { fixes, places, ..Run::default() })
+    Ok(Run { fixes, segments, positions: None })
 }
 
 /// The places and the queries of several techniques' distances.
@@ -99,7 +99,6 @@ pub fn match_fused(
     progress: Progress<'_>,
 ) -> Result<Run, Error> {
     let total = one_drive(maps, queries)?;
-    let places = maps.first().map_or(0, |map| map.places());
     drive.on_a_map()?;
     let flags = Flags::new(drive, total)?;
     let mut report = |done: usize| {
@@ -125,7 +124,7 @@ pub fn match_fused(
     if progress(total, total).is_break() {
         return Err(Error::Interrupted { done: total, total });
     }
-    Ok(Run::on(maps.iter().map(Arc::as_ref), fixes, places))
+    Ok(Run::on(maps.iter().map(Arc::as_ref), fixes, one_route(maps)?.clone()))
 }
 
 /// The fixes of a run in order; for the floor of the whole matrix, of two runs: the first finds it.

@@ -17,6 +17,7 @@ use crate::method::{Fix, Matcher, Memory, is_constant, minimum};
 use crate::numbers::{View, first_not_finite};
 use crate::parallel::each;
 use crate::post::ChainState;
+use crate::segments::Segments;
 
 pub use align::{Alignment, align_descriptors, align_distances};
 pub use drive::Drive;
@@ -37,8 +38,8 @@ const AT_ONCE: usize = 256;
 pub struct Run {
     /// One fix a query.
     pub fixes: Vec<Fix>,
-    /// How many places the route has.
-    pub places: usize,
+    /// How the route's places follow each other.
+    pub segments: Segments,
     /// The position of each fix's place, if the map (the first that has any) has positions.
     #[serde(default)]
     pub positions: Option<Positions>,
@@ -46,10 +47,15 @@ pub struct Run {
 
 impl Run {
     /// On maps of the same places.
-    fn on<'a>(maps: impl IntoIterator<Item = &'a Map>, fixes: Vec<Fix>, places: usize) -> Self {
+    fn on<'a>(maps: impl IntoIterator<Item = &'a Map>, fixes: Vec<Fix>, segments: Segments) -> Self {
         let known = maps.into_iter().find_map(Map::positions);
         let positions = known.map(|known| known.of(fixes.iter().map(|fix| fix.place)));
-        Self { fixes, places, positions }
+        Self { fixes, segments, positions }
+    }
+
+    /// How many places the route has.
+    pub fn places(&self) -> usize {
+        self.segments.places()
     }
 
     /// Writes the fixes as CSV: a line of names, then a line a query. Warm-up leaves `anchors` and
@@ -60,14 +66,14 @@ impl Run {
     pub fn write_csv(&self, out: &mut impl Write) -> io::Result<()> {
         writeln!(
             out,
-            "frame,place,score,trusted,ready,anchors,speed,single_place,single_distance,gradient_place,gradient_value,confidence,off_map,blank"
+            "frame,place,score,trusted,ready,anchors,speed,single_place,single_distance,gradient_place,gradient_value,confidence,off_map,blank,segment,segment_place"
         )?;
         for fix in &self.fixes {
             let Fix { frame, place, score, trusted, single, gradient, sequence, blank, .. } = fix;
             let anchors = sequence.map(|sequence| sequence.anchors);
             writeln!(
                 out,
-                "{frame},{place},{score},{trusted},{},{},{},{},{},{},{},{},{},{blank}",
+                "{frame},{place},{score},{trusted},{},{},{},{},{},{},{},{},{},{blank},{},{}",
                 fix.is_ready(),
                 shown(anchors),
                 shown(fix.speed()),
@@ -77,6 +83,8 @@ impl Run {
                 gradient.value,
                 shown(fix.confidence()),
                 shown(fix.off_map()),
+                fix.segment,
+                fix.segment_place,
             )?;
         }
         Ok(())
@@ -103,7 +111,8 @@ fn shown(value: Option<impl ToString>) -> String {
 /// ```
 ///
 /// # Errors
-/// As for [`Config::validate`], and [`Error::Option`] for a gap before a query that there is not and for an
+/// As for [`Config::validate_along`], [`Error::Length`] for segments of other places,
+/// [`Error::Option`] for a gap before a query that there is not and for an
 /// advance that is not finite;
 /// [`Error::NotFinite`] (row: query, index: place) for a NaN or an infinity; [`Error::Length`]
 /// unless `trusted` and `advance` have one entry a query.
@@ -114,10 +123,11 @@ pub fn match_distances(
     drive: Drive<'_>,
 ) -> Result<Run, Error> {
     let (places, queries) = distances.dim();
-    config.validate(places)?;
+    let segments = drive.route(places)?;
+    config.validate_along(&segments)?;
     let flags = Flags::new(drive, queries)?;
     let config_of_stream = Config { floor: Floor::Running, ..config.clone() };
-    let stream = Matcher::along(drive.route(places)?, config_of_stream)?;
+    let stream = Matcher::along(segments.clone(), config_of_stream)?;
     let Pieces { lead, length } = Pieces::new(stream.memory(), queries);
     let pieces = 0..queries.div_ceil(length);
     let span = |index: usize| (index * length, queries.min((index + 1) * length));
@@ -157,7 +167,7 @@ pub fn match_distances(
             Ok(fixes)
         },
     ))?;
-    Ok(Run { fixes, places, ..Run::default() })
+    Ok(Run { fixes, segments, positions: None })
 }
 
 /// The floor at the smallest distance of all queries, if there is one.
@@ -285,7 +295,8 @@ pub fn match_descriptors<'a>(
     let count = count(map, queries)?;
     drive.on_a_map()?;
     let flags = Flags::new(drive, count)?;
-    config.validate(map.places())?;
+    let segments = map.route().segments().clone();
+    config.validate_along(&segments)?;
     queries.check_finite("queries", map.input_dim())?;
     let mut config = config.clone();
     let total = if config.floor == Floor::Global { 2 * count } else { count };
@@ -312,7 +323,7 @@ pub fn match_descriptors<'a>(
         // Without a query that says something there is no minimum.
         config.floor = fixed(lowest);
     }
-    let mut matcher = Matcher::along(map.route().segments().clone(), config)?;
+    let mut matcher = Matcher::along(segments.clone(), config)?;
     let mut fixes = Vec::with_capacity(count);
     for query in 0..count {
         let distances = columns.of(query)?;
@@ -322,7 +333,7 @@ pub fn match_descriptors<'a>(
         fixes.push(fix.map_err(|error| of_query(error, query))?);
     }
     report(total)?;
-    Ok(Run::on([map], fixes, map.places()))
+    Ok(Run::on([map], fixes, segments))
 }
 
 /// The number of queries in a list of descriptors.

@@ -63,7 +63,7 @@ pub fn evaluate_trust(run: &Run, truth: &Truth) -> Result<TrustTable, Error> {
     if truth.len() != run.fixes.len() {
         return Err(Error::Length { what: "truth", expected: run.fixes.len(), got: truth.len() });
     }
-    truth.check_places(run.places)?;
+    truth.check_places(run.places())?;
     let mut table = TrustTable::default();
     for (query, fix) in run.fixes.iter().enumerate() {
         let cell = match (truth.judge(query, fix.single.place), fix.trusted) {

@@ -5,6 +5,7 @@ use ndarray::ArrayView2;
 use crate::error::Error;
 use crate::map::Positions;
 use crate::parallel::each;
+use crate::segments::Segments;
 
 /// The true place of each query.
 ///
@@ -26,6 +27,8 @@ use crate::parallel::each;
 #[derive(Clone, Debug)]
 pub struct Truth {
     kind: Kind,
+    /// How the places follow each other, if not in one open segment.
+    segments: Option<Segments>,
     /// Ascending: the queries whose place is not known.
     unknown: Vec<usize>,
 }
@@ -116,6 +119,25 @@ impl Truth {
         self
     }
 
+    /// The same on a route of these segments. A tolerance in places ends at a break, and goes on from
+    /// the last place of a closed segment to its first. Positions are as near as they are.
+    ///
+    /// ```
+    /// use surefix::Segments;
+    /// use surefix::evaluate::{Truth, Verdict};
+    ///
+    /// let loops = Segments::new(8, &[4])?.with_closed(&[0])?; // places 0 to 3, closed; 4 to 7
+    /// let truth = Truth::places(vec![Some(3)], 1).along(&loops);
+    /// assert_eq!(truth.judge(0, 0), Verdict::Correct);
+    /// assert_eq!(truth.judge(0, 4), Verdict::Wrong);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    #[must_use]
+    pub fn along(mut self, segments: &Segments) -> Self {
+        self.segments = Some(segments.clone());
+        self
+    }
+
     /// Of positions, the diagonal of the box that holds the places, in metres: within a greater
     /// tolerance every match is right. `None` for other truths, and without places.
     ///
@@ -142,7 +164,7 @@ impl Truth {
     }
 
     fn of(kind: Kind) -> Self {
-        Self { kind, unknown: Vec::new() }
+        Self { kind, segments: None, unknown: Vec::new() }
     }
 
     fn is_unknown(&self, query: usize) -> bool {
@@ -220,19 +242,16 @@ impl Truth {
         let correct = match &self.kind {
             Kind::Places { truth, tolerance } => {
                 let truth = truth.get(query).copied().flatten();
-                truth.is_some_and(|truth| place.abs_diff(truth) <= *tolerance)
+                truth.is_some_and(|truth| self.are_near(place, truth, *tolerance))
             }
             Kind::Cells { columns, tolerance } => {
                 let column = columns.get(query).map_or(&[][..], Vec::as_slice);
-                let (first, end) = (
-                    place.saturating_sub(*tolerance),
-                    place.saturating_add(*tolerance).saturating_add(1),
-                );
-                let near = column.get(first..end.min(column.len())).unwrap_or_default();
-                if !near.contains(&1) && column.get(place) == Some(&-1) {
+                let mut same = column.iter().enumerate().filter(|&(_, &cell)| cell == 1);
+                let near = same.any(|(true_place, _)| self.are_near(place, true_place, *tolerance));
+                if !near && column.get(place) == Some(&-1) {
                     return Verdict::Ignored;
                 }
-                near.contains(&1)
+                near
             }
             Kind::Positions { places, queries, metres, .. } => {
                 place < places.len()
@@ -241,6 +260,17 @@ impl Truth {
             }
         };
         if correct { Verdict::Correct } else { Verdict::Wrong }
+    }
+
+    /// Whether two places are at most `tolerance` places apart on the route. A place past its end is
+    /// near none.
+    fn are_near(&self, one: usize, other: usize, tolerance: usize) -> bool {
+        match &self.segments {
+            None => one.abs_diff(other) <= tolerance,
+            Some(segments) => {
+                one.max(other) < segments.places() && segments.are_near(one, other, tolerance)
+            }
+        }
     }
 }
 

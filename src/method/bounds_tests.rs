@@ -5,6 +5,7 @@ use std::ops::Range;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use super::tests::route;
 use super::{Column, Exact, Fix, Given, Matcher};
 use crate::config::{Config, Floor, Gradient};
 use crate::motion::Motion;
@@ -97,12 +98,18 @@ proptest! {
     fn bounds_change_no_answer(
         (places, config) in (2..90_usize).prop_flat_map(|places| (Just(places), config(places))),
         width in select(vec![0.0, 1e-6, 0.01, 0.1, 0.5, 3.0]), ties: bool, restored: bool, seed: u64,
+        cut: u64,
     ) {
+        let (segments, mut config) = (route(places, cut), config);
+        if config.validate_along(&segments).is_err() {
+            // No segment is long enough.
+            config.sequence_length = 1;
+        }
         let mut drive = Drive(SplitMix64(seed));
         let start = drive.0.below(places);
         let columns: Vec<Vec<f32>> =
             (0..2 * config.sequence_length + 12).map(|j| drive.column(places, start + j, ties)).collect();
-        let mut plain = Matcher::new(places, config.clone()).unwrap();
+        let mut plain = Matcher::along(segments, config.clone()).unwrap();
         let mut told = bounded(plain.clone());
         for (newest, column) in columns.iter().enumerate() {
             let given = Given {

@@ -22,6 +22,10 @@ pub struct Fix {
     /// The track's place if there is motion; else the sequence's once it is ready, and before that
     /// the single match's.
     pub place: usize,
+    /// The index of that place's segment: 0 on a route without breaks.
+    pub segment: usize,
+    /// That place, counted from its segment's first.
+    pub segment_place: usize,
     /// The score of that place: `1 - confidence` of the track, the sequence's score, or the single
     /// match's distance. Less is better.
     pub score: f32,

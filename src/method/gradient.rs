@@ -36,11 +36,13 @@ fn unhalved(before: f32, d: f32, after: f32) -> f32 {
 
 /// Eq. 1 for the places of the segment `d` from `from` on: `put(out, gradient)` for each number of
 /// `out`. A place's own distance is that of `d`, its neighbours' are those of `around`: the same
-/// distances, or, for a bound of the gradient, bounds of them.
+/// distances, or, for a bound of the gradient, bounds of them. If the segment is `closed`, its last
+/// place and its first are neighbours.
 #[inline(always)]
 pub(super) fn gradient(
     around: &[f32],
     d: &[f32],
+    closed: bool,
     kind: Gradient,
     from: usize,
     out: &mut [f32],
@@ -50,12 +52,22 @@ pub(super) fn gradient(
     if from == to {
         return;
     }
-    // At either end one neighbour is missing.
+    if n == 1 {
+        put(&mut out[0], 0.0);
+        return;
+    }
+    let second_difference = |before: f32, d: f32, after: f32| match kind {
+        Gradient::Halved => halved(before, d, after),
+        Gradient::Unhalved => unhalved(before, d, after),
+    };
+    // At either end of an open segment one neighbour is missing.
     if from == 0 {
-        put(&mut out[0], around[1] - d[0]);
+        let around_seam = || second_difference(around[n - 1], d[0], around[1]);
+        put(&mut out[0], if closed { around_seam() } else { around[1] - d[0] });
     }
     if to == n {
-        put(&mut out[n - 1 - from], around[n - 2] - d[n - 1]);
+        let around_seam = || second_difference(around[n - 2], d[n - 1], around[0]);
+        put(&mut out[n - 1 - from], if closed { around_seam() } else { around[n - 2] - d[n - 1] });
     }
     let (first, last) = (from.max(1), to.min(n - 1));
     if first >= last {
@@ -74,14 +86,15 @@ pub(super) fn gradient(
 }
 
 /// The term of a gradient that is missing because the diagonal leaves the segment or the run: the
-/// mean of the current gradient, which telescopes to its two ends (method 1.2).
+/// mean of the current gradient, which telescopes to the segment's two ends (method 1.2). It is 0
+/// if the segment has no ends, or one place.
 #[inline(always)]
-pub(super) fn missing_gradient(d: &[f32], kind: Gradient) -> f32 {
+pub(super) fn missing_gradient(d: &[f32], closed: bool, kind: Gradient) -> f32 {
     let n = d.len();
-    match kind {
-        Gradient::Halved => ((d[1] - d[0]) + (d[n - 2] - d[n - 1])) / (2 * n) as f32,
-        Gradient::Unhalved => 0.0,
+    if closed || n == 1 || kind == Gradient::Unhalved {
+        return 0.0;
     }
+    ((d[1] - d[0]) + (d[n - 2] - d[n - 1])) / (2 * n) as f32
 }
 
 /// The options of the enhancement.
@@ -125,7 +138,7 @@ impl Enhancement {
     ) -> Option<Peak> {
         let Window { cells, scratch } = window;
         // The mean of the gradient is made of these.
-        for segment in segments.iter() {
+        for segment in segments.iter().filter(|segment| !segment.closed && segment.len() > 1) {
             cells.resolve(0, segment.start..segment.start + 2, ask);
             cells.resolve(0, segment.end - 2..segment.end, ask);
         }
@@ -146,10 +159,13 @@ impl Enhancement {
             }
             let negated = |place: usize, best: Option<(f64, usize)>| {
                 let segment = segments.of(place);
-                for age in 0..ages.min(place - segment.start + 1) {
-                    let at = place - age;
-                    let around = at.max(segment.start + 1) - 1..segment.end.min(at + 2);
-                    if cells.resolve(age, around, ask) {
+                for age in 0..ages {
+                    let Some(at) = segment.onward(place, -(age as isize)) else { break };
+                    let mut asked = false;
+                    for around in [-1, 0, 1].into_iter().filter_map(|by| segment.onward(at, by)) {
+                        asked |= cells.resolve(age, around..around + 1, ask);
+                    }
+                    if asked {
                         let bound = self.bounds(cells, segment).sum(place - segment.start);
                         if !beats((-f64::from(bound), place), best) {
                             return None;
@@ -192,16 +208,28 @@ impl Enhanced<'_> {
     /// The largest sum of the segment, if it is above `peak`.
     #[inline(always)]
     fn peak(self, mut peak: Peak) -> Peak {
+        let (len, inside) = (self.segment.len(), self.inside());
         let mut sums = [0.0_f32; BLOCK];
-        for start in (0..self.segment.len()).step_by(BLOCK) {
-            let sums = &mut sums[..BLOCK.min(self.segment.len() - start)];
-            if self.none_above(peak.value, start..start + sums.len()) {
-                continue;
+        let mut start = 0;
+        while start < len {
+            let fast = inside.contains(&start);
+            let until = if start < inside.start {
+                inside.start
+            } else if fast {
+                inside.end
+            } else {
+                len
+            };
+            let end = until.min(start + BLOCK);
+            // The last block overlaps the one before, to be a whole one.
+            if !fast || self.any_above(peak.value, start.min(inside.end - BLOCK)) {
+                let sums = &mut sums[..end - start];
+                self.block(start, sums);
+                if let Some((at, value)) = first_better(sums, peak.value, |a, b| a > b) {
+                    peak = Peak { place: self.segment.start + start + at, value };
+                }
             }
-            self.block(start, sums);
-            if let Some((at, value)) = first_better(sums, peak.value, |a, b| a > b) {
-                peak = Peak { place: self.segment.start + start + at, value };
-            }
+            start = end;
         }
         peak
     }
@@ -209,45 +237,61 @@ impl Enhanced<'_> {
     /// The sums of the places from `start` on.
     #[inline(always)]
     fn block(&self, start: usize, sums: &mut [f32]) {
-        let Enhancement { gradient: kind, smoothing } = self.options;
-        let (missing, held) = (self.missing(), smoothing.min(self.columns.len()));
-        let (around, column) = self.column(0);
-        gradient(around, column, kind, start, sums, |sum, g| *sum = g);
+        let Segment { closed, .. } = *self.segment;
+        let (missing, held) = (self.missing(), self.options.smoothing.min(self.columns.len()));
+        self.gradients(0, start, sums, |sum, g| *sum = g);
         for age in 1..held {
+            let n = self.segment.len();
+            if closed {
+                let from = (start + n - age % n) % n;
+                let (ahead, again) = sums.split_at_mut(sums.len().min(n - from));
+                self.gradients(age, from, ahead, |sum, g| *sum += g);
+                self.gradients(age, 0, again, |sum, g| *sum += g);
+                continue;
+            }
             // The first `absent` places of this block lie before the segment, `age` places back.
             let absent = age.saturating_sub(start).min(sums.len());
             let (before, within) = sums.split_at_mut(absent);
             for sum in before {
                 *sum += missing;
             }
-            let from = (start + absent).saturating_sub(age);
-            let (around, column) = self.column(age);
-            gradient(around, column, kind, from, within, |sum, g| *sum += g);
+            self.gradients(age, (start + absent).saturating_sub(age), within, |sum, g| *sum += g);
         }
-        for _ in held..smoothing {
+        for _ in held..self.options.smoothing {
             for sum in sums.iter_mut() {
                 *sum += missing;
             }
         }
     }
 
-    /// Whether surely none of these places has a sum above `least`: true for most blocks, found
-    /// without writing a sum. Always false at the ends of the segment, and for other options than
-    /// the paper's.
+    /// The gradients of the places from `from` on, `age` queries ago.
     #[inline(always)]
-    fn none_above(&self, least: f32, places: Range<usize>) -> bool {
-        let inside = places.start > self.options.smoothing && places.end < self.segment.len();
-        if !inside || self.options.smoothing != 3 || self.columns.len() < 3 {
-            return false;
-        }
-        let triples = |age| self.triples(age, places.start);
+    fn gradients(&self, age: usize, from: usize, out: &mut [f32], put: impl Fn(&mut f32, f32)) {
+        let (around, column) = self.column(age);
+        gradient(around, column, self.segment.closed, self.options.gradient, from, out, put);
+    }
+
+    /// The places whose sums have all terms, none of them at an end of the segment, if they fill a
+    /// block; none for other options than the paper's.
+    #[inline(always)]
+    fn inside(&self) -> Range<usize> {
+        let inside = 3..self.segment.len() - 1;
+        let whole = self.options.smoothing == 3 && self.columns.len() >= 3;
+        if whole && inside.len() >= BLOCK { inside } else { 0..0 }
+    }
+
+    /// Whether any place of a block [`inside`](Self::inside) has a sum above `least`: few do, and
+    /// no sum is written.
+    #[inline(always)]
+    fn any_above(&self, least: f32, start: usize) -> bool {
+        let triples = |age| self.triples(age, start);
         let (Some(newest), Some(before), Some(oldest)) = (triples(0), triples(1), triples(2))
         else {
-            return false;
+            return true;
         };
         match self.options.gradient {
-            Gradient::Halved => !any_above(least, newest, before, oldest, halved),
-            Gradient::Unhalved => !any_above(least, newest, before, oldest, unhalved),
+            Gradient::Halved => any_above(least, newest, before, oldest, halved),
+            Gradient::Unhalved => any_above(least, newest, before, oldest, unhalved),
         }
     }
 
@@ -261,23 +305,14 @@ impl Enhanced<'_> {
 
     /// The sum of one place: the same bits as in a block.
     fn sum(self, place: usize) -> f32 {
-        let Enhancement { gradient: kind, smoothing } = self.options;
-        let (missing, held) = (self.missing(), smoothing.min(self.columns.len()));
-        let term = |age: usize| {
-            if age > place || age >= held {
-                return missing;
-            }
-            let mut g = [0.0];
-            let (around, column) = self.column(age);
-            gradient(around, column, kind, place - age, &mut g, |g, value| *g = value);
-            g[0]
-        };
-        (1..smoothing).fold(term(0), |sum, age| sum + term(age))
+        let mut sum = [0.0];
+        self.block(place, &mut sum);
+        sum[0]
     }
 
     #[inline(always)]
     fn missing(&self) -> f32 {
-        missing_gradient(self.column(0).1, self.options.gradient)
+        missing_gradient(self.column(0).1, self.segment.closed, self.options.gradient)
     }
 
     /// The neighbours' and the places' own distances of `age` queries ago.

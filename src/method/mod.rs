@@ -62,7 +62,7 @@ use crate::simd::{Compiled, Isa};
 ///
 /// `push` allocates nothing, takes no lock and does not panic, whatever the data. Its cost grows
 /// with `L`: one addition a place and query of the window. The memory is set at construction:
-/// `max(L, smoothing)` f32 numbers a place.
+/// `max(L, smoothing)` f32 numbers a place, less if no segment is closed and all are shorter.
 ///
 /// ```
 /// use surefix::{Config, Matcher};
@@ -112,10 +112,10 @@ impl Matcher {
     /// ```
     ///
     /// # Errors
-    /// As for [`new`](Self::new).
+    /// As for [`new`](Self::new); a sequence must fit a segment, or one must be closed.
     pub fn along(segments: Segments, config: Config) -> Result<Self, Error> {
         let places = segments.places();
-        config.validate(places)?;
+        config.validate_along(&segments)?;
         if config.floor == Floor::Global {
             return Err(Error::Option {
                 name: "floor",
@@ -124,10 +124,8 @@ impl Matcher {
                 got: "\"global\"".to_owned(),
             });
         }
-        // A gradient older than the route is long has no place left on the diagonal.
-        let columns = config.sequence_length.max(config.smoothing.min(places));
         Ok(Self {
-            window: Window::new(columns, places)?,
+            window: Window::new(config.columns(&segments), places)?,
             anchors: Anchors::new(config.sequence_length)?,
             sequence: SequenceSearch::new(&config)?,
             tracker: {
@@ -205,7 +203,9 @@ impl Matcher {
         // 1.3 Whether to trust the single match (Eq. 3): never if the column says nothing.
         let blank = window.says_nothing(single, ask);
         let trusted = !blank
-            && given.trusted.unwrap_or_else(|| consensus(single, gradient, config.tolerance));
+            && given
+                .trusted
+                .unwrap_or_else(|| consensus(single, gradient, segments, config.tolerance));
 
         // 1.4 The trusted cells and what they are drawn towards (Eq. 4).
         anchors.push(Anchor { single, trusted });
@@ -231,12 +231,16 @@ impl Matcher {
             (None, Some(sequence)) => (sequence.place, sequence.score),
             (None, None) => (single.place, single.distance),
         };
+        let segment = segments.index_of(place);
+        let segment_place = place - segments.of(place).start;
         let (accepted, probability) = (None, None);
         Ok(Fix {
             frame,
             trusted,
             blank,
             place,
+            segment,
+            segment_place,
             score,
             single,
             gradient,
@@ -360,6 +364,11 @@ impl Matcher {
     /// How many places the route has.
     pub fn places(&self) -> usize {
         self.segments.places()
+    }
+
+    /// How its places follow each other.
+    pub fn segments(&self) -> &Segments {
+        &self.segments
     }
 
     /// The instruction set that it runs on.

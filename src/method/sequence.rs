@@ -9,6 +9,7 @@ use super::window::{Exact, Ring, Window};
 use crate::config::{Config, reach};
 use crate::error::Error;
 use crate::preallocated::{Preallocated, reserved};
+use crate::segments::Segment;
 
 /// Sums that are made at a time: they stay in the first-level cache.
 const BLOCK: usize = 256;
@@ -100,15 +101,19 @@ impl Estimator for SequenceSearch {
             let least = if E::BOUNDS {
                 sums.least_of_bounds(window, &self.anchored, before, ask)
             } else {
-                Some(sums.least(&window.cells.lower, &self.anchored))
+                sums.least(&window.cells.lower, &self.anchored)
             };
             if let Some(least) = least.filter(|&least| beats(least, before)) {
                 best = Some((least, diagonal));
             }
         }
         best.map(|((sum, place), diagonal)| {
-            let anchors = seen.anchors.trusted();
-            let anchors = anchors.filter(|&(age, at)| at + diagonal.back[age] == place).count();
+            let segment = seen.segments.of(place);
+            let ends_here = |&(age, at): &(usize, usize)| {
+                segment.places().contains(&at)
+                    && segment.onward(at, diagonal.back[age] as isize) == Some(place)
+            };
+            let anchors = seen.anchors.trusted().filter(ends_here).count();
             // A sum of negative zeros is zero.
             let score = ((0.0 + sum) / self.length as f64) as f32;
             Sequence { place, score, anchors, speed: diagonal.speed }
@@ -126,27 +131,31 @@ struct Sums<'a> {
 }
 
 impl Sums<'_> {
-    /// The smallest sum, and the first place that has it.
+    /// The smallest sum, and the first place that has it; `None` if no diagonal fits a segment.
     #[inline(always)]
-    fn least(&self, columns: &Ring, mut anchored: &[(usize, f64)]) -> Candidate {
-        let mut least: Candidate = (f64::INFINITY, self.spans().next().map_or(0, |s| s.start));
+    fn least(&self, columns: &Ring, mut anchored: &[(usize, f64)]) -> Option<Candidate> {
+        let mut least: Candidate = (f64::INFINITY, 0);
         let mut sums = [0.0_f64; BLOCK];
         for span in self.spans() {
-            for start in span.clone().step_by(BLOCK) {
-                let sums = &mut sums[..BLOCK.min(span.end - start)];
-                let places = start..start + sums.len();
-                let plain = anchored.first().is_none_or(|&(place, _)| place >= places.end);
-                if plain && self.none_below(columns, places, least.0) {
-                    continue;
+            let (mut start, last) = (span.places.start, span.places.end);
+            while start < last {
+                let end = last.min(start + BLOCK);
+                let plain = anchored.first().is_none_or(|&(place, _)| place >= end);
+                // The last block overlaps the one before, to be a whole one.
+                let whole = !span.around && span.places.len() >= BLOCK;
+                let known = whole && plain;
+                if !known || self.any_below(columns, start.min(last - BLOCK), least.0) {
+                    let sums = &mut sums[..end - start];
+                    self.raw(columns, &span, start, sums);
+                    overwrite(&mut anchored, start, sums);
+                    if let Some((at, sum)) = first_better(sums, least.0, |a, b| a < b) {
+                        least = (sum, start + at);
+                    }
                 }
-                self.raw(columns, start, sums);
-                overwrite(&mut anchored, start, sums);
-                if let Some((at, sum)) = first_better(sums, least.0, |a, b| a < b) {
-                    least = (sum, start + at);
-                }
+                start = end;
             }
         }
-        least
+        least.0.is_finite().then_some(least)
     }
 
     /// [`least`](Self::least) by lower bounds of the sums; `None` if none beats `best`.
@@ -154,42 +163,50 @@ impl Sums<'_> {
         &self,
         window: &mut Window,
         mut anchored: &[(usize, f64)],
-        mut best: Option<Candidate>,
+        best: Option<Candidate>,
         ask: &mut E,
     ) -> Option<Candidate> {
         let Window { cells, scratch } = window;
         let places = cells.lower.height();
+        // Places without a diagonal are never the best.
+        scratch.sums.fill(f64::INFINITY);
         for span in self.spans() {
-            let bounds = &mut scratch.sums[span.clone()];
+            let bounds = &mut scratch.sums[span.places.clone()];
             for (block, sums) in bounds.chunks_mut(BLOCK).enumerate() {
-                self.raw(&cells.lower, span.start + block * BLOCK, sums);
+                self.raw(&cells.lower, &span, span.places.start + block * BLOCK, sums);
             }
-            overwrite(&mut anchored, span.start, bounds);
-            let sum = |place: usize, best: Option<Candidate>| {
-                for (age, back) in self.diagonal.back.iter().enumerate() {
-                    if cells.resolve(age, place - back..place - back + 1, ask)
-                        && !beats((self.of(place, &cells.lower), place), best)
-                    {
-                        return None;
-                    }
-                }
-                Some(self.of(place, &cells.lower))
-            };
-            let candidates = &mut scratch.candidates;
-            if let Search::Best(found) =
-                first_least(bounds, span.start, best, places, candidates, sum)
-            {
-                best = found;
-            }
+            overwrite(&mut anchored, span.places.start, bounds);
         }
-        best
+        let sum = |place: usize, best: Option<Candidate>| {
+            let segment = self.seen.segments.of(place);
+            for (age, &back) in self.diagonal.back.iter().enumerate() {
+                let at = segment.onward(place, -(back as isize))?;
+                if cells.resolve(age, at..at + 1, ask)
+                    && !beats((self.of(place, &cells.lower), place), best)
+                {
+                    return None;
+                }
+            }
+            Some(self.of(place, &cells.lower))
+        };
+        match first_least(&scratch.sums, 0, best, places, &mut scratch.candidates, sum) {
+            Search::Best(found) => found,
+            // There are no more candidates than places.
+            Search::TooMany => best,
+        }
     }
 
-    /// The places whose whole diagonal lies on their segment.
-    fn spans(&self) -> impl Iterator<Item = Range<usize>> {
+    /// The places that have a diagonal, in order: of an open segment those whose diagonal lies on
+    /// it, of a closed one all.
+    fn spans(&self) -> impl Iterator<Item = Span> {
         let reach = self.reach();
-        let segments = self.seen.segments.iter();
-        segments.map(move |segment| (segment.start + reach).min(segment.end)..segment.end)
+        self.seen.segments.iter().flat_map(move |&segment| {
+            let from = segment.start.saturating_add(reach).min(segment.end);
+            let around = segment.closed.then_some(segment.start..from);
+            let around = around.map(|places| Span { places, segment, around: true });
+            let straight = Span { places: from..segment.end, segment, around: false };
+            around.into_iter().chain([straight])
+        })
     }
 
     /// How many places back the diagonal's oldest cell lies.
@@ -197,13 +214,15 @@ impl Sums<'_> {
         self.diagonal.back.last().copied().unwrap_or(0)
     }
 
-    /// The sum of the diagonal that ends in `place`, its trusted cells weighted.
+    /// The sum of the diagonal that ends in `place`, which has one, its trusted cells weighted.
     #[inline(always)]
     fn of(&self, place: usize, columns: &Ring) -> f64 {
-        let Seen { anchors, floor, .. } = *self.seen;
+        let Seen { segments, anchors, floor, .. } = *self.seen;
+        let segment = segments.of(place);
         let mut sum = 0.0;
-        for (age, back) in self.diagonal.back.iter().enumerate().rev() {
-            let (at, anchor) = (place - back, anchors.get(age));
+        for (age, &back) in self.diagonal.back.iter().enumerate().rev() {
+            let at = segment.before(place, back);
+            let anchor = anchors.get(age);
             sum += f64::from(if anchor.trusted && anchor.single.place == at {
                 weighted(anchor.single.distance, self.weight, floor)
             } else {
@@ -219,11 +238,12 @@ impl Sums<'_> {
     fn of_anchored(&self, columns: &Ring, anchored: &mut Vec<(usize, f64)>) {
         anchored.clear();
         for (age, at) in self.seen.anchors.trusted() {
-            let (place, segment) = (at + self.diagonal.back[age], self.seen.segments.of(at));
-            let whole = segment.start + self.reach()..segment.end;
+            let segment = self.seen.segments.of(at);
+            let first = if segment.closed { segment.start } else { segment.start + self.reach() };
+            let place = segment.onward(at, self.diagonal.back[age] as isize);
             // On a drive that is followed well, all lie on one diagonal.
-            let known = anchored.last().is_some_and(|&(last, _)| last == place);
-            if whole.contains(&place) && !known {
+            let known = |place| anchored.last().is_some_and(|&(last, _)| last == place);
+            if let Some(place) = place.filter(|&place| place >= first && !known(place)) {
                 anchored.push((place, 0.0));
             }
         }
@@ -235,9 +255,12 @@ impl Sums<'_> {
     }
 
     /// Writes the raw sums of the diagonals that end in `start`, `start + 1`, ..., at most
-    /// [`BLOCK`].
+    /// [`BLOCK`] places of a span.
     #[inline(always)]
-    fn raw(&self, columns: &Ring, start: usize, sums: &mut [f64]) {
+    fn raw(&self, columns: &Ring, span: &Span, start: usize, sums: &mut [f64]) {
+        if span.around {
+            return self.raw_around(columns, span.segment, start, sums);
+        }
         let count = sums.len();
         let term = |age: usize| &columns.column(age)[start - self.diagonal.back[age]..][..count];
         // Three columns a pass: a sum is read and written a third of the times.
@@ -266,25 +289,49 @@ impl Sums<'_> {
         }
     }
 
-    /// Whether surely no diagonal that ends in these places has a raw sum below `least`: true for
-    /// most blocks of windows of up to three columns, found without writing a sum.
+    /// [`raw`](Self::raw) of diagonals that go round a closed segment, a column at a time.
     #[inline(always)]
-    fn none_below(&self, columns: &Ring, places: Range<usize>, least: f64) -> bool {
+    fn raw_around(&self, columns: &Ring, segment: Segment, start: usize, sums: &mut [f64]) {
+        sums.fill(0.0);
+        for (age, &back) in self.diagonal.back.iter().enumerate().rev() {
+            let column = &columns.column(age)[segment.places()];
+            let from = segment.before(start, back) - segment.start;
+            let (ahead, again) = sums.split_at_mut(sums.len().min(column.len() - from));
+            for (sum, &d) in ahead.iter_mut().zip(&column[from..]) {
+                *sum += f64::from(d);
+            }
+            for (sum, &d) in again.iter_mut().zip(column) {
+                *sum += f64::from(d);
+            }
+        }
+    }
+
+    /// Whether any diagonal that ends in a block of places has a raw sum below `least`: few blocks
+    /// of windows of up to three columns have, and no sum is written.
+    #[inline(always)]
+    fn any_below(&self, columns: &Ring, start: usize, least: f64) -> bool {
         let back = &self.diagonal.back;
-        if places.len() != BLOCK || back.len() > 3 {
-            return false;
+        if back.len() > 3 {
+            return true;
         }
         let oldest = back.len() - 1;
-        let term = |age: usize| columns.column(age)[places.start - back[age]..].first_chunk();
+        let term = |age: usize| columns.column(age)[start - back[age]..].first_chunk();
         let (Some(a), Some(b), Some(c)) = (term(oldest), term(oldest.min(1)), term(0)) else {
-            return false;
+            return true;
         };
-        !match back.len() {
+        match back.len() {
             1 => any_of(a, b, c, |a, _, _| a < least),
             2 => any_of(a, b, c, |a, _, c| a + c < least),
             _ => any_of(a, b, c, |a, b, c| a + b + c < least),
         }
     }
+}
+
+/// Places of a segment in which diagonals end that go round it, or that do not.
+struct Span {
+    places: Range<usize>,
+    segment: Segment,
+    around: bool,
 }
 
 /// Puts the sums of anchored diagonals in place of the raw ones, from `start` on.

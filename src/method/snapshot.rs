@@ -21,6 +21,9 @@ struct Entry {
     /// The fingerprint of the map that it belongs to, if any.
     map: Option<u64>,
     places: usize,
+    /// How the places follow each other, unless in one segment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    segments: Option<Segments>,
     config: Config,
     frames: u64,
     /// How many statistics of the drive there are.
@@ -86,6 +89,10 @@ impl Matcher {
         let entry = Entry {
             map,
             places: self.places(),
+            segments: {
+                let several = self.segments != Segments::one(self.places());
+                several.then(|| self.segments.clone())
+            },
             config: self.config.clone(),
             frames: self.frames,
             running: running.len(),
@@ -132,30 +139,36 @@ pub(crate) fn load(
         let reason = format!("taken under other options: {differences}");
         return Err(Error::Snapshot { reason });
     }
-    if let Some(owner) = owner
-        && (entry.map != Some(owner.fingerprint) || entry.places != owner.segments.places())
-    {
+    let segments = entry.segments.clone().unwrap_or_else(|| Segments::one(entry.places));
+    if let Some(owner) = owner {
+        let same = entry.map == Some(owner.fingerprint) && entry.places == owner.segments.places();
         let reason = match entry.map {
-            Some(_) => "taken on another map than this one",
-            None => "of a matcher without a map: restore it with Matcher",
+            Some(_) if same && segments == *owner.segments => None,
+            Some(_) if same => Some("taken on other segments of this map"),
+            Some(_) => Some("taken on another map than this one"),
+            None => Some("of a matcher without a map: restore it with Matcher"),
         };
-        return Err(Error::Snapshot { reason: reason.to_owned() });
+        if let Some(reason) = reason {
+            return Err(Error::Snapshot { reason: reason.to_owned() });
+        }
     }
-    let segments = owner.map(|owner| owner.segments.clone());
     read(&tensors, entry, segments).map_err(damaged)
 }
 
 /// The matcher of a snapshot, whose numbers must fit together.
-fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Result<Saved, Refusal> {
+fn read(tensors: &Tensors<'_>, entry: Entry, segments: Segments) -> Result<Saved, Refusal> {
     let refused = |reason: &str| Refusal::Foreign(reason.to_owned());
     let Entry { places, config, frames, anchors, track, .. } = entry;
     let places_of = format!("({places})");
-    config.validate(places)?;
+    if segments.places() != places {
+        return Err(refused("segments of another number of places"));
+    }
+    config.validate_along(&segments)?;
     if frames > MAX_FRAMES {
         return Err(refused("an impossible number of frames"));
     }
     let length = config.sequence_length;
-    let reach = length.max(config.smoothing.min(places));
+    let reach = config.columns(&segments);
     // The shape first: columns of a forged size must not take memory.
     let expected = format!("(columns, {places})");
     let fits = |shape: &[usize]| shape.len() == 2 && shape[1] == places;
@@ -175,7 +188,7 @@ fn read(tensors: &Tensors<'_>, entry: Entry, segments: Option<Segments>) -> Resu
         return Err(refused("a wrong number of statistics of the drive"));
     }
 
-    let mut matcher = Matcher::along(segments.unwrap_or_else(|| Segments::one(places)), config)?;
+    let mut matcher = Matcher::along(segments, config)?;
     matcher.lowest = entry.lowest.unwrap_or(f32::INFINITY);
     matcher.frames = frames;
     for (age, column) in columns.chunks_exact(places).enumerate().rev() {

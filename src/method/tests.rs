@@ -14,6 +14,7 @@ use super::trust::{Anchor, Anchors};
 use super::window::{Ring, Window};
 use crate::config::{Config, Gradient};
 use crate::error::Error;
+use crate::random::SplitMix64;
 use crate::segments::Segments;
 use crate::simd::{Compiled, Isa};
 
@@ -54,10 +55,10 @@ fn window(newest_first: &[Vec<f32>], before: usize) -> Window {
     window
 }
 
-/// Eq. 1 of a whole column.
-fn whole_gradient(d: &[f32], kind: Gradient) -> Vec<f32> {
+/// Eq. 1 of a whole segment.
+fn whole_gradient(d: &[f32], closed: bool, kind: Gradient) -> Vec<f32> {
     let mut g = vec![f32::NAN; d.len()];
-    gradient(d, d, kind, 0, &mut g, |out, value| *out = value);
+    gradient(d, d, closed, kind, 0, &mut g, |out, value| *out = value);
     g
 }
 
@@ -65,43 +66,74 @@ fn same(a: &[f32], b: &[f32]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
-fn naive_gradient(d: &[f32], kind: Gradient) -> Vec<f32> {
-    let end = d.len() - 1;
-    let inside = |i: usize| match kind {
-        Gradient::Halved => (d[i - 1] + d[i + 1]) * 0.5 - d[i],
-        Gradient::Unhalved => d[i + 1] + d[i - 1] - (d[i] + d[i]),
-    };
-    let at = |i| {
-        if i == 0 {
-            d[1] - d[0]
-        } else if i == end {
-            d[end - 1] - d[end]
-        } else {
-            inside(i)
+/// Places that are cut into short and long segments by chance; some of them are closed.
+pub(super) fn route(places: usize, seed: u64) -> Segments {
+    let mut dice = SplitMix64(seed);
+    let most = [places, 1, 5, 40, 300][dice.below(5)];
+    let mut breaks = Vec::new();
+    let mut at = 0;
+    while at < places {
+        at += 1 + dice.below(most);
+        breaks.extend((at < places).then_some(at));
+    }
+    let segments = Segments::new(places, &breaks).unwrap();
+    let closed = segments.iter().enumerate().filter(|(_, s)| s.len() > 2 && dice.below(2) == 0);
+    let closed: Vec<usize> = closed.map(|(index, _)| index).collect();
+    segments.with_closed(&closed).unwrap()
+}
+
+/// The place that is `steps` places back, found by its number in its segment.
+fn back(segments: &Segments, place: usize, steps: usize) -> Option<usize> {
+    let segment = segments.iter().find(|s| s.places().contains(&place)).unwrap();
+    let number = (place - segment.start) as i64 - steps as i64;
+    let number = if segment.closed { number.rem_euclid(segment.len() as i64) } else { number };
+    (number >= 0).then(|| segment.start + number as usize)
+}
+
+fn naive_gradient(d: &[f32], segments: &Segments, kind: Gradient) -> Vec<f32> {
+    let mut before: Vec<Option<usize>> = vec![None; d.len()];
+    let mut after = before.clone();
+    for place in 0..d.len() {
+        if let Some(previous) = back(segments, place, 1) {
+            before[place] = Some(previous);
+            after[previous] = Some(place);
         }
+    }
+    let at = |i: usize| match (before[i], after[i], kind) {
+        (None, None, _) => 0.0,
+        (Some(only), None, _) | (None, Some(only), _) => d[only] - d[i],
+        (Some(b), Some(a), Gradient::Halved) => (d[b] + d[a]) * 0.5 - d[i],
+        (Some(b), Some(a), Gradient::Unhalved) => d[a] + d[b] - (d[i] + d[i]),
     };
-    (0..=end).map(at).collect()
+    (0..d.len()).map(at).collect()
 }
 
 /// The peak of these columns, the newest first, beside that of all sums.
 fn check_peak(
     d: &[Vec<f32>],
+    segments: &Segments,
     before: usize,
     smoothing: usize,
     kind: Gradient,
 ) -> Result<(), TestCaseError> {
-    let g: Vec<Vec<f32>> = d.iter().map(|d| naive_gradient(d, kind)).collect();
-    let missing = missing_gradient(&d[0], kind);
-    let enhanced = |i: usize| {
-        let term = |k: usize| if k <= i { g.get(k).map_or(missing, |g| g[i - k]) } else { missing };
-        (1..smoothing).fold(g[0][i], |sum, k| sum + term(k))
-    };
-    let sums: Vec<f32> = (0..g[0].len()).map(enhanced).collect();
+    let g: Vec<Vec<f32>> = d.iter().map(|d| naive_gradient(d, segments, kind)).collect();
+    let mut sums = Vec::new();
+    for segment in segments.iter() {
+        let ends = g[0][segment.start] + g[0][segment.end - 1];
+        let has_mean = kind == Gradient::Halved && segment.len() > 1 && !segment.closed;
+        let missing = if has_mean { ends / (2 * segment.len()) as f32 } else { 0.0 };
+        for i in segment.places() {
+            let term = |k: usize| {
+                let there = back(segments, i, k);
+                g.get(k).zip(there).map_or(missing, |(g, there)| g[there])
+            };
+            sums.push((1..smoothing).fold(g[0][i], |sum, k| sum + term(k)));
+        }
+    }
     let highest = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let place = sums.iter().position(|&x| x == highest).unwrap();
-    let segments = Segments::one(d[0].len());
     let enhancement = Enhancement { gradient: kind, smoothing };
-    let peak = enhancement.peak(&mut window(d, before), &segments, &mut ());
+    let peak = enhancement.peak(&mut window(d, before), segments, &mut ());
     prop_assert_eq!((peak.place, peak.value.to_bits()), (place, sums[place].to_bits()));
     Ok(())
 }
@@ -174,26 +206,33 @@ proptest! {
     }
 
     #[test]
-    fn gradient_is_the_second_difference(d in numbers(2..150), kind in kinds()) {
-        let g = whole_gradient(&d, kind);
-        prop_assert!(same(&g, &naive_gradient(&d, kind)), "{:?}", g);
+    fn gradient_is_the_second_difference(d in numbers(1..150), round: bool, kind in kinds()) {
+        let closed = round && d.len() > 2;
+        let segments = Segments::one(d.len()).with_closed(if closed { &[0] } else { &[] }).unwrap();
+        let g = whole_gradient(&d, closed, kind);
+        prop_assert!(same(&g, &naive_gradient(&d, &segments, kind)), "{:?}", g);
     }
 
     #[test]
-    fn a_missing_gradient_is_the_mean_of_the_current_one(d in numbers(2..150), kind in kinds()) {
-        let g = whole_gradient(&d, kind);
+    fn a_missing_gradient_is_the_mean_of_the_current_one(
+        d in numbers(1..150), round: bool, kind in kinds(),
+    ) {
+        let closed = round && d.len() > 2;
+        let g = whole_gradient(&d, closed, kind);
         let mean = g.iter().map(|&x| f64::from(x)).sum::<f64>() / g.len() as f64;
         // Unhalved, the inside counts twice, so that the sum is less the two ends: the method's 0
         // stands in for it.
         let expected = if kind == Gradient::Halved { mean } else { 0.0 };
-        prop_assert!((f64::from(missing_gradient(&d, kind)) - expected).abs() < 1e-6);
+        prop_assert!((f64::from(missing_gradient(&d, closed, kind)) - expected).abs() < 1e-6);
     }
 
     #[test]
     fn the_enhanced_peak_adds_along_the_diagonal_in_order(
-        d in columns(2..600, 1..6), before in 0..4_usize, smoothing in 1..9_usize, kind in kinds(),
+        d in columns(2..600, 1..6), cut: u64, before in 0..4_usize, smoothing in 1..9_usize,
+        kind in kinds(),
     ) {
-        check_peak(&d, before, smoothing, kind)?;
+        let segments = route(d[0].len(), cut);
+        check_peak(&d, &segments, before, smoothing, kind)?;
     }
 
     /// Of sums that are equal but for rounding, the order of the additions decides.
@@ -201,7 +240,7 @@ proptest! {
     fn the_enhanced_peak_is_the_largest_after_rounding(
         d in vec(vec(select(vec![0.1_f32, 0.2, 0.3, 0.7, 1.1]), 1680), 3), kind in kinds(),
     ) {
-        check_peak(&d, 0, 3, kind)?;
+        check_peak(&d, &Segments::one(1680), 0, 3, kind)?;
     }
 
     /// Of every length, on every instruction set; numbers of every size, so that each order of
@@ -211,7 +250,7 @@ proptest! {
         raw in prop_oneof![
             4 => columns(8..150, 1..8), 2 => columns(200..900, 1..4), 1 => columns(60..400, 8..60),
         ],
-        before in 0..3_usize, trust in any::<u64>(),
+        before in 0..3_usize, trust in any::<u64>(), cut: u64,
         weight in select(vec![0.0, 0.5, 0.99, 1.0]), floor in -3.0..0.0_f64,
         speeds in vec(select(vec![0.0, 0.5, 0.75, 1.0]), 1..4),
         wild: bool, isa: prop::sample::Index,
@@ -232,26 +271,24 @@ proptest! {
             let cell = &mut weighted[age][anchor(age).single.place];
             *cell = (f64::from(*cell) - weight * (f64::from(*cell) - floor)) as f32;
         }
-        let back = |speed: f64, age: usize| (speed * age as f64 + 0.5).floor() as usize;
+        let segments = route(places, cut);
+        let on_diagonal = |place: usize, speed: f64, age: usize| {
+            back(&segments, place, (speed * age as f64 + 0.5).floor() as usize)
+        };
         // The smallest sum; of equals the lowest place, then the speed named first.
         let mut best: Option<(f64, usize, f64)> = None;
         for place in 0..places {
-            for &speed in speeds.iter().filter(|&&speed| back(speed, length - 1) <= place) {
-                let cell = |age: usize| f64::from(weighted[age][place - back(speed, age)]);
-                let mut sum = 0.0;
-                for age in (0..length).rev() {
-                    sum += cell(age);
-                }
+            for &speed in &speeds {
+                let cell = |age: usize| Some(f64::from(weighted[age][on_diagonal(place, speed, age)?]));
+                let cells: Option<Vec<f64>> = (0..length).rev().map(cell).collect();
+                let Some(cells) = cells else { continue };
+                let sum = cells.into_iter().fold(0.0, |sum, cell| sum + cell);
                 if best.is_none_or(|(least, ..)| sum < least) {
                     best = Some((sum, place, speed));
                 }
             }
         }
-        let (sum, place, speed) = best.unwrap();
-        let cells = (0..length).map(|age| (anchor(age), back(speed, age)));
-        let anchors = cells.filter(|(a, back)| a.trusted && a.single.place + back == place).count();
-
-        let (mut window, segments) = (window(&raw, before), Segments::one(places));
+        let mut window = window(&raw, before);
         let mut ring = Anchors::new(length).unwrap();
         (0..length).rev().for_each(|age| ring.push(anchor(age)));
         let config = Config { sequence_length: length, weight, speeds, ..Config::default() };
@@ -259,7 +296,14 @@ proptest! {
         prop_assert_eq!(search.memory(), Memory::Queries(length));
         let seen = Seen { segments: &segments, anchors: &ring, floor, advance: None, evidence: None };
         let isa = isa.get(&Isa::available().collect::<Vec<_>>()).to_owned();
-        let got = isa.run(Estimate(&mut search, &mut window, &seen)).unwrap();
+        let got = isa.run(Estimate(&mut search, &mut window, &seen));
+        // If no diagonal fits a segment, there is no sequence.
+        prop_assert_eq!(got.is_some(), best.is_some());
+        let (Some(got), Some((sum, place, speed))) = (got, best) else { return Ok(()) };
+        let here = |&age: &usize| {
+            anchor(age).trusted && on_diagonal(place, speed, age) == Some(anchor(age).single.place)
+        };
+        let anchors = (0..length).filter(here).count();
         prop_assert_eq!((got.place, got.speed, got.anchors), (place, speed, anchors));
         prop_assert_eq!(got.score.to_bits(), ((sum / length as f64) as f32).to_bits());
     }

@@ -4,11 +4,12 @@ use super::gradient::Peak;
 use super::single::Single;
 use crate::error::Error;
 use crate::preallocated::reserved;
+use crate::segments::Segments;
 
 /// Eq. 3: the smallest distance and the largest gradient fall on the same place, within
-/// `tolerance` places.
-pub(super) fn consensus(single: Single, peak: Peak, tolerance: usize) -> bool {
-    single.place.abs_diff(peak.place) <= tolerance
+/// `tolerance` places of one segment.
+pub(super) fn consensus(single: Single, peak: Peak, segments: &Segments, tolerance: usize) -> bool {
+    segments.are_near(single.place, peak.place, tolerance)
 }
 
 /// The single match of a column and whether it was trusted: all that Eq. 4 needs to weight it.

@@ -5,7 +5,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::evaluate::{Bootstrap, Curve, Recall, Truth, Verdict, evaluate};
-use surefix::{Error, Fix, Peak, Run, Sequence, Single};
+use surefix::{Error, Fix, Peak, Run, Segments, Sequence, Single};
 
 const RECALLS: [Recall; 3] = [Recall::Correct, Recall::PlaceExists, Recall::Rejected];
 
@@ -23,7 +23,7 @@ fn fix(place: usize, score: f32, ready: bool) -> Fix {
 
 fn run(fixes: Vec<Fix>) -> Run {
     let mut run = Run::default();
-    (run.fixes, run.places) = (fixes, 10);
+    (run.fixes, run.segments) = (fixes, Segments::one(10));
     run
 }
 

@@ -35,6 +35,7 @@ mod random;
 mod sad;
 mod sad_bits;
 mod screen;
+mod segments;
 #[cfg(feature = "toml")]
 mod settings;
 mod snapshot;

@@ -126,7 +126,7 @@ fn a_run_without_queries_is_empty() {
             ControlFlow::Continue(())
         });
         let run = run.unwrap();
-        assert_eq!((run.fixes, run.places), (Vec::new(), 5));
+        assert_eq!((run.places(), run.fixes), (5, Vec::new()));
     }
 }
 

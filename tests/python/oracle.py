@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,32 +24,74 @@ Array = npt.NDArray[Any]
 Floor = str | float
 
 
-def gradient(D: Array, kind: str = "halved") -> Array:
-    """Eq. 1, column by column, float32: `0.5 (d[i+1] + d[i-1]) - d[i]`; the ends are one-sided.
+@dataclass(frozen=True)
+class Road:
+    """1.14: the places of a segment, first and end, and whether the last is followed by the first."""
+
+    first: int
+    end: int
+    closed: bool = False
+
+    def __len__(self) -> int:
+        return self.end - self.first
+
+
+def roads(n: int, breaks: Sequence[int] = (), closed: Sequence[int] = ()) -> list[Road]:
+    """1.14: the segments of `n` places that are cut at `breaks`; some of them are closed."""
+    edges = [0, *map(int, breaks), n]
+    pairs = pairwise(edges)
+    return [Road(a, b, number in closed) for number, (a, b) in enumerate(pairs)]
+
+
+def shifted(X: Array, road: Road, k: int) -> tuple[Array, Array]:
+    """Of the rows of one road, `X[i - k]` in row `i`, and in which rows there is a place `i - k`."""
+    n = len(road)
+    if road.closed:
+        return np.roll(X, k, axis=0), np.ones(n, bool)
+    moved = np.zeros_like(X)
+    if k >= 0:
+        moved[k:] = X[: max(n - k, 0)]
+    else:
+        moved[:k] = X[-k:]
+    place = np.arange(n) - k
+    return moved, (place >= 0) & (place < n)
+
+
+def gradient(D: Array, kind: str = "halved", route: list[Road] | None = None) -> Array:
+    """Eq. 1, column by column, float32: `0.5 (d[i+1] + d[i-1]) - d[i]`; at an end there is one
+    neighbour, `d[i+1] - d[i]` or `d[i-1] - d[i]`, and a place by itself has 0.
 
     `unhalved` (the authors' code) is `(d[i+1] + d[i-1]) - 2 d[i]` inside, and has the same ends.
     """
     D = np.asarray(D, np.float32)
-    g = np.empty_like(D)
-    around = D[2:] + D[:-2]
-    if kind == "halved":
-        g[1:-1] = np.float32(0.5) * around - D[1:-1]
-    elif kind == "unhalved":
-        g[1:-1] = around - np.float32(2.0) * D[1:-1]
-    else:
+    if kind not in ("halved", "unhalved"):
         raise ValueError(kind)
-    g[0] = D[1] - D[0]
-    g[-1] = D[-2] - D[-1]
+    g = np.empty_like(D)
+    for road in route or roads(len(D)):
+        d = D[road.first : road.end]
+        (before, has_before), (after, has_after) = shifted(d, road, 1), shifted(d, road, -1)
+        around = after + before
+        both = np.float32(0.5) * around - d if kind == "halved" else around - np.float32(2.0) * d
+        known = [(has_before & has_after)[:, None], has_after[:, None], has_before[:, None]]
+        g[road.first : road.end] = np.select(
+            [np.broadcast_to(k, d.shape) for k in known],
+            [both, after - d, before - d],
+            np.float32(0),
+        )
     return g
 
 
-def gradient_mean(D: Array, kind: str = "halved") -> Array:
-    """1.2: the mean of each column of the gradient, (m,), telescoped, in float32."""
+def gradient_mean(D: Array, kind: str = "halved", route: list[Road] | None = None) -> Array:
+    """1.2: the mean of each column of the gradient over each place's segment, (n, m), telescoped,
+    in float32. A closed segment's is 0.
+    """
     D = np.asarray(D, np.float32)
-    n, m = D.shape
-    if kind == "unhalved":
-        return np.zeros(m, np.float32)
-    return ((D[1] - D[0]) + (D[-2] - D[-1])) / np.float32(2 * n)
+    mean = np.zeros_like(D)
+    for a, b, closed in ((r.first, r.end, r.closed) for r in route or roads(len(D))):
+        if kind == "halved" and not closed and b - a > 1:
+            ends = (D[a + 1] - D[a]) + (D[b - 2] - D[b - 1])
+            mean[a:b] = ends / np.float32(2 * (b - a))
+    return mean
 
 
 def drives(queries: int, gaps: Sequence[int] = ()) -> Array:
@@ -59,19 +102,30 @@ def drives(queries: int, gaps: Sequence[int] = ()) -> Array:
     return np.cumsum(first_of_a_drive)
 
 
-def enhance(g: Array, mean: Array, smoothing: int = 3, drive: Array | None = None) -> Array:
+def enhance(
+    g: Array,
+    mean: Array,
+    smoothing: int = 3,
+    drive: Array | None = None,
+    route: list[Road] | None = None,
+) -> Array:
     """1.2: `G[i, j] = g_j[i] + g_{j-1}[i-1] + ...`, `smoothing` terms, in this order, float32.
 
-    A term before the first place or the first query, or of another `drive` (m,) than query `j`'s,
-    is `mean[j]`, of the *current* column. `smoothing` may exceed both sides of the matrix.
+    A term before the first place of an open segment or the first query, or of another `drive` (m,)
+    than query `j`'s, is `mean[i, j]`, of the *current* column. `smoothing` may exceed both sides of
+    the matrix.
     """
     n, m = g.shape
+    mean = np.broadcast_to(mean, (n, m))
     drive = np.zeros(m) if drive is None else drive
     G = g.copy()
     for k in range(1, smoothing):
-        term = np.broadcast_to(mean, (n, m)).copy()
+        term = mean.copy()
         together = drive[k:] == drive[: max(m - k, 0)]
-        term[k:, k:] = np.where(together, g[: max(n - k, 0), : max(m - k, 0)], term[k:, k:])
+        for road in route or roads(n):
+            rows = slice(road.first, road.end)
+            moved, known = shifted(g[rows, : max(m - k, 0)], road, k)
+            term[rows, k:] = np.where(known[:, None] & together, moved, term[rows, k:])
         G = G + term
     return G
 
@@ -81,11 +135,25 @@ def telling(D: Array) -> Array:
     return np.ptp(np.asarray(D, np.float64), axis=0) > 0
 
 
-def consensus(D: Array, G: Array, tolerance: int = 1) -> tuple[Array, Array, Array]:
+def near(a: Array, b: Array, within: float, route: list[Road]) -> Array:
+    """1.14: whether places lie on one segment, at most so far apart, round a closed one too."""
+    result = np.zeros(np.broadcast(a, b).shape, bool)
+    for road in route:
+        on_it = (np.minimum(a, b) >= road.first) & (np.maximum(a, b) < road.end)
+        apart = np.abs(np.asarray(a) - b)
+        if road.closed:
+            apart = np.minimum(apart, len(road) - apart)
+        result |= on_it & (apart <= within)
+    return result
+
+
+def consensus(
+    D: Array, G: Array, tolerance: int = 1, route: list[Road] | None = None
+) -> tuple[Array, Array, Array]:
     """1.3: the places of the least distance and the largest gradient (Eq. 2), and trust (Eq. 3)."""
     i_d = np.argmin(D, axis=0)
     i_g = np.argmax(G, axis=0)
-    return i_d, i_g, np.abs(i_g - i_d) <= tolerance
+    return i_d, i_g, near(i_g, i_d, tolerance, route or roads(len(D)))
 
 
 def floors(D: Array, floor: Floor = "running") -> Array:
@@ -124,31 +192,35 @@ def sequence(
     length: int,
     speed: float = 1.0,
     drive: Array | None = None,
+    route: list[Road] | None = None,
 ) -> tuple[Array, Array]:
     """Eq. 5: `L S` (n, m) float64, `inf` if undefined, and the number of anchors on each diagonal.
 
     Column `j` weights *every* column of its window with `floor[j]`. Each sum runs from the oldest
-    query to the newest. Defined if `j >= L-1`, `i >= round(v (L-1))`, and all queries of the window
-    are of one `drive` (m,).
+    query to the newest. Defined if `j >= L-1`, all queries of the window are of one `drive` (m,),
+    and place `i` has at least `round(v (L-1))` places of an open segment before it, or is on a
+    closed one.
     """
     n, m = D.shape
     drive = np.zeros(m) if drive is None else drive
     S = np.full((n, m), np.inf)  # sums, for the means of two of them can be equal
     anchors = np.zeros((n, m), np.int64)
-    i = np.arange(steps_back(speed, length - 1), n)  # the places with a full window
     for j in range(length - 1, m):
         if len(set(drive[j - length + 1 : j + 1])) > 1:
             continue
-
-        def cells(q: int, j: int = j) -> Array:
-            on_route = i - steps_back(speed, j - q)
-            weighted = weight(D[i_d[q], q], floor[j], w) if trusted[q] else D[i_d[q], q]
-            column = D[:, q].astype(np.float64)
-            column[i_d[q]] = weighted
-            anchors[i, j] += trusted[q] & (on_route == i_d[q])
-            return column[on_route]
-
-        S[i, j] = reduce(np.add, map(cells, range(j - length + 1, j + 1)))
+        columns = D[:, : j + 1].astype(np.float64)
+        on_it = np.zeros((n, j + 1), bool)
+        for q in np.flatnonzero(trusted[: j + 1]):
+            columns[i_d[q], q] = weight(D[i_d[q], q], floor[j], w)
+            on_it[i_d[q], q] = True
+        for road in route or roads(n):
+            rows = slice(road.first, road.end)
+            window = [(q, steps_back(speed, j - q)) for q in range(j - length + 1, j + 1)]
+            terms = [shifted(columns[rows, q], road, k)[0] for q, k in window]
+            counts = [shifted(on_it[rows, q], road, k)[0] for q, k in window]
+            whole = shifted(terms[0], road, window[0][1])[1]
+            S[rows, j] = np.where(whole, reduce(np.add, terms), np.inf)
+            anchors[rows, j] = np.sum(counts, axis=0)
     return S, anchors
 
 
@@ -180,20 +252,30 @@ class Run:
     gradient_place: Array
     gradient_value: Array
     blank: Array
+    segment: Array
+    segment_place: Array
 
 
-def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int] = ()) -> Run:
+def match(
+    D: Array,
+    o: Options,
+    trusted: Array | None = None,
+    gaps: Sequence[int] = (),
+    route: list[Road] | None = None,
+) -> Run:
     """Sections 1.1 to 1.5 for a matrix `D` (n, m); `trusted` (m,) replaces the consensus.
 
     `gaps` are queries that do not follow the one before, in any order; floors ignore them. Warming
     up (the first `L-1` queries of each drive): place and score are the single frame's, no anchors,
-    speed NaN. Ties between speeds: the lowest place, then the first in the list. A speed whose
+    speed NaN. `route` is its segments, one by default. Ties between speeds: the lowest place, then the first in the list. A speed whose
     diagonal never fits is ignored.
     """
     D = np.asarray(D, np.float32)
+    route = route or roads(len(D))
     drive = drives(D.shape[1], gaps)
-    G = enhance(gradient(D, o.gradient), gradient_mean(D, o.gradient), o.smoothing, drive)
-    i_d, i_g, agreed = consensus(D, G, o.tolerance)
+    g, mean = gradient(D, o.gradient, route), gradient_mean(D, o.gradient, route)
+    G = enhance(g, mean, o.smoothing, drive, route)
+    i_d, i_g, agreed = consensus(D, G, o.tolerance, route)
     says = telling(D)
     trusted = says & (agreed if trusted is None else np.asarray(trusted, bool))
     floor = floors(D, o.floor)
@@ -203,7 +285,8 @@ def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int
     place, best = i_d.copy(), np.full(len(j), np.inf)
     speed, anchors = np.full(len(j), np.nan), np.zeros(len(j), np.int64)
     for v in o.speeds:
-        S, on_diagonal = sequence(D, i_d, trusted, floor, o.weight, o.sequence_length, v, drive)
+        length = o.sequence_length
+        S, on_diagonal = sequence(D, i_d, trusted, floor, o.weight, length, v, drive, route)
         i_0 = np.argmin(S, axis=0)  # Eq. 6
         s = S[i_0, j]
         better = (s < best) | (np.isfinite(s) & (s == best) & (i_0 < place))
@@ -213,7 +296,23 @@ def match(D: Array, o: Options, trusted: Array | None = None, gaps: Sequence[int
     means = (0.0 + best) / o.sequence_length
     score = np.where(ready, means, single).astype(np.float32)
     G_max = G[i_g, j]
-    return Run(place, score, trusted, anchors, ready, speed, i_d, single, i_g, G_max, ~says)
+    number = np.searchsorted([road.end for road in route], place, side="right")
+    counted = place - np.array([road.first for road in route])[number]
+    return Run(
+        place,
+        score,
+        trusted,
+        anchors,
+        ready,
+        speed,
+        i_d,
+        single,
+        i_g,
+        G_max,
+        ~says,
+        number,
+        counted,
+    )
 
 
 def distances(query: Array, rows: Array, metric: str) -> Array:

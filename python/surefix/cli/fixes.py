@@ -70,7 +70,7 @@ def row_of(
         row["accepted"] = track.confidence >= accept
     elif fix.accepted is not None:
         row |= {"accepted": fix.accepted, "probability": fix.probability}
-    return row
+    return row | {"segment": fix.segment, "segment_place": fix.segment_place}
 
 
 def csv_writer(file: TextIO) -> Writer:

@@ -14,7 +14,7 @@ import pytest
 
 import oracle
 import surefix
-from oracle import Array, Options
+from oracle import Array, Options, Road
 
 SEEDS = range(20)
 CASES_PER_SEED = 500
@@ -31,6 +31,8 @@ EXACT = (
     "single_distance",
     "gradient_place",
     "gradient_value",
+    "segment",
+    "segment_place",
 )
 
 
@@ -96,19 +98,42 @@ class Case:
     options: Options
     trusted: Array | None
     gaps: Array
+    route: list[Road] | None = None
 
 
-def generate(rng: np.random.Generator) -> Case:
+def cut(rng: np.random.Generator, n: int) -> list[Road]:
+    """1.14: `n` places in segments of 1 to 40, about half of the longer ones closed."""
+    most = int(rng.choice([n, 1, 3, 8, 40]))
+    breaks = np.cumsum(rng.integers(1, most + 1, n))
+    closed = np.flatnonzero(rng.random(n + 1) < 0.5)
+    route = oracle.roads(n, [int(b) for b in breaks[breaks < n]], [int(c) for c in closed])
+    return [replace(road, closed=road.closed and len(road) > 2) for road in route]
+
+
+def segments_of(n: int, route: list[Road] | None) -> surefix.Segments:
+    """The library's segments of a route."""
+    route = route or [Road(0, n)]
+    closed = [number for number, road in enumerate(route) if road.closed]
+    return surefix.Segments(n, breaks=[road.first for road in route[1:]], closed=closed)
+
+
+def generate(rng: np.random.Generator, segments: bool = False) -> Case:
     """One matrix, its options, and sometimes a predictor from outside."""
     kind = KINDS[rng.integers(len(KINDS))]
     n = int(rng.integers(2, 9) if rng.random() < 0.3 else rng.integers(2, 65))
     m = int(rng.integers(1, 71) if rng.random() < 0.25 else rng.integers(1, 13))
     D = kind(rng, n, m).astype(np.float32)
-    length = int(rng.integers(1, n + 1) if rng.random() < 0.4 else rng.integers(1, min(n, 6) + 1))
+    route = cut(rng, n) if segments else None
+    most = n
+    if route is not None and not any(road.closed for road in route):
+        most = max(len(road) for road in route)
+    length = int(
+        rng.integers(1, most + 1) if rng.random() < 0.4 else rng.integers(1, min(most, 6) + 1)
+    )
     choice = rng.random()
     speeds = (1.0,) if choice < 0.5 else tuple(rng.permutation([0.0, 0.5, 0.9, 1.0, 1.1, 1.5]))
     speeds = speeds[: int(rng.integers(1, 5))]
-    fitting = tuple(float(v) for v in speeds if oracle.steps_back(v, length - 1) < n) or (1.0,)
+    fitting = tuple(float(v) for v in speeds if oracle.steps_back(v, length - 1) < most) or (1.0,)
     floor: oracle.Floor = ("running", "global", "fixed")[rng.integers(3)]
     if floor == "fixed":
         floor = float(np.float32(rng.choice([D.min() - 1.0, D.mean(), D.max() + 1.0, 0.0])))
@@ -125,27 +150,33 @@ def generate(rng: np.random.Generator) -> Case:
     # None, a few or many, in any order, some twice; and so that long windows fill up between them.
     one_in = rng.choice([2, 5, 2 * length, 10 * length])
     gaps = np.flatnonzero(rng.random(m) < 1 / one_in) if rng.random() < 0.5 else np.arange(0)
-    return Case(
-        kind.__name__, D, options, trusted, rng.permutation(np.concatenate([gaps, gaps[:2]]))
-    )
+    gaps = rng.permutation(np.concatenate([gaps, gaps[:2]]))
+    return Case(kind.__name__, D, options, trusted, gaps, route)
 
 
 # The two doors of the library, in the words of `oracle.Run`.
 
 
 def batch(
-    D: Array, options: Options, trusted: Array | None = None, gaps: Array | None = None
+    D: Array,
+    options: Options,
+    trusted: Array | None = None,
+    gaps: Array | None = None,
+    route: list[Road] | None = None,
 ) -> oracle.Run:
-    run = surefix.match_distances(D, trusted=trusted, gaps=gaps, **asdict(options))
+    segments = segments_of(len(D), route) if route else None
+    run = surefix.match_distances(
+        D, trusted=trusted, gaps=gaps, segments=segments, **asdict(options)
+    )
     return oracle.Run(*(np.asarray(getattr(run, name)) for name in oracle.Run.__annotations__))
 
 
-def matcher(D: Array, options: Options) -> Any:
+def matcher(D: Array, options: Options, route: list[Road] | None = None) -> Any:
     """A stream cannot know the global minimum: it is told, as a fixed floor (1.4)."""
     if options.floor == "global":
         least = float(oracle.floors(D, "global").min(initial=np.inf))
         options = replace(options, floor=least if np.isfinite(least) else "running")
-    return surefix.Matcher(places=D.shape[0], **asdict(options))
+    return surefix.Matcher(segments_of(len(D), route) if route else len(D), **asdict(options))
 
 
 def row(fix: Any) -> tuple[Any, ...]:
@@ -163,6 +194,8 @@ def row(fix: Any) -> tuple[Any, ...]:
         fix.gradient.place,
         fix.gradient.value,
         fix.blank,
+        fix.segment,
+        fix.segment_place,
     )
 
 
@@ -172,9 +205,10 @@ def stream(
     trusted: Array | None = None,
     gaps: Array | None = None,
     cut: int = -1,
+    route: list[Road] | None = None,
 ) -> oracle.Run:
     """Pushed column by column; before column `cut`, it is saved and restored."""
-    live = matcher(D, options)
+    live = matcher(D, options, route)
     rows = []
     for j, column in enumerate(D.T.copy()):
         if gaps is not None and j in gaps:
@@ -186,6 +220,7 @@ def stream(
         if fix.sequence is not None:
             assert (fix.place, fix.score) == (fix.sequence.place, fix.sequence.score)
         rows.append(row(fix))
+    assert live.segments == segments_of(len(D), route)
     return oracle.Run(*(np.asarray(values) for values in zip(*rows, strict=True)))
 
 
@@ -225,6 +260,46 @@ def test_stream_and_batch_equal_the_oracle(seed: int) -> None:
         slower += int((want.ready & (want.speed != case.options.speeds[0])).sum())
         again += int(want.ready[case.gaps.min() :].sum()) if len(case.gaps) else 0
     assert min(ready, anchors, slower, again) > 200, "the generator stopped reaching the sequence"
+
+
+@pytest.mark.parametrize(
+    "seed", [seed if seed < 1 else pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS]
+)
+def test_segments_and_closed_ones_equal_the_oracle(seed: int) -> None:
+    """1.14: the same on routes of segments, short and long, open and closed."""
+    rng = np.random.default_rng(1000 + seed)
+    ready = anchors = around = 0
+    for number in range(CASES_PER_SEED):
+        case = generate(rng, segments=True)
+        assert case.route is not None
+        cut = int(rng.integers(case.D.shape[1])) if rng.random() < 0.3 else -1
+        want = oracle.match(case.D, case.options, case.trusted, case.gaps, case.route)
+        as_batch = batch(case.D, case.options, case.trusted, case.gaps, case.route)
+        as_stream = stream(case.D, case.options, case.trusted, case.gaps, cut, case.route)
+        what = (seed, number, case)
+        assert_same(as_batch, want, what, score_rtol=0.0)
+        assert_same(as_stream, as_batch, what, score_rtol=0.0)
+        ready += int(want.ready.sum())
+        anchors += int(want.anchors.sum())
+        for place, speed in zip(
+            want.segment_place[want.ready], want.speed[want.ready], strict=True
+        ):
+            around += bool(place < oracle.steps_back(speed, case.options.sequence_length - 1))
+    assert min(ready, anchors, around) > 200, "the generator stopped reaching the seams"
+
+
+@pytest.mark.parametrize("pieces", [False, True])
+def test_a_long_drive_in_segments_is_matched_in_pieces(pieces: bool) -> None:
+    """A batch that is cut into pieces equals the oracle, across breaks and seams."""
+    rng = np.random.default_rng(3)
+    n, m = 60, 700 if pieces else 30
+    D = rng.random((n, m)).astype(np.float32)
+    D[np.arange(m) % 25, np.arange(m)] -= 0.5
+    route, options = oracle.roads(n, [25, 26], [0, 2]), Options(sequence_length=4, smoothing=40)
+    want = oracle.match(D, options, None, [300] if pieces else [], route)
+    gaps = np.array([300] if pieces else [], np.int64)
+    assert_same(batch(D, options, None, gaps, route), want, pieces, score_rtol=0.0)
+    assert_same(stream(D, options, None, gaps, -1, route), want, pieces, score_rtol=0.0)
 
 
 def test_ten_thousand_cases_were_run() -> None:
