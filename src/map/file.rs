@@ -134,7 +134,8 @@ impl Map {
         let (dim, dtype, image_size) = (sad.dim(), sad.dtype(), pool.size());
         let kind = Kind { dim, dtype, metric, recipe, post: None, learned: None, image_size };
         let positions = positions.into_iter().collect();
-        let sidecar = Sidecar { places, positions, norms: Vec::new(), names: vec![&names], traverses: None };
+        let sidecar =
+            Sidecar { places, positions, norms: Vec::new(), names: vec![&names], traverses: None };
         write(path, &kind, sidecar, |out| {
             let mut census = Census::new(&kind);
             pool.describe_each(progress, |rows| {
@@ -299,12 +300,10 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
     let more = Some(further.rows.clone()).filter(|rows| !rows.is_empty());
     let (from, size) = (span.start, dtype.size());
     let aligned = || foreign(format!("its rows begin at byte {from}, no multiple of {size}"));
-    let more = more.map(|rows| {
-        Storage::mapped(Arc::clone(&mapping), rows, dtype).ok_or_else(aligned)
-    });
+    let more =
+        more.map(|rows| Storage::mapped(Arc::clone(&mapping), rows, dtype).ok_or_else(aligned));
     parts.traverses = further.with_rows(more.transpose()?, (dim, metric), true)?;
-    let rows = Storage::mapped(mapping, span, dtype)
-        .ok_or_else(aligned)?;
+    let rows = Storage::mapped(mapping, span, dtype).ok_or_else(aligned)?;
     let own = if parts.norms.is_none() {
         checked_norms(lengths(rows.view(), dim, metric)?)?
     } else {

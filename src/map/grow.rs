@@ -159,7 +159,11 @@ fn numbered_on(images: &(impl ImageSource + ?Sized), first: usize) -> impl Itera
 }
 
 /// Refuses places that cannot follow those of the map.
-pub(super) fn check(name: &str, map: (&Kind, usize, bool), more: (&Kind, usize, bool)) -> Result<(), Error> {
+pub(super) fn check(
+    name: &str,
+    map: (&Kind, usize, bool),
+    more: (&Kind, usize, bool),
+) -> Result<(), Error> {
     let ((map, map_axes, map_named), (more, axes, named)) = (map, more);
     let kind = |of: &Kind| match of.recipe {
         Recipe::Ready => format!("ready descriptors of {} x {}, {}", of.dim, of.dtype, of.metric),

@@ -39,3 +39,4 @@ mod steps;
 mod stream_is_batch;
 mod threads;
 mod track;
+mod traverses;
