@@ -285,6 +285,30 @@ fn a_fused_localizer_allocates_nothing_either() {
     assert_eq!(calls, 0);
 }
 
+#[test]
+fn a_localizer_on_several_traverses_allocates_nothing_either() {
+    for dtype in DTYPES {
+        let rows = |seed| numbers(dtype, 40 * 24, seed);
+        let map = |seed| Map::from_descriptors(rows(seed), 24, Metric::Euclidean).unwrap();
+        let places: Vec<_> = (0..40).map(|place| (place % 3 > 0).then_some(place)).collect();
+        let both = map(1).add_traverse(&map(2), &places, "second").unwrap();
+        for threads in [1, 2] {
+            let mut config = Config::default();
+            config.motion = Some(Motion::any());
+            let localizer = Localizer::new(Arc::new(both.clone()), config).unwrap();
+            let mut localizer = localizer.with_threads(Some(threads)).unwrap();
+            let queries = rows(3);
+            let counted = allocations(|| {
+                for query in 0..40 {
+                    let query = queries.view().row(query, 24).unwrap();
+                    localizer.push_descriptor(query).unwrap();
+                }
+            });
+            assert_eq!(counted, 0, "{dtype} on {threads} threads");
+        }
+    }
+}
+
 /// Where the screen leaves few rows in doubt, and where it gives up.
 #[test]
 fn a_screened_localizer_allocates_nothing_either() {

@@ -29,6 +29,7 @@ mod sad;
 mod segments;
 mod settings;
 mod simulate;
+mod traverses;
 mod truth;
 
 use pyo3::prelude::*;
@@ -76,6 +77,8 @@ mod _core {
     use crate::settings::Settings;
     #[pymodule_export]
     use crate::simulate::{Route, Traverse};
+    #[pymodule_export]
+    use crate::traverses::MapTraverse;
     #[pymodule_export]
     use crate::truth::{Trust, evaluate_trust};
 

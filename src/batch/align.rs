@@ -40,6 +40,28 @@ impl Alignment {
         self.segments.places()
     }
 
+    /// For each query its place, if that is sure: its confidence is `least` or more, and no other
+    /// query of the place is surer (of equal ones, the first counts). For
+    /// [`Map::add_traverse`](crate::Map::add_traverse).
+    pub fn sure_places(&self, least: f64) -> Vec<Option<usize>> {
+        let mut best = vec![None; self.places()];
+        for (query, one) in self.queries.iter().enumerate() {
+            let (place, confidence) = (one.track.place, one.track.confidence);
+            let Some(best) = best.get_mut(place) else { continue };
+            let surer = best.is_none_or(|(_, known)| confidence > known);
+            if confidence >= least && surer {
+                *best = Some((query, confidence));
+            }
+        }
+        let mut places = vec![None; self.queries.len()];
+        for (place, best) in best.iter().enumerate() {
+            if let Some((query, _)) = *best {
+                places[query] = Some(place);
+            }
+        }
+        places
+    }
+
     /// How wrong each match of the same drive is, from 0 to 1: wholly if its place is more than
     /// `tolerance` places of the same segment from the aligned one, else as much as the alignment is
     /// not sure.

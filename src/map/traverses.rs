@@ -188,7 +188,7 @@ impl Map {
         places: &[Option<usize>],
         label: &str,
     ) -> Result<Self, Error> {
-        check("traverse", About::kind(&self.kind), About::kind(&rows.kind))?;
+        self.check_traverse(rows)?;
         let own = &self.route.traverses;
         refuse_label(label)?;
         let wrong = |name, expected: &str, got: String| {
@@ -196,9 +196,6 @@ impl Map {
         };
         if own.further.len() == MOST {
             return wrong("traverse", "at most 65 traverses", "one more".to_owned());
-        }
-        if !rows.route.traverses.further.is_empty() {
-            return wrong("traverse", "a map of one drive", "one of several".to_owned());
         }
         let (expected, got) = (rows.places(), places.len());
         if expected != got {
@@ -231,6 +228,19 @@ impl Map {
             blank: OnceLock::new(),
         });
         self.with_traverses(Traverses::new(own.first.clone(), further))
+    }
+
+    /// Whether the rows of a map can be a traverse of this one.
+    ///
+    /// # Errors
+    /// Those of [`add_traverse`](Self::add_traverse) about `rows`.
+    pub fn check_traverse(&self, rows: &Self) -> Result<(), Error> {
+        check("traverse", About::kind(&self.kind), About::kind(&rows.kind))?;
+        if rows.has_several() {
+            let expected = "a map of one drive".to_owned();
+            return Err(Error::Option { name: "traverse", expected, got: "one of several".into() });
+        }
+        Ok(())
     }
 
     /// The map's traverses: the first, whose rows are its places, and those that were
@@ -291,7 +301,7 @@ impl Map {
     }
 
     /// A map of a drive's descriptors, given as this map's queries are: before post-processing, if
-    /// there is any. It has this map's metric, recipe and post-processing, so that it can be
+    /// there is any, which is applied with the references' statistics. It has this map's metric, recipe and post-processing, so that it can be
     /// [added](Self::add_traverse) to it.
     ///
     /// # Errors
@@ -306,10 +316,7 @@ impl Map {
         super::count_places(descriptors.len(), dim)?;
         descriptors.check_finite("descriptors", dim)?;
         let rows = match (self.post(), descriptors) {
-            (Some(post), View::F32(rows)) => {
-                let rows = rows.chunks_exact(dim).map(|row| post.apply(row));
-                Values::F32(rows.collect::<Result<Vec<_>, _>>()?.concat())
-            }
+            (Some(post), View::F32(rows)) => Values::F32(post.apply(rows)?),
             _ => descriptors.to_values(),
         };
         let rows = Storage::from(rows);

@@ -43,3 +43,4 @@ mod steps;
 mod stream_is_batch;
 mod threads;
 mod track;
+mod traverses;
