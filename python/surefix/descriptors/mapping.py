@@ -18,8 +18,7 @@ from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
 from surefix.frames.levels import LOOKED_AT, Levels, measured
 from surefix.frames.nearest import EveryMetres
-from surefix.frames.passing import SkipBad
-from surefix.frames.shape import Crop
+from surefix.frames.sampling import Derived
 
 # Images are described in parallel, this many at a time; no more are held.
 AT_ONCE = 128
@@ -127,11 +126,13 @@ def sad_map(
     *,
     skip_bad: bool = False,
     mixed_sizes: bool = False,
+    thumbnails: bool | tuple[int, int] = False,
 ) -> Map:
     """A map of frames by SAD, with the positions given, else those of the odometry."""
     report = terminal_bar("Describing")
+    terms: dict[str, Any] = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails}
     if isinstance(frames, ImageFrames):
-        terms: dict[str, Any] = {"skip_bad": skip_bad, "mixed_sizes": mixed_sizes}
+        terms["skip_bad"] = skip_bad
         return Map.from_images(frames.source, sad, positions=positions, progress=report, **terms)
     bar = Bar(report, None, frames.estimate)
     route: Map | None = None
@@ -148,9 +149,7 @@ def sad_map(
             if sad.levels is None and images[0].dtype == np.uint16:
                 levels = levels_of(frames)
                 sad = Sad(sad.size, sad.patch, sad.dtype, levels)
-            made = Map.from_images(
-                images, sad, positions=where, progress=False, mixed_sizes=mixed_sizes
-            )
+            made = Map.from_images(images, sad, positions=where, progress=False, **terms)
             route = made if route is None else route.extended(made)
             count += len(part)
             bar.show(count)
@@ -177,7 +176,7 @@ def _positions(frames: Frames, taken: Sequence[Frame | Shot], positions: Any) ->
         if len(positions) != len(taken):
             raise _not_each(frames, len(positions), len(taken))
         return positions
-    while isinstance(frames, (SkipBad, Crop)):
+    while isinstance(frames, Derived) and not isinstance(frames, EveryMetres):
         frames = frames.source
     if not isinstance(frames, EveryMetres) or frames.odometry.positions.shape[1] < 2:
         return None

@@ -9,10 +9,11 @@ from surefix.frames.sampling import Derived
 
 class Noted(Derived):
     """All frames of a source; ``times`` are those of the newest iteration that came to its end,
-    and ``names`` their names.
+    ``clocks`` those of the odometry's clock, and ``names`` their names.
     """
 
     times: tuple[float | None, ...] = ()
+    clocks: tuple[float | None, ...] = ()
     names: tuple[str, ...] = ()
 
     @property
@@ -27,10 +28,11 @@ class Noted(Derived):
 
     def shots(self) -> Generator[Shot, None, None]:
         """All, noted."""
-        times, names = list[float | None](), list[str]()
+        times, clocks, names = list[float | None](), list[float | None](), list[str]()
         with closing(self.source.shots()) as shots:
             for shot in shots:
                 times.append(shot.time)
+                clocks.append(shot.time if shot.clock is None else shot.clock)
                 names.append(shot.name)
                 yield shot
-        self.times, self.names = tuple(times), tuple(names)
+        self.times, self.clocks, self.names = tuple(times), tuple(clocks), tuple(names)

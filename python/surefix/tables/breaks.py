@@ -88,18 +88,21 @@ def gaps(times: Sequence[float | None], positions: Float64 | None) -> list[tuple
     return [(int(at) + 1, float(waits[at])) for at in np.flatnonzero(missing | (waits < 0))]
 
 
-def found_breaks(
-    positions: Float64 | None, times: Sequence[float | None] = (), start: int = 0
-) -> list[Break]:
-    """The breaks at the places from ``start + 1`` on, by positions and times, each with why."""
+def found_breaks(positions: Float64 | None, times: Sequence[float | None] = ()) -> list[Break]:
+    """The breaks by positions and times, each with why."""
     why: dict[int, list[str]] = {}
     if positions is not None:
         for place, metres in jumps(positions):
-            why.setdefault(place, []).append(f"a jump of {metres:.0f} m")
+            why.setdefault(place, []).append(said_jump(metres))
     for place, seconds in gaps(times, positions):
         said = f"a gap of {seconds:.0f} s" if seconds > 0 else "the clock goes back"
         why.setdefault(place, []).append(said)
-    return [Break(place, ", ".join(why[place])) for place in sorted(why) if place > start]
+    return [Break(place, ", ".join(why[place])) for place in sorted(why)]
+
+
+def said_jump(metres: float) -> str:
+    """A jump in words."""
+    return f"a jump of {metres:.0f} m"
 
 
 def said_breaks(breaks: Sequence[Break]) -> list[str]:

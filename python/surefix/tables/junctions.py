@@ -62,7 +62,9 @@ def ends_of(positions: Float64) -> Ends:
     left = max(int(np.argmax(away >= EXTENT * step)), FEWEST - 1)
     back = np.flatnonzero(away[left:] <= GAP * step) + left
     first = heading(road, 0, BASE * step)
-    back = np.array([at for at in back if _turn(first, heading(road, at, BASE * step)) <= BEND])
+    back = np.array(
+        [at for at in back if _turn(first, heading(road, int(at), BASE * step)) <= BEND]
+    )
     if not len(back):
         return none
     # Of those in a row, that of the first pass which is nearest.

@@ -96,10 +96,10 @@ def test_breaks_are_said_with_their_reasons() -> None:
     road = np.stack([np.arange(100) * 2.0, np.zeros(100)], axis=1)
     road[60:, 1] += 600
     clock = np.arange(100) / 8 + 60 * (np.arange(100) >= 60) + 9 * (np.arange(100) >= 80)
+    # Before place 80 the robot stood still.
     assert found_breaks(road, clock.tolist()) == [Break(60, "a jump of 600 m, a gap of 60 s")]
-    assert found_breaks(road, start=60) == []
-    alone = found_breaks(None, clock.tolist(), start=60)
-    assert said_breaks(alone) == ["1 break: before place 80 (a gap of 9 s)"]
+    said = ["2 breaks: before place 60 (a gap of 60 s), before 80 (a gap of 9 s)"]
+    assert said_breaks(found_breaks(None, clock.tolist())) == said
     assert said_breaks([]) == []
     many = [Break(place) for place in range(1, 9)]
     said = "8 breaks: before place 1, before 2, before 3, before 4, before 5, 3 more"
