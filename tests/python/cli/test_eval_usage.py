@@ -13,7 +13,6 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-import surefix
 from surefix import cli
 
 TABLES = {

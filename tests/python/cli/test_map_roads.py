@@ -165,7 +165,7 @@ def test_a_map_that_grows_breaks_at_a_jump(folder: Path, tmp_path: Path) -> None
     out = tmp_path / "map"
     for name, east in (("near", 0), ("far", 400)):
         np.save(tmp_path / "first.npy", straight()[:30])
-        np.save(tmp_path / "second.npy", straight()[30:] + [east, 0])
+        np.save(tmp_path / "second.npy", straight()[30:] + np.array([east, 0]))
         built(out, folder / "0[012]?.png", "--positions", tmp_path / "first.npy")
         given = folder / "0[345]?.png", "--positions", tmp_path / "second.npy"
         said = surefix_("map", "append", out, *given).stdout
