@@ -82,7 +82,18 @@ def facts_of(route: Map, file: Path) -> dict[str, Any]:
         "traverses": [_traverse(each) for each in route.traverses],
         "thumbnails": None if small is None else list(small.shape),
         "blank": route.blank.tolist(),
+        "parts": _parts_of(file),
     }
+
+
+def _parts_of(file: Path) -> dict[str, int]:
+    """The bytes of each part of a map's file, which is one of safetensors."""
+    with file.open("rb") as opened:
+        length = int.from_bytes(opened.read(8), "little")
+        header = json.loads(opened.read(length))
+    header.pop("__metadata__", None)
+    spans = {name: part["data_offsets"] for name, part in header.items()}
+    return {"header": 8 + length} | {name: end - start for name, (start, end) in spans.items()}
 
 
 def _traverse(each: Any) -> dict[str, Any]:
@@ -107,6 +118,7 @@ def _said_facts(route: Map, facts: dict[str, Any]) -> dict[str, str | None]:
         "segments": _said_segments(route),
         "closed": None,
         "links": _said_links(facts["links"]),
+        "parts": ", ".join(f"{name} {size:,}" for name, size in facts["parts"].items()),
         "traverses": _said_traverses(facts["traverses"]),
         "thumbnails": None if small is None else f"{small[1]} x {small[0]}",
         "blank": "".join(said_blank(facts["blank"], names)) or "none",

@@ -155,7 +155,8 @@ def build(
     )
     inputs.check_not_read(out, [*frames.files, model, cache])
     read = None if positions is None else positions_of_frames(positions, frames)
-    where, origin = (None, None) if read is None else (read.values, _plane(read))
+    where = None if read is None else read.values
+    plane = {"origin": _plane(read, frames)}
     frames = noted(frames)
     if frames.ready is not None:
         got = f"expected images, got the ready descriptors {references}"
@@ -164,22 +165,23 @@ def build(
         refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
         refuse(thumbnails, f"--thumbnails: {got}")
         by = metric or metric_of(references) or "cosine"
-        route = Map.from_descriptors(frames.ready, by, positions=where, post=steps)
+        route = Map.from_descriptors(frames.ready, by, positions=where, post=steps, **plane)
     elif network is not None:
         how: dict[str, Any] = {"levels": range_, "skip_bad": not strict, "thumbnails": thumbnails}
+        how |= plane
         route = map_of_images(frames, network, metric or "cosine", where, steps, cache, **how)
     else:
         _check_sad(references, metric, post)
         sad = _sad(size, patch, dtype, range_)
-        how = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails}
+        how = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails} | plane
         if isinstance(frames, ImageFrames):
             _check_breaks(asked, len(frames))
-            how |= {"skip_bad": not strict, "origin": origin}
+            how["skip_bad"] = not strict
             Map.build(out, frames.source, sad, positions=where, **how)
             route = look(out)
         else:
             route = sad_map(frames, sad, where, **how)
-    made, notes = with_roads(_on_plane(route, frames, origin), frames, asked, file=out)
+    made, notes = with_roads(route, frames, asked, file=out)
     kept = None if frames.ready is not None else made.names
     notes += said_blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
     if skip_blank and len(made.blank):
@@ -202,18 +204,14 @@ def _check_breaks(asked: Wanted, places: int) -> None:
     refuse(bool(beyond), f"{expected}, got {beyond[-1] if beyond else 0}")
 
 
-def _plane(read: Positions) -> Any:
-    """The plane of positions: the origin of a local one, or the name of another."""
-    return read.origin or (f"{UTM}{read.zone}" if read.zone else None)
-
-
-def _on_plane(route: Map, frames: Frames, origin: Any) -> Map:
-    """The map whose positions know their plane: the given one, or that of the odometry."""
-    if origin is None and (found := sampled_by_metres(frames)) is not None:
-        origin = found.odometry.origin
-    if origin is None or route.positions is None or origin in (route.origin, route.plane):
-        return route
-    return route.with_positions(route.positions, origin=origin)
+def _plane(read: Positions | None, frames: Frames) -> Any:
+    """The plane of the positions that were given, or of the odometry: the origin of a local one,
+    or the name of another.
+    """
+    if read is not None:
+        return read.origin or (f"{UTM}{read.zone}" if read.zone else None)
+    found = sampled_by_metres(frames)
+    return None if found is None else found.odometry.origin
 
 
 MATCHED = "nothing is matched to them (--skip-blank leaves them out)"
@@ -287,9 +285,11 @@ def append(
     # A closed segment has no end to go on from.
     begins = new_segment or old.segments[-1].closed
     joined: dict[str, Any] = {"new_segment": begins}
+    plane = {"origin": old.origin or old.plane}
     if frames.ready is not None:
         rows, post, recipe = frames.ready, old.post, old.recipe
-        added = Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe)
+        made = {"post": post, "recipe": recipe} | ({} if where is None else plane)
+        added = Map.from_descriptors(rows, old.metric, where, **made)
         Map.append(file, added, **joined)
     elif network is not None:
         images: Any = frames.source if isinstance(frames, ImageFrames) else frames
@@ -302,18 +302,18 @@ def append(
         check_kind(old, str(file), frames, None)
     else:
         small = old.thumbnail(0)
-        how = {"mixed_sizes": mixed_sizes}
+        how: dict[str, Any] = {"mixed_sizes": mixed_sizes} | plane
         how["thumbnails"] = False if small is None else small.shape[::-1]
         Map.append(file, sad_map(frames, old.descriptor, where, **how), **joined)
     longer = look(file)
     count = plural(len(longer) - len(old), "place")
-    made, notes = with_roads(longer, frames, asked, len(old), file)
-    if made is not longer:
-        made.save(file)
-    kept = None if frames.ready is not None or made.names is None else made.names[len(old) :]
-    blank = [place for place in made.blank.tolist() if place >= len(old)]
-    notes = [*_again(old, made), *notes, *said_blank(blank, made.names)]
-    del made, longer
+    whole, notes = with_roads(longer, frames, asked, len(old), file)
+    if whole is not longer:
+        whole.save(file)
+    kept = None if frames.ready is not None or whole.names is None else whole.names[len(old) :]
+    blank = [place for place in whole.blank.tolist() if place >= len(old)]
+    notes = [*_again(old, whole), *notes, *said_blank(blank, whole.names)]
+    del whole, longer
     seconds = time.perf_counter() - start
     said = f"Added {count} to {file}: now {size_of(file)}, in {seconds:.1f} s"
     print("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))

@@ -126,13 +126,11 @@ def sad_map(
     *,
     skip_bad: bool = False,
     mixed_sizes: bool = False,
-    thumbnails: bool | tuple[int, int] = False,
 ) -> Map:
     """A map of frames by SAD, with the positions given, else those of the odometry."""
     report = terminal_bar("Describing")
-    terms: dict[str, Any] = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails}
     if isinstance(frames, ImageFrames):
-        terms["skip_bad"] = skip_bad
+        terms: dict[str, Any] = {"skip_bad": skip_bad, "mixed_sizes": mixed_sizes}
         return Map.from_images(frames.source, sad, positions=positions, progress=report, **terms)
     bar = Bar(report, None, frames.estimate)
     route: Map | None = None
@@ -149,7 +147,9 @@ def sad_map(
             if sad.levels is None and images[0].dtype == np.uint16:
                 levels = levels_of(frames)
                 sad = Sad(sad.size, sad.patch, sad.dtype, levels)
-            made = Map.from_images(images, sad, positions=where, progress=False, **terms)
+            made = Map.from_images(
+                images, sad, positions=where, progress=False, mixed_sizes=mixed_sizes
+            )
             route = made if route is None else route.extended(made)
             count += len(part)
             bar.show(count)
