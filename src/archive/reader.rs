@@ -256,7 +256,13 @@ impl Tensors<'_> {
         Ok(Some((&info.shape, numbers)))
     }
 
-    /// The same, of a tensor that must be there.
+    /// A tensor's bytes, without a copy of those that are owned; empty if there is none of that
+    /// name.
+    pub(crate) fn take(&mut self, name: &str) -> Vec<u8> {
+        self.data.remove(name).map(Cow::into_owned).unwrap_or_default()
+    }
+
+    /// The same as [`numbers`](Self::numbers), of a tensor that must be there.
     pub(crate) fn required<T: Number>(
         &self,
         name: &str,

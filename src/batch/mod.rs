@@ -12,7 +12,7 @@ use ndarray::ArrayView2;
 use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
-use crate::map::Map;
+use crate::map::{Map, Positions};
 use crate::method::{Fix, Matcher, Memory, is_constant, minimum};
 use crate::numbers::{View, first_not_finite};
 use crate::parallel::each;
@@ -39,9 +39,19 @@ pub struct Run {
     pub fixes: Vec<Fix>,
     /// How many places the route has.
     pub places: usize,
+    /// The position of each fix's place, if the map (the first that has any) has positions.
+    #[serde(default)]
+    pub positions: Option<Positions>,
 }
 
 impl Run {
+    /// On maps of the same places.
+    fn on<'a>(maps: impl IntoIterator<Item = &'a Map>, fixes: Vec<Fix>, places: usize) -> Self {
+        let known = maps.into_iter().find_map(Map::positions);
+        let positions = known.map(|known| known.of(fixes.iter().map(|fix| fix.place)));
+        Self { fixes, places, positions }
+    }
+
     /// Writes the fixes as CSV: a line of names, then a line a query. Warm-up leaves `anchors` and
     /// `speed` empty; without motion, `confidence` and `off_map` are empty.
     ///
@@ -147,7 +157,7 @@ pub fn match_distances(
             Ok(fixes)
         },
     ))?;
-    Ok(Run { fixes, places })
+    Ok(Run { fixes, places, ..Run::default() })
 }
 
 /// The floor at the smallest distance of all queries, if there is one.
@@ -312,7 +322,7 @@ pub fn match_descriptors<'a>(
         fixes.push(fix.map_err(|error| of_query(error, query))?);
     }
     report(total)?;
-    Ok(Run { fixes, places: map.places() })
+    Ok(Run::on([map], fixes, map.places()))
 }
 
 /// The number of queries in a list of descriptors.

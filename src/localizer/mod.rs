@@ -1,6 +1,7 @@
 //! A map and a matcher: the loop that a robot runs.
 
 mod judge;
+mod position;
 mod screening;
 mod technique;
 
@@ -477,20 +478,23 @@ impl Localizer {
 /// The segments of the first of some techniques' maps.
 ///
 /// # Errors
-/// [`Error::Option`] for no map or more than 32, [`Error::Length`] unless all have one number of
-/// places.
+/// [`Error::Option`] for no map or more than 32, or for different segments; [`Error::Length`] unless
+/// all have one number of places.
 pub(crate) fn one_route(maps: &[Arc<Map>]) -> Result<&Segments, Error> {
     let Some(first) = maps.first().filter(|_| maps.len() <= MAX_TECHNIQUES) else {
         return Err(wrong_number(maps.len()));
     };
     let expected = first.places();
-    match maps.iter().find(|map| map.places() != expected) {
-        None => Ok(first.route().segments()),
-        Some(other) => {
-            let what = "places of a map, as of the first";
-            Err(Error::Length { what, expected, got: other.places() })
-        }
+    if let Some(other) = maps.iter().find(|map| map.places() != expected) {
+        let what = "places of a map, as of the first";
+        return Err(Error::Length { what, expected, got: other.places() });
     }
+    if maps.iter().any(|map| map.segments() != first.segments()) {
+        let expected = "maps of the same segments, links among them".to_owned();
+        let got = "maps of different ones".to_owned();
+        return Err(Error::Option { name: "maps", expected, got });
+    }
+    Ok(first.segments())
 }
 
 fn wrong_number(got: usize) -> Error {

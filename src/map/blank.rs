@@ -9,8 +9,9 @@ use std::sync::Arc;
 use twox_hash::XxHash3_64;
 
 use super::block::SMALL;
+use super::edit::TUNNEL;
 use super::recipe::Kind;
-use super::{Map, Recipe, at_least_two};
+use super::{Map, Recipe};
 use crate::error::Error;
 use crate::numbers::{View, each_type};
 
@@ -112,28 +113,21 @@ impl Map {
     }
 
     /// The same map without the places that [show nothing](Self::blank). The places after them move
-    /// up. Rows are shared.
+    /// up, within the same segments, as for [`keep`](Self::keep). If 5 places or more that follow
+    /// each other show nothing, as in a tunnel, a new segment begins after them, with a link to it
+    /// from the place before: the road goes on, and the track may follow.
     ///
     /// # Errors
     /// [`Error::TooFewPlaces`] if fewer than two are left, and those of
     /// [`with_screen`](Self::with_screen) if this map has a screen.
     pub fn without_blank(&self) -> Result<Self, Error> {
-        let (blank, places) = (self.blank(), self.places());
+        let blank = self.blank();
         if blank.is_empty() {
             return Ok(self.clone());
         }
-        at_least_two(places - blank.len())?;
-        let starts = std::iter::once(0).chain(blank.iter().map(|&place| place + 1));
-        let ends = blank.iter().copied().chain([places]);
-        let kept = starts.zip(ends).filter(|(start, end)| start < end);
-        let parts = kept.map(|(start, end)| {
-            (self.blocks.slice(self.route.rows(start..end)), self.route.slice(start..end))
-        });
-        let joined = parts.reduce(|(blocks, route), (more, along)| {
-            (blocks.followed_by(&more), route.followed_by(&along))
-        });
-        let Some((blocks, route)) = joined else { return Ok(self.clone()) };
-        self.screened_like(blocks, route)
+        let mut next = blank.iter().peekable();
+        let kept = (0..self.places()).filter(|place| next.next_if_eq(&place).is_none());
+        self.keep_with(&kept.collect::<Vec<_>>(), TUNNEL)
     }
 
     /// Whether a query shows nothing, as it is before post-processing.

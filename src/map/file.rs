@@ -1,26 +1,35 @@
 //! A map's file, an [`archive`](crate::archive): saved, built from images, read, or mapped into
 //! memory.
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+#[cfg(feature = "mmap")]
+use std::sync::Arc;
 
 use super::blank::Census;
 use super::block::lengths;
 #[cfg(feature = "mmap")]
 use super::contents::checked_norms;
-use super::contents::{FORMAT, Head, ROWS, Sidecar, contents, entry, is_part};
+use super::contents::{FORMAT, Head, ROWS, Sidecar, THUMBNAILS, contents, entry, is_part};
+use super::extras::Extras;
+use super::positions::Positions;
 use super::recipe::Kind;
-use super::route::{Names, Positions};
+use super::route::Names;
 use super::storage::Storage;
+use super::thumbnails::{Pictures, Seen, Spool, Thumbnails};
 use super::{Map, Recipe, at_least_two};
 use crate::archive::{AtomicFile, Reader, Refusal, Sink, swap_to_file_order};
 #[cfg(feature = "mmap")]
 use crate::archive::{Tensors, verify};
 use crate::descriptor::{DescriberPool, Sad};
 use crate::distance::Metric;
+#[cfg(feature = "mmap")]
+use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress};
+use crate::numbers::{Values, View};
 
 /// The largest relative difference between a norm in a file and that of its row: far above
 /// rounding, far below damage.
@@ -33,7 +42,8 @@ pub(super) fn write(
     sidecar: Sidecar<'_>,
     rows: impl FnOnce(&mut Sink<'_>) -> Result<Vec<usize>, Error>,
 ) -> Result<(), Error> {
-    contents(kind, sidecar, rows).save(path, "write the map", &FORMAT, &entry(kind))
+    let entry = entry(kind, sidecar.positions.first().copied());
+    contents(kind, sidecar, rows).save(path, "write the map", &FORMAT, &entry)
 }
 
 impl Map {
@@ -69,7 +79,7 @@ impl Map {
             Ok(self.blank().to_vec())
         };
         contents(&self.kind, self.sidecar(), rows)
-            .to_bytes(&FORMAT, &entry(&self.kind))
+            .to_bytes(&FORMAT, &entry(&self.kind, self.positions()))
             .map_err(|error| Refusal::Foreign(error.to_string()).of_map(in_memory()))
     }
 
@@ -79,6 +89,8 @@ impl Map {
             positions: self.route.positions.iter().collect(),
             norms: self.blocks.iter().map(|block| block.norms()).collect(),
             names: self.route.names.iter().collect(),
+            segments: self.segments().clone(),
+            pictures: self.thumbnails().map(Pictures::of),
         }
     }
 
@@ -115,11 +127,23 @@ impl Map {
         positions: Option<&Positions>,
         progress: Progress<'_>,
     ) -> Result<(), Error> {
+        Self::build_with(path, images, sad, Extras::default().with(positions), progress)
+    }
+
+    /// [`build`](Self::build) with segments and thumbnails.
+    ///
+    /// # Errors
+    /// As for [`build`](Self::build), and [`Error::Length`] unless `extras` has segments of the
+    /// number of images; before any image is read.
+    pub fn build_with(
+        path: impl AsRef<Path>,
+        images: &(impl ImageSource + ?Sized),
+        sad: Sad,
+        extras: Extras<'_>,
+        progress: Progress<'_>,
+    ) -> Result<(), Error> {
         let places = at_least_two(images.len())?;
-        let got = positions.map_or(places, Positions::len);
-        if got != places {
-            return Err(Error::Length { what: "positions", expected: places, got });
-        }
+        let segments = extras.check(places)?.into_owned();
         let path = path.as_ref();
         let io = |source| Error::Io { path: path.to_owned(), action: "write the map", source };
         // Before any image is read.
@@ -129,14 +153,38 @@ impl Map {
         let (metric, recipe) = (Metric::Manhattan, Recipe::Sad(pool.sad()));
         let (dim, dtype, image_size) = (sad.dim(), sad.dtype(), pool.size());
         let kind = Kind { dim, dtype, metric, recipe, post: None, learned: None, image_size };
-        let positions = positions.into_iter().collect();
-        let sidecar = Sidecar { places, positions, norms: Vec::new(), names: vec![&names] };
+        let size = extras.picture_size(pool.first_size());
+        let seen = size.map(|size| Seen::new(images, pool.sad().levels(), size));
+        // They come after the rows in the file.
+        let spool = seen.is_some().then(|| Spool::beside(path)).transpose().map_err(io)?;
+        let spool = RefCell::new(spool);
+        let pictures = size.map(|size| Pictures {
+            size,
+            write: Box::new(|out: &mut Sink<'_>| match spool.take() {
+                Some(spool) => spool.write(out, io),
+                None => Ok(()),
+            }),
+        });
+        let positions = extras.positions.into_iter().collect();
+        let names = vec![&names];
+        let sidecar = Sidecar { places, segments, positions, norms: Vec::new(), names, pictures };
         write(path, &kind, sidecar, |out| {
             let mut census = Census::new(&kind);
-            pool.describe_each(progress, |rows| {
+            let mut done = 0;
+            let mut take = |rows: View<'_>| {
                 census.add(rows);
+                done += rows.len() / dim;
+                if let (Some(seen), Some(spool)) = (&seen, &mut *spool.borrow_mut()) {
+                    spool.add(seen.take(done)).map_err(io)?;
+                }
                 out.numbers(rows.bytes(), dtype.size())
-            })?;
+            };
+            match &seen {
+                Some(seen) => {
+                    DescriberPool::new(&pool.sad(), seen)?.describe_each(progress, &mut take)?;
+                }
+                None => pool.describe_each(progress, &mut take)?,
+            }
             Ok(census.places())
         })
     }
@@ -254,9 +302,15 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
     let (size, dim, metric) = (head.dtype.size(), head.dim, head.entry.metric);
     let rows = Storage::try_zeros(head.dtype, head.places * dim);
     let mut rows = rows.ok_or_else(|| io::Error::from(io::ErrorKind::OutOfMemory))?;
-    let tensors = reader.tensors(is_part, ROWS, Some(rows.bytes_mut()))?;
+    let wanted = |name: &str| is_part(name) || name == THUMBNAILS;
+    let mut tensors = reader.tensors(wanted, ROWS, Some(rows.bytes_mut()))?;
     swap_to_file_order(rows.bytes_mut(), size);
-    let parts = head.parts(&tensors)?;
+    let pictures = head.pictures.clone();
+    let mut parts = head.parts(&tensors)?;
+    parts.thumbnails = pictures.map(|pictures| {
+        let pixels = Values::U8(tensors.take(THUMBNAILS));
+        Thumbnails::of(pictures.size, pixels.into())
+    });
     rows.view().check_finite(ROWS, dim)?;
     let own = lengths(rows.view(), dim, metric)?;
     if let Some(norms) = &parts.norms {
@@ -283,8 +337,14 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
     let tensors = Tensors::borrowed(&mapping, &FORMAT)?;
     let head = Head::of(&tensors.header)?;
     let (dtype, dim, metric, span) = (head.dtype, head.dim, head.entry.metric, head.rows.clone());
-    let parts = head.parts(&tensors)?;
+    let pictures = head.pictures.clone();
+    let mut parts = head.parts(&tensors)?;
     drop(tensors);
+    let mapping = Arc::new(mapping);
+    parts.thumbnails = pictures.and_then(|pictures| {
+        let pixels = Storage::mapped(Arc::clone(&mapping), pictures.span, Dtype::U8)?;
+        Some(Thumbnails::of(pictures.size, pixels))
+    });
     let (from, size) = (span.start, dtype.size());
     let rows = Storage::mapped(mapping, span, dtype)
         .ok_or_else(|| foreign(format!("its rows begin at byte {from}, no multiple of {size}")))?;
