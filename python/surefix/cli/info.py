@@ -1,9 +1,11 @@
 """``surefix map info``: say what a map holds."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -16,6 +18,7 @@ from surefix.cli.flags import documented
 from surefix.cli.inputs import refuse
 from surefix.errors import check_folder, refusal
 from surefix.tables.geojson import roads
+from surefix.tables.junctions import roads_of
 
 # Blank places, segments and links that are named.
 NAMED = 5
@@ -76,10 +79,10 @@ def facts_of(route: Map, file: Path) -> dict[str, Any]:
         "positions": None if where is None else list(where.shape),
         "origin": None if route.origin is None else list(route.origin),
         "plane": route.plane,
-        "segments": [[each.start, each.end] for each in route.segments],
-        "closed": [index for index, each in enumerate(route.segments) if each.closed],
+        "segments": [[each.start, each.end] for each in roads_of(route.segments)],
+        "closed": [index for index, each in enumerate(roads_of(route.segments)) if each.closed],
         "links": route.segments.links.tolist(),
-        "traverses": [_traverse(each) for each in route.traverses],
+        "traverses": [_traverse(each) for each in getattr(route, "traverses", ())],
         "thumbnails": None if small is None else list(small.shape),
         "blank": route.blank.tolist(),
         "parts": _parts_of(file),
@@ -97,7 +100,11 @@ def _parts_of(file: Path) -> dict[str, int]:
 
 
 def _traverse(each: Any) -> dict[str, Any]:
-    return {"name": each.name, "rows": each.rows, "places": each.places}
+    """Its label, and the first and last of each stretch of places that it covers."""
+    places = np.asarray(each.places, np.int64)
+    ends = np.flatnonzero(np.diff(places, prepend=-2, append=len(places) + int(places[-1]) + 2) > 1)
+    runs = [[int(places[a]), int(places[b - 1])] for a, b in pairwise(ends)]
+    return {"label": each.label, "rows": len(places), "places": runs}
 
 
 def _said_facts(route: Map, facts: dict[str, Any]) -> dict[str, str | None]:
@@ -186,7 +193,7 @@ def _said_positions(route: Map) -> str:
 
 def _said_segments(route: Map) -> str:
     """How many segments there are, and the first few."""
-    segments = route.segments
+    segments = roads_of(route.segments)
     shown = [
         f"{each.start} to {each.end - 1}" + (" closed" if each.closed else "")
         for each in segments[:NAMED]
@@ -210,8 +217,11 @@ def _said_links(links: list[list[int]]) -> str | None:
 def _said_traverses(traverses: list[dict[str, Any]]) -> str | None:
     if len(traverses) < 2:
         return None
-    shown = [f"{each['name'] or index} of {each['places']}" for index, each in enumerate(traverses)]
-    return f"{len(traverses)}: {', '.join(shown)} places"
+    shown = [
+        f"{index}" + (f" ({each['label']})" if each["label"] else "") + f" of {each['rows']} places"
+        for index, each in enumerate(traverses)
+    ]
+    return ", ".join(shown)
 
 
 def _descriptor_of(route: Map) -> str:
@@ -229,7 +239,7 @@ def _write_geojson(route: Map, file: Path, out: Path) -> None:
         raise typer.BadParameter(f"--geojson: {NO_DEGREES.format(kind)}")
     refuse(out.exists() and out.samefile(file), f"--geojson: {out} is the map; name another file")
     check_folder(out, "cannot write the route")
-    text = json.dumps(roads(degrees, route.segments))
+    text = json.dumps(roads(degrees, roads_of(route.segments)))
     try:
         out.write_text(text + "\n", encoding="utf-8")
     except OSError as error:

@@ -288,8 +288,9 @@ def append(
     plane = {"origin": old.origin or old.plane}
     if frames.ready is not None:
         rows, post, recipe = frames.ready, old.post, old.recipe
-        made = {"post": post, "recipe": recipe} | ({} if where is None else plane)
-        added = Map.from_descriptors(rows, old.metric, where, **made)
+        known: dict[str, Any] = {"post": post, "recipe": recipe}
+        known |= {} if where is None else plane
+        added = Map.from_descriptors(rows, old.metric, where, **known)
         Map.append(file, added, **joined)
     elif network is not None:
         images: Any = frames.source if isinstance(frames, ImageFrames) else frames

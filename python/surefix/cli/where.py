@@ -264,8 +264,8 @@ def _of_places(positions: Path | None, places: Places) -> Positions:
     """Those of ``--positions``, by default of the map or in its names."""
     if positions is None:
         if places.positions is not None:
-            known = {"zone": places.zone, "origin": places.origin}
-            return Positions("the map", places.positions, said=True, **known)
+            read = Positions("the map", places.positions, said=True)
+            return replace(read, zone=places.zone, origin=places.origin)
         named = None if not places.names else in_names(places.names, "the map")
         if named is None:
             expected = "--positions: expected those of the places, as the map has none"

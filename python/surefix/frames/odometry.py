@@ -136,7 +136,8 @@ class Odometry:
         """The same with the metres of its degrees about another origin."""
         assert self.degrees is not None
         other = copy(self)
-        other.positions, other.origin = local_metres(*self.degrees.T, origin), origin
+        latitude, longitude = self.degrees.T
+        other.positions, other.origin = local_metres(latitude, longitude, origin), origin
         return other
 
     def numbered(self) -> Self:
@@ -264,8 +265,9 @@ class Odometry:
     @classmethod
     def _of_poses(cls, kind: str, times: Float64, values: Float64, source: str) -> Self:
         if kind == NAV_SAT_FIX:
-            origin = centre(*values.T)
-            made = cls(times, local_metres(*values.T, origin), source)
+            latitude, longitude = values.T
+            origin = centre(latitude, longitude)
+            made = cls(times, local_metres(latitude, longitude, origin), source)
             made.degrees, made.origin = values, origin
             return made
         positions = values[:, :3]

@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from surefix._core import Segment, Segments
 from surefix.tables.breaks import usual_step
 from surefix.tables.metres import nearest
 
@@ -37,6 +38,11 @@ class Road(Protocol):
     @property
     def closed(self) -> bool:
         """Whether the last place is followed by the first."""
+
+
+def roads_of(segments: Segments) -> list[Segment]:
+    """The segments of a map, in order."""
+    return [segments[index] for index in range(len(segments))]
 
 
 class Ends(NamedTuple):
