@@ -252,7 +252,7 @@ class Fix:
         """Where the enhanced gradient peaks."""
     @property
     def position(self) -> Position | None:
-        """x"""
+        """X"""
 
     @property
     def accepted(self) -> bool | None:
@@ -354,7 +354,7 @@ class Segments:
     def links(self) -> _Int64:
         """The links, array of int64, shape (k, 2)."""
     def keep(self, places: npt.ArrayLike) -> Segments:
-        """x"""
+        """X"""
 
     def index_of(self, place: SupportsIndex) -> int:
         """The index of a place's segment.
@@ -874,50 +874,50 @@ class Map:
         """
     @property
     def segments(self) -> Segments:
-        """x"""
+        """X"""
 
     def with_segments(self, segments: Segments) -> Map:
-        """x"""
+        """X"""
 
     def cut(self, start: int, stop: int) -> Map:
-        """x"""
+        """X"""
 
     def keep(self, places: npt.ArrayLike) -> Map:
-        """x"""
+        """X"""
 
     def thin(self, metres: float) -> Map:
-        """x"""
+        """X"""
 
     @staticmethod
     def join(maps: Iterable[Map]) -> Map:
-        """x"""
+        """X"""
 
     @property
     def origin(self) -> tuple[float, float] | None:
-        """x"""
+        """X"""
 
     @property
     def plane(self) -> str | None:
-        """x"""
+        """X"""
 
     @property
     def degrees(self) -> _Float64 | None:
-        """x"""
+        """X"""
 
     def with_positions(
         self, positions: npt.ArrayLike, *, origin: tuple[float, float] | str | None = None
     ) -> Map:
-        """x"""
+        """X"""
 
     @property
     def thumbnails(self) -> npt.NDArray[np.uint8] | None:
-        """x"""
+        """X"""
 
     def thumbnail(self, place: int) -> npt.NDArray[np.uint8] | None:
-        """x"""
+        """X"""
 
     def with_thumbnails(self, thumbnails: npt.NDArray[np.uint8]) -> Map:
-        """x"""
+        """X"""
 
     def without_blank(self) -> Map:
         """The same map without the places that show nothing (``blank``). Those after them move up.
@@ -1504,11 +1504,11 @@ class Position:
 
     @property
     def metres(self) -> tuple[float, ...]:
-        """x"""
+        """X"""
 
     @property
     def degrees(self) -> tuple[float, float] | None:
-        """x"""
+        """X"""
 
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -1554,11 +1554,11 @@ class Run:
         """The track's speed, else the slope of the winning diagonal, in places a query: float64."""
     @property
     def positions(self) -> _Float64 | None:
-        """x"""
+        """X"""
 
     @property
     def degrees(self) -> _Float64 | None:
-        """x"""
+        """X"""
 
     @property
     def confidence(self) -> _Float64 | None:
@@ -1698,7 +1698,7 @@ class Alignment:
         """
     @property
     def degrees(self) -> _Float64 | None:
-        """x"""
+        """X"""
 
     @property
     def position(self) -> _Float64 | None:
@@ -2513,7 +2513,7 @@ def thumbnail(
     size: tuple[int, int] | None = None,
     levels: tuple[int, int] | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """x"""
+    """X"""
 
 def find_images(place: _Path, order: _Order = "name") -> list[str]:
     """The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10``

@@ -43,7 +43,7 @@ class Pictured(Derived):
                 yield replace(shot, read=self._reader(index, shot.read))
 
     def pictures(self, count: int, bad: set[int] | None) -> UInt8:
-        """Those of the frames that are not bad, (n, height, width), of which there are ``count``."""
+        """Those of the ``count`` frames that are not bad: (n, height, width)."""
         missing = bad or set()
         indices = [index for index in range(count + len(missing)) if index not in missing]
         for index in indices:
