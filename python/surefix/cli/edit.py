@@ -88,7 +88,7 @@ def cut(file: Path, places: str, out: Out = None, closed: Closed = None) -> None
 
 
 @documented
-def thin(file: Path, metres: float, out: Out = None) -> None:
+def thin(file: Path, metres: Annotated[float, typer.Option()], out: Out = None) -> None:
     """Keep a place every few metres, by the map's positions.
 
     Parameters

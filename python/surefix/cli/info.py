@@ -1,6 +1,7 @@
 """``surefix map info``: say what a map holds."""
 
 import json
+import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,6 +23,7 @@ from surefix.tables.junctions import roads_of
 
 # Blank places, segments and links that are named.
 NAMED = 5
+WIDE = 10_000
 NO_DEGREES = (
     "expected a map that knows its latitudes and longitudes, got {}: build it with --positions or "
     "--odometry of degrees"
@@ -55,7 +57,9 @@ def info(
     for name, value in facts.items():
         if (shown := said.get(name, str(value))) is not None:
             table.add_row(name, Text(shown))
-    Console(highlight=False, soft_wrap=True).print(table)
+    # A pipe has lines of any length.
+    width = None if sys.stdout.isatty() else WIDE
+    Console(highlight=False, soft_wrap=True, width=width).print(table)
 
 
 def facts_of(route: Map, file: Path) -> dict[str, Any]:
@@ -125,13 +129,19 @@ def _said_facts(route: Map, facts: dict[str, Any]) -> dict[str, str | None]:
         "segments": _said_segments(route),
         "closed": None,
         "links": _said_links(facts["links"]),
-        "parts": ", ".join(f"{name} {size:,}" for name, size in facts["parts"].items()),
+        "parts": _said_parts(facts["parts"]),
         "traverses": _said_traverses(facts["traverses"]),
         "thumbnails": None if small is None else f"{small[1]} x {small[0]}",
         "blank": "".join(said_blank(facts["blank"], names)) or "none",
         "image_size": " x ".join(map(str, route.image_size)) if route.image_size else None,
         "levels": " to ".join(map(str, route.levels)) if route.levels else None,
     }
+
+
+def _said_parts(parts: dict[str, int]) -> str:
+    """The large parts of a map's file, and their bytes."""
+    large = {name: size for name, size in parts.items() if 100 * size > sum(parts.values())}
+    return ", ".join(f"{name} {size:,}" for name, size in large.items()) + " bytes"
 
 
 def look(file: Path) -> Map:

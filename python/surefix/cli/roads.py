@@ -1,5 +1,6 @@
 """The segments of a map that is made or made longer: breaks and closed roads, found or given."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -137,7 +138,7 @@ def _segments(old: Segments, breaks: list[int], closed: set[int] | None = None) 
         links = [link for link in map(tuple, old.links.tolist()) if link not in follow]
         return Segments(old.places, breaks, closed=sorted(closed), links=links)
     except SurefixValueError as error:
-        raise typer.BadParameter(f"--{str(error).removeprefix('option ')}") from None
+        raise typer.BadParameter(re.sub(r"^option `(\w+)`", r"--\1", str(error))) from None
 
 
 def _said_closed(made: Segments, ends: dict[int, Ends], file: object) -> list[str]:
