@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from surefix import Fix
+from surefix import Fix, Segments
 from surefix._words import plural
 from surefix.cli.tracked import Tracked
 from surefix.frames import Frame
@@ -38,10 +38,10 @@ def row_of(
     latency: float,
     timed: bool,
     accept: float | None = None,
-    several: bool = False,
+    segments: Segments | None = None,
 ) -> Row:
     """The columns of a fix, None for an empty one; those of the track, of a bar to ``accept``, of
-    the position, of ``several`` segments, and times and drops (``timed``) only if there are any.
+    the position, of the ``segments``, and times and drops (``timed``) only if there are any.
     """
     sequence, track = fix.sequence, fix.track
     row: Row = {
@@ -76,11 +76,12 @@ def row_of(
     elif fix.accepted is not None:
         row |= {"accepted": fix.accepted, "probability": fix.probability}
     if (at := fix.position) is not None:
-        row |= dict(zip("xyz", at.metres, strict=False))
+        row |= {name: round(metres, 4) for name, metres in zip("xyz", at.metres, strict=False)}
         if at.degrees is not None:
-            row["latitude"], row["longitude"] = at.degrees
-    if several:
-        row |= {"segment": fix.segment, "segment_place": fix.segment_place}
+            row["latitude"], row["longitude"] = (round(each, 9) for each in at.degrees)
+    if segments is not None:
+        index = segments.index_of(fix.place)
+        row |= {"segment": index, "segment_place": fix.place - segments[index].start}
     return row
 
 

@@ -245,7 +245,7 @@ def localize(
 ) -> None:
     """Push each frame, write and count each fix, and show it in the views."""
     names, levels = localizer.map.names, localizer.map.levels
-    several = len(localizer.map.segments) > 1
+    several = localizer.map.segments if len(localizer.map.segments) > 1 else None
     before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:

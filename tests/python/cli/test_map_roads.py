@@ -90,8 +90,6 @@ def test_a_jump_of_the_positions_is_a_break(folder: Path, tmp_path: Path) -> Non
     route, said = built(tmp_path / "map", folder, "--positions", tmp_path / "where.npy")
     assert route.segments.breaks.tolist() == [25]
     assert said.endswith("; 1 break: before place 25 (a jump of 340 m)")
-    fix = surefix.Localizer(route).push(surefix.read_image(folder / "030.png"))
-    assert (fix.segment, fix.segment_place) == (1, 5)
 
 
 def test_a_bag_breaks_at_a_jump_and_not_at_a_halt(images: list[UInt8], tmp_path: Path) -> None:
