@@ -368,7 +368,7 @@ impl<'a> Columns<'a> {
                 Some(passed)
             }
         };
-        let at_once = (HELD / map.places()).min(at_once).max(1);
+        let at_once = (HELD / map.rows()).min(at_once).max(1);
         Ok(Self { map, queries, count, passed, at_once, first: 0, held: Vec::new() })
     }
 
@@ -382,11 +382,9 @@ impl<'a> Columns<'a> {
                     let mut out = vec![0.0; map.places()];
                     let done = if let Some(passed) = passed {
                         let row = View::F32(&passed[query * map.dim()..][..map.dim()]);
-                        map.distances_of_passed(row, &mut out).map(|()| {
-                            let given = queries.row(query, map.input_dim());
-                            let nothing = given.is_some_and(|given| map.shows_nothing(given));
-                            map.quieten(nothing, &mut out);
-                        })
+                        let given = queries.row(query, map.input_dim());
+                        let nothing = given.is_some_and(|given| map.shows_nothing(given));
+                        map.distances_of_passed(row, nothing, &mut out)
                     } else {
                         let row = queries.row(query, map.input_dim());
                         row.map_or(Ok(()), |row| map.distances_into(row, &mut out))

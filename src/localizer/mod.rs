@@ -40,7 +40,8 @@ const MAX_THREADS: usize = 1024;
 /// taken) and wakes the others. In a process forked off this one, the caller scans alone.
 ///
 /// A map with a screen ([`Map::with_screen`]) is scanned at a quarter of the bytes, for the same
-/// answers; one with places that show nothing ([`Map::blank`]) is scanned without.
+/// answers; one with places that show nothing ([`Map::blank`]) or with several traverses
+/// ([`Map::add_traverse`]) is scanned without.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -187,6 +188,7 @@ impl Localizer {
             [map]
                 if map.codes().is_some()
                     && map.blank().is_empty()
+                    && !map.has_several()
                     && map.dim() >= screening::SHORTEST
                     && matcher.config().motion.is_none() =>
             {
@@ -329,7 +331,7 @@ impl Localizer {
         match &self.screening {
             Some(screening) => screening.looked_at(),
             None if self.frames() == 0 => 0,
-            None => self.techniques.iter().map(|technique| technique.map.places()).sum(),
+            None => self.techniques.iter().map(|technique| technique.map.rows()).sum(),
         }
     }
 

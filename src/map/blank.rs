@@ -20,7 +20,7 @@ const EQUAL: usize = 5;
 
 /// A query nearer to a place that shows nothing than this share of the mean distance is that
 /// place's image again.
-const SAME: f64 = 1e-3;
+pub(super) const SAME: f64 = 1e-3;
 
 /// Finds the places that show nothing among rows that come in pieces.
 pub(super) struct Census {
@@ -93,6 +93,8 @@ impl Map {
     /// descriptors, only those of more than 8 numbers can be. The distance to such a place is the
     /// mean of the others, and so it is never a query's best match.
     ///
+    /// On a map of several traverses, a place shows nothing if all its rows do.
+    ///
     /// The list is in the map's file. If it is not known, the first call reads all rows.
     ///
     /// ```
@@ -105,6 +107,11 @@ impl Map {
     /// # Ok::<(), surefix::Error>(())
     /// ```
     pub fn blank(&self) -> &[usize] {
+        self.blank_places()
+    }
+
+    /// The rows of the first traverse that show nothing.
+    pub(super) fn blank_rows(&self) -> &[usize] {
         self.blank.get_or_init(|| {
             let mut census = Census::new(&self.kind);
             self.blocks.iter().for_each(|block| census.add(block.rows()));
@@ -158,7 +165,7 @@ impl Map {
 
 /// The mean of the distances to all places but those `skipped`, which are in order; `None` if it is
 /// no number: then a distance is none, and is refused where it stands.
-fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
+pub(super) fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
     let (mut sum, mut start) = (0.0, 0);
     for &end in skipped.iter().chain([&distances.len()]) {
         sum += distances[start..end].iter().map(|&d| f64::from(d)).sum::<f64>();
@@ -166,6 +173,11 @@ fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
     }
     let mean = sum / (distances.len() - skipped.len()) as f64;
     mean.is_finite().then_some(mean)
+}
+
+/// The least of some of the distances; infinity if there are none.
+pub(super) fn least_of(distances: &[f32], some: &[usize]) -> f32 {
+    some.iter().map(|&at| distances[at]).fold(f32::INFINITY, f32::min)
 }
 
 /// Whether a descriptor shows nothing by itself.

@@ -15,6 +15,8 @@ use super::recipe::{Kind, is_recipe};
 use super::route::Names;
 use super::storage::Storage;
 use super::thumbnails::{Pictures, Thumbnails};
+use super::traverses::Traverses;
+use super::traverses_file::ROWS as TRAVERSES;
 use super::{Map, Recipe, count_places};
 use crate::archive::{Format, Header, Reader, Refusal, Sink, Tensors, Writer};
 use crate::distance::Metric;
@@ -58,6 +60,8 @@ pub(super) struct Sidecar<'a> {
     pub(super) norms: Vec<&'a [f64]>,
     pub(super) names: Vec<&'a Names>,
     pub(super) pictures: Option<Pictures<'a>>,
+    /// Those of a whole map.
+    pub(super) traverses: Option<&'a Traverses>,
 }
 
 /// The tensors of a map's file, in the order of the file: from the strictest alignment to the
@@ -67,7 +71,7 @@ pub(super) fn contents<'a>(
     sidecar: Sidecar<'a>,
     rows: impl FnOnce(&mut Sink<'_>) -> Result<Vec<usize>, Error> + 'a,
 ) -> Writer<'a> {
-    let Sidecar { places, segments, positions, norms, names, pictures } = sidecar;
+    let Sidecar { places, segments, positions, norms, names, pictures, traverses } = sidecar;
     let mut writer = Writer::new();
     if let Some(first) = positions.first() {
         let metres = positions.iter().map(|positions| positions.metres()).collect();
@@ -77,6 +81,9 @@ pub(super) fn contents<'a>(
         writer.numbers("norms", vec![places], norms);
     }
     add_segments(&mut writer, &segments);
+    if let Some(traverses) = traverses {
+        traverses.write_head(kind, &mut writer);
+    }
     let stages = kind.post.as_deref().map_or(&[][..], Post::fitted_steps).iter().enumerate();
     for (step, stage) in stages.clone() {
         for (part, numbers) in [("offset", &stage.offset), ("scale", &stage.scale)] {
@@ -94,6 +101,9 @@ pub(super) fn contents<'a>(
         *found.borrow_mut() = rows(out)?;
         Ok(())
     });
+    if let Some(traverses) = traverses {
+        traverses.write_rows(kind, &mut writer);
+    }
     let mut width = kind.post.as_deref().map_or(0, Post::input);
     for (step, stage) in stages {
         let output = stage.output(width);
@@ -112,6 +122,9 @@ pub(super) fn contents<'a>(
     }
     if let Some(Pictures { size: (width, height), write }) = pictures {
         writer.stream(THUMBNAILS, FileDtype::U8, vec![places, height, width], write);
+    }
+    if let Some(traverses) = traverses {
+        traverses.write_tail(kind, &mut writer);
     }
     writer
 }
@@ -198,6 +211,10 @@ pub(super) struct Parts {
     pub(super) thumbnails: Option<Thumbnails>,
     /// The places that show nothing, if the file says so.
     blank: Option<Arc<[usize]>>,
+    /// Whether there are several traverses.
+    pub(super) several: bool,
+    /// They come with their rows.
+    pub(super) traverses: Traverses,
 }
 
 impl Head {
@@ -290,15 +307,27 @@ impl Head {
         let (metric, recipe) = (entry.metric, entry.descriptor);
         let image_size = entry.image_size.filter(|&(width, height)| width > 0 && height > 0);
         let kind = Kind { dim, dtype, metric, recipe, post, learned, image_size };
-        let thumbnails = None;
-        Ok(Parts { kind, places, positions, norms, names, segments, thumbnails, blank })
+        let several = tensors.header.info(TRAVERSES).is_some();
+        Ok(Parts {
+            kind,
+            places,
+            positions,
+            norms,
+            names,
+            segments,
+            thumbnails: None,
+            blank,
+            several,
+            traverses: Traverses::default(),
+        })
     }
 }
 
 /// Whether a map has a tensor of this name beside its rows and thumbnails.
 pub(super) fn is_part(name: &str) -> bool {
     let known = ["positions", "norms", "names", "breaks", "closed", "links", BLANK];
-    known.contains(&name) || name.starts_with("post.")
+    let prefixes = ["post.", "traverse."];
+    known.contains(&name) || prefixes.iter().any(|prefix| name.starts_with(prefix))
 }
 
 impl Parts {
@@ -320,6 +349,7 @@ impl Parts {
         let route = Arc::make_mut(&mut map.route);
         (route.positions, route.names) = (self.positions, self.names);
         (route.segments, route.thumbnails) = (self.segments, self.thumbnails);
+        route.traverses = self.traverses;
         if let Some(blank) = self.blank {
             map.blank = blank.into();
         }
@@ -374,7 +404,7 @@ fn misfit(what: &str, expected: &str, info: &TensorInfo) -> Refusal {
     Refusal::Foreign(format!("{what}: expected {expected}, got {got}"))
 }
 
-fn file_dtype(dtype: Dtype) -> FileDtype {
+pub(super) fn file_dtype(dtype: Dtype) -> FileDtype {
     match dtype {
         Dtype::F32 => FileDtype::F32,
         Dtype::F16 => FileDtype::F16,

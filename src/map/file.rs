@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::blank::Census;
-use super::block::lengths;
+use super::block::{Blocks, lengths};
 #[cfg(feature = "mmap")]
 use super::contents::checked_norms;
 use super::contents::{FORMAT, Head, ROWS, Sidecar, THUMBNAILS, contents, entry, is_part};
@@ -19,6 +19,7 @@ use super::recipe::Kind;
 use super::route::Names;
 use super::storage::Storage;
 use super::thumbnails::{Pictures, Seen, Spool, Thumbnails};
+use super::traverses_file::{self, TraverseParts};
 use super::{Map, Recipe, at_least_two};
 use crate::archive::{AtomicFile, Reader, Refusal, Sink, swap_to_file_order};
 #[cfg(feature = "mmap")]
@@ -57,7 +58,7 @@ impl Map {
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let rows = |out: &mut Sink<'_>| {
             self.write_rows(out)?;
-            Ok(self.blank().to_vec())
+            Ok(self.blank_rows().to_vec())
         };
         write(path.as_ref(), &self.kind, self.sidecar(), rows)
     }
@@ -76,7 +77,7 @@ impl Map {
     pub fn to_bytes(&self) -> Result<Vec<u8>, Error> {
         let rows = |out: &mut Sink<'_>| {
             self.write_rows(out)?;
-            Ok(self.blank().to_vec())
+            Ok(self.blank_rows().to_vec())
         };
         contents(&self.kind, self.sidecar(), rows)
             .to_bytes(&FORMAT, &entry(&self.kind, self.positions()))
@@ -91,6 +92,7 @@ impl Map {
             names: self.route.names.iter().collect(),
             segments: self.segments().clone(),
             pictures: self.thumbnails().map(Pictures::of),
+            traverses: Some(&self.route.traverses),
         }
     }
 
@@ -166,8 +168,9 @@ impl Map {
             }),
         });
         let positions = extras.positions.into_iter().collect();
-        let names = vec![&names];
-        let sidecar = Sidecar { places, segments, positions, norms: Vec::new(), names, pictures };
+        let (names, norms) = (vec![&names], Vec::new());
+        let traverses = None;
+        let sidecar = Sidecar { places, segments, positions, norms, names, pictures, traverses };
         write(path, &kind, sidecar, |out| {
             let mut census = Census::new(&kind);
             let mut done = 0;
@@ -248,18 +251,20 @@ impl Map {
     /// [`Error::MapFile`] if the file is damaged. Its path is `<mapped>`.
     #[cfg(feature = "mmap")]
     pub fn verify(&self) -> Result<(), Error> {
-        let files = self.blocks.mapped_files();
+        let files: Vec<_> = self.all_blocks().flat_map(Blocks::mapped_files).collect();
         if files.is_empty() {
             return Ok(());
         }
         let checked = files.into_iter().try_for_each(|file| verify(file, &FORMAT));
         let checked = checked.and_then(|()| {
-            self.blocks.check_finite(ROWS)?;
-            let mut first = 0;
-            for block in self.blocks.iter() {
-                let lengths = lengths(block.rows(), self.dim(), self.metric())?;
-                check_norms(block.norms(), &lengths, first)?;
-                first += block.rows().len() / self.dim();
+            for blocks in self.all_blocks() {
+                blocks.check_finite(ROWS)?;
+                let mut first = 0;
+                for block in blocks.iter() {
+                    let lengths = lengths(block.rows(), self.dim(), self.metric())?;
+                    check_norms(block.norms(), &lengths, first)?;
+                    first += block.rows().len() / self.dim();
+                }
             }
             Ok(())
         });
@@ -306,7 +311,10 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
     let mut tensors = reader.tensors(wanted, ROWS, Some(rows.bytes_mut()))?;
     swap_to_file_order(rows.bytes_mut(), size);
     let pictures = head.pictures.clone();
+    let further = TraverseParts::of(&head, &tensors)?;
     let mut parts = head.parts(&tensors)?;
+    let more = further.storage(parts.kind.dtype, tensors.bytes(traverses_file::ROWS))?;
+    parts.traverses = further.with_rows(more, (dim, metric), false)?;
     parts.thumbnails = pictures.map(|pictures| {
         let pixels = Values::U8(tensors.take(THUMBNAILS));
         Thumbnails::of(pictures.size, pixels.into())
@@ -320,7 +328,7 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
 }
 
 /// Refuses norms that are not the lengths of their rows, of which the first is row `first`.
-fn check_norms(norms: &[f64], lengths: &[f64], first: usize) -> Result<(), Refusal> {
+pub(super) fn check_norms(norms: &[f64], lengths: &[f64], first: usize) -> Result<(), Refusal> {
     let fits = |(stored, norm): (&f64, &f64)| (stored - norm).abs() <= NORM_ERROR * norm;
     let Some(at) = norms.iter().zip(lengths).position(|pair| !fits(pair)) else { return Ok(()) };
     let (row, got, expected) = (first + at, norms[at], lengths[at]);
@@ -338,6 +346,7 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
     let head = Head::of(&tensors.header)?;
     let (dtype, dim, metric, span) = (head.dtype, head.dim, head.entry.metric, head.rows.clone());
     let pictures = head.pictures.clone();
+    let further = TraverseParts::of(&head, &tensors)?;
     let mut parts = head.parts(&tensors)?;
     drop(tensors);
     let mapping = Arc::new(mapping);
@@ -345,9 +354,13 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
         let pixels = Storage::mapped(Arc::clone(&mapping), pictures.span, Dtype::U8)?;
         Some(Thumbnails::of(pictures.size, pixels))
     });
+    let more = Some(further.rows.clone()).filter(|rows| !rows.is_empty());
     let (from, size) = (span.start, dtype.size());
-    let rows = Storage::mapped(mapping, span, dtype)
-        .ok_or_else(|| foreign(format!("its rows begin at byte {from}, no multiple of {size}")))?;
+    let aligned = || foreign(format!("its rows begin at byte {from}, no multiple of {size}"));
+    let more =
+        more.map(|rows| Storage::mapped(Arc::clone(&mapping), rows, dtype).ok_or_else(aligned));
+    parts.traverses = further.with_rows(more.transpose()?, (dim, metric), true)?;
+    let rows = Storage::mapped(mapping, span, dtype).ok_or_else(aligned)?;
     let own = if parts.norms.is_none() {
         checked_norms(lengths(rows.view(), dim, metric)?)?
     } else {

@@ -22,6 +22,8 @@ use crate::numbers::{Values, View};
 
 /// Bytes of rows that are copied at a time.
 const PIECE: usize = 1 << 18;
+const ONE: &str = "a map of one traverse (others can be extended in memory)";
+const SEVERAL: &str = "one of several";
 
 impl Map {
     /// This map and then `more`, as one: the map that all their descriptors at once would have
@@ -70,6 +72,9 @@ impl Map {
 
     fn append_places(path: &Path, more: &Self, begins: bool) -> Result<(), Error> {
         let old = Existing::open(path)?;
+        if more.has_several() {
+            return Err(misfit(&old.name(), ONE, SEVERAL));
+        }
         let (name, about) = (old.name(), more.about());
         check(&name, old.about(), about)?;
         if !begins {
@@ -168,6 +173,7 @@ impl Map {
             norms: Vec::new(),
             names: names.iter().collect(),
             pictures,
+            traverses: None,
         };
         old.write(addition, extras.new_segment, |old, out| {
             let mut census = old.copy_rows(out, &mut || go_on(progress(0, places), 0, places))?;
@@ -255,7 +261,11 @@ impl<'a> Existing<'a> {
             }
             Ok(Self { path, file, start, parts, pictures })
         };
-        read().map_err(|refusal| refusal.of_map(path))
+        let old = read().map_err(|refusal| refusal.of_map(path))?;
+        if old.parts.several {
+            return Err(misfit(&old.name(), ONE, SEVERAL));
+        }
+        Ok(old)
     }
 
     fn name(&self) -> String {
@@ -305,6 +315,7 @@ impl<'a> Existing<'a> {
             norms: norms.iter().map(Vec::as_slice).chain(addition.norms.iter().copied()).collect(),
             names: names.iter().chain(addition.names.iter().copied()).collect(),
             pictures,
+            traverses: None,
         };
         write(self.path, kind, sidecar, |out| rows(self, out))
     }

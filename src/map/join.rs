@@ -76,6 +76,13 @@ pub(super) struct About<'a> {
     pub(super) thumbnails: Option<(usize, usize)>,
 }
 
+impl<'a> About<'a> {
+    /// Of descriptors alone.
+    pub(super) fn kind(kind: &'a Kind) -> Self {
+        Self { kind, positions: None, is_named: false, thumbnails: None }
+    }
+}
+
 /// Refuses places that cannot follow those of the map.
 pub(super) fn check(name: &str, map: About<'_>, more: About<'_>) -> Result<(), Error> {
     let kind = |of: &Kind| match of.recipe {

@@ -15,6 +15,8 @@ mod recipe;
 mod route;
 mod storage;
 mod thumbnails;
+mod traverses;
+mod traverses_file;
 
 use std::hash::Hasher as _;
 use std::ops::Range;
@@ -39,6 +41,7 @@ pub use recipe::Recipe;
 use route::{Names, Route};
 pub(crate) use storage::Storage;
 pub use thumbnails::Thumbnails;
+pub use traverses::MapTraverse;
 
 /// A known route: `places` descriptors of `dim` numbers, how to compare them, and how they were
 /// made.
@@ -234,7 +237,7 @@ impl Map {
         self.kind.recipe
     }
 
-    /// All descriptors, place by place. The rows of a map that was [`extended`](Self::extended) lie
+    /// All descriptors, place by place; of several traverses, the first's. The rows of a map that was [`extended`](Self::extended) lie
     /// in several pieces: the first call on it copies them into one, which it keeps.
     pub fn descriptors(&self) -> View<'_> {
         self.blocks.in_one_piece()
@@ -268,19 +271,34 @@ impl Map {
         self
     }
 
-    /// Calls `work` with the rows of each block that has some of `places`, and the range of their
-    /// distances.
+    /// Calls `work` with the rows of each block that has some of `rows`, which count through all
+    /// traverses, and the range of their distances.
     pub(crate) fn each_block(
         &self,
-        places: Range<usize>,
+        rows: Range<usize>,
         mut work: impl FnMut(Rows<'_>, Range<usize>),
     ) {
         let dim = self.kind.dim;
-        self.blocks.each(self.route.rows(places), |block, within, out| {
-            let values = block::part(block.rows(), within.start * dim..within.end * dim);
-            let norms = block.norms().get(within).unwrap_or_default();
-            work(self.kind.rows(values, norms, self.isa), out);
-        });
+        let (mut start, mut done) = (0, 0);
+        for blocks in self.all_blocks() {
+            let end = start + blocks.rows();
+            let own = rows.start.clamp(start, end) - start..rows.end.clamp(start, end) - start;
+            let count = own.len();
+            if count > 0 {
+                blocks.each(own, |block, within, out| {
+                    let values = block::part(block.rows(), within.start * dim..within.end * dim);
+                    let norms = block.norms().get(within).unwrap_or_default();
+                    work(self.kind.rows(values, norms, self.isa), done + out.start..done + out.end);
+                });
+            }
+            (start, done) = (end, done + count);
+        }
+    }
+
+    /// The blocks of all traverses.
+    pub(super) fn all_blocks(&self) -> impl Iterator<Item = &Blocks> {
+        let further = self.route.traverses.further.iter().map(|traverse| &traverse.blocks);
+        std::iter::once(&self.blocks).chain(further)
     }
 
     /// No rows, to check a query against.
@@ -296,7 +314,12 @@ impl Map {
             let mut hash = XxHash3_64::with_seed(0);
             let Kind { dtype, metric, dim, recipe, .. } = &self.kind;
             hash.write(format!("{dtype} {metric} {dim} {recipe:?}").as_bytes());
-            self.blocks.iter().for_each(|block| hash.write(block.rows().bytes()));
+            for blocks in self.all_blocks() {
+                blocks.iter().for_each(|block| hash.write(block.rows().bytes()));
+            }
+            for traverse in &self.route.traverses.further {
+                hash.write(bytemuck::must_cast_slice(&traverse.places));
+            }
             if let Some(post) = self.post() {
                 recipe::hash(post, &mut hash);
             }

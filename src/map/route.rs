@@ -5,24 +5,32 @@ use std::sync::OnceLock;
 
 use super::positions::Positions;
 use super::thumbnails::Thumbnails;
+use super::traverses::Traverses;
 use crate::error::Error;
 use crate::segments::Segments;
 
-/// The route along the map's rows. Today there is one row for each place. The rest of
-/// the crate asks [`segments`](Self::segments) where neighbours end, [`rows`](Self::rows) which
-/// rows are a place, and [`fold`](Self::fold) makes one distance of them.
+/// The route along the map's rows. The rest of the crate asks [`segments`](Self::segments) where
+/// neighbours end, and [`rows`](Self::rows) which rows are places; a place may have further rows in
+/// other traverses.
 #[derive(Clone, Debug)]
 pub(crate) struct Route {
     pub(super) segments: Segments,
     pub(super) positions: Option<Positions>,
     pub(super) names: Option<Names>,
     pub(super) thumbnails: Option<Thumbnails>,
+    pub(super) traverses: Traverses,
 }
 
 impl Route {
     /// A route without breaks.
     pub(super) fn unbroken(places: usize) -> Self {
-        Self { segments: Segments::one(places), positions: None, names: None, thumbnails: None }
+        Self {
+            segments: Segments::one(places),
+            positions: None,
+            names: None,
+            thumbnails: None,
+            traverses: Traverses::default(),
+        }
     }
 
     pub(crate) fn places(&self) -> usize {
@@ -35,16 +43,10 @@ impl Route {
         &self.segments
     }
 
-    /// The rows of a range of places.
-    #[expect(clippy::unused_self, reason = "several rows a place will need it")]
+    /// The rows of a range of places in the first traverse.
+    #[expect(clippy::unused_self, reason = "the first traverse has one row for each place")]
     pub(crate) fn rows(&self, places: Range<usize>) -> Range<usize> {
         places
-    }
-
-    /// Turns the distances to the rows of some places into one for each place, the least of its
-    /// rows' distances. With one row for each place, they are the same.
-    pub(crate) fn fold(&self, distances: &mut [f32]) {
-        debug_assert!(distances.len() <= self.places(), "one row for each place");
     }
 
     /// This route and then `more`, which has the same kind of positions and can follow. Its first
@@ -66,6 +68,7 @@ impl Route {
             ),
             names: both(self.names.as_ref(), more.names.as_ref(), Names::followed_by),
             thumbnails: both(pictures, others, Thumbnails::followed_by),
+            traverses: self.traverses.followed_by(self.places(), &more.traverses),
         }
     }
 
@@ -76,6 +79,7 @@ impl Route {
             positions: self.positions.as_ref().map(|positions| positions.slice(places.clone())),
             names: self.names.as_ref().map(|names| names.slice(places.clone())),
             thumbnails: self.thumbnails.as_ref().map(|pictures| pictures.slice(places.clone())),
+            traverses: self.traverses.keep(places),
         }
     }
 
@@ -87,6 +91,7 @@ impl Route {
             positions: self.positions.as_ref().map(|known| known.of(places.iter().copied())),
             names: self.names.as_ref().map(|names| names.keep(places)),
             thumbnails: self.thumbnails.as_ref().map(|pictures| pictures.keep(runs)),
+            traverses: self.traverses.keep(places.iter().copied()),
         }
     }
 }
