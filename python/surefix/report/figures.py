@@ -242,12 +242,11 @@ def mistakes(study: Study, queries: Images, references: Images) -> dict[str, Pic
 
 def _example(study: Study, query: int, place: int, queries: Images, references: Images) -> Example:
     true, segments = int(study.true_place[query]), study.context.segments
+    several = segments is not None and len(segments) > 1
+    match = f"{'match:' if several else 'matched to'} {place_in(segments, place)}"
     images = [
         (f"query {query}", None if queries is None else queries[query]),
-        (
-            f"matched to {place_in(segments, place)}",
-            None if references is None else references[place],
-        ),
+        (match, None if references is None else references[place]),
     ]
     if true >= 0:
         name = f"true {place_in(segments, true)}"
