@@ -115,7 +115,7 @@ def traverse(
     out: Out = None,
     remove: int | None = None,
     motion: str = "any",
-    least: Annotated[float, typer.Option(min=0, max=1)] = 0.5,
+    least: Annotated[float, typer.Option(min=0, max=1)] = 0.9,
     model: inputs.Model = None,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
@@ -142,7 +142,7 @@ def traverse(
     remove: Take this traverse out, as numbered by `surefix map info`; no DRIVE then.
     motion: steady if both drives took frames at the same distances, free for 0 to 2 places a
         query, any for 0 to 5.
-    least: A query of a lower confidence adds nothing.
+    least: A query of a lower confidence adds nothing; for each place the surest one is kept.
     """
     start = time.perf_counter()
     to = _target(file, out)
@@ -164,13 +164,11 @@ def traverse(
     made = route.add_traverse(rows, alignment, least=least, label=Path(str(drive)).name)
     made.save(to)
     sure = alignment.confidence >= least
-    covers = len({*alignment.place[sure].tolist()})
     used = int(sure.sum())
-    mean = float(alignment.confidence[sure].mean()) if used else 0.0
     notes = [
-        f"{used} of {plural(len(rows), 'query', 'queries')} {verb(used)} used, mean confidence "
-        f"{mean:.2f}",
-        f"they cover {covers} of {plural(len(route), 'place')}",
+        f"{used} of {plural(len(rows), 'query', 'queries')} {verb(used)} sure (mean confidence "
+        f"{float(alignment.confidence[sure].mean()):.2f})",
+        f"it covers {made.traverses[-1].rows} of {plural(len(route), 'place')}",
         f"{plural(len(made.traverses), 'traverse')} now",
     ]
     _say(f"Added the traverse {drive} to {to}", to, start, notes)

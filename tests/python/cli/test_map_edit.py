@@ -145,6 +145,54 @@ def test_a_map_is_thinned(town: Path, tmp_path: Path) -> None:
     assert out.read_bytes() == before
 
 
+def test_a_traverse_is_added_and_taken_out_again(town: Path, tmp_path: Path) -> None:
+    out, source = tmp_path / "both.map", town / "main.map"
+    given = source, town / "main2", "--motion", "steady", "-o", out
+    said = surefix_("map", "traverse", *given).stdout
+    assert said.startswith(f"Added the traverse {town / 'main2'} to {out}: {N} places x 2048 ")
+    assert f"of {N} queries are sure (mean confidence " in said
+    assert said.rstrip().endswith("; 2 traverses now")
+    first, second = facts(out)["traverses"]
+    assert first == {"label": "", "rows": N, "places": [[0, N - 1]]}
+    assert second["label"] == "main2"
+    assert f"it covers {second['rows']} of {N} places" in said
+    assert sum(end - start + 1 for start, end in second["places"]) == second["rows"] > N // 2
+    shown = surefix_("map", "info", out).stdout
+    assert f"0 of {N} places, 1 (main2) of {second['rows']} places" in shown
+    known = surefix.Map.open(out)
+    drive = [surefix.read_image(file) for file in sorted_images(town / "main2")]
+    before = surefix.match(surefix.Map.open(source), drive).single_distance
+    assert np.median(surefix.match(known, drive).single_distance) < np.median(before)
+    said = surefix_("map", "traverse", out, "--remove", 1).stdout
+    assert said.startswith(f"Took traverse 1 out of {out}: ")
+    assert said.rstrip().endswith("; 1 traverse left")
+    assert np.array_equal(surefix.Map.open(out).descriptors, surefix.Map.open(source).descriptors)
+
+
+def test_traverses_say_what_is_wrong(town: Path, tmp_path: Path) -> None:
+    source = tmp_path / "map"
+    source.write_bytes((town / "main.map").read_bytes())
+    before = source.read_bytes()
+    assert "DRIVE: expected another drive of the road" in refused("traverse", source)
+    assert "--remove: expected a map of several traverses" in refused(
+        "traverse", source, "--remove", 0
+    )
+    assert "--remove: expected no DRIVE" in refused(
+        "traverse", source, town / "main2", "--remove", 0
+    )
+    assert "motion" in refused("traverse", source, town / "main2", "--motion", "wild")
+    refused("traverse", source, town / "main2", "--least", 2)
+    surefix_("map", "traverse", source, town / "nothing", code=1)
+    # A drive of another road has no sure place.
+    done = surefix_("map", "traverse", source, town / "side2", "--least", 1, code=1)
+    assert "place is sure" in done.stderr
+    assert source.read_bytes() == before
+    surefix_("map", "traverse", source, town / "main2", "--motion", "steady")
+    assert "--remove: expected a traverse from 0 to 1, got 2" in refused(
+        "traverse", source, "--remove", 2
+    )
+
+
 def test_info_of_many_segments_is_short(tmp_path: Path) -> None:
     out = tmp_path / "city.map"
     rows = np.random.default_rng(0).random((3000, 4), np.float32)
