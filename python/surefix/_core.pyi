@@ -35,6 +35,7 @@ __all__ = [
     "Map",
     "Matcher",
     "Peak",
+    "Position",
     "Post",
     "Route",
     "Run",
@@ -65,6 +66,7 @@ __all__ = [
     "match_distances",
     "read_image",
     "recall_at",
+    "thumbnail",
 ]
 
 class _HasArray(Protocol):
@@ -213,6 +215,8 @@ class Fix:
     track : Track or None
         Where the robot is by all queries so far: ``place``, ``confidence``, ``off_map``, ``speed``,
         ``interval``. None without the option ``motion``.
+    position : Position or None
+        Where ``place`` is: ``metres``, and ``degrees`` or None. None on a map without positions.
     accepted : bool or None
         Whether it is above the threshold of a calibration (``Localizer(config=...)``).
     probability : float or None
@@ -252,7 +256,9 @@ class Fix:
         """Where the enhanced gradient peaks."""
     @property
     def position(self) -> Position | None:
-        """X"""
+        """Where ``place`` is: ``metres`` and ``degrees``. None on a map without positions, and of a
+        ``Matcher``, which knows no map.
+        """
 
     @property
     def accepted(self) -> bool | None:
@@ -354,7 +360,28 @@ class Segments:
     def links(self) -> _Int64:
         """The links, array of int64, shape (k, 2)."""
     def keep(self, places: npt.ArrayLike) -> Segments:
-        """X"""
+        """The segments of a route that keeps only some of its places, as ``Map.keep`` does.
+
+        Parameters
+        ----------
+        places : array of int, shape (k,)
+            In ascending order.
+
+        Returns
+        -------
+        Segments
+
+        Raises
+        ------
+        SurefixValueError
+            Unless the places ascend within the route, or for none.
+
+        Examples
+        --------
+        >>> import surefix
+        >>> surefix.Segments(10, breaks=[6], links=[(3, 6)]).keep([0, 2, 4, 6, 8]).links
+        array([[1, 3]])
+        """
 
     def index_of(self, place: SupportsIndex) -> int:
         """The index of a place's segment.
@@ -520,6 +547,18 @@ class Map:
             takes.
         positions : array, shape (n, 2) or (n, 3), optional
             Where each place is, in planar metres.
+        breaks : sequence of int, optional
+            The images at which a new segment begins, ascending: the drive jumps there, so that
+            gradients, sequences and motion end (``Segments``).
+        closed : bool or sequence of int
+            Whether all segments are closed, their last place followed by their first; or the
+            indices of those that are.
+        thumbnails : bool or (int, int)
+            Keep a small grey picture of each place in the map, 1 byte a pixel: 96 pixels on the
+            longer side (5,184 bytes a place for images of 16 : 9), or of this width and height.
+        origin : (float, float) or str, optional
+            The plane of the positions: latitude and longitude of the origin of a local one, as of
+            ``surefix.datasets.local_metres``; or the name of another, such as "UTM 55S".
         progress : callable, optional
             Called with ``(done, total)``; returning False stops. By default a bar on a terminal;
             False for none.
@@ -547,7 +586,8 @@ class Map:
         ------
         SurefixValueError
             For an image that cannot be read or has another size (the error names it), or fewer than
-            two images; for metric, post or cache with SAD, which has its own metric and needs
+            two images; before any is read, for breaks, closed segments, positions or an origin that
+            are none of these images; for metric, post or cache with SAD, which has its own metric and needs
             neither.
         SurefixFileError
             If there is no such folder.
@@ -596,6 +636,8 @@ class Map:
             The origin of learned descriptors: a mapping that JSON can hold, with a "name".
         image_size : (int, int), optional
             Width and height of the images that were described.
+        breaks, closed, origin : optional
+            As for ``from_images``.
 
         Returns
         -------
@@ -635,7 +677,7 @@ class Map:
         ----------
         path : str or path
             The file to write.
-        images, descriptor, positions, progress, levels, skip_bad, mixed_sizes
+        images, descriptor, positions, progress, levels, skip_bad, mixed_sizes, breaks, closed, thumbnails, origin
             As for ``from_images``. A list of arrays, or an array, is in memory anyway; files, and
             sequences such as a data set's, are not.
 
@@ -687,31 +729,38 @@ class Map:
         descriptor : surefix.descriptors.Descriptor, optional
             The map's own descriptor, if its descriptors are learned.
         positions : array, shape (m, 2) or (m, 3), optional
-            Where the images' places are, in planar metres; needed if the map has positions.
+            Where the images' places are, in planar metres on the map's plane; needed if the map has
+            positions.
         progress : callable, optional
             As for ``from_images``.
         cache : path, optional
             With ``descriptor``, as for ``from_images``.
         skip_bad, mixed_sizes : bool
             As for ``from_images``.
+        new_segment : bool
+            By default the map's last segment goes on. True begins a new one.
 
         Raises
         ------
         SurefixValueError
             If the file is not a map, or the places differ from its own in type, length, metric
-            or recipe, or one has names or positions and the other has none; and as for
-            ``from_images``.
+            or recipe, or one has names or positions and the other has none; if the file has
+            thumbnails and a map none of their size; if a closed segment would have to go on; and as
+            for ``from_images``.
         SurefixFileError
             If the file cannot be read or written.
         """
     def extended(self, more: Map, *, new_segment: bool = False) -> Map:
         """The places of this map and then those of ``more``: the map that all their descriptors at
-        once would have made. Neither changes.
+        once would have made. Neither changes. Thumbnails stay if both have them, of one size.
 
         Parameters
         ----------
         more : Map
             A map of the same kind, with names and positions if this one has them.
+        new_segment : bool
+            By default the last segment goes on with the first one of ``more``. True begins a new
+            one, as ``join`` does.
 
         Returns
         -------
@@ -721,7 +770,7 @@ class Map:
         ------
         SurefixValueError
             If they differ in type, length, metric or recipe, or one has names or positions and
-            the other has none.
+            the other has none; if a closed segment would have to go on.
 
         Examples
         --------
@@ -850,7 +899,8 @@ class Map:
         """
     def slice(self, start: int, stop: int) -> Map:
         """The places from ``start`` to before ``stop``, as a map of their own. It shares the memory of
-        this map's rows.
+        this map's rows. A closed segment that is cut becomes open, and links to places that are left
+        out are no more. ``cut`` is the same.
 
         Parameters
         ----------
@@ -874,53 +924,245 @@ class Map:
         """
     @property
     def segments(self) -> Segments:
-        """X"""
+        """How the places follow each other: ``Segments``."""
 
     def with_segments(self, segments: Segments) -> Map:
-        """X"""
+        """The same map, whose places follow each other as ``segments`` say.
+
+        Parameters
+        ----------
+        segments : Segments
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            Unless they have this map's number of places.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_descriptors(np.eye(8, dtype=np.float32), breaks=[5])
+        >>> segments = surefix.Segments(8, breaks=[5], closed=[0], links=[(4, 5)])
+        >>> route.with_segments(segments).segments
+        Segments(8 places, 2 segments, 1 closed, 1 links)
+        """
 
     def cut(self, start: int, stop: int) -> Map:
-        """X"""
+        """The same as ``slice``.
+
+        Parameters
+        ----------
+        start, stop : int
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            As for ``slice``.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_descriptors(np.eye(5, dtype=np.float32), closed=True)
+        >>> route.cut(1, 4).segments[0]
+        Segment(0, 3)
+        """
 
     def keep(self, places: npt.ArrayLike) -> Map:
-        """X"""
+        """Some of the places, one by one: the others are thinned out, so that the places before and
+        after one that is left out follow each other. Rows are shared if most lie in long runs, else
+        copied.
+
+        A closed segment stays closed; if it keeps fewer than 3 places, it becomes open. The ends of
+        links move to the nearest place of their segment that is kept; a segment without such a
+        place is no more, and neither are its links.
+
+        Parameters
+        ----------
+        places : array of int, shape (k,)
+            In ascending order.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            Unless the places ascend within this map, or for less than two.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_descriptors(np.eye(9, dtype=np.float32), breaks=[5])
+        >>> route.keep([0, 2, 4, 6, 8]).segments.breaks
+        array([3])
+        """
 
     def thin(self, metres: float) -> Map:
-        """X"""
+        """The map with places about ``metres`` apart: of each segment the first, and each that is at
+        least ``metres`` from the last one kept, straight. A vehicle's stops become one place. The
+        rest is as for ``keep``.
+
+        Parameters
+        ----------
+        metres : float
+            0 keeps all places.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            For a map without positions, a negative distance, or if one place is left.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> metres = [[0, 0], [0.4, 0], [1.1, 0], [1.2, 0], [2.2, 0]]
+        >>> route = surefix.Map.from_descriptors(np.eye(5, dtype=np.float32), positions=metres)
+        >>> route.thin(1.0).positions[:, 0]
+        array([0. , 1.1, 2.2])
+        """
 
     @staticmethod
     def join(maps: Iterable[Map]) -> Map:
-        """X"""
+        """Maps one after the other, as one: each begins a new segment, closed segments stay closed,
+        and links stay. Rows are shared. Positions around another origin are moved to the plane of
+        the first map's. Thumbnails stay if all maps have them, of one size.
+
+        Parameters
+        ----------
+        maps : iterable of Map
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            For no map; unless all have descriptors of one length, type, metric and recipe that went
+            through the same post-processing, all or none have names, and all or none have
+            positions, of one number of coordinates and one kind of plane. The error names the map
+            by its index.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> road = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32))
+        >>> ring = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32)[1:], closed=True)
+        >>> list(surefix.Map.join([road, ring]).segments)
+        [Segment(0, 4), Segment(4, 7, closed=True)]
+        """
 
     @property
     def origin(self) -> tuple[float, float] | None:
-        """X"""
+        """Latitude and longitude of the origin of the positions' local plane, in degrees; None if it is
+        not known. Metres on this plane are those of ``surefix.datasets.local_metres``.
+        """
 
     @property
     def plane(self) -> str | None:
-        """X"""
+        """The name of the plane that the positions lie on, such as "UTM 55S"; None if it is not known,
+        or a local one around ``origin``.
+        """
 
     @property
     def degrees(self) -> _Float64 | None:
-        """X"""
+        """Latitude and longitude of each place: shape (n, 2), float64; None if the origin is not known."""
 
     def with_positions(
         self, positions: npt.ArrayLike, *, origin: tuple[float, float] | str | None = None
     ) -> Map:
-        """X"""
+        """The same map with a position for each place.
+
+        Parameters
+        ----------
+        positions : array, shape (n, 2) or (n, 3)
+            In planar metres.
+        origin : (float, float) or str, optional
+            As for ``from_images``.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            Unless there is a position for each place; for an origin that is none.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32))
+        >>> route = route.with_positions([[0, 0], [0, 60], [0, 120]], origin=(51.5, -0.12))
+        >>> route.degrees.round(4)[2]
+        array([51.5011, -0.12  ])
+        """
 
     @property
     def thumbnails(self) -> npt.NDArray[np.uint8] | None:
-        """X"""
+        """A small grey picture of each place, a copy: shape (n, height, width), uint8; None if the map
+        keeps none.
+        """
 
     def thumbnail(self, place: int) -> npt.NDArray[np.uint8] | None:
-        """X"""
+        """The small grey picture of a place, a copy; None if the map keeps none.
+
+        Parameters
+        ----------
+        place : int
+
+        Returns
+        -------
+        array of uint8, shape (height, width), or None
+
+        Raises
+        ------
+        SurefixValueError
+            For a place that there is not.
+        """
 
     def with_thumbnails(self, thumbnails: npt.NDArray[np.uint8]) -> Map:
-        """X"""
+        """The same map with a small grey picture of each place.
+
+        Parameters
+        ----------
+        thumbnails : array of uint8, shape (n, height, width)
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            For another type or shape, or unless there is a picture for each place.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> route = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32))
+        >>> route.with_thumbnails(np.zeros((3, 54, 96), np.uint8)).thumbnail(2).shape
+        (54, 96)
+        """
 
     def without_blank(self) -> Map:
-        """The same map without the places that show nothing (``blank``). Those after them move up.
+        """The same map without the places that show nothing (``blank``). Those after them move up,
+        within the same segments, as for ``keep``. If 5 places or more that follow each other show
+        nothing, as in a tunnel, a new segment begins after them, with a link to it from the place
+        before: the road goes on, and the track may follow.
 
         Returns
         -------
@@ -1004,7 +1246,9 @@ class Map:
         """All descriptors, a copy: shape (n, dim)."""
     @property
     def positions(self) -> _Float64 | None:
-        """Where each place is, in planar metres: shape (n, 2) or (n, 3), or None."""
+        """Where each place is, in planar metres: shape (n, 2) or (n, 3), or None. ``origin`` or
+        ``plane`` say on which plane, if that is known.
+        """
     @property
     def places_per_metre(self) -> float | None:
         """How many places a robot passes in a metre, by the map's positions
@@ -1500,15 +1744,18 @@ class FixStream(Iterator[Fix]):
 
 @final
 class Position:
-    """x"""
+    """Where a place is: ``metres``, a tuple of 2 or 3 coordinates on the plane of the map's positions
+    (``Map.origin``, ``Map.plane``), and ``degrees``, latitude and longitude, or None if the origin
+    of the plane is not known.
+    """
 
     @property
     def metres(self) -> tuple[float, ...]:
-        """X"""
+        """Two or three coordinates in metres: east, north and height, if the plane is one of degrees."""
 
     @property
     def degrees(self) -> tuple[float, float] | None:
-        """X"""
+        """Latitude and longitude; None if the origin of the plane is not known."""
 
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -1554,11 +1801,13 @@ class Run:
         """The track's speed, else the slope of the winning diagonal, in places a query: float64."""
     @property
     def positions(self) -> _Float64 | None:
-        """X"""
+        """The position of each query's place in metres: float64, (m, 2) or (m, 3); None if the map has
+        no positions, and of distances.
+        """
 
     @property
     def degrees(self) -> _Float64 | None:
-        """X"""
+        """Latitude and longitude of each query's place: float64, (m, 2); None if they are not known."""
 
     @property
     def confidence(self) -> _Float64 | None:
@@ -1698,7 +1947,7 @@ class Alignment:
         """
     @property
     def degrees(self) -> _Float64 | None:
-        """X"""
+        """Latitude and longitude of each query's place: float64, (m, 2); None if they are not known."""
 
     @property
     def position(self) -> _Float64 | None:
@@ -2513,7 +2762,9 @@ def thumbnail(
     size: tuple[int, int] | None = None,
     levels: tuple[int, int] | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """X"""
+    """A small grey picture of an image, as a map keeps them: of this width and height, else 96 pixels
+    on the longer side. Levels make images of more than 8 bits 8-bit ones.
+    """
 
 def find_images(place: _Path, order: _Order = "name") -> list[str]:
     """The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10``

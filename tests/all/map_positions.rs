@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::cases::{cases, numbers};
 use proptest::prelude::*;
-use surefix::{Config, Dtype, Error, Localizer, Map, Metric, Origin, Positions};
+use surefix::{Config, Dtype, Error, Given, Input, Localizer, Map, Metric, Origin, Positions};
 
 fn apart(one: f64, other: f64) -> f64 {
     let turned = (one - other + 180.0).rem_euclid(360.0) - 180.0;
@@ -104,6 +104,7 @@ fn a_fix_has_the_position_of_its_place() {
     // Of several maps, the first that has positions.
     let maps = vec![Arc::new(bare), Arc::new(known.clone())];
     let mut fused = Localizer::fused(maps, Config::default()).unwrap();
-    let fix = fused.push_descriptors(&[row(1), row(1)]).unwrap();
+    let fix =
+        fused.push_inputs(&[row(1), row(1)].map(Input::Descriptor), Given::default()).unwrap();
     assert_eq!(fused.position(&fix).unwrap().metres(), [0.0, 50.0 * fix.place as f64]);
 }

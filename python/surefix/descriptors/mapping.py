@@ -127,7 +127,7 @@ def append_images(
     levels = old.levels
     bad: set[int] | None = set() if skip_bad else None
     how: dict[str, Any] = {"levels": levels, "bad": bad}
-    small = None if old.thumbnail(0) is None else old.thumbnail(0).shape[::-1]
+    small = _picture_size(old)
     seen = frames if small is None else Pictured(frames, small, levels)
     rows, shots = described(seen, descriptor, cache=cache, progress=progress, **how)
     positions = _kept(positions, bad)
@@ -172,6 +172,8 @@ def sad_map(
     bar = Bar(report, None, frames.estimate)
     route: Map | None = None
     count = 0
+    # All parts have that of the first.
+    size: Any = thumbnails
     with closing(frames.frames()) as source:
         while part := list(islice(source, AT_ONCE)):
             images = ImageArray([frame.image for frame in part], [frame.name for frame in part])
@@ -184,12 +186,12 @@ def sad_map(
             if sad.levels is None and images[0].dtype == np.uint16:
                 levels = levels_of(frames)
                 sad = Sad(sad.size, sad.patch, sad.dtype, levels)
-            terms = {"progress": False, "mixed_sizes": mixed_sizes, "thumbnails": thumbnails}
+            parts: dict[str, Any] = {"progress": False, "mixed_sizes": mixed_sizes}
             plane = None if where is None else origin
-            made = Map.from_images(images, sad, positions=where, origin=plane, **terms)
-            if thumbnails is True:
-                # All parts have that of the first.
-                thumbnails = made.thumbnail(0).shape[::-1]
+            made = Map.from_images(
+                images, sad, positions=where, origin=plane, thumbnails=size, **parts
+            )
+            size = _picture_size(made) or size
             route = made if route is None else route.extended(made)
             count += len(part)
             bar.show(count)
@@ -199,6 +201,12 @@ def sad_map(
     if positions is not None and len(positions) != count:
         raise _not_each(frames, len(positions), count)
     return route.with_segments(Segments(count, breaks, closed))
+
+
+def _picture_size(route: Map) -> tuple[int, int] | None:
+    """Width and height of a map's thumbnails, if it has any."""
+    picture = route.thumbnail(0)
+    return None if picture is None else (picture.shape[1], picture.shape[0])
 
 
 def _kept(positions: Any, bad: set[int] | None) -> Any:

@@ -23,6 +23,8 @@ ROUTE = simulate.Route(places=60, seed=3)
 MAP = surefix.Map.from_images(ROUTE.traverse())
 DRIVE = ROUTE.traverse(season=0.6, light=0.2, seed=4)
 RUN = surefix.match(MAP, DRIVE, motion="any", sequence_length=4)
+SEGMENTS = surefix.Segments(60, [20], [1], [(3, 40)])
+PLACED = surefix.match(MAP.with_positions(np.ones((60, 2)), origin=(51.5, 0.0)), DRIVE)
 SCORES = np.float32(np.arange(300) * 7 % 11 / 100)
 
 
@@ -41,6 +43,9 @@ def things() -> list[Any]:
         surefix.evaluate(RUN, np.arange(60)),
         surefix.evaluate_trust(RUN, np.arange(60)),
         fix,
+        PLACED[3].position,
+        SEGMENTS,
+        SEGMENTS[1],
         fix.single,
         fix.gradient,
         fix.sequence,
