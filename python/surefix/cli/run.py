@@ -125,8 +125,8 @@ def run(
     crop: Cut frames of another shape than the map's images around their centre to that.
     live: Open rerun's viewer; without rerun, the terminal's.
     save: Write a recording, to be opened by rerun FILE.rrd.
-    references: The map's images, to be shown beside the queries: a folder, a .npy, or the video or
-        bag that the map was made of; by default the map's thumbnails.
+    references: The map's images, to be shown beside the queries in place of its thumbnails: a
+        folder, a .npy, or the video or bag that the map was made of.
     """
     places = open_map(str(route))
     above_0 = {"--every": every, "--metres": metres, "--gap": gap, "--spacing": spacing}
