@@ -1,4 +1,9 @@
-"""Counts in sentences."""
+"""Counts and places in sentences."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from surefix import Segments
 
 
 def plural(count: int, one: str, more: str = "") -> str:
@@ -9,3 +14,11 @@ def plural(count: int, one: str, more: str = "") -> str:
 def verb(count: int) -> str:
     """The verb after a count."""
     return "is" if count == 1 else "are"
+
+
+def place_in(segments: "Segments | None", place: int) -> str:
+    """A place: of several segments, the segment and the place counted from its start."""
+    if segments is None or len(segments) == 1:
+        return f"place {place}"
+    index = segments.index_of(place)
+    return f"segment {index}, place {place - segments[index].start}"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from surefix._core import match_distances
+from surefix._core import Segments, match_distances
 from surefix.baselines.distances import Distances, Floats, nearest, whole
 from surefix.matches import Matches
 
@@ -72,6 +72,7 @@ def track(
     motion: Any = "free",
     advance: Floats | None = None,
     tolerance: int = 1,
+    segments: Segments | None = None,
 ) -> Matches:
     """The place of greatest belief of surefix's tracker.
 
@@ -84,6 +85,8 @@ def track(
         Places moved since the query before, by odometry.
     tolerance : int
         The confidence is the belief within this many places of the best.
+    segments : Segments, optional
+        How the places follow each other.
 
     Returns
     -------
@@ -98,7 +101,7 @@ def track(
     array([5, 6, 7, 8])
     """
     options: Any = {"tolerance": tolerance, "sequence_length": 1}
-    run = match_distances(D, motion=motion, advance=advance, **options)
+    run = match_distances(D, motion=motion, advance=advance, segments=segments, **options)
     return _matches(run.place, run.confidence, run.off_map)
 
 

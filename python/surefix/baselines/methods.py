@@ -3,9 +3,11 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy.typing as npt
 
+from surefix._core import Segments
 from surefix.baselines.distances import Distances, Flags, Floats
 from surefix.baselines.filters import topological, track
 from surefix.baselines.matching import (
@@ -20,7 +22,6 @@ from surefix.baselines.rivals import ratio_test, spread
 from surefix.baselines.truth import Truth
 from surefix.errors import SurefixError, SurefixValueError
 from surefix.matches import Matches
-from surefix.options import Options
 
 __all__ = ["METHODS", "Context", "Method", "run_method"]
 
@@ -59,6 +60,8 @@ class Context:
         Places moved since the query before, by odometry, for ``track_odometry``.
     techniques : sequence of array of float32, shape (n, m), optional
         Distances of other techniques between the same places and queries, for ``fused``.
+    segments : Segments, optional
+        How the places follow each other, for surefix's own methods: by default one after the other.
     """
 
     sequence_length: int = 2
@@ -79,11 +82,12 @@ class Context:
     trusted: Flags | None = None
     advance: Floats | None = None
     techniques: Sequence[Distances] | None = None
+    segments: Segments | None = None
 
     @property
-    def options(self) -> Options:
+    def options(self) -> dict[str, Any]:
         """Those of ``surefix.match_distances``."""
-        return {
+        return self.roads | {
             "sequence_length": self.sequence_length,
             "weight": self.weight,
             "floor": self.floor,
@@ -92,6 +96,11 @@ class Context:
             "gradient": self.gradient,
             "speeds": [1.0] if self.speeds is None else list(self.speeds),
         }
+
+    @property
+    def roads(self) -> dict[str, Any]:
+        """The segments, as an argument of ``surefix.match_distances``."""
+        return {} if self.segments is None else {"segments": self.segments}
 
 
 @dataclass(frozen=True)
@@ -224,24 +233,28 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         ),
         "track_steady": Method(
             "the tracker, at a place a query",
-            lambda D, c: track(D, motion="steady", tolerance=c.tolerance),
+            lambda D, c: track(D, motion="steady", tolerance=c.tolerance, **c.roads),
         ),
         "track_free": Method(
             "the tracker, at 0 to 2 places a query",
-            lambda D, c: track(D, motion="free", tolerance=c.tolerance),
+            lambda D, c: track(D, motion="free", tolerance=c.tolerance, **c.roads),
         ),
         "track_any": Method(
             "the tracker, at 0 to 5 places a query",
-            lambda D, c: track(D, motion="any", tolerance=c.tolerance),
+            lambda D, c: track(D, motion="any", tolerance=c.tolerance, **c.roads),
         ),
         "track_odometry": Method(
             "the tracker with odometry",
-            lambda D, c: track(D, motion="any", advance=c.advance, tolerance=c.tolerance),
+            lambda D, c: track(
+                D, motion="any", advance=c.advance, tolerance=c.tolerance, **c.roads
+            ),
             needs="advance",
         ),
         "fused": Method(
             "the tracker on several techniques together",
-            lambda D, c: track([D, *(c.techniques or ())], motion="any", tolerance=c.tolerance),
+            lambda D, c: track(
+                [D, *(c.techniques or ())], motion="any", tolerance=c.tolerance, **c.roads
+            ),
             needs="techniques",
         ),
     }

@@ -12,9 +12,11 @@ from surefix.cli.align import align_
 from surefix.cli.audit import audit_
 from surefix.cli.bench import bench
 from surefix.cli.demo import demo
+from surefix.cli.edit import cut, join, thin, traverse
 from surefix.cli.eval import eval_
 from surefix.cli.flags import documented
-from surefix.cli.map import append, build, info
+from surefix.cli.info import info
+from surefix.cli.map import append, build
 from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
 from surefix.cli.tune import tune_
@@ -34,14 +36,30 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 maps = typer.Typer(
-    no_args_is_help=True, help="Make a map of a route, make it longer, or look at one."
+    no_args_is_help=True,
+    help="Make a map of a route, look at one, and change it: longer, shorter, joined.",
 )
 maps.command(
     epilog="Example: surefix map build photos/ -o route.safetensors\n\n"
     "Example: surefix map build survey.bag --metres 2 --odometry /odom -o route.safetensors"
 )(build)
 maps.command(epilog="Example: surefix map append route.safetensors more_photos/")(append)
-maps.command(epilog="Example: surefix map info route.safetensors")(info)
+maps.command(
+    epilog="Example: surefix map info route.safetensors\n\n"
+    "Example: surefix map info route.safetensors --geojson route.geojson"
+)(info)
+maps.command(
+    epilog="Example: surefix map join north.safetensors ring.safetensors -o town.safetensors "
+    "--link-within 10"
+)(join)
+maps.command(epilog="Example: surefix map cut route.safetensors 0:300 -o lap.safetensors")(cut)
+maps.command(epilog="Example: surefix map thin route.safetensors --metres 2 -o thin.safetensors")(
+    thin
+)
+maps.command(
+    epilog="Example: surefix map traverse route.safetensors winter.mp4 --every 0.5 "
+    "-o both.safetensors\n\nExample: surefix map traverse both.safetensors --remove 1"
+)(traverse)
 app.add_typer(maps, name="map")
 app.command(
     epilog="Example: surefix run route.safetensors todays_photos/ -o fixes.csv\n\n"

@@ -87,6 +87,7 @@ def align_(
             report,
             command,
             places=drive.places,
+            breaks=drive.maps[0].segments.breaks.tolist() if drive.maps else (),
             query_names=drive.queries,
             **how,
         )

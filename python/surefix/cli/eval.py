@@ -38,6 +38,7 @@ from surefix.cli.techniques import Technique
 from surefix.cli.where import GAP, Places, PositionGap, Queries, by_positions, by_truth
 from surefix.errors import mismatch, refusal
 from surefix.frames import ImageFrames
+from surefix.frames.by_name import thumbnails_of
 from surefix.frames.images import Images, ShownImages, open_images
 from surefix.machine import room_for
 from surefix.study.scenarios import RECORDED
@@ -124,7 +125,7 @@ def eval_(
     recall: The queries that recall is a share of.
     similarity: The .npy holds similarities s: the distances are 1 - s.
     references: The images of the places, for the pictures: a folder, a pattern, a .npy, or the
-        video or bag that the map was made of.
+        video or bag that the map was made of; by default the map's thumbnails.
     fuse: Another technique's map of the same places, or .npy of distances, once each: for the
         method fused.
     calibration: Another drive's .npy of distances, for the supervised methods to learn from.
@@ -242,7 +243,7 @@ def eval_(
 
     # Read the truth.
     where = None if place_map is None else place_map.positions
-    mapped = Places(places, where, None if place_map is None else place_map.names)
+    mapped = Places(places) if place_map is None else Places.of(place_map)
     named = [] if frames is None or frames.ready is not None else names
     recorded = () if is_matrix else (listed.numbers, listed.total)
     driven = Queries(count, named, times, bag_of(frames), *recorded)
@@ -257,6 +258,8 @@ def eval_(
         where = np.asarray(judged.truth[0], np.float64)
     along = judged.along
     context = replace(context, truth=judged.truth, truth_tolerance=judged.tolerance)
+    if place_map is not None:
+        context = replace(context, segments=place_map.segments)
     if where is not None:
         context = replace(context, positions=where)
     if calibration is not None and calibration_truth is not None:
@@ -268,7 +271,7 @@ def eval_(
     others = [Technique.open(file, places, count, frames, model, similarity) for file in fuse or ()]
     speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
     levels = None if place_map is None else place_map.levels
-    pictures = None
+    pictures: Any = None if place_map is None else thumbnails_of(place_map)
     if references is not None:
         pictures = reference_images(references, places, place_map)
     if isinstance(pictures, Images):

@@ -1,9 +1,10 @@
-"""The fixes of ``surefix run``: as CSV, as JSON lines, and in sum."""
+"""The fixes of ``surefix run``: as CSV, JSON lines or GeoJSON, and in sum."""
 
 import csv
 import json
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -13,6 +14,7 @@ from surefix import Fix
 from surefix._words import plural
 from surefix.cli.tracked import Tracked
 from surefix.frames import Frame
+from surefix.tables.geojson import point
 
 ALARM = (
     "warning: from frame {} on, scores are worse than on the calibration drive: what is promised "
@@ -22,6 +24,8 @@ ALARM = (
 FROZEN = "warning: the camera is frozen: {} repeat the one before, {} to {}{}"
 # A camera at rest has noise: it never sees the same this many times.
 FROZEN_FROM = 10
+# A fix of this belief to be off the map has no point.
+OFF = 0.5
 
 Row = dict[str, Any]
 Writer = Callable[[Row], None]
@@ -35,8 +39,8 @@ def row_of(
     timed: bool,
     accept: float | None = None,
 ) -> Row:
-    """The columns of a fix, None for an empty one; those of the track, of a bar to ``accept``, and
-    times and drops (``timed``) only if there are any.
+    """The columns of a fix, None for an empty one; those of the track, of a bar to ``accept``, of
+    the position, and times and drops (``timed``) only if there are any.
     """
     sequence, track = fix.sequence, fix.track
     row: Row = {
@@ -70,7 +74,12 @@ def row_of(
         row["accepted"] = track.confidence >= accept
     elif fix.accepted is not None:
         row |= {"accepted": fix.accepted, "probability": fix.probability}
-    return row | {"segment": fix.segment, "segment_place": fix.segment_place}
+    row |= {"segment": fix.segment, "segment_place": fix.segment_place}
+    if (at := fix.position) is not None:
+        row |= {name: round(metres, 4) for name, metres in zip("xyz", at.metres, strict=False)}
+        if at.degrees is not None:
+            row["latitude"], row["longitude"] = (round(each, 9) for each in at.degrees)
+    return row
 
 
 def csv_writer(file: TextIO) -> Writer:
@@ -96,6 +105,27 @@ def json_writer(file: TextIO) -> Writer:
         file.flush()
 
     return write
+
+
+@contextmanager
+def geojson_writer(file: TextIO) -> Iterator[Writer]:
+    """Writes a point a fix, without a place if it is probably off the map."""
+    between = ""
+
+    def write(row: Row) -> None:
+        nonlocal between
+        at = row["latitude"], row["longitude"]
+        lost = row.get("off_map", 0.0) >= OFF
+        file.write(between + json.dumps(point(None if lost else at, row)))
+        between = ",\n"
+        file.flush()
+
+    file.write('{"type": "FeatureCollection", "features": [\n')
+    try:
+        yield write
+    finally:
+        # After an error too, what was written can be read.
+        file.write("\n]}\n")
 
 
 class Repeats:

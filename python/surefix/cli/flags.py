@@ -7,6 +7,7 @@ from functools import wraps
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
+from typer.models import OptionInfo
 
 from surefix.cli.inputs import Place, one_place
 from surefix.options import OPTIONS, Option
@@ -37,7 +38,7 @@ def documented(command: Command) -> Command:
                 kind, info = list[str] if kind is Place else list[str] | None, typer.Argument()
             if get_origin(kind) is Annotated:
                 kind, info = get_args(kind)
-            if parameter.default is parameter.empty:
+            if parameter.default is parameter.empty and not isinstance(info, OptionInfo):
                 info = typer.Argument()
             elif info is None or isinstance(info, str):
                 names = [f"--{parameter.name.replace('_', '-')}"] if kind is bool else []

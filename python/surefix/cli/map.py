@@ -1,27 +1,36 @@
-"""``surefix map``: make a map of a route, make it longer, or look at one."""
+"""``surefix map build`` and ``append``: make a map of a route, or make it longer."""
 
-import json
 import time
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from surefix import Map, Sad, SurefixValueError
 from surefix._words import plural
 from surefix.cli import inputs
-from surefix.cli.drives import check_kind, open_map
+from surefix.cli.drives import check_kind
 from surefix.cli.flags import documented
+from surefix.cli.info import look, repeated, said_blank, said_repeated, size_of
 from surefix.cli.inputs import refuse
-from surefix.cli.where import metres_of_frames
+from surefix.cli.roads import (
+    Breaks,
+    Closed,
+    NoBreaks,
+    Wanted,
+    blanks_left_out,
+    noted,
+    sampled_by_metres,
+    wanted,
+    with_roads,
+)
+from surefix.cli.where import UTM, positions_of_frames
 from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
-from surefix.errors import check_folder
-from surefix.frames import ImageFrames
+from surefix.errors import check_folder, mismatch
+from surefix.frames import Frames, ImageFrames
 from surefix.frames.levels import Levels, checked_levels
+from surefix.tables.positions import Positions
 
 Metric = Literal["cosine", "euclidean", "manhattan"]
 # How SAD descriptors are kept.
@@ -84,6 +93,10 @@ def build(
     strict: inputs.Strict = False,
     levels: tuple[int, int] | None = None,
     mixed_sizes: bool = False,
+    thumbnails: bool = False,
+    breaks: Breaks = None,
+    no_breaks: NoBreaks = False,
+    closed: Closed = None,
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready
     descriptors.
@@ -106,14 +119,17 @@ def build(
     batch: --model: images at a time.
     post: Ready descriptors and --model: steps for them, and for queries later, with commas:
         standardize, or standardize:running by the queries so far, pca:N, projection:N, normalize.
-    positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres; or with a column
-        time, at times of their own; or a folder of images named @east@north@.
+    positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres, or latitude and
+        longitude; or with a column time, at times of their own; or a folder of images named
+        @east@north@.
     skip_blank: Leave out the places that show nothing: black, covered, or equal to many others.
     levels: Images of more than 8 bits: the samples LOW and HIGH that are black and white, for the
         map and all its queries; by default measured on the images.
     mixed_sizes: The images may differ in size.
+    thumbnails: Keep a small grey picture of each place in the map, so that every view can show it.
     """
     start = time.perf_counter()
+    asked = wanted(breaks, no_breaks, closed)
     range_ = None if levels is None else _levels(levels)
     check_folder(out, "cannot write the map")
     steps = None if post is None else inputs.steps_of(post)
@@ -138,49 +154,67 @@ def build(
         odometry=odometry,
     )
     inputs.check_not_read(out, [*frames.files, model, cache])
-    where = None if positions is None else metres_of_frames(positions, frames)
+    read = None if positions is None else positions_of_frames(positions, frames)
+    where = None if read is None else read.values
+    plane = {"origin": _plane(read, frames)}
+    frames = noted(frames)
     if frames.ready is not None:
         got = f"expected images, got the ready descriptors {references}"
         refuse(network is not None, f"--model: {got}")
         refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
         refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
+        refuse(thumbnails, f"--thumbnails: {got}")
         by = metric or metric_of(references) or "cosine"
-        Map.from_descriptors(frames.ready, by, positions=where, post=steps).save(out)
+        route = Map.from_descriptors(frames.ready, by, positions=where, post=steps, **plane)
     elif network is not None:
-        how: dict[str, Any] = {"levels": range_, "skip_bad": not strict}
-        map_of_images(frames, network, metric or "cosine", where, steps, cache, **how).save(out)
+        how: dict[str, Any] = {"levels": range_, "skip_bad": not strict, "thumbnails": thumbnails}
+        how |= plane
+        route = map_of_images(frames, network, metric or "cosine", where, steps, cache, **how)
     else:
         _check_sad(references, metric, post)
         sad = _sad(size, patch, dtype, range_)
+        how = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails} | plane
         if isinstance(frames, ImageFrames):
-            how = {"skip_bad": not strict, "mixed_sizes": mixed_sizes}
+            _check_breaks(asked, len(frames))
+            how["skip_bad"] = not strict
             Map.build(out, frames.source, sad, positions=where, **how)
+            route = look(out)
         else:
-            sad_map(frames, sad, where, mixed_sizes=mixed_sizes).save(out)
-    made = _look(out)
+            route = sad_map(frames, sad, where, **how)
+    made, notes = with_roads(route, frames, asked, file=out)
     kept = None if frames.ready is not None else made.names
-    blank = _blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
-    if blank and skip_blank:
-        made.without_blank().save(out)
-    del made
-    said = f"Made {out}: {_size_of(out)}, in {time.perf_counter() - start:.1f} s"
-    print("; ".join([said, *blank, *inputs.notes_on(frames, kept)]))
+    notes += said_blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
+    if skip_blank and len(made.blank):
+        whole, made = made, made.without_blank()
+        notes += blanks_left_out(whole, made)
+    if stretches := repeated(made.names):
+        notes.append(f"warning: {said_repeated(stretches)}")
+    in_file = isinstance(frames, ImageFrames) and frames.ready is None and network is None
+    if not (in_file and made is route):
+        made.save(out)
+    del made, route
+    said = f"Made {out}: {size_of(out)}, in {time.perf_counter() - start:.1f} s"
+    print("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))
+
+
+def _check_breaks(asked: Wanted, places: int) -> None:
+    """Refuses breaks beyond the images before any is read."""
+    beyond = [place for place in asked.breaks if place >= places]
+    expected = f"--break: expected places from 1 to {places - 1}"
+    refuse(bool(beyond), f"{expected}, got {beyond[-1] if beyond else 0}")
+
+
+def _plane(read: Positions | None, frames: Frames) -> Any:
+    """The plane of the positions that were given, or of the odometry: the origin of a local one,
+    or the name of another.
+    """
+    if read is not None:
+        return read.origin or (f"{UTM}{read.zone}" if read.zone else None)
+    found = sampled_by_metres(frames)
+    return None if found is None else found.odometry.origin
 
 
 MATCHED = "nothing is matched to them (--skip-blank leaves them out)"
-# Blank places that are named.
-NAMED = 5
-
-
-def _blank(blank: list[int], names: list[str] | None, done: str = "") -> list[str]:
-    """How many places show nothing, which are the first, and what is done about it."""
-    if not blank:
-        return []
-    named = [f"{place} ({names[place]})" if names else str(place) for place in blank[:NAMED]]
-    more = [f"{len(blank) - NAMED} more"] if len(blank) > NAMED else []
-    shows = "shows" if len(blank) == 1 else "show"
-    said = f"{plural(len(blank), 'place')} {shows} nothing: {', '.join([*named, *more])}"
-    return [f"{said}: {done}" if done else said]
 
 
 @documented
@@ -198,6 +232,10 @@ def append(
     every: inputs.Every = None,
     metres: inputs.Metres = None,
     odometry: inputs.Odometry = None,
+    new_segment: bool = False,
+    breaks: Breaks = None,
+    no_breaks: NoBreaks = False,
+    closed: Closed = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.
@@ -210,10 +248,13 @@ def append(
     file: The map that becomes longer.
     references: The places that follow: a folder of images, a pattern ("more/*.png"), a .npy, a
         video or a bag.
-    positions: A .npy or .csv of each new place's position, if the map has positions.
+    positions: A .npy or .csv of each new place's position, if the map has positions; latitude and
+        longitude if the map knows its origin.
     mixed_sizes: The images may differ in size.
+    new_segment: The new places begin a new segment: they do not follow the last one.
     """
-    start, old = time.perf_counter(), _look(file)
+    start, old = time.perf_counter(), look(file)
+    asked = wanted(breaks, no_breaks, closed)
     frames = inputs.open_frames(
         references,
         order=order,
@@ -226,7 +267,12 @@ def append(
     )
     same = any(file.samefile(read) for read in frames.files if Path(read).exists())
     refuse(same, f"REFERENCES: {references} is the map itself")
-    where = None if positions is None else metres_of_frames(positions, frames)
+    read = None if positions is None else positions_of_frames(positions, frames, old)
+    where = None if read is None else read.values
+    _bring_odometry(frames, old)
+    if isinstance(frames, ImageFrames):
+        _check_breaks(asked, len(old) + len(frames))
+    frames = noted(frames)
     more: dict[str, Any]
     network = None
     if model is not None:
@@ -236,27 +282,53 @@ def append(
     refuse(cache is not None and model is None, "--cache: expected --model too, got none")
     if model is None and frames.ready is None and old.recipe is not None:
         raise inputs.no_model(old.recipe["name"], file)
+    # A closed segment has no end to go on from.
+    begins = new_segment or old.segments[-1].closed
+    joined: dict[str, Any] = {"new_segment": begins}
+    plane = {"origin": old.origin or old.plane}
     if frames.ready is not None:
         rows, post, recipe = frames.ready, old.post, old.recipe
-        Map.append(file, Map.from_descriptors(rows, old.metric, where, post=post, recipe=recipe))
+        known: dict[str, Any] = {"post": post, "recipe": recipe}
+        known |= {} if where is None else plane
+        added = Map.from_descriptors(rows, old.metric, where, **known)
+        Map.append(file, added, **joined)
     elif network is not None:
         images: Any = frames.source if isinstance(frames, ImageFrames) else frames
         more = {"positions": where, "cache": cache, "skip_bad": not strict}
-        Map.append(file, images, network, **more)
+        Map.append(file, images, network, **more, **joined)
     elif isinstance(frames, ImageFrames):
         more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
-        Map.append(file, frames.source, **more)
+        Map.append(file, frames.source, **more, **joined)
     elif old.descriptor is None:
         check_kind(old, str(file), frames, None)
     else:
-        Map.append(file, sad_map(frames, old.descriptor, where, mixed_sizes=mixed_sizes))
-    longer, seconds = _look(file), time.perf_counter() - start
-    added = plural(len(longer) - len(old), "place")
-    kept = None if frames.ready is not None or longer.names is None else longer.names[len(old) :]
-    said = f"Added {added} to {file}: now {_size_of(file)}, in {seconds:.1f} s"
-    blank = [place for place in longer.blank.tolist() if place >= len(old)]
-    notes = [*_again(old, longer), *_blank(blank, longer.names), *inputs.notes_on(frames, kept)]
-    print("; ".join([said, *notes]))
+        small = old.thumbnail(0)
+        how: dict[str, Any] = {"mixed_sizes": mixed_sizes} | plane
+        how["thumbnails"] = False if small is None else small.shape[::-1]
+        Map.append(file, sad_map(frames, old.descriptor, where, **how), **joined)
+    longer = look(file)
+    count = plural(len(longer) - len(old), "place")
+    whole, notes = with_roads(longer, frames, asked, len(old), file)
+    if whole is not longer:
+        whole.save(file)
+    kept = None if frames.ready is not None or whole.names is None else whole.names[len(old) :]
+    blank = [place for place in whole.blank.tolist() if place >= len(old)]
+    notes = [*_again(old, whole), *notes, *said_blank(blank, whole.names)]
+    del whole, longer
+    seconds = time.perf_counter() - start
+    said = f"Added {count} to {file}: now {size_of(file)}, in {seconds:.1f} s"
+    print("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))
+
+
+def _bring_odometry(frames: Frames, old: Map) -> None:
+    """Brings the odometry's degrees onto the map's own plane."""
+    found = sampled_by_metres(frames)
+    if found is None or found.odometry.degrees is None or old.positions is None:
+        return
+    if old.origin is None:
+        expected = "metres, as the map's, which has no origin"
+        raise mismatch(found.odometry.source, expected, "degrees")
+    found.odometry = found.odometry.about(old.origin)
 
 
 def _again(old: Map, longer: Map) -> list[str]:
@@ -269,100 +341,3 @@ def _again(old: Map, longer: Map) -> list[str]:
         return []
     span = twice[0] if len(twice) == 1 else f"{twice[0]} to {twice[-1]}"
     return [f"warning: {plural(len(twice), 'name')} were in the map before: {span}"]
-
-
-@documented
-def info(file: Path, as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
-    """Say what a map holds.
-
-    Parameters
-    ----------
-    file: The map to look at.
-    as_json: One JSON object instead of a table.
-    """
-    route = _look(file)
-    names, where = route.names, route.positions
-    facts = {
-        "file": str(file),
-        "bytes": file.stat().st_size,
-        "places": len(route),
-        "dim": route.dim,
-        "dtype": str(route.dtype),
-        "metric": route.metric,
-        "image_size": None if route.image_size is None else list(route.image_size),
-        "levels": None if route.levels is None else list(route.levels),
-        "descriptor": repr(route.descriptor) if route.descriptor else None,
-        "recipe": route.recipe,
-        "post": None if route.post is None else route.post.steps,
-        "input_dim": route.input_dim,
-        "names": [names[0], names[-1]] if names else None,
-        "repeated": _repeated(names),
-        "positions": None if where is None else list(where.shape),
-        "blank": route.blank.tolist(),
-    }
-    if as_json:
-        print(json.dumps(facts))
-        return
-    coordinates = "none" if where is None else f"{where.shape[1]} coordinates a place, in metres"
-    table = Table(show_header=False, box=None)
-    for name, value in facts.items():
-        shown = {
-            "bytes": f"{facts['bytes']:,}",
-            "descriptor": _descriptor_of(route),
-            "post": repr(route.post),
-            "names": f"{names[0]} to {names[-1]}" if names else "none",
-            "repeated": _said(facts["repeated"]),
-            "positions": coordinates,
-            "blank": "".join(_blank(facts["blank"], names)) or "none",
-            "image_size": " x ".join(map(str, route.image_size or ())),
-            "levels": " to ".join(map(str, route.levels or ())),
-        }.get(name, str(value))
-        # The descriptor's name stands for the recipe; --json has all of it.
-        absent = (name == "post" and route.post is None) or (name == "repeated" and not value)
-        if name in ("recipe", "input_dim") or absent:
-            continue
-        if name in ("image_size", "levels") and value is None:
-            continue
-        table.add_row(name, Text(shown))
-    Console(highlight=False, soft_wrap=True).print(table)
-
-
-def _repeated(names: list[str] | None) -> list[list[int]]:
-    """The stretches of places whose names come earlier in the map: first and last of each."""
-    known: set[str] = set()
-    found: list[list[int]] = []
-    for place, name in enumerate(names or ()):
-        if name in known:
-            if found and found[-1][1] == place - 1:
-                found[-1][1] = place
-            else:
-                found.append([place, place])
-        known.add(name)
-    return found
-
-
-def _said(repeated: Any) -> str:
-    parts = [f"{first} to {last}" if first != last else str(first) for first, last in repeated[:5]]
-    more = f" and {len(repeated) - 5} stretches more" if len(repeated) > 5 else ""
-    return f"places {', '.join(parts)}{more} have names that come before"
-
-
-def _descriptor_of(route: Map) -> str:
-    if route.descriptor is not None:
-        return repr(route.descriptor)
-    if route.recipe is None:
-        return "ready descriptors: queries come as descriptors too"
-    return f"{route.recipe['name']}: queries come as its descriptors, or as images with it"
-
-
-def _look(file: Path) -> Map:
-    """The map without its rows: a file of gigabytes takes no longer than a small one."""
-    if file.is_dir():
-        return open_map(str(file))
-    return Map.open(file, mmap=file.is_file())
-
-
-def _size_of(file: Path) -> str:
-    route = _look(file)
-    size = f"{file.stat().st_size / 1e6:.1f} MB"
-    return f"{plural(len(route), 'place')} x {route.dim} {route.dtype}, {size}"

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
@@ -14,8 +14,17 @@ import typer
 from surefix import Localizer, Settings, SurefixValueError, frames
 from surefix._words import plural
 from surefix.cli.drives import check_kind, networks_of, open_map, others_of
-from surefix.cli.fixes import ALARM, Summary, Writer, csv_writer, json_writer, row_of
+from surefix.cli.fixes import (
+    ALARM,
+    Summary,
+    Writer,
+    csv_writer,
+    geojson_writer,
+    json_writer,
+    row_of,
+)
 from surefix.cli.flags import documented, with_options
+from surefix.cli.info import NO_DEGREES
 from surefix.cli.inputs import (
     NO_SCALE,
     Place,
@@ -39,7 +48,7 @@ S = "Seeing it"
 
 
 BOTH = "--accept: expected none beside a --config that has a threshold"
-Format = Literal["csv", "json"]
+Format = Literal["csv", "json", "geojson"]
 Order = Literal["name", "decimals", "whole", "time", "exif"]
 Size = tuple[int, ...]
 
@@ -84,7 +93,8 @@ def run(
     queries: A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's number or
         URL, or a .npy of images or of descriptors.
     out: Write the fixes to this file.
-    form: A line a fix, as CSV or JSON; by the file's ending, else CSV.
+    form: A line a fix, as CSV or JSON, or a point a fix, as GeoJSON; by the file's ending, else
+        CSV.
     config: The settings of this route, as `surefix tune` writes them: options, which flags cannot
         change beside a threshold, and the threshold of accepted fixes, with an alarm.
     accept: Mark a fix as accepted if its confidence is at least this, such as 0.95.
@@ -115,8 +125,8 @@ def run(
     crop: Cut frames of another shape than the map's images around their centre to that.
     live: Open rerun's viewer; without rerun, the terminal's.
     save: Write a recording, to be opened by rerun FILE.rrd.
-    references: The map's images, to be shown beside the queries: a folder, a .npy, or the video or
-        bag that the map was made of.
+    references: The map's images, to be shown beside the queries in place of its thumbnails: a
+        folder, a .npy, or the video or bag that the map was made of.
     """
     places = open_map(str(route))
     above_0 = {"--every": every, "--metres": metres, "--gap": gap, "--spacing": spacing}
@@ -169,6 +179,10 @@ def run(
     elif screen and len(places.blank):
         why = f"{plural(len(places.blank), 'place')} of the map that show nothing"
         print(f"--screen: unused, for the sake of {why}", file=sys.stderr)
+    form = _form(form, out)
+    if form == "geojson" and places.origin is None:
+        kind = "none" if places.positions is None else "metres only"
+        raise typer.BadParameter(f"GeoJSON: {NO_DEGREES.format(kind)}")
     read = [*names, *map(Path, source.files)]
     if out is not None:
         check_not_read(out, read)
@@ -187,7 +201,8 @@ def run(
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(_create(out))
         try:
-            localize(localizer, source, _writer(file, form, out), summary, views, clipping)
+            with _writer(file, form) as write:
+                localize(localizer, source, write, summary, views, clipping)
             summary.ended = True
         except KeyboardInterrupt:
             # This is the way to end live frames.
@@ -298,10 +313,20 @@ def _create(out: Path) -> TextIO:
         raise refusal(out, "cannot write the fixes", error) from None
 
 
-def _writer(file: TextIO | None, form: Format | None, out: Path | None) -> Writer | None:
+def _form(form: Format | None, out: Path | None) -> Format:
+    """The format, by the file's ending if it is not given."""
+    if form is not None or out is None:
+        return form or "csv"
+    if out.suffix == ".geojson":
+        return "geojson"
+    return "json" if out.suffix in (".json", ".jsonl", ".ndjson") else "csv"
+
+
+def _writer(file: TextIO | None, form: Format) -> AbstractContextManager[Writer | None]:
     """None if the fixes would run over the view on the terminal."""
-    by_name = out is not None and out.suffix in (".json", ".jsonl", ".ndjson")
-    writer = json_writer if form == "json" or (form is None and by_name) else csv_writer
-    if file is not None:
-        return writer(file)
-    return None if sys.stdout.isatty() else writer(sys.stdout)
+    to = file or (None if sys.stdout.isatty() else sys.stdout)
+    if to is None:
+        return nullcontext()
+    if form == "geojson":
+        return geojson_writer(to)
+    return nullcontext(json_writer(to) if form == "json" else csv_writer(to))

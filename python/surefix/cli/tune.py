@@ -91,8 +91,7 @@ def tune_(
 
     count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
     first = drive.maps[0] if drive.maps else None
-    of_map = (None, None) if first is None else (first.positions, first.names)
-    mapped = Places(drive.places, *of_map)
+    mapped = Places(drive.places) if first is None else Places.of(first)
     recorded = drive.numbers, drive.total
     driven = Queries(count + len(drive.bad), drive.seen, drive.times, drive.bag, *recorded)
     known: Where | None = None

@@ -4,12 +4,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import typer
 
+from surefix import Map
 from surefix._words import plural
 from surefix.baselines.truth import Truth
 from surefix.cli.drives import names_and_advances
@@ -23,12 +24,14 @@ from surefix.tables.positions import (
     by_name,
     checked,
     in_names,
-    metres_of,
     on_one_plane,
+    planar,
     read_positions,
 )
 from surefix.tables.truth import read_position_truth, read_truth
 
+# A map's plane is this and the zone.
+UTM = "UTM "
 Float64: TypeAlias = npt.NDArray[np.float64]
 Times: TypeAlias = Sequence[float | None]
 
@@ -85,11 +88,27 @@ class Queries:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """The places of a map: how many, and their positions and names, if they are known."""
+    """The places of a map: how many, and their positions and names, if they are known; and the
+    origin and the UTM zone of the positions.
+    """
 
     count: int
     positions: Float64 | None = None
     names: Sequence[str] | None = None
+    origin: tuple[float, float] | None = None
+    zone: str | None = None
+
+    @classmethod
+    def of(cls, route: Map) -> Self:
+        """Those of a map."""
+        zone = zone_of(route)
+        return cls(len(route), route.positions, route.names, route.origin, zone)
+
+
+def zone_of(route: Map) -> str | None:
+    """The UTM zone of a map's positions, if it is known."""
+    plane = route.plane
+    return plane.removeprefix(UTM) if plane is not None and plane.startswith(UTM) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,18 +222,28 @@ def by_positions(
     return _compared(mapped, _of_queries(driven, read, queries, gap), tolerance)
 
 
-def metres_of_frames(positions: Path, frames: Frames) -> Float64:
-    """Those of a map's places in metres, a row a frame; by their times, if the file has times."""
+def positions_of_frames(positions: Path, frames: Frames, old: Map | None = None) -> Positions:
+    """Those of a map's places in metres, a row a frame; by their times, if the file has times.
+    Degrees become metres about the origin of the ``old`` map that they make longer, by default
+    about their middle.
+    """
     read = read_positions(positions)
     listed = isinstance(frames, ImageFrames) and frames.ready is None
     if not listed and (read.times is None or not frames.timed):
         if frames.ready is None:
             names, _, times, numbers, total = names_and_advances(frames)
             read = Queries(len(names), names, times, None, numbers, total).rows(read)
-        return metres_of(read).values
-    names, _, times, *_ = names_and_advances(frames)
-    queries = Queries(len(names), names, times)
-    return metres_of(_of_queries(positions, read, queries, GAP, "--positions")).values
+    else:
+        names, _, times, *_ = names_and_advances(frames)
+        queries = Queries(len(names), names, times)
+        read = _of_queries(positions, read, queries, GAP, "--positions")
+    origin = None if old is None else old.origin
+    if old is not None and old.positions is not None:
+        if read.degrees and origin is None:
+            raise mismatch(read.source, "metres, as the map's, which has no origin", "degrees")
+        if (zone := zone_of(old)) is not None and read.zone not in (None, zone):
+            raise mismatch(read.source, f"zone {zone}, as the map's", read.zone)
+    return planar(read.all_known(), origin)
 
 
 def _compared(mapped: Positions, driven: Positions, tolerance: float) -> Where:
@@ -235,7 +264,8 @@ def _of_places(positions: Path | None, places: Places) -> Positions:
     """Those of ``--positions``, by default of the map or in its names."""
     if positions is None:
         if places.positions is not None:
-            return Positions("the map", places.positions, said=True)
+            read = Positions("the map", places.positions, said=True)
+            return replace(read, zone=places.zone, origin=places.origin)
         named = None if not places.names else in_names(places.names, "the map")
         if named is None:
             expected = "--positions: expected those of the places, as the map has none"

@@ -19,8 +19,7 @@ from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
 from surefix.frames.levels import LOOKED_AT, Levels, measured
 from surefix.frames.nearest import EveryMetres
-from surefix.frames.passing import SkipBad
-from surefix.frames.shape import Crop
+from surefix.frames.sampling import Derived
 
 # Images are described in parallel, this many at a time; no more are held.
 AT_ONCE = 128
@@ -225,7 +224,7 @@ def _positions(frames: Frames, taken: Sequence[Frame | Shot], positions: Any) ->
         if len(positions) != len(taken):
             raise _not_each(frames, len(positions), len(taken))
         return positions
-    while isinstance(frames, (SkipBad, Crop)):
+    while isinstance(frames, Derived) and not isinstance(frames, EveryMetres):
         frames = frames.source
     if not isinstance(frames, EveryMetres) or frames.odometry.positions.shape[1] < 2:
         return None

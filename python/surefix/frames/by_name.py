@@ -1,12 +1,13 @@
 """The images of a map's places, from whatever the map was made of."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from surefix._core import Map
 from surefix._progress import Bar, terminal_bar
 from surefix.errors import mismatch
 from surefix.frames.frame import Frames
@@ -17,6 +18,30 @@ UInt8 = npt.NDArray[np.uint8]
 MEMORY = 256_000_000
 # In pixels: the long side of a kept image.
 SMALLEST, LARGEST = 64, 320
+
+
+class Thumbnails(Mapping[int, UInt8]):
+    """The thumbnails of a map, by place; each is read when it is wanted."""
+
+    def __init__(self, map: Map) -> None:
+        self.map = map
+
+    def __getitem__(self, place: int) -> UInt8:
+        small = self.map.thumbnail(place)
+        if small is None:
+            raise KeyError(place)
+        return small
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(len(self)))
+
+    def __len__(self) -> int:
+        return len(self.map)
+
+
+def thumbnails_of(map: Map) -> Thumbnails | None:
+    """The thumbnails of a map, if it has some."""
+    return None if map.thumbnail(0) is None else Thumbnails(map)
 
 
 def images_by_name(

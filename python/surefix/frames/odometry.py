@@ -18,7 +18,7 @@ from surefix.frames.bag import stamp_of
 from surefix.frames.recording import Message, Place, Recording, open_recording
 from surefix.frames.timeline import SECOND, timeline
 from surefix.frames.trajectories import Trajectory, along_of, read_csv, read_trajectory
-from surefix.tables.metres import local_metres
+from surefix.tables.metres import centre, local_metres
 
 Float64 = npt.NDArray[np.float64]
 
@@ -49,6 +49,8 @@ class Odometry:
         Whether row k is of frame k, as in KITTI's files; ``timed``: whether it has a time too.
     degrees : array of float64, shape (n, 2), or None
         The latitude and longitude of a NavSatFix.
+    origin : (float, float), or None
+        The latitude and longitude that its metres are about (``surefix.datasets.local_metres``).
     remarks : list of str
         What was assumed or left out when it was read.
 
@@ -84,6 +86,7 @@ class Odometry:
         self.source = source
         self.remarks: list[str] = []
         self.degrees: Float64 | None = None
+        self.origin: tuple[float, float] | None = None
         self.times: Float64 = np.asarray(times, np.float64)
         self.positions: Float64 = np.asarray(positions, np.float64)
         shapes = self.times.ndim, self.positions.ndim
@@ -128,6 +131,14 @@ class Odometry:
         if before is None or after is None:
             return None
         return math.dist(before, after) if along is None else float(after[0] - before[0])
+
+    def about(self, origin: tuple[float, float]) -> Self:
+        """The same with the metres of its degrees about another origin."""
+        assert self.degrees is not None
+        other = copy(self)
+        latitude, longitude = self.degrees.T
+        other.positions, other.origin = local_metres(latitude, longitude, origin), origin
+        return other
 
     def numbered(self) -> Self:
         """The same with row numbers as times, for frames that have none: see ``by_frame``."""
@@ -207,10 +218,10 @@ class Odometry:
 
         Times are those of the messages' stamps, as with ``BagFrames``; those of the recording if a
         stamp is 0, or if the frames have them (``recorded``). Latitude and longitude of a NavSatFix
-        become metres about their mean. Messages without a fix, with NaN, damaged ones, and those no
-        later than the one before are left out, and counted in ``remarks``. Orientations tell
-        driving from reversing as in ``from_file``; without them, the sign of ``twist.linear.x`` of
-        an Odometry does.
+        become metres about their median (``origin``). Messages without a fix, with NaN, damaged
+        ones, and those no later than the one before are left out, and counted in ``remarks``.
+        Orientations tell driving from reversing as in ``from_file``; without them, the sign of
+        ``twist.linear.x`` of an Odometry does.
 
         Raises
         ------
@@ -254,8 +265,10 @@ class Odometry:
     @classmethod
     def _of_poses(cls, kind: str, times: Float64, values: Float64, source: str) -> Self:
         if kind == NAV_SAT_FIX:
-            made = cls(times, local_metres(*values.T), source)
-            made.degrees = values
+            latitude, longitude = values.T
+            origin = centre(latitude, longitude)
+            made = cls(times, local_metres(latitude, longitude, origin), source)
+            made.degrees, made.origin = values, origin
             return made
         positions = values[:, :3]
         # Some nodes leave NaN or zeros in the fields that they do not know.

@@ -1,5 +1,6 @@
 """One picture of a drive, as large as the terminal."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -29,6 +30,8 @@ BLOCKS = " ▁▂▃▄▅▆▇█"
 PLAIN = "_.:-=+*#"
 # A place of the route: not reached, matched, or matched and trusted.
 AHEAD, PASSED, KNOWN = 0, 1, 2
+# The start of a segment.
+EDGE = "│"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +42,12 @@ class Row:
     fix: Fix
     place_name: str
     latency_us: float
+    place: str
 
     def line(self) -> str:
         """In words, for output that is no terminal."""
         fix = self.fix
-        place = f"place {fix.place}" + (f" ({self.place_name})" if self.place_name else "")
+        place = self.place + (f" ({self.place_name})" if self.place_name else "")
         query = "" if self.query == str(fix.frame) else f" ({self.query})"
         parts = [place, _sure(fix), "trusted" if fix.trusted else "not trusted"]
         parts += _state(fix)
@@ -53,8 +57,9 @@ class Row:
 class RouteBar:
     """The map's places in order: trusted fixes were here, others were there, the rest is unseen."""
 
-    def __init__(self, places: int) -> None:
+    def __init__(self, places: int, breaks: Sequence[int] = ()) -> None:
         self.state = np.zeros(places, np.uint8)
+        self.breaks = breaks
         self.here = 0
 
     def add(self, fix: Fix) -> None:
@@ -66,8 +71,13 @@ class RouteBar:
         """The bar, and below it an arrow to the newest fix."""
         marks = "·░█" if unicode else ".-#"
         text = Text(no_wrap=True, overflow="crop")
-        for state in bins.largest(self.state).tolist():
-            text.append(marks[state], TRUSTED if state == KNOWN else "dim")
+        drawn = bins.largest(self.state).tolist()
+        # Between segments a line, unless there were hardly anything else.
+        few = 4 * len(self.breaks) <= len(drawn)
+        ends = {bins.of(place) for place in self.breaks} if few else set()
+        for at, state in enumerate(drawn):
+            style = TRUSTED if state == KNOWN else "dim"
+            text.append((EDGE if unicode else "|") if at in ends else marks[state], style)
         text.append("\n" + " " * bins.of(self.here))
         text.append("▲" if unicode else "^", "bold")
         return text
@@ -170,7 +180,7 @@ def _headline(scene: Scene, unicode: bool) -> Text:
     fix, row = scene.fix, scene.rows[-1]
     text = Text(no_wrap=True, overflow="ellipsis")
     mark, word, style = _trust(fix, unicode)
-    text.append(f"{mark} place {fix.place}", f"bold {style}")
+    text.append(f"{mark} {row.place}", f"bold {style}")
     text.append(f" of {len(scene.distances)}", "dim")
     said = [(word, style), (_sure(fix), "")]
     # The mark says trust, too, if there is no room for the word.

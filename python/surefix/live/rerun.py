@@ -61,8 +61,8 @@ class RerunView(Closing):
     spawn : bool, optional
         Open the viewer, or use the one that is open. By default, if nothing is saved.
     references : path or sequence of images, optional
-        The folder of the map's images, or the images themselves. By default they are looked for by
-        the names that the map has for its places.
+        The folder of the map's images, or the images themselves. By default the map's thumbnails,
+        else they are looked for by the names that the map has for its places.
     port : int
         The port at which the viewer listens.
     memory : str

@@ -13,7 +13,7 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 
 from surefix import Fix, Localizer, Map
-from surefix._words import plural
+from surefix._words import place_in, plural
 from surefix.live.panel import RouteBar, Row, Scene, panel
 from surefix.live.view import Closing, Images, References, Seen
 
@@ -35,8 +35,8 @@ class TerminalView(Closing):
     total : int, optional
         The number of frames, if it is known.
     references : path or sequence of images, optional
-        The folder of the map's images, or the images themselves. By default they are looked for by
-        the names that the map has for its places.
+        The folder of the map's images, or the images themselves. By default the map's thumbnails,
+        else they are looked for by the names that the map has for its places.
     console : rich.console.Console, optional
         The output; standard output by default.
     spare : int
@@ -71,7 +71,8 @@ class TerminalView(Closing):
         self.names = map.names
         self.total = total
         self.references = References(map, references)
-        self.route = RouteBar(len(map))
+        self.segments = map.segments
+        self.route = RouteBar(len(map), self.segments.breaks.tolist())
         self.totals = Totals()
         self.rows: deque[Row] = deque(maxlen=self.KEPT)
         self.newest: tuple[Seen, Fix] | None = None
@@ -84,7 +85,8 @@ class TerminalView(Closing):
         seen = Seen.of(frame, fix)
         # The map's name of the place, if it says more than the number.
         name = self.names[fix.place] if self.names else ""
-        row = Row(seen.name, fix, "" if name == str(fix.place) else name, latency_us)
+        name = "" if name == str(fix.place) else name
+        row = Row(seen.name, fix, name, latency_us, place_in(self.segments, fix.place))
         if not self.paced.on:
             self.console.print(row.line(), markup=False, highlight=False, soft_wrap=True)
             return

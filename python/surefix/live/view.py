@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from surefix import Fix, Localizer, Map, SurefixError, read_image
 from surefix.errors import mismatch
+from surefix.frames.by_name import thumbnails_of
 from surefix.frames.levels import in_8_bits
 
 __all__ = ["Closing", "Image", "Images", "References", "Seen", "View"]
@@ -98,8 +99,8 @@ class References:
     map : Map
         Its ``names`` are file names.
     source : path or sequence of images, optional
-        The folder of those files, or the images themselves. By default names are looked for as
-        they are: a path, or a file in the working folder.
+        The folder of those files, or the images themselves. By default the map's thumbnails, else
+        names are looked for as they are: a path, or a file in the working folder.
 
     Raises
     ------
@@ -112,7 +113,8 @@ class References:
 
     def __init__(self, map: Map, source: str | Path | Images | None = None) -> None:
         self.names, self.levels = map.names, map.levels
-        self.images = None if source is None or isinstance(source, str | Path) else source
+        given = thumbnails_of(map) if source is None else source
+        self.images: Images | None = None if isinstance(given, str | Path) else given
         self.folder = Path(source) if isinstance(source, str | Path) else Path()
         self.image = lru_cache(maxsize=self.KEPT)(self._image)
         if not isinstance(source, str | Path):

@@ -1,5 +1,6 @@
 """The distance matrix as a picture, with the match of each query on it."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ Window = tuple[int, int]
 TONES = (0.1, 60.0)
 
 ENOUGH = 8
+# The most breaks that are drawn.
+LINES = 100
 # The height of an axis's numbers and words, in inches.
 WORDS = 0.5
 
@@ -49,6 +52,7 @@ def distance_matrix(
     places: Window | None = None,
     outline: tuple[Window, Window] | None = None,
     covers: tuple[Window, Window] | None = None,
+    breaks: NDArray[np.int64] | Sequence[int] = (),
     label: str = "distance",
     theme: Theme = LIGHT,
 ) -> Axes:
@@ -76,6 +80,8 @@ def distance_matrix(
     covers : (queries, places), optional
         The queries and places that ``distances`` covers, if it is a part of a matrix or a thinned
         one. By default it is whole.
+    breaks : sequence of int, optional
+        The places at which a segment begins: a thin line before each.
     label : str
         The distances and their unit, for the scale of a close-up.
     """
@@ -85,6 +91,8 @@ def distance_matrix(
     first_place, place_count = places or whole[1]
     cell = 0.5
     covers = covers or ((0, distances.shape[1]), (0, distances.shape[0]))
+    inner = [at for at in breaks if first_place < at < first_place + place_count]
+    _lines(ax, inner, theme)
     tones = _tones(ax, distances, theme, (query_count, place_count), covers, close)
     shown = np.arange(len(place))
     seen = np.ones(len(place), np.bool_) if judged is None else judged
@@ -153,6 +161,7 @@ def aligned_track(
     *,
     places: int | None = None,
     least: float = 0.5,
+    breaks: NDArray[np.int64] | Sequence[int] = (),
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the distances, and the place of each query by an alignment over them; the stretches in
@@ -169,7 +178,10 @@ def aligned_track(
         The number of places of the map; by default that of the rows.
     least : float
         A query of a lower confidence is doubtful. It is off the map if ``off_map`` is 0.5 or more.
+    breaks : sequence of int, optional
+        The places at which a segment begins: a thin line before each.
     """
+    _lines(ax, breaks, theme)
     count = (len(place), len(distances) if places is None else places)
     # As much as the rows and the columns cover.
     rows, columns = distances.shape
@@ -195,6 +207,12 @@ def aligned_track(
     _axes(ax, (0, count[0]), (0, count[1]), close=False)
     ax.legend(handles=entries, **(LEGEND | {"ncols": 3}))
     return ax
+
+
+def _lines(ax: Axes, breaks: NDArray[np.int64] | Sequence[int], theme: Theme) -> None:
+    """A thin line before each of these places, unless there are so many that they hide the rest."""
+    for place in breaks if len(breaks) <= LINES else ():
+        ax.axhline(place - 0.5, color=theme.ink, linewidth=0.6, zorder=2)
 
 
 def _tones(

@@ -83,6 +83,7 @@ def write_report(
     *,
     motion: object,
     places: int,
+    breaks: Sequence[int] = (),
     query_names: Sequence[str] | None = None,
 ) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page.
@@ -98,6 +99,8 @@ def write_report(
     motion : str or Motion
     places : int
         How many the map has.
+    breaks : sequence of int
+        The places at which a segment begins.
     query_names : sequence of str, optional
     """
     m = len(alignment)
@@ -139,6 +142,7 @@ def write_report(
         alignment.off_map,
         places=places,
         least=LEAST,
+        breaks=breaks,
         caption="The stronger the tone, the more alike. A dot is the place of a query.",
         textured=True,
     )

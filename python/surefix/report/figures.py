@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Evaluation
-from surefix._words import plural
+from surefix._words import place_in, plural
 from surefix.plot.bars import Band, auc_intervals, false_positives, route_strip, trust_table
 from surefix.plot.curves import precision_recall
 from surefix.plot.curves import reliability as plot_reliability
@@ -130,6 +130,8 @@ def matrix(
     matches = shown.matches.place, study.run.trusted, shown.right
     window = busiest_window(*matches, study.true_place, count=max(12, min(44, m // 6)))
     judged = None if every else shown.judged
+    segments = study.context.segments
+    breaks = () if segments is None else segments.breaks
     (all_, covered), (part, covers) = study.seen(), study.seen(*window)
     whole = drawn(
         size,
@@ -143,6 +145,7 @@ def matrix(
         outline=window,
         caption="The stronger the tone, the more alike. The frame marks the close-up.",
         textured=True,
+        breaks=breaks,
     )
     queries, places = window
     close_up = drawn(
@@ -157,6 +160,7 @@ def matrix(
         judged=judged,
         queries=queries,
         places=places,
+        breaks=breaks,
         label=label,
         caption="The close-up. The line is the true path; matches that fall outside the frame are "
         "not seen here.",
@@ -237,12 +241,15 @@ def mistakes(study: Study, queries: Images, references: Images) -> dict[str, Pic
 
 
 def _example(study: Study, query: int, place: int, queries: Images, references: Images) -> Example:
-    true = int(study.true_place[query])
+    true, segments = int(study.true_place[query]), study.context.segments
+    several = segments is not None and len(segments) > 1
+    match = f"{'match:' if several else 'matched to'} {place_in(segments, place)}"
     images = [
         (f"query {query}", None if queries is None else queries[query]),
-        (f"matched to place {place}", None if references is None else references[place]),
+        (match, None if references is None else references[place]),
     ]
     if true >= 0:
-        images.append((f"true place {true}", None if references is None else references[true]))
+        name = f"true {place_in(segments, true)}"
+        images.append((name, None if references is None else references[true]))
     trusted = "trusted" if study.run.trusted[query] else "not trusted"
     return Example(images, f"{study.off(query, place)}, {trusted}")

@@ -45,7 +45,8 @@ class Fixes:
 
     def __init__(self, places: int, trusted: Callable[[int, Distances], Flags] | None = None,
                  advance: Any = None, **options: Any) -> None:  # fmt: skip
-        self._matcher = Matcher(places, **options)
+        segments = options.pop("segments", None)
+        self._matcher = Matcher(places if segments is None else segments, **options)
         self._trusted, self._advance = trusted, advance
         self._rows: list[tuple[Any, ...]] = []
 
@@ -253,13 +254,14 @@ def _stream(name: str, places: int, context: Context, options: dict[str, Any]) -
     if name in TRACKERS:
         advance = context.advance if name == "track_odometry" else None
         how: dict[str, Any] = {"motion": TRACKERS[name], "tolerance": context.tolerance}
-        return Fixes(places, advance=advance, sequence_length=1, **how)
+        return Fixes(places, advance=advance, sequence_length=1, **how, **context.roads)
     if name in PLAIN:
         length = PLAIN[name]
         changed: dict[str, Any] = {"weight": 0.0, "floor": "running"}
         changed |= {} if length is None else {"sequence_length": min(length, places)}
-        if name == "seqslam" and context.speeds is None:
-            changed["speeds"] = list(SEQSLAM_SPEEDS)
+        if name == "seqslam":
+            changed["segments"] = None
+            changed |= {} if context.speeds else {"speeds": list(SEQSLAM_SPEEDS)}
         return Fixes(places, **options | changed)
     if METHODS[name].needs == "truth":
         assert context.truth is not None

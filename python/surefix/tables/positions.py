@@ -36,8 +36,9 @@ class Positions:
     """A row a frame: metres, or latitude and longitude; NaN if it is not known.
 
     ``said``: the file says which of these it is. ``times`` are those of the rows in seconds,
-    ``names`` those of their images, ``zone`` the UTM zone, if they are known; ``notes`` is what a
-    user should know of the reading.
+    ``names`` those of their images, ``zone`` the UTM zone, if they are known; ``origin`` is the
+    latitude and longitude that metres are about, if it is known; ``notes`` is what a user should
+    know of the reading.
     """
 
     source: str
@@ -47,6 +48,7 @@ class Positions:
     times: Float64 | None = None
     names: Sequence[str] | None = None
     zone: str | None = None
+    origin: tuple[float, float] | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -132,24 +134,23 @@ def checked(read: Positions) -> Positions:
     return _on_globe(read) if read.degrees else read
 
 
-def read_metres(path: Path) -> Float64:
-    """As ``read_positions``, for a map: it holds metres, of every place."""
-    return metres_of(read_positions(path)).values
-
-
-def metres_of(read: Positions) -> Positions:
-    """Itself, if it is metres and all are known."""
-    if read.degrees:
-        advice = "makes metres of them, with one origin for all drives"
-        got = f"latitude and longitude; surefix.datasets.local_metres {advice}"
-        raise mismatch(read.source, "metres, as a map holds no degrees", got)
-    return read.all_known()
+def planar(read: Positions, origin: tuple[float, float] | None = None) -> Positions:
+    """In metres, with the origin: degrees become metres about it, by default about their middle."""
+    if not read.degrees:
+        return read
+    known = read.values[read.known]
+    if origin is None and not len(known):
+        raise mismatch(read.source, "positions", "none that is known")
+    origin = origin or centre(known[:, 0], known[:, 1])
+    return replace(read, values=_planar(read.values, origin), degrees=False, origin=origin)
 
 
 def on_one_plane(references: Positions, queries: Positions) -> tuple[Float64, Float64]:
-    """Both in metres; degrees become metres about the middle of the references. If only one has
-    heights, they are left out.
+    """Both in metres; degrees become metres about the origin of the references, by default their
+    middle. If only one has heights, they are left out.
     """
+    if queries.degrees and references.origin is not None:
+        queries = planar(queries, references.origin)
     if references.degrees != queries.degrees:
         given, other = (references, queries) if references.degrees else (queries, references)
         expected = f"latitude,longitude as in {given.source}"
@@ -160,11 +161,8 @@ def on_one_plane(references: Positions, queries: Positions) -> tuple[Float64, Fl
         raise mismatch(queries.source, ZONES, got)
     there, here = references.values, queries.values
     if references.degrees:
-        known = there[references.known]
-        if not len(known):
-            raise mismatch(references.source, "positions", "none that is known")
-        origin = centre(known[:, 0], known[:, 1])
-        return _planar(there, origin), _planar(here, origin)
+        plane = planar(references)
+        return plane.values, planar(queries, plane.origin).values
     axes = min(there.shape[1], here.shape[1])
     return there[:, :axes], here[:, :axes]
 

@@ -168,3 +168,16 @@ def test_what_is_missing_is_named() -> None:
                 surefix.SurefixError, match=rf"method {name}: needs .*Context\({needs}="
             ):
                 run_method(name, D, Context())
+
+
+def test_the_segments_of_a_route_reach_each_of_surefixs_methods() -> None:
+    D = np.random.default_rng(0).random((40, 30), np.float32)
+    segments = surefix.Segments(40, breaks=[10, 25])
+    for name, options in (
+        ("weighted", {"floor": "global"}),
+        ("sequence", {"floor": "global", "weight": 0.0}),
+        ("track_free", {"motion": "free", "sequence_length": 1}),
+    ):
+        expected = surefix.match_distances(D, segments=segments, **options)
+        found = run_method(name, D, Context(segments=segments))
+        assert np.array_equal(found.place, expected.place)

@@ -13,7 +13,6 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-import surefix
 from surefix import cli
 
 TABLES = {
@@ -213,7 +212,7 @@ def test_a_table_has_a_row_a_query_in_any_order(tmp_path: Path) -> None:
 
 
 def test_degrees_of_both_drives_become_metres_about_one_origin(tmp_path: Path) -> None:
-    from surefix.tables.positions import on_one_plane, read_metres, read_positions
+    from surefix.tables.positions import Positions, on_one_plane, planar, read_positions
 
     names = [tmp_path / f"{name}.csv" for name in ("references", "queries", "plane")]
     names[0].write_text("time,lat,lon\n1,51.76,179.999\n2,51.761,179.999\n")
@@ -226,12 +225,16 @@ def test_degrees_of_both_drives_become_metres_about_one_origin(tmp_path: Path) -
     assert queries[0] - places[1] == pytest.approx(
         [0.002 * 111_320 * np.cos(np.radians(51.761)), 0], rel=3e-3
     )
-    assert read_metres(names[2]).tolist() == [[0, 0], [0, 0.5]]
-    with pytest.raises(
-        surefix.SurefixValueError,
-        match=r"references.csv: expected metres, as a map holds no degrees",
-    ):
-        read_metres(names[0])
+    # For a map: metres stay, degrees know their origin.
+    assert planar(read_positions(names[2])).values.tolist() == [[0, 0], [0, 0.5]]
+    made = planar(read_positions(names[0]))
+    assert made.origin == pytest.approx((51.7605, 179.999))
+    assert np.array_equal(made.values, places)
+    # Beside a map's positions, degrees are brought onto its plane.
+    assert made.origin is not None
+    where = Positions("the map", made.values, said=True, origin=made.origin)
+    again = on_one_plane(where, read_positions(names[1]))
+    assert np.array_equal(again[1], queries)
 
 
 @pytest.mark.slow

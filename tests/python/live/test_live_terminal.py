@@ -163,6 +163,25 @@ def test_the_route_shows_where_fixes_were_and_which_were_trusted() -> None:
     assert last_picture(console)[3] == f"│ {''.join(2 * state for state in states)} │"
 
 
+def test_places_of_several_segments_are_named_by_them() -> None:
+    route = surefix.Map.from_descriptors(np.eye(40, dtype=np.float32), breaks=[10])
+    localizer, out = surefix.Localizer(route), io.StringIO()
+    queries = 1 - route.descriptors[[9, 12]]
+    with TerminalView(route, console=Console(file=out, width=80)) as view:
+        for query in queries:
+            view.update(query, localizer.push(1 - query), localizer, 10.0)
+    said = out.getvalue().splitlines()
+    assert said[0].startswith("frame 0: segment 0, place 9, ")
+    assert said[1].startswith("frame 1: segment 1, place 2, ")
+    console = screen(80, 24)
+    with TerminalView(route, console=console) as view:
+        view.update(queries[1], localizer.push(1 - queries[1]), localizer, 10.0)
+    picture = last_picture(console)
+    assert "segment 1, place 2 of 40" in "\n".join(picture)
+    # Between those of the frame, the start of a segment.
+    assert picture[3].count("│") == 3
+
+
 @pytest.mark.parametrize("width", [44, 80])
 def test_confidence_and_belief_are_shown_along_the_route(width: int) -> None:
     generator = np.random.default_rng(6)
