@@ -2,7 +2,6 @@
 come back; and a town of three roads: for demos, tests and trying things out without any data.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,8 +110,8 @@ class Town:
         return np.concatenate(
             [
                 np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1),
-                ([-radius, 0.0] - np.cumsum(steps_in, axis=0))[::-1],
-                [radius, 0.0] + np.cumsum(steps_out, axis=0),
+                np.array([-radius, 0.0]) - np.cumsum(steps_in, axis=0)[::-1],
+                np.cumsum(steps_out, axis=0) + np.array([radius, 0.0]),
             ]
         )
 

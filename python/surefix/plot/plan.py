@@ -24,9 +24,9 @@ def plan(
     names: Sequence[str] = (),
     theme: Theme = LIGHT,
 ) -> Axes:
-    """Draws a route from above: each segment as a line from its start (a dot), closed ones as rings,
-    and links as dotted arrows; on it the places of fixes, right ones as dots and wrong ones as
-    crosses.
+    """Draws a route from above: each segment as a line from its start (a dot), closed ones as
+    rings, and links as dotted arrows; on it the places of fixes, right ones as dots and wrong ones
+    as crosses.
 
     Parameters
     ----------

@@ -184,7 +184,7 @@ def _from_above(demo: TownDemo) -> Section:
     town, drive = demo.town, demo.drive
     picture = drawn(
         (9, 5.2),
-        "The town from above, with each frame at its true place, marked by whether its fix is right.",
+        "The town from above, each frame at its true place, marked by whether its fix is right.",
         plan,
         town.positions,
         town.segments,
