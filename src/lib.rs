@@ -98,7 +98,7 @@ pub use distance::Metric;
 pub use dtype::Dtype;
 pub use error::Error;
 pub use localizer::{Input, Localizer};
-pub use map::{Map, Positions, Recipe};
+pub use map::{Extras, Map, MapTraverse, Origin, Position, Positions, Recipe, Thumbnails};
 pub use method::{Aligned, Fix, Given, Matcher, Peak, Sequence, Single, Track};
 pub use motion::Motion;
 pub use numbers::{Values, View};

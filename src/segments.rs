@@ -1,6 +1,8 @@
 //! Which places follow each other: segments end at breaks, closed ones begin again, and links lead
 //! from one to another.
 
+mod editing;
+
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;

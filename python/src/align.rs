@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::PathBuf;
 
-use numpy::{Element, PyArray1, PyArray2, PyArrayMethods as _};
+use numpy::{Element, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surefix::{Drive, Floor, Motion, align_descriptors, align_distances};
@@ -100,15 +100,6 @@ impl Alignment {
         }
         Ok(PyArray2::from_vec2(py, right)?)
     }
-    /// The position of each query's place in metres: float64, (m, 2) or (m, 3); None if the map has
-    /// no positions.
-    #[getter]
-    fn position<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let Some(known) = &self.0.positions else { return Ok(None) };
-        let metres = PyArray1::from_slice(py, known.metres());
-        Ok(Some(metres.reshape([known.len(), known.axes()])?))
-    }
-
     /// Writes a CSV file: a line of names, then a line a query. If the map has positions, that of
     /// ``place`` is in the columns ``x``, ``y`` and ``z``.
     ///

@@ -197,7 +197,9 @@ impl Run {
         } else {
             usize::try_from(index).ok()
         };
-        let fix = from.and_then(|index| self.0.fixes.get(index)).copied().map(Fix);
+        let position = from.and_then(|index| self.0.positions.as_ref()?.at(index));
+        let fix = from.and_then(|index| self.0.fixes.get(index)).copied();
+        let fix = fix.map(|fix| Fix(fix, position));
         fix.ok_or_else(|| PyIndexError::new_err(format!("query {index} of {}", self.0.fixes.len())))
     }
 

@@ -1,8 +1,10 @@
 //! A fix and its parts.
 
 use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyTuple};
 
-use crate::pickle::pickled;
+use crate::pickle::{packed, pickled, unpacked};
+use crate::position::Position;
 
 fn python_bool(flag: bool) -> &'static str {
     if flag { "True" } else { "False" }
@@ -35,6 +37,8 @@ fn python_bool(flag: bool) -> &'static str {
 /// track : Track or None
 ///     Where the robot is by all queries so far: ``place``, ``confidence``, ``off_map``, ``speed``,
 ///     ``interval``. None without the option ``motion``.
+/// position : Position or None
+///     Where ``place`` is: ``metres``, and ``degrees`` or None. None on a map without positions.
 /// accepted : bool or None
 ///     Whether it is above the threshold of a calibration (``Localizer(config=...)``).
 /// probability : float or None
@@ -49,12 +53,26 @@ fn python_bool(flag: bool) -> &'static str {
 /// (1, True, 1)
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) struct Fix(pub(crate) surefix::Fix);
-
-pickled!(Fix);
+pub(crate) struct Fix(pub(crate) surefix::Fix, pub(crate) Option<surefix::Position>);
 
 #[pymethods]
 impl Fix {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, fix) = (slf.py(), slf.get());
+        let bytes = PyBytes::new(py, &packed(py, &(fix.0, fix.1))?);
+        (slf.get_type().getattr("_unpickled")?, (bytes,)).into_pyobject(py)
+    }
+    #[staticmethod]
+    fn _unpickled(py: Python<'_>, bytes: &[u8]) -> PyResult<Self> {
+        unpacked(py, bytes).map(|(fix, position)| Self(fix, position))
+    }
+
+    /// Where ``place`` is: ``metres`` and ``degrees``. None on a map without positions, and of a
+    /// ``Matcher``, which knows no map.
+    #[getter]
+    fn position(&self) -> Option<Position> {
+        self.1.map(Into::into)
+    }
     /// Which query this is, counted from 0.
     #[getter]
     fn frame(&self) -> u64 {

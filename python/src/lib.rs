@@ -15,11 +15,15 @@ mod inputs;
 mod learned;
 mod localizer;
 mod map;
+mod map_editing;
+mod map_growing;
 mod map_making;
+mod map_places;
 mod matcher;
 mod options;
 mod pickle;
 mod places;
+mod position;
 mod post;
 mod sad;
 mod segments;
@@ -57,7 +61,11 @@ mod _core {
     #[pymodule_export]
     use crate::map::Map;
     #[pymodule_export]
+    use crate::map_places::thumbnail;
+    #[pymodule_export]
     use crate::matcher::Matcher;
+    #[pymodule_export]
+    use crate::position::Position;
     #[pymodule_export]
     use crate::post::{Post, Running, fit_post};
     #[pymodule_export]

@@ -133,7 +133,8 @@ impl Localizer {
         let views = inputs.iter().map(|input| input.view(py)).collect::<PyResult<Vec<_>>>()?;
         let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Localizer"))?;
         let localizer = &mut this.0;
-        Ok(Fix(py.detach(|| localizer.push_inputs(&views, given)).or_raise(py)?))
+        let fix = py.detach(|| localizer.push_inputs(&views, given)).or_raise(py)?;
+        Ok(Fix(fix, localizer.position(&fix)))
     }
 
     /// A fix for each frame, as it comes.

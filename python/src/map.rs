@@ -11,7 +11,6 @@ use surefix::{Dtype, Recipe};
 use crate::arrays::{as_array, check_axes, query, rows_to_py};
 use crate::error::OrRaise as _;
 use crate::learned;
-use crate::options::whole;
 use crate::post::Post;
 use crate::sad::Sad;
 
@@ -202,61 +201,6 @@ impl Map {
         py.detach(|| self.0.verify()).or_raise(py)
     }
 
-    /// The places from ``start`` to before ``stop``, as a map of their own. It shares the memory of
-    /// this map's rows.
-    ///
-    /// Parameters
-    /// ----------
-    /// start, stop : int
-    ///
-    /// Returns
-    /// -------
-    /// Map
-    ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     Unless this map has these places, or for less than two.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import numpy as np, surefix
-    /// >>> route = surefix.Map.from_descriptors(np.eye(5, dtype=np.float32))
-    /// >>> len(route.slice(1, 4))
-    /// 3
-    fn slice(
-        &self,
-        py: Python<'_>,
-        start: &Bound<'_, PyAny>,
-        stop: &Bound<'_, PyAny>,
-    ) -> PyResult<Self> {
-        let (start, stop) = (whole("start", start)?, whole("stop", stop)?);
-        Ok(Self(Arc::new(py.detach(|| self.0.slice(start..stop)).or_raise(py)?)))
-    }
-
-    /// The same map without the places that show nothing (``blank``). Those after them move up.
-    ///
-    /// Returns
-    /// -------
-    /// Map
-    ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     If fewer than two places are left.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import numpy as np, surefix
-    /// >>> images = np.random.default_rng(0).integers(0, 255, (5, 48, 96), np.uint8)
-    /// >>> images[2] = 0
-    /// >>> route = surefix.Map.from_images(images)
-    /// >>> route.blank, len(route.without_blank())
-    /// (array([2]), 4)
-    pub(crate) fn without_blank(&self, py: Python<'_>) -> PyResult<Self> {
-        Ok(Self(Arc::new(py.detach(|| self.0.without_blank()).or_raise(py)?)))
-    }
-
     /// The distances from a descriptor to every place. A place that shows nothing (``blank``) has
     /// the mean of the others' distances; a descriptor that shows nothing has one distance to all.
     ///
@@ -368,25 +312,6 @@ impl Map {
         rows_to_py(py, self.0.descriptors(), &[self.0.places(), self.0.dim()])
     }
 
-    /// Where each place is, in planar metres: shape (n, 2) or (n, 3), or None.
-    #[getter]
-    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        use numpy::PyArrayMethods as _;
-        let Some(positions) = self.0.positions() else { return Ok(None) };
-        let array = PyArray1::from_slice(py, positions.metres());
-        Ok(Some(array.reshape([positions.len(), positions.axes()])?.into_any()))
-    }
-
-    /// How many places a robot passes in a metre, by the map's positions
-    /// (``surefix.datasets.places_per_metre``); None without positions. An odometry's metres times
-    /// this are the ``advance`` of ``Localizer.push``.
-    #[getter]
-    fn places_per_metre<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let Some(positions) = self.positions(py)? else { return Ok(None) };
-        let metres = py.import("surefix.tables.metres")?;
-        metres.call_method1("places_per_metre", (positions,)).map(Some)
-    }
-
     /// The places that show nothing, in order: int64. They are SAD descriptors of images with hardly
     /// any content, ready descriptors of zeros, and those that at least 5 places share; ready
     /// descriptors of up to 8 numbers are taken as they are. Nothing is matched to such a place.
@@ -394,12 +319,6 @@ impl Map {
     fn blank<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         let blank = py.detach(|| self.0.blank());
         PyArray1::from_iter(py, blank.iter().map(|&place| place as i64))
-    }
-
-    /// A name for each place, or None.
-    #[getter]
-    fn names(&self) -> Option<Vec<String>> {
-        self.0.names().map(<[String]>::to_vec)
     }
 
     pub(crate) fn __repr__(&self) -> String {

@@ -1,4 +1,4 @@
-//! `surefix.Map`: how one is made, from images or descriptors, and made longer.
+//! `surefix.Map`: how one is made, from images or descriptors.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,8 +12,9 @@ use crate::error::{OrRaise as _, value};
 use crate::images::{Images, Terms, progress_callback, with_progress};
 use crate::learned;
 use crate::map::{Map, screen_dtype, screened};
-use crate::places::{self, positions_of, with_positions};
+use crate::places::{self, positions_of, segments_of_some, with_positions};
 use crate::post;
+use crate::segments::segments_of;
 
 #[pymethods]
 impl Map {
@@ -33,6 +34,18 @@ impl Map {
     ///     takes.
     /// positions : array, shape (n, 2) or (n, 3), optional
     ///     Where each place is, in planar metres.
+    /// breaks : sequence of int, optional
+    ///     The images at which a new segment begins, ascending: the drive jumps there, so that
+    ///     gradients, sequences and motion end (``Segments``).
+    /// closed : bool or sequence of int
+    ///     Whether all segments are closed, their last place followed by their first; or the
+    ///     indices of those that are.
+    /// thumbnails : bool or (int, int)
+    ///     Keep a small grey picture of each place in the map, 1 byte a pixel: 96 pixels on the
+    ///     longer side (5,184 bytes a place for images of 16 : 9), or of this width and height.
+    /// origin : (float, float) or str, optional
+    ///     The plane of the positions: latitude and longitude of the origin of a local one, as of
+    ///     ``surefix.datasets.local_metres``; or the name of another, such as "UTM 55S".
     /// progress : callable, optional
     ///     Called with ``(done, total)``; returning False stops. By default a bar on a terminal;
     ///     False for none.
@@ -60,7 +73,8 @@ impl Map {
     /// ------
     /// SurefixValueError
     ///     For an image that cannot be read or has another size (the error names it), or fewer than
-    ///     two images; for metric, post or cache with SAD, which has its own metric and needs
+    ///     two images; before any is read, for breaks, closed segments, positions or an origin that
+    ///     are none of these images; for metric, post or cache with SAD, which has its own metric and needs
     ///     neither.
     /// SurefixFileError
     ///     If there is no such folder.
@@ -72,7 +86,7 @@ impl Map {
     /// >>> len(route), route.dim, route.descriptor
     /// (5, 2048, Sad(size=(64, 32), patch=8, dtype='u8'))
     #[staticmethod]
-    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None, skip_blank=false, metric=None, post=None, cache=None, levels=None, skip_bad=false, mixed_sizes=false))]
+    #[pyo3(signature = (images, descriptor=None, *, positions=None, progress=None, skip_blank=false, metric=None, post=None, cache=None, levels=None, skip_bad=false, mixed_sizes=false, breaks=None, closed=None, thumbnails=None, origin=None), text_signature = "(images, descriptor=None, *, positions=None, progress=None, skip_blank=False, metric=None, post=None, cache=None, levels=None, skip_bad=False, mixed_sizes=False, breaks=None, closed=False, thumbnails=False, origin=None)")]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     fn from_images<'py>(
         py: Python<'py>,
@@ -87,6 +101,10 @@ impl Map {
         levels: Option<&Bound<'py, PyAny>>,
         skip_bad: bool,
         mixed_sizes: bool,
+        breaks: Option<&Bound<'py, PyAny>>,
+        closed: Option<&Bound<'py, PyAny>>,
+        thumbnails: Option<&Bound<'py, PyAny>>,
+        origin: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, Self>> {
         if let Some(descriptor) = descriptor.filter(|given| learned::is_learned(given)) {
             let skip = skip_bad.then(|| PyBool::new(py, true).to_owned().into_any());
@@ -98,6 +116,10 @@ impl Map {
                 ("cache", cache),
                 ("levels", levels),
                 ("skip_bad", skip.as_ref()),
+                ("breaks", breaks),
+                ("closed", closed),
+                ("thumbnails", thumbnails),
+                ("origin", origin),
             ];
             let map = learned::map_of_images(images, descriptor, options)?;
             let map: Bound<'py, Self> = map.cast_into()?;
@@ -108,15 +130,19 @@ impl Map {
             return Err(value(py, reason.to_owned()));
         }
         let sad = places::levelled_recipe(py, descriptor, levels)?;
-        let positions = places::positions(positions)?;
+        let positions = places::positions(positions, origin)?;
+        let thumbnails = places::thumbnails(thumbnails)?;
         let images = Images::new(images)?;
-        let callback = progress_callback(py, progress, "Mapping")?;
         let count = images.len();
+        let segments = segments_of(py, count, breaks, closed, None)?;
+        let callback = progress_callback(py, progress, "Mapping")?;
         let map = with_progress(py, callback.as_ref(), |progress| {
             let terms = Terms { skip_bad, mixed_sizes };
             terms.each(py, &images, progress, |source, kept, progress| {
-                let map = surefix::Map::from_images(source, sad, progress)?;
-                with_positions(map, positions_of(positions.as_ref(), kept, count)?)
+                let positions = positions_of(positions.as_ref(), kept, count)?;
+                let segments = segments_of_some(&segments, kept)?;
+                let extras = places::extras(positions.as_ref(), &segments, thumbnails);
+                surefix::Map::from_images_with(source, sad, extras, progress)
             })
         })?;
         let map = Self(Arc::new(map));
@@ -134,7 +160,7 @@ impl Map {
     /// ----------
     /// path : str or path
     ///     The file to write.
-    /// images, descriptor, positions, progress, levels, skip_bad, mixed_sizes
+    /// images, descriptor, positions, progress, levels, skip_bad, mixed_sizes, breaks, closed, thumbnails, origin
     ///     As for ``from_images``. A list of arrays, or an array, is in memory anyway; files, and
     ///     sequences such as a data set's, are not.
     ///
@@ -155,7 +181,7 @@ impl Map {
     /// >>> len(surefix.Map.open(path, mmap=True))
     /// 60
     #[staticmethod]
-    #[pyo3(signature = (path, images, descriptor=None, *, positions=None, progress=None, levels=None, skip_bad=false, mixed_sizes=false))]
+    #[pyo3(signature = (path, images, descriptor=None, *, positions=None, progress=None, levels=None, skip_bad=false, mixed_sizes=false, breaks=None, closed=None, thumbnails=None, origin=None), text_signature = "(path, images, descriptor=None, *, positions=None, progress=None, levels=None, skip_bad=False, mixed_sizes=False, breaks=None, closed=False, thumbnails=False, origin=None)")]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     fn build(
         py: Python<'_>,
@@ -167,139 +193,27 @@ impl Map {
         levels: Option<&Bound<'_, PyAny>>,
         skip_bad: bool,
         mixed_sizes: bool,
+        breaks: Option<&Bound<'_, PyAny>>,
+        closed: Option<&Bound<'_, PyAny>>,
+        thumbnails: Option<&Bound<'_, PyAny>>,
+        origin: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let sad = places::levelled_recipe(py, descriptor, levels)?;
-        let positions = places::positions(positions)?;
+        let positions = places::positions(positions, origin)?;
+        let thumbnails = places::thumbnails(thumbnails)?;
         let images = Images::new(images)?;
-        let callback = progress_callback(py, progress, "Mapping")?;
         let count = images.len();
+        let segments = segments_of(py, count, breaks, closed, None)?;
+        let callback = progress_callback(py, progress, "Mapping")?;
         with_progress(py, callback.as_ref(), |progress| {
             let terms = Terms { skip_bad, mixed_sizes };
             terms.each(py, &images, progress, |source, kept, progress| {
                 let positions = positions_of(positions.as_ref(), kept, count)?;
-                surefix::Map::build(&path, source, sad, positions.as_ref(), progress)
+                let segments = segments_of_some(&segments, kept)?;
+                let extras = places::extras(positions.as_ref(), &segments, thumbnails);
+                surefix::Map::build_with(&path, source, sad, extras, progress)
             })
         })
-    }
-
-    /// Makes the map in a file longer, without reading its rows into memory. The longer file is
-    /// written beside the old one and then renamed: if it fails, or is stopped, the old one
-    /// stays. It is the file that all places at once would have made.
-    ///
-    /// Maps that are open stay as they are; a snapshot of a localizer is of the map that it was
-    /// taken on.
-    ///
-    /// Parameters
-    /// ----------
-    /// path : str or path
-    ///     The file of a map.
-    /// more : Map, or images as for ``from_images``
-    ///     The places that follow: a map of the same kind, or the images of a drive that goes on,
-    ///     if the map was made of images. They are described as those were. Images in arrays are
-    ///     numbered on.
-    /// descriptor : surefix.descriptors.Descriptor, optional
-    ///     The map's own descriptor, if its descriptors are learned.
-    /// positions : array, shape (m, 2) or (m, 3), optional
-    ///     Where the images' places are, in planar metres; needed if the map has positions.
-    /// progress : callable, optional
-    ///     As for ``from_images``.
-    /// cache : path, optional
-    ///     With ``descriptor``, as for ``from_images``.
-    /// skip_bad, mixed_sizes : bool
-    ///     As for ``from_images``.
-    ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     If the file is not a map, or the places differ from its own in type, length, metric
-    ///     or recipe, or one has names or positions and the other has none; and as for
-    ///     ``from_images``.
-    /// SurefixFileError
-    ///     If the file cannot be read or written.
-    #[staticmethod]
-    #[pyo3(signature = (path, more, descriptor=None, *, positions=None, progress=None, cache=None, skip_bad=false, mixed_sizes=false))]
-    #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
-    fn append(
-        py: Python<'_>,
-        path: PathBuf,
-        more: &Bound<'_, PyAny>,
-        descriptor: Option<&Bound<'_, PyAny>>,
-        positions: Option<&Bound<'_, PyAny>>,
-        progress: Option<&Bound<'_, PyAny>>,
-        cache: Option<&Bound<'_, PyAny>>,
-        skip_bad: bool,
-        mixed_sizes: bool,
-    ) -> PyResult<()> {
-        if let Some(descriptor) = descriptor.filter(|_| !more.is_instance_of::<Self>()) {
-            if !learned::is_learned(descriptor) {
-                let expected = "the map's own learned descriptor; images for Sad need none";
-                let got = descriptor.get_type().name()?;
-                return Err(value(py, format!("descriptor: expected {expected}, got {got}")));
-            }
-            let skip = skip_bad.then(|| PyBool::new(py, true).to_owned().into_any());
-            let options = [
-                ("positions", positions),
-                ("progress", progress),
-                ("cache", cache),
-                ("skip_bad", skip.as_ref()),
-            ];
-            return learned::append_images(&path, more, descriptor, options);
-        }
-        if descriptor.or(cache).is_some() {
-            let expected = "descriptor, cache: expected images and a learned descriptor";
-            let got =
-                if descriptor.is_some() { "a map, which is described" } else { "no descriptor" };
-            return Err(value(py, format!("{expected}, got {got}")));
-        }
-        let positions = places::positions(positions)?;
-        if let Ok(more) = more.cast::<Self>() {
-            if positions.is_some() {
-                return Err(value(
-                    py,
-                    "positions: expected none beside a map, which has its own".to_owned(),
-                ));
-            }
-            let more = &more.get().0;
-            return py.detach(|| surefix::Map::append(path, more)).or_raise(py);
-        }
-        let images = Images::new(more)?;
-        let callback = progress_callback(py, progress, "Mapping")?;
-        let count = images.len();
-        with_progress(py, callback.as_ref(), |progress| {
-            let terms = Terms { skip_bad, mixed_sizes };
-            terms.each(py, &images, progress, |source, kept, progress| {
-                let positions = positions_of(positions.as_ref(), kept, count)?;
-                surefix::Map::append_images(&path, source, positions.as_ref(), progress)
-            })
-        })
-    }
-
-    /// The places of this map and then those of ``more``: the map that all their descriptors at
-    /// once would have made. Neither changes.
-    ///
-    /// Parameters
-    /// ----------
-    /// more : Map
-    ///     A map of the same kind, with names and positions if this one has them.
-    ///
-    /// Returns
-    /// -------
-    /// Map
-    ///
-    /// Raises
-    /// ------
-    /// SurefixValueError
-    ///     If they differ in type, length, metric or recipe, or one has names or positions and
-    ///     the other has none.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import numpy as np, surefix
-    /// >>> half = surefix.Map.from_descriptors(np.eye(3, dtype=np.float32))
-    /// >>> len(half.extended(half))
-    /// 6
-    fn extended(&self, py: Python<'_>, more: &Self) -> PyResult<Self> {
-        Ok(Self(Arc::new(py.detach(|| self.0.extended(&more.0)).or_raise(py)?)))
     }
 
     /// A map of ready descriptors, from any technique.
@@ -324,6 +238,8 @@ impl Map {
     ///     The origin of learned descriptors: a mapping that JSON can hold, with a "name".
     /// image_size : (int, int), optional
     ///     Width and height of the images that were described.
+    /// breaks, closed, origin : optional
+    ///     As for ``from_images``.
     ///
     /// Returns
     /// -------
@@ -338,8 +254,8 @@ impl Map {
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "the options of Python's function")]
     #[pyo3(
-        signature = (descriptors, metric=None, positions=None, names=None, *, screen=None, post=None, recipe=None, image_size=None),
-        text_signature = "(descriptors, metric='cosine', positions=None, names=None, *, screen=None, post=None, recipe=None, image_size=None)"
+        signature = (descriptors, metric=None, positions=None, names=None, *, screen=None, post=None, recipe=None, image_size=None, breaks=None, closed=None, origin=None),
+        text_signature = "(descriptors, metric='cosine', positions=None, names=None, *, screen=None, post=None, recipe=None, image_size=None, breaks=None, closed=False, origin=None)"
     )]
     fn from_descriptors(
         py: Python<'_>,
@@ -351,18 +267,22 @@ impl Map {
         post: Option<&Bound<'_, PyAny>>,
         recipe: Option<&Bound<'_, PyAny>>,
         image_size: Option<(usize, usize)>,
+        breaks: Option<&Bound<'_, PyAny>>,
+        closed: Option<&Bound<'_, PyAny>>,
+        origin: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
         let recipe = recipe.map(learned::recipe_text).transpose()?;
         let metric =
             metric.map_or_else(|| "cosine".to_owned(), ToString::to_string).parse().or_raise(py)?;
-        let positions = places::positions(positions)?;
+        let positions = places::positions(positions, origin)?;
         let array = as_array(descriptors, "descriptors")?;
         check_axes(&array, "descriptors", 2)?;
         let (places, dim) = (array.shape()[0], array.shape()[1]);
         if places < 2 {
             return Err(surefix::Error::TooFewPlaces { what: "map", got: places }).or_raise(py);
         }
+        let segments = segments_of(py, places, breaks, closed, None)?;
         let numbers = Numbers::new(&array, "descriptors")?;
         let rows = numbers.view()?;
         let map = match post {
@@ -386,7 +306,8 @@ impl Map {
             None => map,
         };
         let map = with_positions(map, positions).or_raise(py)?;
-        let map = map.with_image_size(image_size).or_raise(py)?;
+        let map = map.with_image_size(image_size).and_then(|map| map.with_segments(segments));
+        let map = map.or_raise(py)?;
         Ok(Self(Arc::new(screened(py, map, screen)?)))
     }
 }

@@ -110,7 +110,7 @@ impl Matcher {
         let mut this = slf.try_borrow_mut().map_err(|_| busy(py, "Matcher"))?;
         let matcher = &mut this.0;
         let fix = py.detach(|| matcher.push_with(distances, given(trusted, advance)));
-        Ok(Fix(fix.or_raise(py)?))
+        Ok(Fix(fix.or_raise(py)?, None))
     }
 
     /// Says that the next query does not follow on the one before: frames were dropped, or the

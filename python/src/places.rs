@@ -2,10 +2,11 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyString;
-use surefix::Positions;
+use surefix::{Extras, Positions};
 
 use crate::arrays::coordinates;
 use crate::error::{OrRaise as _, value};
+use crate::options::{size, wrong};
 use crate::sad::Sad;
 
 /// The recipe of a `descriptor` argument.
@@ -53,7 +54,48 @@ pub(crate) fn positions_of(
     }
     let axes = positions.axes();
     let row = |&image: &usize| &positions.metres()[image * axes..(image + 1) * axes];
-    Positions::new(kept.iter().flat_map(row).copied().collect(), axes).map(Some)
+    let some = Positions::new(kept.iter().flat_map(row).copied().collect(), axes)?;
+    match (positions.origin(), positions.plane()) {
+        (Some(origin), _) => some.with_origin(origin).map(Some),
+        (None, Some(plane)) => some.with_plane(plane).map(Some),
+        (None, None) => Ok(Some(some)),
+    }
+}
+
+/// The segments of some of the images.
+pub(crate) fn segments_of_some(
+    segments: &surefix::Segments,
+    kept: Option<&[usize]>,
+) -> Result<surefix::Segments, surefix::Error> {
+    kept.map_or_else(|| Ok(segments.clone()), |kept| segments.keep(kept))
+}
+
+/// The size of the argument `thumbnails`: True, or (width, height). `None` if there are to be none.
+pub(crate) fn thumbnails(
+    given: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Option<Option<(usize, usize)>>> {
+    let Some(given) = given.filter(|given| !given.is_none()) else { return Ok(None) };
+    if let Ok(wanted) = given.extract::<bool>() {
+        return Ok(wanted.then_some(None));
+    }
+    size("thumbnails", given).map(|size| Some(Some(size)))
+}
+
+/// What is given with the images of a map.
+pub(crate) fn extras<'a>(
+    positions: Option<&'a Positions>,
+    segments: &'a surefix::Segments,
+    thumbnails: Option<Option<(usize, usize)>>,
+) -> Extras<'a> {
+    let mut extras = Extras::default().segments(segments);
+    if let Some(positions) = positions {
+        extras = extras.positions(positions);
+    }
+    match thumbnails {
+        None => extras,
+        Some(None) => extras.thumbnails(),
+        Some(Some(size)) => extras.thumbnails_of(size),
+    }
 }
 
 /// A name for each place.
@@ -70,11 +112,33 @@ pub(crate) fn names(names: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     })
 }
 
-/// The positions of a `positions` argument.
-pub(crate) fn positions(given: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Positions>> {
-    let Some(given) = given.filter(|given| !given.is_none()) else { return Ok(None) };
+/// The positions of the arguments `positions` and `origin`.
+pub(crate) fn positions(
+    given: Option<&Bound<'_, PyAny>>,
+    origin: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Option<Positions>> {
+    let origin = origin.filter(|origin| !origin.is_none());
+    let Some(given) = given.filter(|given| !given.is_none()) else {
+        return match origin {
+            None => Ok(None),
+            Some(origin) => {
+                let expected = "origin: expected positions beside it, got none";
+                Err(value(origin.py(), expected.to_owned()))
+            }
+        };
+    };
+    let py = given.py();
     let (metres, axes) = coordinates(given, "positions")?;
-    Positions::new(metres, axes).or_raise(given.py()).map(Some)
+    let positions = Positions::new(metres, axes).or_raise(py)?;
+    let Some(origin) = origin else { return Ok(Some(positions)) };
+    if let Ok(plane) = origin.extract::<&str>() {
+        return positions.with_plane(plane).or_raise(py).map(Some);
+    }
+    let Ok((latitude, longitude)) = origin.extract::<(f64, f64)>() else {
+        return wrong("origin", "(latitude, longitude), or the name of another plane", origin);
+    };
+    let origin = surefix::Origin::new(latitude, longitude);
+    origin.and_then(|origin| positions.with_origin(origin)).or_raise(py).map(Some)
 }
 
 pub(crate) fn with_positions(

@@ -146,6 +146,32 @@ impl Segments {
         Ok(self.0.index_of(at))
     }
 
+    /// The segments of a route that keeps only some of its places, as ``Map.keep`` does.
+    ///
+    /// Parameters
+    /// ----------
+    /// places : array of int, shape (k,)
+    ///     In ascending order.
+    ///
+    /// Returns
+    /// -------
+    /// Segments
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     Unless the places ascend within the route, or for none.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import surefix
+    /// >>> surefix.Segments(10, breaks=[6], links=[(3, 6)]).keep([0, 2, 4, 6, 8]).links
+    /// array([[1, 3]])
+    fn keep(&self, py: Python<'_>, places: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let places = indices(places, "places", "places")?;
+        self.0.keep(&places).or_raise(py).map(Self)
+    }
+
     fn __len__(&self) -> usize {
         self.0.len()
     }

@@ -251,6 +251,10 @@ class Fix:
     def gradient(self) -> Peak:
         """Where the enhanced gradient peaks."""
     @property
+    def position(self) -> Position | None:
+        """X"""
+
+    @property
     def accepted(self) -> bool | None:
         """Whether it is above the threshold of the localizer's settings; None without one."""
     @property
@@ -349,6 +353,9 @@ class Segments:
     @property
     def links(self) -> _Int64:
         """The links, array of int64, shape (k, 2)."""
+    def keep(self, places: npt.ArrayLike) -> Segments:
+        """X"""
+
     def index_of(self, place: SupportsIndex) -> int:
         """The index of a place's segment.
 
@@ -492,6 +499,10 @@ class Map:
         levels: tuple[int, int] | None = None,
         skip_bad: bool = False,
         mixed_sizes: bool = False,
+        breaks: Iterable[int] | None = None,
+        closed: bool | Iterable[int] = False,
+        thumbnails: bool | tuple[int, int] = False,
+        origin: tuple[float, float] | str | None = None,
     ) -> Map:
         """A map of the descriptors of a traverse's images, described on all cores. Places are named as
         the files are.
@@ -559,6 +570,9 @@ class Map:
         post: Post | Iterable[Any] | None = None,
         recipe: Mapping[str, Any] | None = None,
         image_size: tuple[int, int] | None = None,
+        breaks: Iterable[int] | None = None,
+        closed: bool | Iterable[int] = False,
+        origin: tuple[float, float] | str | None = None,
     ) -> Map:
         """A map of ready descriptors, from any technique.
 
@@ -605,6 +619,10 @@ class Map:
         levels: tuple[int, int] | None = None,
         skip_bad: bool = False,
         mixed_sizes: bool = False,
+        breaks: Iterable[int] | None = None,
+        closed: bool | Iterable[int] = False,
+        thumbnails: bool | tuple[int, int] = False,
+        origin: tuple[float, float] | str | None = None,
     ) -> None:
         """Makes the map of a traverse's images straight into a file, on all cores: the file that
         ``from_images(...).save(path)`` would write, in the memory of one image a core. Open it
@@ -649,6 +667,7 @@ class Map:
         cache: _Path | None = None,
         skip_bad: bool = False,
         mixed_sizes: bool = False,
+        new_segment: bool = False,
     ) -> None:
         """Makes the map in a file longer, without reading its rows into memory. The longer file is
         written beside the old one and then renamed: if it fails, or is stopped, the old one
@@ -685,7 +704,7 @@ class Map:
         SurefixFileError
             If the file cannot be read or written.
         """
-    def extended(self, more: Map) -> Map:
+    def extended(self, more: Map, *, new_segment: bool = False) -> Map:
         """The places of this map and then those of ``more``: the map that all their descriptors at
         once would have made. Neither changes.
 
@@ -853,6 +872,53 @@ class Map:
         >>> len(route.slice(1, 4))
         3
         """
+    @property
+    def segments(self) -> Segments:
+        """X"""
+
+    def with_segments(self, segments: Segments) -> Map:
+        """X"""
+
+    def cut(self, start: int, stop: int) -> Map:
+        """X"""
+
+    def keep(self, places: npt.ArrayLike) -> Map:
+        """X"""
+
+    def thin(self, metres: float) -> Map:
+        """X"""
+
+    @staticmethod
+    def join(maps: Iterable[Map]) -> Map:
+        """X"""
+
+    @property
+    def origin(self) -> tuple[float, float] | None:
+        """X"""
+
+    @property
+    def plane(self) -> str | None:
+        """X"""
+
+    @property
+    def degrees(self) -> _Float64 | None:
+        """X"""
+
+    def with_positions(
+        self, positions: npt.ArrayLike, *, origin: tuple[float, float] | str | None = None
+    ) -> Map:
+        """X"""
+
+    @property
+    def thumbnails(self) -> npt.NDArray[np.uint8] | None:
+        """X"""
+
+    def thumbnail(self, place: int) -> npt.NDArray[np.uint8] | None:
+        """X"""
+
+    def with_thumbnails(self, thumbnails: npt.NDArray[np.uint8]) -> Map:
+        """X"""
+
     def without_blank(self) -> Map:
         """The same map without the places that show nothing (``blank``). Those after them move up.
 
@@ -1433,6 +1499,21 @@ class FixStream(Iterator[Fix]):
     def __next__(self) -> Fix: ...
 
 @final
+class Position:
+    """x"""
+
+    @property
+    def metres(self) -> tuple[float, ...]:
+        """X"""
+
+    @property
+    def degrees(self) -> tuple[float, float] | None:
+        """X"""
+
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
 class Run:
     """The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
 
@@ -1471,6 +1552,14 @@ class Run:
     @property
     def speed(self) -> _Float64:
         """The track's speed, else the slope of the winning diagonal, in places a query: float64."""
+    @property
+    def positions(self) -> _Float64 | None:
+        """X"""
+
+    @property
+    def degrees(self) -> _Float64 | None:
+        """X"""
+
     @property
     def confidence(self) -> _Float64 | None:
         """The belief that the robot is within ``tolerance`` places of the track's place: float64."""
@@ -1607,6 +1696,10 @@ class Alignment:
         """The belief that each query is within ``tolerance`` places of those of ``at``: float64,
         (k, m).
         """
+    @property
+    def degrees(self) -> _Float64 | None:
+        """X"""
+
     @property
     def position(self) -> _Float64 | None:
         """The position of each query's place in metres: float64, (m, 2) or (m, 3); None if the map has
@@ -2414,6 +2507,13 @@ def decode_image(data: bytes, name: str = "image") -> npt.NDArray[Any]:
     SurefixValueError
         As for ``read_image``.
     """
+
+def thumbnail(
+    image: _Array,
+    size: tuple[int, int] | None = None,
+    levels: tuple[int, int] | None = None,
+) -> npt.NDArray[np.uint8]:
+    """X"""
 
 def find_images(place: _Path, order: _Order = "name") -> list[str]:
     """The image files of a folder or of a pattern like ``route/*.png``, in route order: ``frame10``

@@ -256,7 +256,18 @@ impl Tensors<'_> {
         Ok(Some((&info.shape, numbers)))
     }
 
-    /// The same, of a tensor that must be there.
+    /// A tensor's bytes, without a copy of those that are owned; empty if there is none of that
+    /// name.
+    pub(crate) fn take(&mut self, name: &str) -> Vec<u8> {
+        self.data.remove(name).map(Cow::into_owned).unwrap_or_default()
+    }
+
+    /// A tensor's bytes as they lie in the file; none if there is no tensor of that name.
+    pub(crate) fn bytes(&self, name: &str) -> &[u8] {
+        self.data.get(name).map_or(&[][..], |bytes| bytes)
+    }
+
+    /// The same as [`numbers`](Self::numbers), of a tensor that must be there.
     pub(crate) fn required<T: Number>(
         &self,
         name: &str,

@@ -45,7 +45,7 @@ pub fn match_fused_distances(
         };
         (0..queries).map(push).collect()
     })?;
-    Ok(Run { fixes, places })
+    Ok(Run { fixes, places, ..Run::default() })
 }
 
 /// The places and the queries of several techniques' distances.
@@ -125,7 +125,7 @@ pub fn match_fused(
     if progress(total, total).is_break() {
         return Err(Error::Interrupted { done: total, total });
     }
-    Ok(Run { fixes, places })
+    Ok(Run::on(maps.iter().map(Arc::as_ref), fixes, places))
 }
 
 /// The fixes of a run in order; for the floor of the whole matrix, of two runs: the first finds it.

@@ -12,7 +12,7 @@ use ndarray::ArrayView2;
 use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
-use crate::map::Map;
+use crate::map::{Map, Positions};
 use crate::method::{Fix, Matcher, Memory, is_constant, minimum};
 use crate::numbers::{View, first_not_finite};
 use crate::parallel::each;
@@ -39,9 +39,19 @@ pub struct Run {
     pub fixes: Vec<Fix>,
     /// How many places the route has.
     pub places: usize,
+    /// The position of each fix's place, if the map (the first that has any) has positions.
+    #[serde(default)]
+    pub positions: Option<Positions>,
 }
 
 impl Run {
+    /// On maps of the same places.
+    fn on<'a>(maps: impl IntoIterator<Item = &'a Map>, fixes: Vec<Fix>, places: usize) -> Self {
+        let known = maps.into_iter().find_map(Map::positions);
+        let positions = known.map(|known| known.of(fixes.iter().map(|fix| fix.place)));
+        Self { fixes, places, positions }
+    }
+
     /// Writes the fixes as CSV: a line of names, then a line a query. Warm-up leaves `anchors` and
     /// `speed` empty; without motion, `confidence` and `off_map` are empty.
     ///
@@ -147,7 +157,7 @@ pub fn match_distances(
             Ok(fixes)
         },
     ))?;
-    Ok(Run { fixes, places })
+    Ok(Run { fixes, places, ..Run::default() })
 }
 
 /// The floor at the smallest distance of all queries, if there is one.
@@ -312,7 +322,7 @@ pub fn match_descriptors<'a>(
         fixes.push(fix.map_err(|error| of_query(error, query))?);
     }
     report(total)?;
-    Ok(Run { fixes, places: map.places() })
+    Ok(Run::on([map], fixes, map.places()))
 }
 
 /// The number of queries in a list of descriptors.
@@ -358,7 +368,7 @@ impl<'a> Columns<'a> {
                 Some(passed)
             }
         };
-        let at_once = (HELD / map.places()).min(at_once).max(1);
+        let at_once = (HELD / map.rows()).min(at_once).max(1);
         Ok(Self { map, queries, count, passed, at_once, first: 0, held: Vec::new() })
     }
 
@@ -372,11 +382,9 @@ impl<'a> Columns<'a> {
                     let mut out = vec![0.0; map.places()];
                     let done = if let Some(passed) = passed {
                         let row = View::F32(&passed[query * map.dim()..][..map.dim()]);
-                        map.distances_of_passed(row, &mut out).map(|()| {
-                            let given = queries.row(query, map.input_dim());
-                            let nothing = given.is_some_and(|given| map.shows_nothing(given));
-                            map.quieten(nothing, &mut out);
-                        })
+                        let given = queries.row(query, map.input_dim());
+                        let nothing = given.is_some_and(|given| map.shows_nothing(given));
+                        map.distances_of_passed(row, nothing, &mut out)
                     } else {
                         let row = queries.row(query, map.input_dim());
                         row.map_or(Ok(()), |row| map.distances_into(row, &mut out))

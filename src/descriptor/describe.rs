@@ -91,6 +91,11 @@ impl<'a, I: ImageSource + ?Sized> DescriberPool<'a, I> {
         (!self.images.has_mixed_sizes()).then_some(self.size)
     }
 
+    /// Width and height of the first image.
+    pub(crate) fn first_size(&self) -> (usize, usize) {
+        self.size
+    }
+
     /// Describes all images, straight into `memory`, which has the size of their descriptors.
     pub(crate) fn describe_into(
         &self,

@@ -1,6 +1,7 @@
 //! A map and a matcher: the loop that a robot runs.
 
 mod judge;
+mod position;
 mod screening;
 mod technique;
 
@@ -39,7 +40,8 @@ const MAX_THREADS: usize = 1024;
 /// taken) and wakes the others. In a process forked off this one, the caller scans alone.
 ///
 /// A map with a screen ([`Map::with_screen`]) is scanned at a quarter of the bytes, for the same
-/// answers; one with places that show nothing ([`Map::blank`]) is scanned without.
+/// answers; one with places that show nothing ([`Map::blank`]) or with several traverses
+/// ([`Map::add_traverse`]) is scanned without.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -186,6 +188,7 @@ impl Localizer {
             [map]
                 if map.codes().is_some()
                     && map.blank().is_empty()
+                    && !map.has_several()
                     && map.dim() >= screening::SHORTEST
                     && matcher.config().motion.is_none() =>
             {
@@ -328,7 +331,7 @@ impl Localizer {
         match &self.screening {
             Some(screening) => screening.looked_at(),
             None if self.frames() == 0 => 0,
-            None => self.techniques.iter().map(|technique| technique.map.places()).sum(),
+            None => self.techniques.iter().map(|technique| technique.map.rows()).sum(),
         }
     }
 
@@ -477,20 +480,23 @@ impl Localizer {
 /// The segments of the first of some techniques' maps.
 ///
 /// # Errors
-/// [`Error::Option`] for no map or more than 32, [`Error::Length`] unless all have one number of
-/// places.
+/// [`Error::Option`] for no map or more than 32, or for different segments; [`Error::Length`] unless
+/// all have one number of places.
 pub(crate) fn one_route(maps: &[Arc<Map>]) -> Result<&Segments, Error> {
     let Some(first) = maps.first().filter(|_| maps.len() <= MAX_TECHNIQUES) else {
         return Err(wrong_number(maps.len()));
     };
     let expected = first.places();
-    match maps.iter().find(|map| map.places() != expected) {
-        None => Ok(first.route().segments()),
-        Some(other) => {
-            let what = "places of a map, as of the first";
-            Err(Error::Length { what, expected, got: other.places() })
-        }
+    if let Some(other) = maps.iter().find(|map| map.places() != expected) {
+        let what = "places of a map, as of the first";
+        return Err(Error::Length { what, expected, got: other.places() });
     }
+    if maps.iter().any(|map| map.segments() != first.segments()) {
+        let expected = "maps of the same segments, links among them".to_owned();
+        let got = "maps of different ones".to_owned();
+        return Err(Error::Option { name: "maps", expected, got });
+    }
+    Ok(first.segments())
 }
 
 fn wrong_number(got: usize) -> Error {

@@ -75,7 +75,7 @@ impl Screening {
         scan: Scan<'_>,
         given: Given,
     ) -> Result<Fix, Error> {
-        let Scan { map, pool, column: lower, nothing } = scan;
+        let Scan { map, pool, column: lower, nothing, .. } = scan;
         let tries = !nothing && self.backoff.tries();
         let screened = tries && self.bounds(map, pool, query, lower);
         if !screened {

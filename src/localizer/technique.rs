@@ -28,6 +28,8 @@ pub(super) struct Technique {
     pub(super) map: Arc<Map>,
     /// The newest frame's distances, or lower bounds of them.
     pub(super) column: Vec<f32>,
+    /// The distances to all rows; empty if there is one for each place.
+    rows: Vec<f32>,
     /// The threads that scan the map; `None` if the caller scans alone.
     pub(super) pool: Option<Pool>,
     /// Describes images the map's own way, if the map has one.
@@ -41,6 +43,7 @@ pub(super) struct Scan<'a> {
     pub(super) map: &'a Map,
     pub(super) pool: &'a mut Option<Pool>,
     pub(super) column: &'a mut [f32],
+    rows: &'a mut [f32],
     /// Whether the query shows nothing.
     pub(super) nothing: bool,
 }
@@ -52,11 +55,12 @@ impl Technique {
             Recipe::Ready => None,
         };
         let column = vec![0.0; map.places()];
+        let rows = if map.has_several() { vec![0.0; map.rows()] } else { Vec::new() };
         let pool = automatic(&map);
         let through = map.post().map(ChainState::of_drive);
         // Now, so that the first push need not find them.
         map.blank();
-        Self { map, column, pool, describer, through }
+        Self { map, column, rows, pool, describer, through }
     }
 
     /// The query that the map is compared with.
@@ -68,7 +72,7 @@ impl Technique {
         &'a mut self,
         input: Input<'a>,
     ) -> Result<(Query<'a>, Scan<'a>), Error> {
-        let Self { map, column, pool, describer, through } = self;
+        let Self { map, column, rows, pool, describer, through } = self;
         let mut nothing = matches!(input, Input::Descriptor(given) if map.shows_nothing(given));
         let numbers = match input {
             Input::Image(image) => {
@@ -81,7 +85,7 @@ impl Technique {
             }
             Input::Descriptor(descriptor) => map.passed(descriptor, through.as_mut())?,
         };
-        Ok((map.query(numbers)?, Scan { map, pool, column, nothing }))
+        Ok((map.query(numbers)?, Scan { map, pool, column, rows, nothing }))
     }
 
     /// Keeps the newest query in the statistics of the drive.
@@ -114,7 +118,13 @@ impl Technique {
 impl Scan<'_> {
     /// Computes the query's column, without what says nothing.
     pub(super) fn run(&mut self, query: Query<'_>) {
-        Job::Distances(query).column(self.map, self.pool, self.column);
-        self.map.quieten(self.nothing, self.column);
+        let Self { map, pool, column, rows, nothing } = self;
+        if rows.is_empty() {
+            Job::Distances(query).column(map, pool, column);
+            map.quieten(*nothing, column);
+        } else {
+            Job::Distances(query).column(map, pool, rows);
+            map.fold(*nothing, rows, column);
+        }
     }
 }

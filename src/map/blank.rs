@@ -9,8 +9,9 @@ use std::sync::Arc;
 use twox_hash::XxHash3_64;
 
 use super::block::SMALL;
+use super::edit::TUNNEL;
 use super::recipe::Kind;
-use super::{Map, Recipe, at_least_two};
+use super::{Map, Recipe};
 use crate::error::Error;
 use crate::numbers::{View, each_type};
 
@@ -19,7 +20,7 @@ const EQUAL: usize = 5;
 
 /// A query nearer to a place that shows nothing than this share of the mean distance is that
 /// place's image again.
-const SAME: f64 = 1e-3;
+pub(super) const SAME: f64 = 1e-3;
 
 /// Finds the places that show nothing among rows that come in pieces.
 pub(super) struct Census {
@@ -92,6 +93,8 @@ impl Map {
     /// descriptors, only those of more than 8 numbers can be. The distance to such a place is the
     /// mean of the others, and so it is never a query's best match.
     ///
+    /// On a map of several traverses, a place shows nothing if all its rows do.
+    ///
     /// The list is in the map's file. If it is not known, the first call reads all rows.
     ///
     /// ```
@@ -104,6 +107,11 @@ impl Map {
     /// # Ok::<(), surefix::Error>(())
     /// ```
     pub fn blank(&self) -> &[usize] {
+        self.blank_places()
+    }
+
+    /// The rows of the first traverse that show nothing.
+    pub(super) fn blank_rows(&self) -> &[usize] {
         self.blank.get_or_init(|| {
             let mut census = Census::new(&self.kind);
             self.blocks.iter().for_each(|block| census.add(block.rows()));
@@ -112,28 +120,21 @@ impl Map {
     }
 
     /// The same map without the places that [show nothing](Self::blank). The places after them move
-    /// up. Rows are shared.
+    /// up, within the same segments, as for [`keep`](Self::keep). If 5 places or more that follow
+    /// each other show nothing, as in a tunnel, a new segment begins after them, with a link to it
+    /// from the place before: the road goes on, and the track may follow.
     ///
     /// # Errors
     /// [`Error::TooFewPlaces`] if fewer than two are left, and those of
     /// [`with_screen`](Self::with_screen) if this map has a screen.
     pub fn without_blank(&self) -> Result<Self, Error> {
-        let (blank, places) = (self.blank(), self.places());
+        let blank = self.blank();
         if blank.is_empty() {
             return Ok(self.clone());
         }
-        at_least_two(places - blank.len())?;
-        let starts = std::iter::once(0).chain(blank.iter().map(|&place| place + 1));
-        let ends = blank.iter().copied().chain([places]);
-        let kept = starts.zip(ends).filter(|(start, end)| start < end);
-        let parts = kept.map(|(start, end)| {
-            (self.blocks.slice(self.route.rows(start..end)), self.route.slice(start..end))
-        });
-        let joined = parts.reduce(|(blocks, route), (more, along)| {
-            (blocks.followed_by(&more), route.followed_by(&along))
-        });
-        let Some((blocks, route)) = joined else { return Ok(self.clone()) };
-        self.screened_like(blocks, route)
+        let mut next = blank.iter().peekable();
+        let kept = (0..self.places()).filter(|place| next.next_if_eq(&place).is_none());
+        self.keep_with(&kept.collect::<Vec<_>>(), TUNNEL)
     }
 
     /// Whether a query shows nothing, as it is before post-processing.
@@ -164,7 +165,7 @@ impl Map {
 
 /// The mean of the distances to all places but those `skipped`, which are in order; `None` if it is
 /// no number: then a distance is none, and is refused where it stands.
-fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
+pub(super) fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
     let (mut sum, mut start) = (0.0, 0);
     for &end in skipped.iter().chain([&distances.len()]) {
         sum += distances[start..end].iter().map(|&d| f64::from(d)).sum::<f64>();
@@ -172,6 +173,11 @@ fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
     }
     let mean = sum / (distances.len() - skipped.len()) as f64;
     mean.is_finite().then_some(mean)
+}
+
+/// The least of some of the distances; infinity if there are none.
+pub(super) fn least_of(distances: &[f32], some: &[usize]) -> f32 {
+    some.iter().map(|&at| distances[at]).fold(f32::INFINITY, f32::min)
 }
 
 /// Whether a descriptor shows nothing by itself.

@@ -105,6 +105,29 @@ impl Blocks {
         Self::joining(blocks, self.dim, self.dtype)
     }
 
+    /// Some of the rows, in order. They share the memory of these, unless they lie in so short
+    /// pieces that a scan would be slow: then they are copied.
+    pub(super) fn keep(&self, runs: &[Range<usize>]) -> Self {
+        let rows: usize = runs.iter().map(Range::len).sum();
+        if rows >= runs.len() * ROWS {
+            let parts = runs.iter().flat_map(|run| self.slice(run.clone()).list);
+            return Self::joining(parts.collect(), self.dim, self.dtype);
+        }
+        let mut memory = Storage::zeros(self.dtype, rows * self.dim);
+        let (mut left, mut norms) = (memory.bytes_mut(), Vec::new());
+        for run in runs {
+            self.each(run.clone(), |block, within, _| {
+                let span = within.start * self.dim..within.end * self.dim;
+                let numbers = part(block.rows(), span).bytes();
+                let (head, tail) = std::mem::take(&mut left).split_at_mut(numbers.len());
+                head.copy_from_slice(numbers);
+                left = tail;
+                norms.extend_from_slice(block.norms.get(within).unwrap_or_default());
+            });
+        }
+        Self::of(memory, self.dim, &norms)
+    }
+
     pub(crate) fn rows(&self) -> usize {
         self.rows
     }
@@ -259,6 +282,13 @@ mod tests {
     fn longer_and_shorter_maps_share_memory() {
         let ((values, all), (_, more)) = (blocks(70, 1 << 16), blocks(3, 1 << 16));
         let memory = |blocks: &Blocks, at: usize| blocks.list[at].rows().bytes().as_ptr();
+        let kept = all.keep(&[0..2, 10..70]);
+        assert!(Arc::ptr_eq(&kept.list[2], &all.list[1]));
+        let apart = all.keep(&[3..4, 15..17]);
+        for (row, from) in [3, 15, 16].into_iter().enumerate() {
+            assert_eq!(apart.row(row), values.view().row(from, 1 << 16));
+        }
+        assert_eq!(apart.list[0].norms(), [3.0, 15.0, 16.0]);
         let longer = all.followed_by(&more);
         assert!(longer.iter().zip(all.iter().chain(more.iter())).all(|(a, b)| Arc::ptr_eq(a, b)));
         assert_eq!(longer.in_one_piece().len(), 73 << 16);

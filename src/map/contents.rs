@@ -10,18 +10,24 @@ use safetensors::tensor::{Dtype as FileDtype, TensorInfo};
 use serde::{Deserialize, Serialize};
 
 use super::blank::{flagged, flags};
+use super::positions::{Origin, Positions};
 use super::recipe::{Kind, is_recipe};
-use super::route::{Names, Positions};
+use super::route::Names;
 use super::storage::Storage;
+use super::thumbnails::{Pictures, Thumbnails};
+use super::traverses::Traverses;
+use super::traverses_file::ROWS as TRAVERSES;
 use super::{Map, Recipe, count_places};
 use crate::archive::{Format, Header, Reader, Refusal, Sink, Tensors, Writer};
 use crate::distance::Metric;
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::post::{FittedStep, Post, Step};
+use crate::segments::Segments;
 
 pub(super) const FORMAT: Format = Format { name: "surefix-map", version: 1 };
 pub(super) const ROWS: &str = "descriptors";
+pub(super) const THUMBNAILS: &str = "thumbnails";
 const BLANK: &str = "blank";
 
 /// The metadata entry.
@@ -37,16 +43,25 @@ pub(super) struct Entry {
     /// Width and height of the images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     image_size: Option<(usize, usize)>,
+    /// That of the positions' local plane.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    origin: Option<(f64, f64)>,
+    /// The name of the positions' plane, if it is another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    plane: Option<String>,
 }
 
 /// The contents of a file beside its rows. Each part is written in pieces: those of the old file
 /// and those that are appended, for one.
-#[derive(Default)]
 pub(super) struct Sidecar<'a> {
     pub(super) places: usize,
+    pub(super) segments: Segments,
     pub(super) positions: Vec<&'a Positions>,
     pub(super) norms: Vec<&'a [f64]>,
     pub(super) names: Vec<&'a Names>,
+    pub(super) pictures: Option<Pictures<'a>>,
+    /// Those of a whole map.
+    pub(super) traverses: Option<&'a Traverses>,
 }
 
 /// The tensors of a map's file, in the order of the file: from the strictest alignment to the
@@ -56,7 +71,7 @@ pub(super) fn contents<'a>(
     sidecar: Sidecar<'a>,
     rows: impl FnOnce(&mut Sink<'_>) -> Result<Vec<usize>, Error> + 'a,
 ) -> Writer<'a> {
-    let Sidecar { places, positions, norms, names } = sidecar;
+    let Sidecar { places, segments, positions, norms, names, pictures, traverses } = sidecar;
     let mut writer = Writer::new();
     if let Some(first) = positions.first() {
         let metres = positions.iter().map(|positions| positions.metres()).collect();
@@ -64,6 +79,10 @@ pub(super) fn contents<'a>(
     }
     if kind.metric == Metric::Cosine {
         writer.numbers("norms", vec![places], norms);
+    }
+    add_segments(&mut writer, &segments);
+    if let Some(traverses) = traverses {
+        traverses.write_head(kind, &mut writer);
     }
     let stages = kind.post.as_deref().map_or(&[][..], Post::fitted_steps).iter().enumerate();
     for (step, stage) in stages.clone() {
@@ -82,6 +101,9 @@ pub(super) fn contents<'a>(
         *found.borrow_mut() = rows(out)?;
         Ok(())
     });
+    if let Some(traverses) = traverses {
+        traverses.write_rows(kind, &mut writer);
+    }
     let mut width = kind.post.as_deref().map_or(0, Post::input);
     for (step, stage) in stages {
         let output = stage.output(width);
@@ -98,11 +120,58 @@ pub(super) fn contents<'a>(
         let texts: Vec<_> = names.into_iter().map(Names::bytes).collect();
         writer.numbers("names", vec![texts.iter().map(|text| text.len()).sum()], texts);
     }
+    if let Some(Pictures { size: (width, height), write }) = pictures {
+        writer.stream(THUMBNAILS, FileDtype::U8, vec![places, height, width], write);
+    }
+    if let Some(traverses) = traverses {
+        traverses.write_tail(kind, &mut writer);
+    }
     writer
 }
 
-pub(super) fn entry(kind: &Kind) -> Entry {
+/// A route of one open segment has no tensor of its own.
+fn add_segments(writer: &mut Writer<'_>, segments: &Segments) {
+    let mut add = |name: &str, shape: Vec<usize>, numbers: Vec<usize>| {
+        if !numbers.is_empty() {
+            let numbers: Vec<u64> = numbers.into_iter().map(|number| number as u64).collect();
+            writer.stream(name, FileDtype::U64, shape, move |out| {
+                out.numbers(bytemuck::must_cast_slice(&numbers), size_of::<u64>())
+            });
+        }
+    };
+    let breaks: Vec<_> = segments.iter().skip(1).map(|segment| segment.start).collect();
+    add("breaks", vec![breaks.len()], breaks);
+    let closed = segments.iter().enumerate().filter(|(_, segment)| segment.closed);
+    let closed: Vec<_> = closed.map(|(index, _)| index).collect();
+    add("closed", vec![closed.len()], closed);
+    let links = segments.links();
+    add("links", vec![links.len(), 2], links.iter().flat_map(|&(from, to)| [from, to]).collect());
+}
+
+/// The segments of a file.
+fn segments_of(tensors: &Tensors<'_>, places: usize) -> Result<Segments, Refusal> {
+    let list = |name: &str| {
+        let numbers = tensors.numbers::<u64>(name, "(k)", |shape| shape.len() == 1)?;
+        Ok::<_, Refusal>(numbers.map(|(_, numbers)| whole(&numbers)).unwrap_or_default())
+    };
+    let segments = Segments::new(places, &list("breaks")?)?.with_closed(&list("closed")?)?;
+    let pairs = |shape: &[usize]| matches!(shape, [_, 2]);
+    let Some((_, links)) = tensors.numbers::<u64>("links", "(k, 2)", pairs)? else {
+        return Ok(segments);
+    };
+    let links: Vec<_> = whole(&links).chunks_exact(2).map(|pair| (pair[0], pair[1])).collect();
+    Ok(segments.with_links(&links)?)
+}
+
+/// Places and segments. One that the machine cannot count is none of a map.
+fn whole(numbers: &[u64]) -> Vec<usize> {
+    numbers.iter().map(|&number| usize::try_from(number).unwrap_or(usize::MAX)).collect()
+}
+
+pub(super) fn entry(kind: &Kind, positions: Option<&Positions>) -> Entry {
     Entry {
+        origin: positions.and_then(Positions::origin).map(Into::into),
+        plane: positions.and_then(Positions::plane).map(ToOwned::to_owned),
         metric: kind.metric,
         descriptor: kind.recipe,
         post: kind.post.as_deref().map(Post::steps).unwrap_or_default(),
@@ -119,6 +188,16 @@ pub(super) struct Head {
     pub(super) dim: usize,
     /// The bytes of the rows in the file.
     pub(super) rows: Range<usize>,
+    pub(super) pictures: Option<PictureSpan>,
+}
+
+/// The thumbnails in a file.
+#[derive(Clone)]
+pub(super) struct PictureSpan {
+    /// Width and height of each.
+    pub(super) size: (usize, usize),
+    /// Their bytes.
+    pub(super) span: Range<usize>,
 }
 
 /// A map without its rows.
@@ -128,8 +207,14 @@ pub(super) struct Parts {
     pub(super) positions: Option<Positions>,
     pub(super) norms: Option<Vec<f64>>,
     pub(super) names: Option<Names>,
+    pub(super) segments: Segments,
+    pub(super) thumbnails: Option<Thumbnails>,
     /// The places that show nothing, if the file says so.
     blank: Option<Arc<[usize]>>,
+    /// Whether there are several traverses.
+    pub(super) several: bool,
+    /// They come with their rows.
+    pub(super) traverses: Traverses,
 }
 
 impl Head {
@@ -161,7 +246,21 @@ impl Head {
         if entry.learned.as_ref().is_some_and(|learned| !ready || !is_recipe(learned)) {
             return foreign("learned: expected an object with a name, beside ready descriptors");
         }
-        Ok(Self { entry, dtype, places, dim, rows: span })
+        let pictures = match header.info(THUMBNAILS) {
+            None => None,
+            Some(info) => match info.shape[..] {
+                [count, height, width]
+                    if info.dtype == FileDtype::U8 && count == places && height * width > 0 =>
+                {
+                    Some(PictureSpan { size: (width, height), span: header.span(info) })
+                }
+                _ => {
+                    let expected = format!("a tensor of U8 ({places}, height, width)");
+                    return Err(misfit(THUMBNAILS, &expected, info));
+                }
+            },
+        };
+        Ok(Self { entry, dtype, places, dim, rows: span, pictures })
     }
 
     /// The tensors other than the rows.
@@ -173,6 +272,14 @@ impl Head {
         })?;
         let positions =
             positions.map(|(shape, metres)| Positions::new(metres, shape[1])).transpose()?;
+        let positions = match (positions, entry.origin, entry.plane) {
+            (Some(known), Some((latitude, longitude)), _) => {
+                Some(known.with_origin(Origin::new(latitude, longitude)?)?)
+            }
+            (Some(known), None, Some(name)) => Some(known.with_plane(&name)?),
+            (known, _, _) => known,
+        };
+        let segments = segments_of(tensors, places)?;
         let mut norms = None;
         if entry.metric == Metric::Cosine {
             let expected = format!("({places}), a number for each place");
@@ -200,24 +307,39 @@ impl Head {
         let (metric, recipe) = (entry.metric, entry.descriptor);
         let image_size = entry.image_size.filter(|&(width, height)| width > 0 && height > 0);
         let kind = Kind { dim, dtype, metric, recipe, post, learned, image_size };
-        Ok(Parts { kind, places, positions, norms, names, blank })
+        let several = tensors.header.info(TRAVERSES).is_some();
+        Ok(Parts {
+            kind,
+            places,
+            positions,
+            norms,
+            names,
+            segments,
+            thumbnails: None,
+            blank,
+            several,
+            traverses: Traverses::default(),
+        })
     }
 }
 
-/// Whether a map has a tensor of this name beside its rows.
+/// Whether a map has a tensor of this name beside its rows and thumbnails.
 pub(super) fn is_part(name: &str) -> bool {
-    matches!(name, "positions" | "norms" | "names" | BLANK) || name.starts_with("post.")
+    let known = ["positions", "norms", "names", "breaks", "closed", "links", BLANK];
+    let prefixes = ["post.", "traverse."];
+    known.contains(&name) || prefixes.iter().any(|prefix| name.starts_with(prefix))
 }
 
 impl Parts {
-    /// The parts of the map in a file, whose rows are only hashed, for the checksum; the byte at
-    /// which they begin; and whether there is a checksum.
-    pub(super) fn read(file: &File) -> Result<(Self, u64, bool), Refusal> {
+    /// The parts of the map in a file, whose rows and thumbnails are only hashed, for the checksum;
+    /// the byte at which rows begin; the thumbnails; and whether there is a checksum.
+    pub(super) fn read(file: &File) -> Result<(Self, u64, Option<PictureSpan>, bool), Refusal> {
         let reader = Reader::new(file, file.metadata()?.len(), &FORMAT)?;
         let head = Head::of(&reader.header)?;
-        let start = head.rows.start as u64;
+        let (start, pictures) = (head.rows.start as u64, head.pictures.clone());
         let signed = reader.header.is_signed();
-        Ok((head.parts(&reader.tensors(is_part, ROWS, None)?)?, start, signed))
+        let parts = head.parts(&reader.tensors(is_part, ROWS, None)?)?;
+        Ok((parts, start, pictures, signed))
     }
 
     /// The map of these parts. Norms are those of the file, so that the same file gives the same
@@ -226,6 +348,8 @@ impl Parts {
         let mut map = Map::of(rows, self.norms.as_deref().unwrap_or(own), self.kind);
         let route = Arc::make_mut(&mut map.route);
         (route.positions, route.names) = (self.positions, self.names);
+        (route.segments, route.thumbnails) = (self.segments, self.thumbnails);
+        route.traverses = self.traverses;
         if let Some(blank) = self.blank {
             map.blank = blank.into();
         }
@@ -280,7 +404,7 @@ fn misfit(what: &str, expected: &str, info: &TensorInfo) -> Refusal {
     Refusal::Foreign(format!("{what}: expected {expected}, got {got}"))
 }
 
-fn file_dtype(dtype: Dtype) -> FileDtype {
+pub(super) fn file_dtype(dtype: Dtype) -> FileDtype {
     match dtype {
         Dtype::F32 => FileDtype::F32,
         Dtype::F16 => FileDtype::F16,

@@ -1,26 +1,36 @@
 //! A map's file, an [`archive`](crate::archive): saved, built from images, read, or mapped into
 //! memory.
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+#[cfg(feature = "mmap")]
+use std::sync::Arc;
 
 use super::blank::Census;
-use super::block::lengths;
+use super::block::{Blocks, lengths};
 #[cfg(feature = "mmap")]
 use super::contents::checked_norms;
-use super::contents::{FORMAT, Head, ROWS, Sidecar, contents, entry, is_part};
+use super::contents::{FORMAT, Head, ROWS, Sidecar, THUMBNAILS, contents, entry, is_part};
+use super::extras::Extras;
+use super::positions::Positions;
 use super::recipe::Kind;
-use super::route::{Names, Positions};
+use super::route::Names;
 use super::storage::Storage;
+use super::thumbnails::{Pictures, Seen, Spool, Thumbnails};
+use super::traverses_file::{self, TraverseParts};
 use super::{Map, Recipe, at_least_two};
 use crate::archive::{AtomicFile, Reader, Refusal, Sink, swap_to_file_order};
 #[cfg(feature = "mmap")]
 use crate::archive::{Tensors, verify};
 use crate::descriptor::{DescriberPool, Sad};
 use crate::distance::Metric;
+#[cfg(feature = "mmap")]
+use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress};
+use crate::numbers::{Values, View};
 
 /// The largest relative difference between a norm in a file and that of its row: far above
 /// rounding, far below damage.
@@ -33,7 +43,8 @@ pub(super) fn write(
     sidecar: Sidecar<'_>,
     rows: impl FnOnce(&mut Sink<'_>) -> Result<Vec<usize>, Error>,
 ) -> Result<(), Error> {
-    contents(kind, sidecar, rows).save(path, "write the map", &FORMAT, &entry(kind))
+    let entry = entry(kind, sidecar.positions.first().copied());
+    contents(kind, sidecar, rows).save(path, "write the map", &FORMAT, &entry)
 }
 
 impl Map {
@@ -47,7 +58,7 @@ impl Map {
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let rows = |out: &mut Sink<'_>| {
             self.write_rows(out)?;
-            Ok(self.blank().to_vec())
+            Ok(self.blank_rows().to_vec())
         };
         write(path.as_ref(), &self.kind, self.sidecar(), rows)
     }
@@ -66,10 +77,10 @@ impl Map {
     pub fn to_bytes(&self) -> Result<Vec<u8>, Error> {
         let rows = |out: &mut Sink<'_>| {
             self.write_rows(out)?;
-            Ok(self.blank().to_vec())
+            Ok(self.blank_rows().to_vec())
         };
         contents(&self.kind, self.sidecar(), rows)
-            .to_bytes(&FORMAT, &entry(&self.kind))
+            .to_bytes(&FORMAT, &entry(&self.kind, self.positions()))
             .map_err(|error| Refusal::Foreign(error.to_string()).of_map(in_memory()))
     }
 
@@ -79,6 +90,9 @@ impl Map {
             positions: self.route.positions.iter().collect(),
             norms: self.blocks.iter().map(|block| block.norms()).collect(),
             names: self.route.names.iter().collect(),
+            segments: self.segments().clone(),
+            pictures: self.thumbnails().map(Pictures::of),
+            traverses: Some(&self.route.traverses),
         }
     }
 
@@ -115,11 +129,23 @@ impl Map {
         positions: Option<&Positions>,
         progress: Progress<'_>,
     ) -> Result<(), Error> {
+        Self::build_with(path, images, sad, Extras::default().with(positions), progress)
+    }
+
+    /// [`build`](Self::build) with segments and thumbnails.
+    ///
+    /// # Errors
+    /// As for [`build`](Self::build), and [`Error::Length`] unless `extras` has segments of the
+    /// number of images; before any image is read.
+    pub fn build_with(
+        path: impl AsRef<Path>,
+        images: &(impl ImageSource + ?Sized),
+        sad: Sad,
+        extras: Extras<'_>,
+        progress: Progress<'_>,
+    ) -> Result<(), Error> {
         let places = at_least_two(images.len())?;
-        let got = positions.map_or(places, Positions::len);
-        if got != places {
-            return Err(Error::Length { what: "positions", expected: places, got });
-        }
+        let segments = extras.check(places)?.into_owned();
         let path = path.as_ref();
         let io = |source| Error::Io { path: path.to_owned(), action: "write the map", source };
         // Before any image is read.
@@ -129,14 +155,39 @@ impl Map {
         let (metric, recipe) = (Metric::Manhattan, Recipe::Sad(pool.sad()));
         let (dim, dtype, image_size) = (sad.dim(), sad.dtype(), pool.size());
         let kind = Kind { dim, dtype, metric, recipe, post: None, learned: None, image_size };
-        let positions = positions.into_iter().collect();
-        let sidecar = Sidecar { places, positions, norms: Vec::new(), names: vec![&names] };
+        let size = extras.picture_size(pool.first_size());
+        let seen = size.map(|size| Seen::new(images, pool.sad().levels(), size));
+        // They come after the rows in the file.
+        let spool = seen.is_some().then(|| Spool::beside(path)).transpose().map_err(io)?;
+        let spool = RefCell::new(spool);
+        let pictures = size.map(|size| Pictures {
+            size,
+            write: Box::new(|out: &mut Sink<'_>| match spool.take() {
+                Some(spool) => spool.write(out, io),
+                None => Ok(()),
+            }),
+        });
+        let positions = extras.positions.into_iter().collect();
+        let (names, norms) = (vec![&names], Vec::new());
+        let traverses = None;
+        let sidecar = Sidecar { places, segments, positions, norms, names, pictures, traverses };
         write(path, &kind, sidecar, |out| {
             let mut census = Census::new(&kind);
-            pool.describe_each(progress, |rows| {
+            let mut done = 0;
+            let mut take = |rows: View<'_>| {
                 census.add(rows);
+                done += rows.len() / dim;
+                if let (Some(seen), Some(spool)) = (&seen, &mut *spool.borrow_mut()) {
+                    spool.add(seen.take(done)).map_err(io)?;
+                }
                 out.numbers(rows.bytes(), dtype.size())
-            })?;
+            };
+            match &seen {
+                Some(seen) => {
+                    DescriberPool::new(&pool.sad(), seen)?.describe_each(progress, &mut take)?;
+                }
+                None => pool.describe_each(progress, &mut take)?,
+            }
             Ok(census.places())
         })
     }
@@ -200,18 +251,20 @@ impl Map {
     /// [`Error::MapFile`] if the file is damaged. Its path is `<mapped>`.
     #[cfg(feature = "mmap")]
     pub fn verify(&self) -> Result<(), Error> {
-        let files = self.blocks.mapped_files();
+        let files: Vec<_> = self.all_blocks().flat_map(Blocks::mapped_files).collect();
         if files.is_empty() {
             return Ok(());
         }
         let checked = files.into_iter().try_for_each(|file| verify(file, &FORMAT));
         let checked = checked.and_then(|()| {
-            self.blocks.check_finite(ROWS)?;
-            let mut first = 0;
-            for block in self.blocks.iter() {
-                let lengths = lengths(block.rows(), self.dim(), self.metric())?;
-                check_norms(block.norms(), &lengths, first)?;
-                first += block.rows().len() / self.dim();
+            for blocks in self.all_blocks() {
+                blocks.check_finite(ROWS)?;
+                let mut first = 0;
+                for block in blocks.iter() {
+                    let lengths = lengths(block.rows(), self.dim(), self.metric())?;
+                    check_norms(block.norms(), &lengths, first)?;
+                    first += block.rows().len() / self.dim();
+                }
             }
             Ok(())
         });
@@ -254,9 +307,18 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
     let (size, dim, metric) = (head.dtype.size(), head.dim, head.entry.metric);
     let rows = Storage::try_zeros(head.dtype, head.places * dim);
     let mut rows = rows.ok_or_else(|| io::Error::from(io::ErrorKind::OutOfMemory))?;
-    let tensors = reader.tensors(is_part, ROWS, Some(rows.bytes_mut()))?;
+    let wanted = |name: &str| is_part(name) || name == THUMBNAILS;
+    let mut tensors = reader.tensors(wanted, ROWS, Some(rows.bytes_mut()))?;
     swap_to_file_order(rows.bytes_mut(), size);
-    let parts = head.parts(&tensors)?;
+    let pictures = head.pictures.clone();
+    let further = TraverseParts::of(&head, &tensors)?;
+    let mut parts = head.parts(&tensors)?;
+    let more = further.storage(parts.kind.dtype, tensors.bytes(traverses_file::ROWS))?;
+    parts.traverses = further.with_rows(more, (dim, metric), false)?;
+    parts.thumbnails = pictures.map(|pictures| {
+        let pixels = Values::U8(tensors.take(THUMBNAILS));
+        Thumbnails::of(pictures.size, pixels.into())
+    });
     rows.view().check_finite(ROWS, dim)?;
     let own = lengths(rows.view(), dim, metric)?;
     if let Some(norms) = &parts.norms {
@@ -266,7 +328,7 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
 }
 
 /// Refuses norms that are not the lengths of their rows, of which the first is row `first`.
-fn check_norms(norms: &[f64], lengths: &[f64], first: usize) -> Result<(), Refusal> {
+pub(super) fn check_norms(norms: &[f64], lengths: &[f64], first: usize) -> Result<(), Refusal> {
     let fits = |(stored, norm): (&f64, &f64)| (stored - norm).abs() <= NORM_ERROR * norm;
     let Some(at) = norms.iter().zip(lengths).position(|pair| !fits(pair)) else { return Ok(()) };
     let (row, got, expected) = (first + at, norms[at], lengths[at]);
@@ -283,11 +345,22 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
     let tensors = Tensors::borrowed(&mapping, &FORMAT)?;
     let head = Head::of(&tensors.header)?;
     let (dtype, dim, metric, span) = (head.dtype, head.dim, head.entry.metric, head.rows.clone());
-    let parts = head.parts(&tensors)?;
+    let pictures = head.pictures.clone();
+    let further = TraverseParts::of(&head, &tensors)?;
+    let mut parts = head.parts(&tensors)?;
     drop(tensors);
+    let mapping = Arc::new(mapping);
+    parts.thumbnails = pictures.and_then(|pictures| {
+        let pixels = Storage::mapped(Arc::clone(&mapping), pictures.span, Dtype::U8)?;
+        Some(Thumbnails::of(pictures.size, pixels))
+    });
+    let more = Some(further.rows.clone()).filter(|rows| !rows.is_empty());
     let (from, size) = (span.start, dtype.size());
-    let rows = Storage::mapped(mapping, span, dtype)
-        .ok_or_else(|| foreign(format!("its rows begin at byte {from}, no multiple of {size}")))?;
+    let aligned = || foreign(format!("its rows begin at byte {from}, no multiple of {size}"));
+    let more =
+        more.map(|rows| Storage::mapped(Arc::clone(&mapping), rows, dtype).ok_or_else(aligned));
+    parts.traverses = further.with_rows(more.transpose()?, (dim, metric), true)?;
+    let rows = Storage::mapped(mapping, span, dtype).ok_or_else(aligned)?;
     let own = if parts.norms.is_none() {
         checked_norms(lengths(rows.view(), dim, metric)?)?
     } else {

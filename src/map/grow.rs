@@ -1,32 +1,35 @@
 //! A map that becomes longer: in memory, or in its file.
 
+use std::borrow::Cow;
+use std::cell::RefCell;
 use std::fs::File;
-use std::io::{Read as _, Seek as _, SeekFrom};
+use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use serde_json::Value;
-
 use super::blank::Census;
-use super::contents::{Parts, Sidecar};
+use super::contents::{Parts, PictureSpan, Sidecar};
 use super::file::write;
-use super::recipe::Kind;
+use super::join::{About, check, check_onward, check_positions, misfit};
 use super::route::Names;
-use super::{Map, Positions, Recipe};
+use super::thumbnails::{Pictures, Seen, Spool, copy};
+use super::{Extras, Map, Positions, Recipe};
 use crate::archive::{Refusal, Sink, swap_to_file_order};
-use crate::descriptor::DescriberPool;
+use crate::descriptor::{DescriberPool, Sad};
 use crate::distance::Metric;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress, go_on};
-use crate::numbers::Values;
-use crate::post::Post;
+use crate::numbers::{Values, View};
 
 /// Bytes of rows that are copied at a time.
 const PIECE: usize = 1 << 18;
+const ONE: &str = "a map of one traverse (others can be extended in memory)";
+const SEVERAL: &str = "one of several";
 
 impl Map {
     /// This map and then `more`, as one: the map that all their descriptors at once would have
-    /// made. It shares the rows of both. A snapshot that was taken on the shorter one is refused on
-    /// the longer one, which is another map.
+    /// made. The last segment goes on with the first one of `more`; [`join`](Self::join) begins a
+    /// new one. It shares the rows of both. A snapshot that was taken on the shorter one is refused
+    /// on the longer one, which is another map.
     ///
     /// ```
     /// use surefix::{Map, Metric};
@@ -37,34 +40,66 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Append`] unless both have descriptors of one length, type, metric and recipe (if
-    /// both have one) that went through the same post-processing, both or neither have names, and
-    /// both or neither have positions, of the same number of coordinates; if this map has a screen,
-    /// so has the longer one, with the errors of [`with_screen`](Self::with_screen).
+    /// As for [`join`](Self::join), and [`Error::Append`] if the segments that would become one are
+    /// not open; if this map has a screen, so has the longer one, with the errors of
+    /// [`with_screen`](Self::with_screen).
     pub fn extended(&self, more: &Self) -> Result<Self, Error> {
-        let about = |map: &Self| (axes(map.positions()), map.route.names.is_some());
-        let ((map_axes, map_named), (more_axes, named)) = (about(self), about(more));
-        check("the map", (&self.kind, map_axes, map_named), (&more.kind, more_axes, named))?;
+        check("the map", self.about(), more.about())?;
+        check_onward("the map", self.segments(), more.segments())?;
         let blocks = self.blocks.followed_by(&more.blocks);
-        self.screened_like(blocks, self.route.followed_by(&more.route))
+        self.screened_like(blocks, self.route.followed_by(&more.route, false))
     }
 
     /// Makes the map in the file `path` longer by `more`, without reading its rows into memory:
     /// they are copied, and the longer file is then renamed into place. It is the file that all
-    /// descriptors at once would have made.
+    /// descriptors at once would have made. The last segment goes on.
     ///
     /// # Errors
-    /// As for [`open`](Self::open), [`extended`](Self::extended) and [`save`](Self::save). The file
-    /// is then as it was.
+    /// As for [`open`](Self::open), [`extended`](Self::extended) and [`save`](Self::save), and
+    /// [`Error::Append`] if the file has thumbnails and `more` has none of their size. The file is
+    /// then as it was.
     pub fn append(path: impl AsRef<Path>, more: &Self) -> Result<(), Error> {
-        let old = Existing::open(path.as_ref())?;
-        let (positions, names) = (more.positions(), more.route.names.as_ref());
-        check(&old.name(), old.about(), (&more.kind, axes(positions), names.is_some()))?;
+        Self::append_places(path.as_ref(), more, false)
+    }
+
+    /// [`append`](Self::append) places that begin a new segment, as those of [`join`](Self::join).
+    ///
+    /// # Errors
+    /// As for [`append`](Self::append), but any segment can follow any.
+    pub fn append_segment(path: impl AsRef<Path>, more: &Self) -> Result<(), Error> {
+        Self::append_places(path.as_ref(), more, true)
+    }
+
+    fn append_places(path: &Path, more: &Self, begins: bool) -> Result<(), Error> {
+        let old = Existing::open(path)?;
+        if more.has_several() {
+            return Err(misfit(&old.name(), ONE, SEVERAL));
+        }
+        let (name, about) = (old.name(), more.about());
+        check(&name, old.about(), about)?;
+        if !begins {
+            check_onward(&name, &old.parts.segments, more.segments())?;
+        }
+        let pictures = match (old.picture_size(), more.thumbnails()) {
+            (Some(size), pictures) => {
+                let pictures = pictures.filter(|pictures| pictures.size() == size);
+                Some(pictures.ok_or_else(|| {
+                    let said = |(width, height)| format!("thumbnails of {width} x {height}");
+                    let got = about.thumbnails.map_or_else(|| "no thumbnails".to_owned(), said);
+                    misfit(&name, &said(size), &got)
+                })?)
+            }
+            (None, _) => None,
+        };
         if old.parts.kind.metric == Metric::Cosine && old.parts.norms.is_none() {
             // A foreign file: its norms are those of its rows.
-            return Self::open(old.path)?.extended(more)?.save(old.path);
+            let whole = Self::open(path)?;
+            let longer = if begins { Self::join(&[&whole, more]) } else { whole.extended(more) };
+            return longer?.save(path);
         }
-        old.write(&more.sidecar(), |old, out| {
+        let mut addition = more.sidecar();
+        addition.pictures = pictures.map(Pictures::of);
+        old.write(addition, begins, |old, out| {
             let mut census = old.copy_rows(out, &mut || Ok(()))?;
             more.blocks.iter().for_each(|block| census.add(block.rows()));
             more.write_rows(out)?;
@@ -85,6 +120,21 @@ impl Map {
         positions: Option<&Positions>,
         progress: Progress<'_>,
     ) -> Result<(), Error> {
+        Self::append_images_with(path, images, Extras::default().with(positions), progress)
+    }
+
+    /// [`append_images`](Self::append_images) with segments, or as a new one. Positions on a plane
+    /// that is not known are taken to be on the map's.
+    ///
+    /// # Errors
+    /// As for [`append_images`](Self::append_images), and [`Error::Length`] unless `extras` has
+    /// segments of the number of images; all before any image is read.
+    pub fn append_images_with(
+        path: impl AsRef<Path>,
+        images: &(impl ImageSource + ?Sized),
+        extras: Extras<'_>,
+        progress: Progress<'_>,
+    ) -> Result<(), Error> {
         let old = Existing::open(path.as_ref())?;
         let Recipe::Sad(sad) = old.parts.kind.recipe else {
             return Err(misfit(&old.name(), "ready descriptors, as its own are", "images"));
@@ -93,30 +143,73 @@ impl Map {
         if places == 0 {
             return Err(misfit(&old.name(), "at least one image", "none"));
         }
-        let got = positions.map_or(places, Positions::len);
-        if got != places {
-            return Err(Error::Length { what: "positions", expected: places, got });
+        let segments = extras.check(places)?;
+        let own = old.parts.positions.as_ref();
+        let positions = extras.positions.map(|given| match own {
+            Some(own) => given.taken_as_of(own),
+            None => Cow::Borrowed(given),
+        });
+        check_positions(&old.name(), own, positions.as_deref())?;
+        if !extras.new_segment {
+            check_onward(&old.name(), &old.parts.segments, &segments)?;
         }
-        check_positions(&old.name(), old.about().1, axes(positions))?;
         let names = old.parts.names.as_ref();
         let names = names.map(|_| Names::new(numbered_on(images, first))).transpose()?;
+        let size = old.picture_size();
+        let seen = size.map(|size| Seen::new(images, sad.levels(), size));
+        let spool = seen.is_some().then(|| Spool::beside(old.path)).transpose();
+        let spool = RefCell::new(spool.map_err(|source| old.failed(source))?);
+        let pictures = size.map(|size| Pictures {
+            size,
+            write: Box::new(|out: &mut Sink<'_>| match spool.take() {
+                Some(spool) => spool.write(out, |source| old.failed(source)),
+                None => Ok(()),
+            }),
+        });
         let addition = Sidecar {
             places,
-            positions: positions.into_iter().collect(),
+            segments: segments.into_owned(),
+            positions: positions.as_deref().into_iter().collect(),
             norms: Vec::new(),
             names: names.iter().collect(),
+            pictures,
+            traverses: None,
         };
-        old.write(&addition, |old, out| {
+        old.write(addition, extras.new_segment, |old, out| {
             let mut census = old.copy_rows(out, &mut || go_on(progress(0, places), 0, places))?;
-            let pool = DescriberPool::new(&sad, images)?;
-            check_shape(images, old.parts.kind.image_size, pool.size())?;
-            pool.describe_each(progress, |rows| {
+            let mut take = |rows: View<'_>, done: usize| {
                 census.add(rows);
+                if let (Some(seen), Some(spool)) = (&seen, &mut *spool.borrow_mut()) {
+                    spool.add(seen.take(done)).map_err(|source| old.failed(source))?;
+                }
                 out.numbers(rows.bytes(), sad.dtype().size())
-            })?;
+            };
+            let size = old.parts.kind.image_size;
+            match &seen {
+                Some(seen) => described(&sad, seen, size, progress, &mut take)?,
+                None => described(&sad, images, size, progress, &mut take)?,
+            }
             Ok(census.places())
         })
     }
+}
+
+/// Describes images of the shape `expected`. `take` is handed the descriptors of each batch, and the
+/// number of images that are done then.
+fn described<I: ImageSource + ?Sized>(
+    sad: &Sad,
+    images: &I,
+    expected: Option<(usize, usize)>,
+    progress: Progress<'_>,
+    take: &mut dyn FnMut(View<'_>, usize) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let pool = DescriberPool::new(sad, images)?;
+    check_shape(images, expected, pool.size())?;
+    let mut done = 0;
+    pool.describe_each(progress, |rows| {
+        done += rows.len() / sad.dim();
+        take(rows, done)
+    })
 }
 
 /// Refuses images of another shape (width to height) than the map's.
@@ -139,80 +232,12 @@ fn same_shape(one: (usize, usize), other: (usize, usize)) -> bool {
     (one / other - 1.0).abs() <= 0.02
 }
 
-/// Coordinates of a position; 0 without positions.
-fn axes(positions: Option<&Positions>) -> usize {
-    positions.map_or(0, Positions::axes)
-}
-
 /// The images' names. Those that are only numbers count from `first`.
 fn numbered_on(images: &(impl ImageSource + ?Sized), first: usize) -> impl Iterator<Item = String> {
     (0..images.len()).map(move |index| {
         let name = images.name(index);
         if name == index.to_string() { (first + index).to_string() } else { name }
     })
-}
-
-/// Refuses places that cannot follow those of the map.
-fn check(name: &str, map: (&Kind, usize, bool), more: (&Kind, usize, bool)) -> Result<(), Error> {
-    let ((map, map_axes, map_named), (more, axes, named)) = (map, more);
-    let kind = |of: &Kind| match of.recipe {
-        Recipe::Ready => format!("ready descriptors of {} x {}, {}", of.dim, of.dtype, of.metric),
-        Recipe::Sad(sad) => {
-            let ((width, height), patch) = (sad.size(), sad.patch());
-            let levels = sad
-                .levels()
-                .map(|levels| format!(", of the levels {} to {}", levels.low(), levels.high()));
-            let levels = levels.unwrap_or_default();
-            format!("SAD descriptors of {width} x {height} x {}, patch {patch}{levels}", of.dtype)
-        }
-    };
-    let names = |named| if named { "a name for each place" } else { "no names" }.to_owned();
-    for (expected, got) in [(kind(map), kind(more)), (names(map_named), names(named))] {
-        if expected != got {
-            return Err(misfit(name, &expected, &got));
-        }
-    }
-    check_learned(name, map.learned.as_deref(), more.learned.as_deref())?;
-    check_positions(name, map_axes, axes)?;
-    check_post(name, map.post.as_deref(), more.post.as_deref())
-}
-
-/// Refuses descriptors of another recipe. Ready descriptors need none.
-fn check_learned(name: &str, map: Option<&str>, more: Option<&str>) -> Result<(), Error> {
-    let parsed = |recipe: &str| serde_json::from_str::<Value>(recipe).ok();
-    let said = |recipe: &str| recipe.chars().take(200).collect::<String>();
-    match (map, more) {
-        (Some(map), Some(more)) if parsed(map) != parsed(more) => {
-            Err(misfit(name, &format!("descriptors by the recipe {}", said(map)), &said(more)))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Refuses rows after other post-processing.
-fn check_post(name: &str, map: Option<&Post>, more: Option<&Post>) -> Result<(), Error> {
-    let said = |post: Option<&Post>| match post {
-        None => "descriptors without post-processing".to_owned(),
-        Some(post) => format!("descriptors after {:?}", post.steps()),
-    };
-    if map == more {
-        return Ok(());
-    }
-    let (expected, got) = (said(map), said(more));
-    let refitted = "the same fitted on other references (use the map's own)";
-    Err(misfit(name, &expected, if expected == got { refitted } else { &got }))
-}
-
-fn check_positions(name: &str, map: usize, more: usize) -> Result<(), Error> {
-    let positions = |axes| match axes {
-        0 => "no positions".to_owned(),
-        axes => format!("positions of {axes} coordinates"),
-    };
-    if map == more { Ok(()) } else { Err(misfit(name, &positions(map), &positions(more))) }
-}
-
-fn misfit(map: &str, expected: &str, got: &str) -> Error {
-    Error::Append { map: map.to_owned(), expected: expected.to_owned(), got: got.to_owned() }
 }
 
 /// The file that becomes longer. Its checksum was compared.
@@ -222,43 +247,75 @@ struct Existing<'a> {
     /// The byte at which its rows begin.
     start: u64,
     parts: Parts,
+    pictures: Option<PictureSpan>,
 }
 
 impl<'a> Existing<'a> {
     fn open(path: &'a Path) -> Result<Self, Error> {
         let read = || -> Result<Self, Refusal> {
             let file = File::open(path)?;
-            let (parts, start, signed) = Parts::read(&file)?;
+            let (parts, start, pictures, signed) = Parts::read(&file)?;
             if !signed {
                 // Nothing vouches for its rows: they are read.
                 Map::open(path)?;
             }
-            Ok(Self { path, file, start, parts })
+            Ok(Self { path, file, start, parts, pictures })
         };
-        read().map_err(|refusal| refusal.of_map(path))
+        let old = read().map_err(|refusal| refusal.of_map(path))?;
+        if old.parts.several {
+            return Err(misfit(&old.name(), ONE, SEVERAL));
+        }
+        Ok(old)
     }
 
     fn name(&self) -> String {
         self.path.display().to_string()
     }
 
-    fn about(&self) -> (&Kind, usize, bool) {
+    fn about(&self) -> About<'_> {
         let Parts { kind, positions, names, .. } = &self.parts;
-        (kind, axes(positions.as_ref()), names.is_some())
+        let (positions, is_named) = (positions.as_ref(), names.is_some());
+        About { kind, positions, is_named, thumbnails: self.picture_size() }
     }
 
-    /// Writes the longer file into the place of this one. `rows` writes the rows, old and new.
+    /// The size of its thumbnails, if it has any.
+    fn picture_size(&self) -> Option<(usize, usize)> {
+        self.pictures.as_ref().map(|pictures| pictures.size)
+    }
+
+    fn failed(&self, source: io::Error) -> Error {
+        Error::Io { path: self.path.to_owned(), action: "read the map", source }
+    }
+
+    /// Writes the longer file into the place of this one. `rows` writes the rows, old and new. The
+    /// addition has the same kind of positions; it has thumbnails if this file has some.
     fn write(
         &self,
-        addition: &Sidecar<'_>,
+        addition: Sidecar<'_>,
+        begins: bool,
         rows: impl FnOnce(&Self, &mut Sink<'_>) -> Result<Vec<usize>, Error>,
     ) -> Result<(), Error> {
-        let Parts { kind, places, positions, norms, names, .. } = &self.parts;
+        let Parts { kind, places, positions, norms, names, segments, .. } = &self.parts;
+        let moved = positions.as_ref().map(|own| {
+            addition.positions.iter().map(|given| given.on_plane_of(own)).collect::<Vec<_>>()
+        });
+        let moved = moved.iter().flatten().map(AsRef::as_ref);
+        let pictures = self.pictures.as_ref().zip(addition.pictures).map(|(own, added)| Pictures {
+            size: own.size,
+            write: Box::new(|out: &mut Sink<'_>| {
+                let (start, length) = (own.span.start as u64, own.span.len() as u64);
+                copy(&mut &self.file, start, length, out, |source| self.failed(source))?;
+                (added.write)(out)
+            }),
+        });
         let sidecar = Sidecar {
             places: places + addition.places,
-            positions: positions.iter().chain(addition.positions.iter().copied()).collect(),
+            segments: segments.followed_by(&addition.segments, begins),
+            positions: positions.iter().chain(moved).collect(),
             norms: norms.iter().map(Vec::as_slice).chain(addition.norms.iter().copied()).collect(),
             names: names.iter().chain(addition.names.iter().copied()).collect(),
+            pictures,
+            traverses: None,
         };
         write(self.path, kind, sidecar, |out| rows(self, out))
     }
@@ -271,7 +328,7 @@ impl<'a> Existing<'a> {
     ) -> Result<Census, Error> {
         let Parts { kind, places, .. } = &self.parts;
         let (dim, size) = (kind.dim, kind.dtype.size());
-        let io = |source| Error::Io { path: self.path.to_owned(), action: "read the map", source };
+        let io = |source| self.failed(source);
         let mut file = &self.file;
         file.seek(SeekFrom::Start(self.start)).map_err(io)?;
         let mut census = Census::new(kind);

@@ -5,11 +5,18 @@ mod blank;
 mod block;
 mod codes;
 mod contents;
+mod edit;
+mod extras;
 mod file;
 mod grow;
+mod join;
+mod positions;
 mod recipe;
 mod route;
 mod storage;
+mod thumbnails;
+mod traverses;
+mod traverses_file;
 
 use std::hash::Hasher as _;
 use std::ops::Range;
@@ -17,20 +24,24 @@ use std::sync::{Arc, OnceLock};
 
 use twox_hash::XxHash3_64;
 
-use crate::descriptor::{DescriberPool, Sad};
+use crate::descriptor::Sad;
 use crate::distance::{Metric, Rows};
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress};
 use crate::numbers::{Values, View};
+use crate::segments::Segments;
 use crate::simd::Isa;
 use block::{Blocks, lengths};
 pub(crate) use codes::Codes;
+pub use extras::Extras;
+pub use positions::{Origin, Position, Positions};
 use recipe::Kind;
 pub use recipe::Recipe;
-pub use route::Positions;
 use route::{Names, Route};
 pub(crate) use storage::Storage;
+pub use thumbnails::Thumbnails;
+pub use traverses::MapTraverse;
 
 /// A known route: `places` descriptors of `dim` numbers, how to compare them, and how they were
 /// made.
@@ -85,13 +96,7 @@ impl Map {
         sad: Sad,
         progress: Progress<'_>,
     ) -> Result<Self, Error> {
-        let places = at_least_two(images.len())?;
-        let pool = DescriberPool::of_map(sad, images)?;
-        let mut rows = Storage::zeros(sad.dtype(), places * sad.dim());
-        pool.describe_into(progress, rows.bytes_mut())?;
-        let names = Names::new((0..places).map(|index| images.name(index)))?;
-        let map = Self::checked(rows, sad.dim(), Metric::Manhattan, Recipe::Sad(pool.sad()))?;
-        map.named(names)?.with_image_size(pool.size())
+        Self::from_images_with(images, sad, Extras::default(), progress)
     }
 
     /// A map of rows whose numbers have not been checked.
@@ -117,30 +122,6 @@ impl Map {
         Self { blocks, route, kind, codes: None, fingerprint, blank, isa }
     }
 
-    /// Some of the places, as a map of their own that shares the rows' memory. It has a screen if
-    /// this map has one.
-    ///
-    /// ```
-    /// use surefix::{Map, Metric};
-    /// let map = Map::from_descriptors(vec![0_u8, 1, 2, 3, 4, 5], 2, Metric::Euclidean)?;
-    /// assert_eq!(map.slice(1..3)?.distances([4_u8, 5].as_slice())?[1], 0.0);
-    /// # Ok::<(), surefix::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    /// [`Error::Option`] unless `places` is a range of this map's places, [`Error::TooFewPlaces`]
-    /// for less than two; [`Error::Option`] and [`Error::NotFinite`] as for
-    /// [`with_screen`](Self::with_screen), if this map has a screen.
-    pub fn slice(&self, places: Range<usize>) -> Result<Self, Error> {
-        if places.start > places.end || places.end > self.places() {
-            let expected = format!("a range within the {} places", self.places());
-            return Err(Error::Option { name: "places", expected, got: format!("{places:?}") });
-        }
-        at_least_two(places.len())?;
-        let blocks = self.blocks.slice(self.route.rows(places.clone()));
-        self.screened_like(blocks, self.route.slice(places))
-    }
-
     /// A map of the same kind, with a screen if this one has a screen.
     fn screened_like(&self, blocks: Blocks, route: Route) -> Result<Self, Error> {
         let map = Self::joining(blocks, route, self.kind.clone(), self.isa);
@@ -161,7 +142,7 @@ impl Map {
 
     fn named(mut self, names: Names) -> Result<Self, Error> {
         self.one_for_each_place("names", names.len())?;
-        Arc::make_mut(&mut self.route).names = Some(names);
+        self.route_mut().names = Some(names);
         Ok(self)
     }
 
@@ -171,8 +152,36 @@ impl Map {
     /// [`Error::Length`] unless there is a position for each place.
     pub fn with_positions(mut self, positions: Positions) -> Result<Self, Error> {
         self.one_for_each_place("positions", positions.len())?;
-        Arc::make_mut(&mut self.route).positions = Some(positions);
+        self.route_mut().positions = Some(positions);
         Ok(self)
+    }
+
+    /// The same map, whose places follow each other as `segments` say (method 1.14).
+    ///
+    /// ```
+    /// use surefix::{Map, Metric, Segments};
+    /// let map = Map::from_descriptors(vec![0_u8, 1, 2, 3, 4], 1, Metric::Manhattan)?;
+    /// let map = map.with_segments(Segments::new(5, &[2])?.with_closed(&[1])?)?;
+    /// assert_eq!(map.segments().len(), 2);
+    /// # Ok::<(), surefix::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless they have this map's number of places.
+    pub fn with_segments(mut self, segments: Segments) -> Result<Self, Error> {
+        self.one_for_each_place("segments: places", segments.places())?;
+        self.route_mut().segments = segments;
+        self.fingerprint = OnceLock::new();
+        Ok(self)
+    }
+
+    /// How the places follow each other.
+    pub fn segments(&self) -> &Segments {
+        &self.route.segments
+    }
+
+    fn route_mut(&mut self) -> &mut Route {
+        Arc::make_mut(&mut self.route)
     }
 
     fn one_for_each_place(&self, what: &'static str, got: usize) -> Result<(), Error> {
@@ -228,7 +237,7 @@ impl Map {
         self.kind.recipe
     }
 
-    /// All descriptors, place by place. The rows of a map that was [`extended`](Self::extended) lie
+    /// All descriptors, place by place; of several traverses, the first's. The rows of a map that was [`extended`](Self::extended) lie
     /// in several pieces: the first call on it copies them into one, which it keeps.
     pub fn descriptors(&self) -> View<'_> {
         self.blocks.in_one_piece()
@@ -262,19 +271,34 @@ impl Map {
         self
     }
 
-    /// Calls `work` with the rows of each block that has some of `places`, and the range of their
-    /// distances.
+    /// Calls `work` with the rows of each block that has some of `rows`, which count through all
+    /// traverses, and the range of their distances.
     pub(crate) fn each_block(
         &self,
-        places: Range<usize>,
+        rows: Range<usize>,
         mut work: impl FnMut(Rows<'_>, Range<usize>),
     ) {
         let dim = self.kind.dim;
-        self.blocks.each(self.route.rows(places), |block, within, out| {
-            let values = block::part(block.rows(), within.start * dim..within.end * dim);
-            let norms = block.norms().get(within).unwrap_or_default();
-            work(self.kind.rows(values, norms, self.isa), out);
-        });
+        let (mut start, mut done) = (0, 0);
+        for blocks in self.all_blocks() {
+            let end = start + blocks.rows();
+            let own = rows.start.clamp(start, end) - start..rows.end.clamp(start, end) - start;
+            let count = own.len();
+            if count > 0 {
+                blocks.each(own, |block, within, out| {
+                    let values = block::part(block.rows(), within.start * dim..within.end * dim);
+                    let norms = block.norms().get(within).unwrap_or_default();
+                    work(self.kind.rows(values, norms, self.isa), done + out.start..done + out.end);
+                });
+            }
+            (start, done) = (end, done + count);
+        }
+    }
+
+    /// The blocks of all traverses.
+    pub(super) fn all_blocks(&self) -> impl Iterator<Item = &Blocks> {
+        let further = self.route.traverses.further.iter().map(|traverse| &traverse.blocks);
+        std::iter::once(&self.blocks).chain(further)
     }
 
     /// No rows, to check a query against.
@@ -290,9 +314,18 @@ impl Map {
             let mut hash = XxHash3_64::with_seed(0);
             let Kind { dtype, metric, dim, recipe, .. } = &self.kind;
             hash.write(format!("{dtype} {metric} {dim} {recipe:?}").as_bytes());
-            self.blocks.iter().for_each(|block| hash.write(block.rows().bytes()));
+            for blocks in self.all_blocks() {
+                blocks.iter().for_each(|block| hash.write(block.rows().bytes()));
+            }
+            for traverse in &self.route.traverses.further {
+                hash.write(bytemuck::must_cast_slice(&traverse.places));
+            }
             if let Some(post) = self.post() {
                 recipe::hash(post, &mut hash);
+            }
+            // Snapshots of maps before segments stay valid.
+            if *self.segments() != Segments::one(self.places()) {
+                hash.write(format!("{:?}", self.segments()).as_bytes());
             }
             hash.finish()
         })

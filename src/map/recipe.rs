@@ -72,7 +72,7 @@ impl Map {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Option`] unless the map has ready float32 descriptors, [`Error::Length`] if `post`
+    /// [`Error::Option`] unless the map has ready float32 descriptors, of one traverse, [`Error::Length`] if `post`
     /// gives another length than the map's.
     pub fn with_post(mut self, post: Post) -> Result<Self, Error> {
         if (self.dtype(), self.recipe()) != (Dtype::F32, Recipe::Ready) {
@@ -83,6 +83,13 @@ impl Map {
                     Recipe::Ready => format!("one of {}", self.dtype()),
                     Recipe::Sad(_) => "one of SAD descriptors".to_owned(),
                 },
+            });
+        }
+        if self.has_several() {
+            return Err(Error::Option {
+                name: "post",
+                expected: "a map of one traverse".to_owned(),
+                got: format!("one of {}", self.traverses().len()),
             });
         }
         if post.output() != self.dim() {

@@ -1,26 +1,36 @@
 //! The route: how rows become places, which places follow each other, their positions and names.
 
-use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::OnceLock;
 
+use super::positions::Positions;
+use super::thumbnails::Thumbnails;
+use super::traverses::Traverses;
 use crate::error::Error;
 use crate::segments::Segments;
 
-/// The route along the map's rows. Today it is one segment with one row for each place. The rest of
-/// the crate asks [`segments`](Self::segments) where neighbours end, [`rows`](Self::rows) which
-/// rows are a place, and [`fold`](Self::fold) makes one distance of them.
+/// The route along the map's rows. The rest of the crate asks [`segments`](Self::segments) where
+/// neighbours end, and [`rows`](Self::rows) which rows are places; a place may have further rows in
+/// other traverses.
 #[derive(Clone, Debug)]
 pub(crate) struct Route {
-    segments: Segments,
+    pub(super) segments: Segments,
     pub(super) positions: Option<Positions>,
     pub(super) names: Option<Names>,
+    pub(super) thumbnails: Option<Thumbnails>,
+    pub(super) traverses: Traverses,
 }
 
 impl Route {
     /// A route without breaks.
     pub(super) fn unbroken(places: usize) -> Self {
-        Self { segments: Segments::one(places), positions: None, names: None }
+        Self {
+            segments: Segments::one(places),
+            positions: None,
+            names: None,
+            thumbnails: None,
+            traverses: Traverses::default(),
+        }
     }
 
     pub(crate) fn places(&self) -> usize {
@@ -33,28 +43,32 @@ impl Route {
         &self.segments
     }
 
-    /// The rows of a range of places.
-    #[expect(clippy::unused_self, reason = "several rows a place will need it")]
+    /// The rows of a range of places in the first traverse.
+    #[expect(clippy::unused_self, reason = "the first traverse has one row for each place")]
     pub(crate) fn rows(&self, places: Range<usize>) -> Range<usize> {
         places
     }
 
-    /// Turns the distances to the rows of some places into one for each place, the least of its
-    /// rows' distances. With one row for each place, they are the same.
-    pub(crate) fn fold(&self, distances: &mut [f32]) {
-        debug_assert!(distances.len() <= self.places(), "one row for each place");
-    }
-
-    /// This route and then `more`, in one segment.
-    pub(super) fn followed_by(&self, more: &Self) -> Self {
+    /// This route and then `more`, which has the same kind of positions and can follow. Its first
+    /// segment goes on with the last of this one, unless it `begins` a new one. Names and positions
+    /// stay if both have them, thumbnails if they are of one size, too.
+    pub(super) fn followed_by(&self, more: &Self, begins: bool) -> Self {
+        fn both<T>(one: Option<&T>, other: Option<&T>, join: impl Fn(&T, &T) -> T) -> Option<T> {
+            one.zip(other).map(|(one, other)| join(one, other))
+        }
+        let (pictures, others) = (self.thumbnails.as_ref(), more.thumbnails.as_ref());
+        let others =
+            others.filter(|others| pictures.is_some_and(|own| own.size() == others.size()));
         Self {
-            positions: self
-                .positions
-                .as_ref()
-                .zip(more.positions.as_ref())
-                .map(|(a, b)| a.followed_by(b)),
-            names: self.names.as_ref().zip(more.names.as_ref()).map(|(a, b)| a.followed_by(b)),
-            ..Self::unbroken(self.places() + more.places())
+            segments: self.segments.followed_by(&more.segments, begins),
+            positions: both(
+                self.positions.as_ref(),
+                more.positions.as_ref(),
+                Positions::followed_by,
+            ),
+            names: both(self.names.as_ref(), more.names.as_ref(), Names::followed_by),
+            thumbnails: both(pictures, others, Thumbnails::followed_by),
+            traverses: self.traverses.followed_by(self.places(), &more.traverses),
         }
     }
 
@@ -64,85 +78,21 @@ impl Route {
             segments: self.segments.slice(places.clone()),
             positions: self.positions.as_ref().map(|positions| positions.slice(places.clone())),
             names: self.names.as_ref().map(|names| names.slice(places.clone())),
+            thumbnails: self.thumbnails.as_ref().map(|pictures| pictures.slice(places.clone())),
+            traverses: self.traverses.keep(places),
         }
     }
-}
 
-/// Where each place is: planar metres, two or three coordinates a place.
-///
-/// ```
-/// use surefix::{Map, Metric, Positions};
-///
-/// let map = Map::from_descriptors(vec![0.0_f32, 1.0, 2.0], 1, Metric::Euclidean)?;
-/// let map = map.with_positions(Positions::new(vec![0.0, 0.0, 3.0, 0.0, 6.0, 0.5], 2)?)?;
-/// assert_eq!(map.positions().map(|positions| positions.len()), Some(3));
-/// # Ok::<(), surefix::Error>(())
-/// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Positions {
-    metres: Vec<f64>,
-    axes: usize,
-}
-
-impl Positions {
-    /// Positions of `axes` (2 or 3) coordinates each, place by place, in metres.
-    ///
-    /// # Errors
-    /// [`Error::Shape`] for other axes or a count that they do not divide, [`Error::NotFinite`] for
-    /// a NaN or an infinity.
-    pub fn new(metres: Vec<f64>, axes: usize) -> Result<Self, Error> {
-        if !matches!(axes, 2 | 3) || !metres.len().is_multiple_of(axes) {
-            return Err(Error::Shape {
-                what: "positions",
-                expected: "2 or 3 coordinates a place, in metres".to_owned(),
-                got: if matches!(axes, 2 | 3) {
-                    format!("{} numbers, which {axes} does not divide", metres.len())
-                } else {
-                    axes.to_string()
-                },
-            });
+    /// Some of the places, which are in order; `runs` are the same. A stretch of `tunnel` places or
+    /// more that is left out becomes a break with a link across.
+    pub(super) fn keep(&self, places: &[usize], runs: &[Range<usize>], tunnel: usize) -> Self {
+        Self {
+            segments: self.segments.kept(places, tunnel),
+            positions: self.positions.as_ref().map(|known| known.of(places.iter().copied())),
+            names: self.names.as_ref().map(|names| names.keep(places)),
+            thumbnails: self.thumbnails.as_ref().map(|pictures| pictures.keep(runs)),
+            traverses: self.traverses.keep(places.iter().copied()),
         }
-        if let Some(at) = metres.iter().position(|x| !x.is_finite()) {
-            let (row, value) = (Some(at / axes), metres[at] as f32);
-            return Err(Error::NotFinite { what: "positions", row, index: at % axes, value });
-        }
-        Ok(Self { metres, axes })
-    }
-
-    /// All coordinates, place by place, in metres.
-    pub fn metres(&self) -> &[f64] {
-        &self.metres
-    }
-
-    /// Coordinates a place: 2 or 3.
-    pub fn axes(&self) -> usize {
-        self.axes
-    }
-
-    /// The number of places that have a position.
-    pub fn len(&self) -> usize {
-        self.metres.len() / self.axes
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.metres.is_empty()
-    }
-
-    /// These and then those, which have the same number of axes.
-    fn followed_by(&self, more: &Self) -> Self {
-        Self { metres: [self.metres(), more.metres()].concat(), axes: self.axes }
-    }
-
-    /// Those of some places, in this order.
-    pub(crate) fn of(&self, places: impl Iterator<Item = usize>) -> Self {
-        let metres = places.flat_map(|place| &self.metres[place * self.axes..][..self.axes]);
-        Self { metres: metres.copied().collect(), axes: self.axes }
-    }
-
-    fn slice(&self, places: Range<usize>) -> Self {
-        let metres = self.metres[places.start * self.axes..places.end * self.axes].to_vec();
-        Self { metres, axes: self.axes }
     }
 }
 
@@ -188,6 +138,18 @@ impl Names {
     fn followed_by(&self, more: &Self) -> Self {
         let text = [self.text.as_str(), &more.text].concat();
         Self { text, count: self.count + more.count, list: OnceLock::new() }
+    }
+
+    /// Those of some places, in order.
+    fn keep(&self, places: &[usize]) -> Self {
+        let mut next = places.iter().peekable();
+        let mut text = String::new();
+        for (place, name) in self.text.split_inclusive('\0').enumerate() {
+            if next.next_if_eq(&&place).is_some() {
+                text.push_str(name);
+            }
+        }
+        Self { text, count: places.len(), list: OnceLock::new() }
     }
 
     pub(super) fn len(&self) -> usize {

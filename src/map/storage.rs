@@ -3,6 +3,8 @@
 use std::fmt;
 #[cfg(feature = "mmap")]
 use std::ops::Range;
+#[cfg(feature = "mmap")]
+use std::sync::Arc;
 
 use crate::dtype::Dtype;
 use crate::numbers::{Values, View, each_type};
@@ -31,7 +33,7 @@ enum Kind {
     Pages { memory: memmap2::MmapMut, dtype: Dtype },
     /// A part of a file that is mapped into memory: checked to be aligned for its type.
     #[cfg(feature = "mmap")]
-    Mapped { file: memmap2::Mmap, span: Range<usize>, dtype: Dtype },
+    Mapped { file: Arc<memmap2::Mmap>, span: Range<usize>, dtype: Dtype },
 }
 
 impl Storage {
@@ -60,7 +62,11 @@ impl Storage {
     /// The numbers of the type `dtype` in a part of a mapped file, or `None` if they are not
     /// aligned for it.
     #[cfg(feature = "mmap")]
-    pub(super) fn mapped(file: memmap2::Mmap, span: Range<usize>, dtype: Dtype) -> Option<Self> {
+    pub(super) fn mapped(
+        file: Arc<memmap2::Mmap>,
+        span: Range<usize>,
+        dtype: Dtype,
+    ) -> Option<Self> {
         let bytes = file.get(span.clone())?;
         let aligned = bytes.as_ptr().addr().is_multiple_of(dtype.size());
         aligned.then_some(Self(Kind::Mapped { file, span, dtype }))

@@ -14,7 +14,7 @@ const BYTES: usize = 1 << 18;
 /// The map in chunks, and how many of them are taken.
 pub(super) struct Chunks {
     pub(super) map: Arc<Map>,
-    /// Places of a chunk.
+    /// Rows of a chunk.
     size: usize,
     next: AtomicUsize,
 }
@@ -22,13 +22,13 @@ pub(super) struct Chunks {
 impl Chunks {
     /// Chunks for `threads` threads: a small map has several for each thread too.
     pub(super) fn new(map: &Arc<Map>, threads: usize) -> Self {
-        let small = map.places().div_ceil(threads.saturating_mul(16));
+        let small = map.rows().div_ceil(threads.saturating_mul(16));
         let large = BYTES / (map.dim() * map.dtype().size());
         Self { map: Arc::clone(map), size: small.min(large).max(1), next: AtomicUsize::new(0) }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.map.places().div_ceil(self.size)
+        self.map.rows().div_ceil(self.size)
     }
 
     /// Makes all chunks free to be taken.
@@ -42,14 +42,14 @@ impl Chunks {
         (chunk < self.len()).then_some(chunk)
     }
 
-    pub(super) fn places(&self, chunk: usize) -> Range<usize> {
+    pub(super) fn rows(&self, chunk: usize) -> Range<usize> {
         let start = chunk * self.size;
-        start..self.map.places().min(start + self.size)
+        start..self.map.rows().min(start + self.size)
     }
 
-    /// Writes the results for a chunk to its places in `out`.
+    /// Writes the results for a chunk to its rows in `out`.
     pub(super) fn scan(&self, chunk: usize, job: Job<'_>, out: &mut [f32]) {
-        let places = self.places(chunk);
-        job.scan(&self.map, places.clone(), &mut out[places]);
+        let rows = self.rows(chunk);
+        job.scan(&self.map, rows.clone(), &mut out[rows]);
     }
 }

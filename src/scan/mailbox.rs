@@ -23,7 +23,7 @@ pub(super) struct Slot {
     generation: u64,
     job: JobBuffer,
     /// The chunks that this thread has scanned for this frame, and their results, each at its
-    /// places.
+    /// rows.
     chunks: Vec<usize>,
     results: Vec<f32>,
 }
@@ -58,7 +58,7 @@ impl Mailbox {
             generation: 0,
             job: JobBuffer::new(map),
             chunks: Vec::with_capacity(chunks),
-            results: vec![0.0; map.places()],
+            results: vec![0.0; map.rows()],
         };
         Self { slot: Mutex::new(slot), wake: Condvar::new() }
     }
@@ -87,8 +87,8 @@ impl Mailbox {
         let Slot { generation: of, chunks, results, .. } = &mut *slot;
         if *of == generation {
             for chunk in chunks.drain(..) {
-                let places = shared.places(chunk);
-                out[places.clone()].copy_from_slice(&results[places]);
+                let rows = shared.rows(chunk);
+                out[rows.clone()].copy_from_slice(&results[rows]);
                 done[chunk] = true;
             }
         }
@@ -97,12 +97,12 @@ impl Mailbox {
     /// The thread's loop. It ends with [`stop`](Self::stop), or if a thread panicked with the lock.
     pub(super) fn serve(&self, shared: &Chunks) {
         let mut job = JobBuffer::new(&shared.map);
-        let mut results = vec![0.0; shared.map.places()];
+        let mut results = vec![0.0; shared.map.rows()];
         while let Some(generation) = self.next_job(&mut job) {
             while let Some(chunk) = shared.take() {
-                let places = shared.places(chunk);
+                let rows = shared.rows(chunk);
                 shared.scan(chunk, job.read(), &mut results);
-                if !self.hand_in(generation, chunk, &results[places.clone()], places) {
+                if !self.hand_in(generation, chunk, &results[rows.clone()], rows) {
                     break;
                 }
             }
@@ -131,12 +131,12 @@ impl Mailbox {
         generation: u64,
         chunk: usize,
         results: &[f32],
-        places: Range<usize>,
+        rows: Range<usize>,
     ) -> bool {
         let Ok(mut slot) = self.slot.lock() else { return false };
         let current = slot.generation == generation;
         if current {
-            slot.results[places].copy_from_slice(results);
+            slot.results[rows].copy_from_slice(results);
             slot.chunks.push(chunk);
         }
         current

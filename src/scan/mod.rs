@@ -17,7 +17,7 @@ use crate::post::ChainState;
 pub(crate) use pool::{Pool, threads_for};
 pub(crate) use screen::{EncodedQuery, MAX_SCREENED};
 
-/// The result that a scan computes for each place.
+/// The result that a scan computes for each row.
 #[derive(Clone, Copy)]
 pub(crate) enum Job<'a> {
     /// The distance to a query.
@@ -27,21 +27,21 @@ pub(crate) enum Job<'a> {
 }
 
 impl Job<'_> {
-    /// Writes the results for some places of a map into `out`.
-    pub(crate) fn scan(self, map: &Map, places: Range<usize>, out: &mut [f32]) {
+    /// Writes the results for some rows of a map into `out`.
+    pub(crate) fn scan(self, map: &Map, rows: Range<usize>, out: &mut [f32]) {
         match (self, map.codes()) {
-            (Job::Distances(query), _) => map.scan(query, places, out),
-            (Job::CodeProducts(query), Some(codes)) => codes.scan(map.isa(), query, places, out),
+            (Job::Distances(query), _) => map.scan(query, rows, out),
+            (Job::CodeProducts(query), Some(codes)) => codes.scan(map.isa(), query, rows, out),
             // Only a map with a screen encodes queries.
             (Job::CodeProducts(_), None) => out.fill(f32::NAN),
         }
     }
 
-    /// Writes the results for all places into `out`: by the pool, if there is one.
+    /// Writes the results for all rows into `out`: by the pool, if there is one.
     pub(crate) fn column(self, map: &Map, pool: &mut Option<Pool>, out: &mut [f32]) {
         match pool {
             Some(pool) => pool.scan(self, out),
-            None => self.scan(map, 0..map.places(), out),
+            None => self.scan(map, 0..map.rows(), out),
         }
     }
 }
@@ -71,23 +71,30 @@ impl Map {
     /// zeros under the cosine if there are at most 8, or if post-processing normalises them. `out` is then unchanged.
     pub fn distances_into(&self, descriptor: View<'_>, out: &mut [f32]) -> Result<(), Error> {
         let mut through = self.post().map(ChainState::new);
-        self.distances_of_passed(self.passed(descriptor, through.as_mut())?, out)?;
-        self.quieten(self.shows_nothing(descriptor), out);
-        Ok(())
+        let nothing = self.shows_nothing(descriptor);
+        self.distances_of_passed(self.passed(descriptor, through.as_mut())?, nothing, out)
     }
 
-    /// [`distances_into`](Self::distances_into), of a descriptor after post-processing, with the
-    /// distances to places that show nothing as they are.
+    /// [`distances_into`](Self::distances_into), of a descriptor after post-processing, which shows
+    /// `nothing` or something.
     pub(crate) fn distances_of_passed(
         &self,
         descriptor: View<'_>,
+        nothing: bool,
         out: &mut [f32],
     ) -> Result<(), Error> {
         let (query, expected, got) = (self.query(descriptor)?, self.places(), out.len());
         if got != expected {
             return Err(Error::Length { what: "distances", expected, got });
         }
-        self.scan(query, 0..expected, out);
+        if self.has_several() {
+            let mut rows = vec![0.0; self.rows()];
+            self.scan(query, 0..rows.len(), &mut rows);
+            self.fold(nothing, &mut rows, out);
+        } else {
+            self.scan(query, 0..expected, out);
+            self.quieten(nothing, out);
+        }
         Ok(())
     }
 
@@ -134,10 +141,9 @@ impl Map {
         }
     }
 
-    /// Writes the distances to some of the places, which must be there, into `out`, which has a
+    /// Writes the distances to some of the rows, which must be there, into `out`, which has a
     /// number for each.
-    pub(crate) fn scan(&self, query: Query<'_>, places: Range<usize>, out: &mut [f32]) {
-        self.each_block(places, |rows, at| distance::distances(query, rows, &mut out[at]));
-        self.route().fold(out);
+    pub(crate) fn scan(&self, query: Query<'_>, rows: Range<usize>, out: &mut [f32]) {
+        self.each_block(rows, |rows, at| distance::distances(query, rows, &mut out[at]));
     }
 }

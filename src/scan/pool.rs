@@ -42,7 +42,7 @@ struct Worker {
 /// The number of threads that suits a map of this size: one for every `BYTES_A_THREAD`, up to the
 /// number of cores.
 pub(crate) fn threads_for(map: &Map) -> usize {
-    let worth = map.places() * map.dim() * map.dtype().size() / BYTES_A_THREAD;
+    let worth = map.rows() * map.dim() * map.dtype().size() / BYTES_A_THREAD;
     // Asking the system for the number of cores takes a while, so small maps do not ask.
     if worth < 2 {
         1
@@ -92,10 +92,10 @@ impl Pool {
         1 + self.workers.len()
     }
 
-    /// Writes the results for all places into `out`, on all threads.
+    /// Writes the results for all rows into `out`, on all threads.
     pub(crate) fn scan(&mut self, job: Job<'_>, out: &mut [f32]) {
         if self.workers.is_empty() || self.is_forked() {
-            return job.scan(&self.shared.map, 0..self.shared.map.places(), out);
+            return job.scan(&self.shared.map, 0..self.shared.map.rows(), out);
         }
         let Self { shared, workers, generation, done, .. } = self;
         *generation += 1;

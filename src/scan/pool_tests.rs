@@ -56,7 +56,7 @@ fn late_results_are_ignored() {
     // All chunks are taken: the thread finds none by itself.
     while shared.take().is_some() {}
     mailbox.post(2, job(&map, &query));
-    let places = shared.places(0);
+    let places = shared.rows(0);
     let late = vec![-1.0; places.len()];
     assert!(!mailbox.hand_in(1, 0, &late, places.clone()), "of the round before");
     assert!(mailbox.hand_in(2, 0, &late, places));

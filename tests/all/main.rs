@@ -21,9 +21,12 @@ mod judge;
 mod map_file;
 #[cfg(unix)]
 mod map_file_unix;
+mod map_images;
 mod map_long;
 #[cfg(all(feature = "mmap", target_endian = "little"))]
 mod map_mapped;
+mod map_positions;
+mod map_segments;
 mod never_panics;
 mod paper;
 mod post;

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Map, Sad
+from surefix._core import Map, Sad, Segments
 from surefix._progress import Bar, Progress, terminal_bar
 from surefix.descriptors.descriptor import recipe_of, same_vectors
 from surefix.descriptors.extraction import described
+from surefix.descriptors.pictures import Pictured, Wanted
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
@@ -36,18 +37,26 @@ def map_of_images(
     progress: Progress | None = None,
     levels: Levels | None = None,
     skip_bad: bool = False,
+    breaks: Any = None,
+    closed: Any = False,
+    thumbnails: Wanted = False,
+    origin: Any = None,
 ) -> Map:
     """The map of images, described by a network. Names are kept if they are frames or counted.
     Levels of deep images are measured if they are not given, and stand in the recipe.
     """
     frames = frames_of(images)
-    _check_positions(frames, positions)
+    _check_positions(frames, positions, origin)
+    if frames.count is not None:
+        Segments(frames.count, breaks, closed)
     first = _first(frames, skip_bad)
     if levels is None and first is not None and first.dtype == np.uint16:
         levels = levels_of(frames)
     bad: set[int] | None = set() if skip_bad else None
     how: dict[str, Any] = {"levels": levels, "bad": bad}
-    rows, shots = described(frames, descriptor, cache=cache, progress=progress, **how)
+    seen = Pictured(frames, thumbnails, levels) if thumbnails else frames
+    rows, shots = described(seen, descriptor, cache=cache, progress=progress, **how)
+    segments = _segments(breaks, closed, len(rows), bad)
     positions = _kept(positions, bad)
     if isinstance(images, Frames):
         positions = _positions(images, shots, positions)
@@ -55,9 +64,18 @@ def map_of_images(
     names = [shot.name for shot in shots] if named else None
     recipe = recipe_of(descriptor) | ({} if levels is None else {"levels": [*levels]})
     size = None if first is None or first.ndim < 2 else first.shape[1::-1]
-    return Map.from_descriptors(
-        rows, metric, positions, names, post=post, recipe=recipe, image_size=size
-    )
+    made: dict[str, Any] = {"post": post, "recipe": recipe, "image_size": size, "origin": origin}
+    route = Map.from_descriptors(rows, metric, positions, names, **made).with_segments(segments)
+    if isinstance(seen, Pictured):
+        return route.with_thumbnails(seen.pictures(len(rows), bad))
+    return route
+
+
+def _segments(breaks: Any, closed: Any, places: int, bad: set[int] | None) -> Segments:
+    """The segments of the images that were not passed over."""
+    count = places + len(bad or ())
+    segments = Segments(count, breaks, closed)
+    return segments.keep([at for at in range(count) if at not in bad]) if bad else segments
 
 
 def levels_of(frames: Frames) -> Levels | None:
@@ -95,17 +113,24 @@ def append_images(
     cache: str | PathLike[str] | None = None,
     progress: Progress | None = None,
     skip_bad: bool = False,
+    new_segment: bool = False,
 ) -> None:
     """The map in the file made longer by images, described and post-processed as its own were."""
     old = Map.open(path, mmap=True)
     frames = frames_of(images)
     # Before anything is described.
     _check_own(old, descriptor)
-    _check_positions(frames, positions)
+    plane = old.origin or old.plane
+    _check_positions(frames, positions, plane)
+    if old.segments[-1].closed and not new_segment:
+        expected = "a new segment (new_segment=True), as its last segment is closed"
+        raise mismatch(path, expected, "images that go on with the last one")
     levels = old.levels
     bad: set[int] | None = set() if skip_bad else None
     how: dict[str, Any] = {"levels": levels, "bad": bad}
-    rows, shots = described(frames, descriptor, cache=cache, progress=progress, **how)
+    small = None if old.thumbnail(0) is None else old.thumbnail(0).shape[::-1]
+    seen = frames if small is None else Pictured(frames, small, levels)
+    rows, shots = described(seen, descriptor, cache=cache, progress=progress, **how)
     positions = _kept(positions, bad)
     if isinstance(images, Frames):
         positions = _positions(images, shots, positions)
@@ -115,9 +140,14 @@ def append_images(
         known = enumerate(shot.name for shot in shots)
         names = [str(len(old) + i) if name == str(i) else name for i, name in known]
     recipe = old.recipe or recipe_of(descriptor)
-    more = Map.from_descriptors(rows, old.metric, positions, names, post=old.post, recipe=recipe)
+    made: dict[str, Any] = {"post": old.post, "recipe": recipe}
+    if positions is not None:
+        made["origin"] = plane
+    more = Map.from_descriptors(rows, old.metric, positions, names, **made)
+    if isinstance(seen, Pictured):
+        more = more.with_thumbnails(seen.pictures(len(rows), bad))
     del old
-    Map.append(path, more)
+    Map.append(path, more, new_segment=new_segment)
 
 
 def sad_map(
@@ -127,12 +157,19 @@ def sad_map(
     *,
     skip_bad: bool = False,
     mixed_sizes: bool = False,
+    breaks: Any = None,
+    closed: Any = False,
+    thumbnails: Wanted = False,
+    origin: Any = None,
 ) -> Map:
     """A map of frames by SAD, with the positions given, else those of the odometry."""
     report = terminal_bar("Describing")
+    how: dict[str, Any] = {"breaks": breaks, "closed": closed, "origin": origin}
     if isinstance(frames, ImageFrames):
-        terms: dict[str, Any] = {"skip_bad": skip_bad, "mixed_sizes": mixed_sizes}
-        return Map.from_images(frames.source, sad, positions=positions, progress=report, **terms)
+        how |= {"skip_bad": skip_bad, "mixed_sizes": mixed_sizes, "thumbnails": thumbnails}
+        return Map.from_images(frames.source, sad, positions=positions, progress=report, **how)
+    if frames.count is not None:
+        Segments(frames.count, breaks, closed)
     bar = Bar(report, None, frames.estimate)
     route: Map | None = None
     count = 0
@@ -148,9 +185,12 @@ def sad_map(
             if sad.levels is None and images[0].dtype == np.uint16:
                 levels = levels_of(frames)
                 sad = Sad(sad.size, sad.patch, sad.dtype, levels)
-            made = Map.from_images(
-                images, sad, positions=where, progress=False, mixed_sizes=mixed_sizes
-            )
+            terms = {"progress": False, "mixed_sizes": mixed_sizes, "thumbnails": thumbnails}
+            plane = None if where is None else origin
+            made = Map.from_images(images, sad, positions=where, origin=plane, **terms)
+            if thumbnails is True:
+                # All parts have that of the first.
+                thumbnails = made.thumbnail(0).shape[::-1]
             route = made if route is None else route.extended(made)
             count += len(part)
             bar.show(count)
@@ -159,7 +199,7 @@ def sad_map(
         raise mismatch(frames.files[0], "frames", "none")
     if positions is not None and len(positions) != count:
         raise _not_each(frames, len(positions), count)
-    return route
+    return route.with_segments(Segments(count, breaks, closed))
 
 
 def _kept(positions: Any, bad: set[int] | None) -> Any:
@@ -202,8 +242,8 @@ def _check_own(route: Map, descriptor: Any) -> None:
         raise mismatch("descriptor", f"the map's own, by the recipe {own}", recipe)
 
 
-def _check_positions(frames: Frames, positions: Any) -> None:
+def _check_positions(frames: Frames, positions: Any, origin: Any = None) -> None:
     """Refuses wrong positions before the network has seen the whole drive."""
     if positions is not None and frames.count is not None:
         rows = np.zeros((frames.count, 1), np.float32)
-        Map.from_descriptors(rows, "euclidean", positions=positions)
+        Map.from_descriptors(rows, "euclidean", positions=positions, origin=origin)

@@ -1,0 +1,72 @@
+"""Small grey pictures of frames that pass by, for the map that is made of them."""
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from dataclasses import replace
+from threading import Lock
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from surefix._core import thumbnail
+from surefix.frames.frame import Frames, Shot
+from surefix.frames.levels import Levels
+from surefix.frames.pillow import pixels_of
+from surefix.frames.sampling import Derived
+
+UInt8 = npt.NDArray[np.uint8]
+# True, or width and height.
+Wanted = bool | Sequence[int]
+
+
+class Pictured(Derived):
+    """The frames of a source; of each one that is read, a small picture is kept."""
+
+    def __init__(self, source: Frames, wanted: Wanted, levels: Levels | None) -> None:
+        super().__init__(source)
+        self.parallel = source.parallel
+        self._count, self._estimate = source.count, source.estimate
+        self._size = None if isinstance(wanted, bool) else (int(wanted[0]), int(wanted[1]))
+        self._levels = levels
+        self._made: dict[int, UInt8] = {}
+        # Of files: a cache may know them without reading them.
+        self._unread: dict[int, Callable[[], Any]] = {}
+        self._lock = Lock()
+
+    def shots(self) -> Generator[Shot, None, None]:
+        """Those of the source."""
+        with closing(self.source.shots()) as shots:
+            for index, shot in enumerate(shots):
+                if shot.path is not None:
+                    self._unread[index] = shot.read
+                yield replace(shot, read=self._reader(index, shot.read))
+
+    def pictures(self, count: int, bad: set[int] | None) -> UInt8:
+        """Those of the ``count`` frames that are not bad: (n, height, width)."""
+        missing = bad or set()
+        indices = [index for index in range(count + len(missing)) if index not in missing]
+        for index in indices:
+            if index not in self._made:
+                self._keep(index, self._unread[index]())
+        return np.stack([self._made[index] for index in indices])
+
+    def _reader(self, index: int, read: Callable[[], Any]) -> Callable[[], Any]:
+        def reads() -> Any:
+            image = read()
+            self._keep(index, image)
+            return image
+
+        return reads
+
+    def _keep(self, index: int, given: Any) -> None:
+        image = pixels_of(given)
+        with self._lock:
+            if self._size is None:
+                # All have that of the first.
+                height, width = thumbnail(image, None, self._levels).shape
+                self._size = width, height
+        picture = thumbnail(image, self._size, self._levels)
+        with self._lock:
+            self._made[index] = picture
+            self._unread.pop(index, None)
