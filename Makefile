@@ -95,8 +95,10 @@ python: $(VENV)/installed $(VENV)/dev
 
 examples: $(VENV)/installed
 	cargo run --locked --profile test-release --example stream
+	cargo run --locked --profile test-release --example town
 	$(BIN)/python examples/stream.py
 	$(BIN)/python examples/batch.py
+	$(BIN)/python examples/town.py
 
 # Instructions of the hot kernels, under valgrind: none may rise by more than 2 %. Skipped, with a word, without valgrind.
 instructions:

@@ -25,6 +25,8 @@ WHEELS = {"scale": 1.02, "noise": 0.05}
 # With odometry there is one speed: that of the wheels.
 MOTION: Final = "any"
 SPACING = 3.0
+# The places of a town, at most.
+TOWN = 300
 
 
 def legs(places: int) -> list[tuple[str, int]]:
@@ -61,9 +63,18 @@ def demo(
     sequence_length: Annotated[
         int, typer.Option("--sequence-length", "-L", min=1, max=20, help="Queries a sequence.")
     ] = 2,
+    town: Annotated[
+        bool,
+        typer.Option(
+            "--town", help="Three roads with a ring and junctions, mapped in two seasons, instead."
+        ),
+    ] = False,
 ) -> None:
     """See it work, without any data: drive a generated route twice, localize live, get a report."""
     begin = time.perf_counter()
+    if town:
+        _town(out, min(places, TOWN), (width, height), seed)
+        return
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
         from surefix.report.demo import ACCEPT, write_report
@@ -109,6 +120,37 @@ def demo(
         report = write_report(demo_, out, command, seconds)
     took = time.perf_counter() - begin
     print(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
+
+
+def _town(out: Path, places: int, size: tuple[int, int], seed: int) -> None:
+    begin = time.perf_counter()
+    try:
+        from surefix.report.page import output_folder
+        from surefix.report.town import ACCEPT, BEST, ONE_LINE, drive_through, write_town
+    except ModuleNotFoundError as error:
+        raise SurefixError(str(error)) from None
+    output_folder(out)
+    made = drive_through(places, size, seed)
+    m, roads = len(made.drive), made.town.segments
+    print(
+        f"Town: {len(roads)} roads of {places} places, one of them a ring, with "
+        f"{len(roads.links)} junctions, generated (seed {seed})\n"
+        "Mapped on a summer noon and in autumn; driven on a winter afternoon: in, one and a half "
+        "times round, and out"
+    )
+    for name, told in ((BEST, "On the map of the town"), (ONE_LINE, "On a map that is one line")):
+        right, sure = made.right[name], made.sure(name)
+        print(
+            f"{told}: {int(right.sum())} of {m} fixes right; of the {int(sure.sum())} sure ones "
+            f"(confidence {ACCEPT:g} or more) {int((sure & right).sum())}"
+        )
+    command = (
+        f"surefix demo --town --places {places} --width {size[0]} --height {size[1]} --seed {seed}"
+    )
+    with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
+        report = write_town(made, out, command, time.perf_counter() - begin)
+    took = time.perf_counter() - begin
+    print(f"Made {report}, with its pictures, the map and the fixes beside it, in {took:.1f} s")
 
 
 def _localize(

@@ -45,6 +45,7 @@ from surefix.plot.images import (
 )
 from surefix.plot.matrix import aligned_track, busiest_window, distance_matrix
 from surefix.plot.outcome import Outcome, is_right, outcomes
+from surefix.plot.plan import plan
 from surefix.plot.theme import DARK, LIGHT, Theme, png
 
 __all__ = [
@@ -71,6 +72,7 @@ __all__ = [
     "montage",
     "montage_height",
     "outcomes",
+    "plan",
     "png",
     "precision_recall",
     "reliability",

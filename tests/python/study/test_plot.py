@@ -22,7 +22,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
-from surefix import plot
+from surefix import Segments, SurefixValueError, plot
 from surefix.plot.theme import LOOKS, looks
 from surefix.study import reliability
 
@@ -80,6 +80,7 @@ def aligned(ax: Axes, **options: Any) -> Axes:
 
 
 W = np.linspace(0, 1, 11)
+PLAN = np.stack([np.cos(np.arange(9)), np.sin(np.arange(9))], axis=1)
 FIGURES: dict[str, Callable[[Axes, plot.Theme], Axes]] = {
     "aligned_track": lambda ax, t: aligned(ax, theme=t),
     "precision_recall": lambda ax, t: plot.precision_recall(
@@ -116,6 +117,16 @@ FIGURES: dict[str, Callable[[Axes, plot.Theme], Axes]] = {
         theme=t,
     ),
     "trust_table": lambda ax, t: plot.trust_table(ax, TRUST, theme=t),
+    "plan": lambda ax, t: plot.plan(
+        ax,
+        PLAN,
+        Segments(9, breaks=[5], closed=[0], links=[(4, 5)]),
+        place=np.array([0, 4, 8]),
+        right=np.array([True, False, True]),
+        names=("ring", "road"),
+        theme=t,
+    ),
+    "plan_of_one_road": lambda ax, t: plot.plan(ax, PLAN, theme=t),
     "examples": lambda ax, t: plot.examples(ax, EXAMPLES, theme=t),
     "montage": lambda ax, t: plot.montage(
         ax,
@@ -266,3 +277,8 @@ def test_without_matplotlib_one_line_says_how_to_install_it(tmp_path: Path) -> N
         assert said.stderr.splitlines()[-1].endswith(
             "is not installed: pip install 'surefix[plot]'"
         )
+
+
+def test_a_plan_of_another_number_of_places_is_refused() -> None:
+    with pytest.raises(SurefixValueError, match="segments: expected those of 5 places, got 6"):
+        plot.png(lambda ax, _: plot.plan(ax, np.zeros((5, 2)), Segments(6)), (4, 4))
