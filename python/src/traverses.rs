@@ -131,8 +131,8 @@ impl Map {
                 Err(_) => return wrong("alignment", "surefix.Alignment", given),
             },
         };
-        if let Some(given) = alignment.filter(|given| given.0.places != self.0.places()) {
-            let (expected, got) = (self.0.places(), given.0.places);
+        if let Some(given) = alignment.filter(|given| given.0.places() != self.0.places()) {
+            let (expected, got) = (self.0.places(), given.0.places());
             let message = format!(
                 "alignment: expected one with this map, of {expected} places, got {got} places"
             );

@@ -86,7 +86,7 @@ def facts_of(route: Map, file: Path) -> dict[str, Any]:
         "segments": [[each.start, each.end] for each in roads_of(route.segments)],
         "closed": [index for index, each in enumerate(roads_of(route.segments)) if each.closed],
         "links": route.segments.links.tolist(),
-        "traverses": [_traverse(each) for each in getattr(route, "traverses", ())],
+        "traverses": [_traverse(each) for each in route.traverses],
         "thumbnails": None if small is None else list(small.shape),
         "blank": route.blank.tolist(),
         "parts": _parts_of(file),

@@ -155,7 +155,7 @@ def test_fixes_have_positions_and_degrees(road: Path, tmp_path: Path) -> None:
         assert at == pytest.approx(tuple(known.positions[place]), abs=1e-4)
         where = float(row["latitude"]), float(row["longitude"])
         assert where == pytest.approx(tuple(known.degrees[place]), abs=1e-8)
-        assert "segment" not in row
+        assert (row["segment"], row["segment_place"]) == ("0", row["place"])
 
 
 def test_fixes_of_several_segments_say_which(road: Path, tmp_path: Path) -> None:
