@@ -163,7 +163,7 @@ pub enum Error {
     /// Places that cannot follow those of a map.
     #[error("{map}: cannot append: expected {expected}, got {got}")]
     Append {
-        /// The map's file, or "the map".
+        /// The map's file, "the map", or the index of the one that cannot be joined to the first.
         map: String,
         /// A value of the map.
         expected: String,

@@ -367,9 +367,9 @@ fn a_mapped_map_has_segments_origin_and_thumbnails() {
 
 #[test]
 fn a_thousand_routes_are_one_map() {
-    let rows = numbers(Dtype::U8, 500_000 * DIM, 4);
+    let rows = numbers(Dtype::U8, 500_000 * 2, 4);
     let breaks: Vec<usize> = (1..1000).map(|index| index * 500).collect();
-    let whole = Map::from_descriptors(rows.clone(), DIM, Metric::Manhattan).unwrap();
+    let whole = Map::from_descriptors(rows.clone(), 2, Metric::Manhattan).unwrap();
     let town = whole.clone().with_segments(Segments::new(500_000, &breaks).unwrap()).unwrap();
     let routes: Vec<Map> =
         (0..1000).map(|index| whole.slice(index * 500..(index + 1) * 500).unwrap()).collect();
@@ -380,7 +380,7 @@ fn a_thousand_routes_are_one_map() {
     // 8 bytes a break, and a header as long as ever.
     assert!(file.len() - whole.to_bytes().unwrap().len() < 8 * 999 + 256);
     let opened = Map::from_bytes(&file).unwrap();
-    let query = numbers(Dtype::U8, DIM, 5);
+    let query = numbers(Dtype::U8, 2, 5);
     let bits = |map: &Map| -> Vec<u32> {
         map.distances(&query).unwrap().into_iter().map(f32::to_bits).collect()
     };

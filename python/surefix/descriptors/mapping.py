@@ -13,7 +13,7 @@ from surefix._core import Map, Sad, Segments
 from surefix._progress import Bar, Progress, terminal_bar
 from surefix.descriptors.descriptor import recipe_of, same_vectors
 from surefix.descriptors.extraction import described
-from surefix.descriptors.pictures import Pictured, Wanted
+from surefix.descriptors.pictures import Pictured, Wanted, size_of
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot
 from surefix.frames.images import ImageArray, ImageFrames, frames_of
@@ -46,6 +46,9 @@ def map_of_images(
     """
     frames = frames_of(images)
     _check_positions(frames, positions, origin)
+    if origin is not None and positions is None and not _placed_by(frames):
+        raise mismatch("origin", "positions beside it", "none")
+    size_of(thumbnails)
     if frames.count is not None:
         Segments(frames.count, breaks, closed)
     first = _first(frames, skip_bad)
@@ -224,13 +227,21 @@ def _positions(frames: Frames, taken: Sequence[Frame | Shot], positions: Any) ->
         if len(positions) != len(taken):
             raise _not_each(frames, len(positions), len(taken))
         return positions
-    while isinstance(frames, Derived) and not isinstance(frames, EveryMetres):
-        frames = frames.source
-    if not isinstance(frames, EveryMetres) or frames.odometry.positions.shape[1] < 2:
+    placed = _placed_by(frames)
+    if placed is None:
         return None
     times = [frame.time if frame.clock is None else frame.clock for frame in taken]
-    where = [frames.odometry.at(time) for time in times if time is not None]
+    where = [placed.odometry.at(time) for time in times if time is not None]
     return np.stack([position for position in where if position is not None])
+
+
+def _placed_by(frames: Frames) -> EveryMetres | None:
+    """The frames whose odometry gives positions, if it does."""
+    while isinstance(frames, (SkipBad, Crop)):
+        frames = frames.source
+    if isinstance(frames, EveryMetres) and frames.odometry.positions.shape[1] >= 2:
+        return frames
+    return None
 
 
 def _not_each(frames: Frames, positions: int, got: int) -> SurefixValueError:

@@ -1,8 +1,9 @@
 """Small grey pictures of frames that pass by, for the map that is made of them."""
 
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
+from operator import index as as_index
 from threading import Lock
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import thumbnail
+from surefix.errors import mismatch
 from surefix.frames.frame import Frames, Shot
 from surefix.frames.levels import Levels
 from surefix.frames.pillow import pixels_of
@@ -20,6 +22,17 @@ UInt8 = npt.NDArray[np.uint8]
 Wanted = bool | Sequence[int]
 
 
+def size_of(wanted: Wanted) -> tuple[int, int] | None:
+    """Width and height, if they are given."""
+    if isinstance(wanted, (bool, np.bool_)):
+        return None
+    with suppress(TypeError, ValueError):
+        width, height = map(as_index, wanted)
+        if width > 0 and height > 0:
+            return width, height
+    raise mismatch("thumbnails", "True, or a width and a height above 0", repr(wanted))
+
+
 class Pictured(Derived):
     """The frames of a source; of each one that is read, a small picture is kept."""
 
@@ -27,7 +40,7 @@ class Pictured(Derived):
         super().__init__(source)
         self.parallel = source.parallel
         self._count, self._estimate = source.count, source.estimate
-        self._size = None if isinstance(wanted, bool) else (int(wanted[0]), int(wanted[1]))
+        self._size = size_of(wanted)
         self._levels = levels
         self._made: dict[int, UInt8] = {}
         # Of files: a cache may know them without reading them.

@@ -208,8 +208,15 @@ def test_learned_maps_have_segments_and_thumbnails_too(tmp_path: Path) -> None:
     Map.append(path, IMAGES[25:], Brightness(), **more)
     assert np.array_equal(Map.open(path).thumbnails, whole.thumbnails)
     assert path.read_bytes() == whole.to_bytes()
-    with pytest.raises(SurefixValueError, match="option `breaks`"):
-        Map.from_images(Unread(), Brightness(), breaks=[50])
+    wrong: list[dict[str, Any]] = [
+        {"breaks": [50]},
+        {"origin": (51.5, 0.0)},
+        {"thumbnails": "yes"},
+        {"thumbnails": (0, 3)},
+    ]
+    for refused in wrong:
+        with pytest.raises(SurefixValueError, match=next(iter(refused))):
+            Map.from_images(Unread(), Brightness(), **refused)
 
 
 def test_a_cache_of_files_gives_the_same_thumbnails(tmp_path: Path) -> None:
