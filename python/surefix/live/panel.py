@@ -181,7 +181,9 @@ def _headline(scene: Scene, unicode: bool) -> Text:
     text = Text(no_wrap=True, overflow="ellipsis")
     mark, word, style = _trust(fix, unicode)
     text.append(f"{mark} {row.place}", f"bold {style}")
-    text.append(f" of {len(scene.distances)}", "dim")
+    of = f"of {len(scene.distances)}"
+    numbered = row.place == f"place {fix.place}"
+    text.append(f" {of}" if numbered else f" ({fix.place} {of})", "dim")
     said = [(word, style), (_sure(fix), "")]
     # The mark says trust, too, if there is no room for the word.
     for words, style in said if fix.track is None else reversed(said):

@@ -177,7 +177,7 @@ def test_places_of_several_segments_are_named_by_them() -> None:
     with TerminalView(route, console=console) as view:
         view.update(queries[1], localizer.push(1 - queries[1]), localizer, 10.0)
     picture = last_picture(console)
-    assert "segment 1, place 2 of 40" in "\n".join(picture)
+    assert "segment 1, place 2 (12 of 40)" in "\n".join(picture)
     # Between those of the frame, the start of a segment.
     assert picture[3].count("│") == 3
 
