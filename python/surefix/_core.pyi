@@ -204,6 +204,10 @@ class Fix:
     place : int
         The track's place if there is motion; else the sequence's once it is ready, and before that
         the single match's.
+    segment : int
+        The index of that place's segment: 0 on a route without breaks.
+    segment_place : int
+        That place, counted from its segment's first.
     score : float
         The score of that place: ``1 - confidence`` of the track, the sequence's score, or the
         single match's distance. Less is better.
@@ -244,10 +248,10 @@ class Fix:
         """Whether the query shows nothing, so that it can never be trusted."""
     @property
     def segment(self) -> int:
-        """x"""
+        """The index of that place's segment."""
     @property
     def segment_place(self) -> int:
-        """x"""
+        """That place, counted from its segment's first."""
     @property
     def place(self) -> int:
         """The track's place, else the sequence's once it is ready, else the single match's."""
@@ -1394,12 +1398,13 @@ class Matcher:
         The number of places of the route, at least 2; or how they follow each other, if that is not
         in one segment.
     sequence_length : int
-        `L`, the number of queries of a sequence (Eq. 5), from 1 to `places`.
+        `L`, the number of queries of a sequence (Eq. 5), from 1 to `places`, or to those of the
+        longest segment if none is closed.
     weight : float
         `w`, how far a trusted cell is drawn to the floor (Eq. 4), from 0 (the plain sequence) to 1.
     tolerance : int
         The most places between the minimum and the gradient's peak of a trusted match (Eq.
-        3).
+        3), on one segment.
     smoothing : int
         The number of gradients that are summed along the diagonal (the paper's 3 x 3 kernel); 1 if
         queries come in any order.
@@ -1493,7 +1498,7 @@ class Matcher:
         """
     @property
     def segments(self) -> Segments:
-        """x"""
+        """How the places follow each other."""
     def reset(self) -> None:
         """Forgets all queries: the next one is frame 0."""
     def snapshot(self) -> bytes:
@@ -1791,13 +1796,13 @@ class Run:
 
     @property
     def segment(self) -> _Int64:
-        """x"""
+        """The index of that place's segment: int64."""
     @property
     def segment_place(self) -> _Int64:
-        """x"""
+        """That place, counted from its segment's first: int64."""
     @property
     def segments(self) -> Segments:
-        """x"""
+        """How the route's places follow each other."""
     @property
     def place(self) -> _Int64:
         """Where the robot was: int64."""
@@ -2106,7 +2111,7 @@ def match_distances(
     ------
     SurefixValueError
         For another shape or type, a NaN or an infinity (the error says where), an option outside
-        its range, or a gap before a query that there is not.
+        its range, a gap before a query that there is not, or segments of other places.
 
     Examples
     --------
@@ -2650,11 +2655,14 @@ def evaluate(
         into metres).
     tolerance : float
         How far from the truth still counts as correct: places, or metres if the truth is
-        positions.
+        positions. Places on either side of a break are not near each other; the last place of a
+        closed segment and its first are.
     recall : {"correct", "place_exists", "rejected"}
         What recall is a share of. "correct" (the paper's wording): the queries whose match is
         correct. "place_exists": those that have a true place. "rejected": true positives and all
         rejected queries (the authors' earlier code).
+    segments : Segments, optional
+        How the route's places follow each other, for ``Matches``; a ``Run`` knows it.
 
     Returns
     -------
@@ -2723,7 +2731,7 @@ def recall_at(
     Parameters
     ----------
     distances : array of float32, shape (n, m)
-    truth, tolerance
+    truth, tolerance, segments
         As for ``evaluate``.
     ks : sequence of int
 

@@ -24,7 +24,7 @@ def drive(places: int, truth: list[int]) -> np.ndarray:
 
 def test_a_fix_says_which_segment_and_where_in_it(tmp_path: Path) -> None:
     """In the fix, the run, the table and the file; a pickled run knows its segments."""
-    run = surefix.match_distances(drive(12, [3, 4, 0, 7, 8]), segments=TOWN)
+    run = surefix.match_distances(drive(12, [3, 4, 0, 7, 8]), segments=TOWN, gaps=[3])
     assert run.place.tolist() == [3, 4, 0, 7, 8]
     assert run.segment.tolist() == [0, 0, 0, 1, 1]
     assert run.segment_place.tolist() == [3, 4, 0, 2, 3]
