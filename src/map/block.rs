@@ -105,6 +105,29 @@ impl Blocks {
         Self::joining(blocks, self.dim, self.dtype)
     }
 
+    /// Some of the rows, in order. They share the memory of these, unless they lie in so short
+    /// pieces that a scan would be slow: then they are copied.
+    pub(super) fn keep(&self, runs: &[Range<usize>]) -> Self {
+        let rows: usize = runs.iter().map(Range::len).sum();
+        if rows >= runs.len() * ROWS {
+            let parts = runs.iter().flat_map(|run| self.slice(run.clone()).list);
+            return Self::joining(parts.collect(), self.dim, self.dtype);
+        }
+        let mut memory = Storage::zeros(self.dtype, rows * self.dim);
+        let (mut left, mut norms) = (memory.bytes_mut(), Vec::new());
+        for run in runs {
+            self.each(run.clone(), |block, within, _| {
+                let span = within.start * self.dim..within.end * self.dim;
+                let numbers = part(block.rows(), span).bytes();
+                let (head, tail) = std::mem::take(&mut left).split_at_mut(numbers.len());
+                head.copy_from_slice(numbers);
+                left = tail;
+                norms.extend_from_slice(block.norms.get(within).unwrap_or_default());
+            });
+        }
+        Self::of(memory, self.dim, &norms)
+    }
+
     pub(crate) fn rows(&self) -> usize {
         self.rows
     }
