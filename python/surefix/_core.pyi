@@ -299,6 +299,22 @@ class Fix:
     def __ne__(self, other: object, /) -> bool: ...
 
 @final
+class MapTraverse:
+    """One drive of a map's road: its ``label``, and the ``places`` that it has a row for, int64."""
+
+    @property
+    def label(self) -> str:
+        """Its name, such as the drive's folder; may be empty."""
+    @property
+    def places(self) -> _Int64:
+        """The places that it covers, in order: int64."""
+    @property
+    def rows(self) -> int:
+        """How many rows it has: one for each place that it covers."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
 class Segment:
     """A stretch of places that follow each other: ``start``, ``end`` (the place after its last) and
     ``closed``, whether its last place is followed by its first.
@@ -938,6 +954,101 @@ class Map:
     def segments(self) -> Segments:
         """How the places follow each other: ``Segments``."""
 
+    def add_traverse(
+        self,
+        drive: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse | Map,
+        alignment: Alignment | None = None,
+        *,
+        least: float = 0.9,
+        motion: Motion | str | None = None,
+        label: str | None = None,
+        descriptor: _Descriptor | None = None,
+        progress: _Progress = None,
+    ) -> Map:
+        """The map with one more drive of its road, such as in another season. A place then has several
+        rows, and its distance is the least of theirs, each drive's brought to the same mean (method
+        1.14). It is a new map, which shares the rows of this one.
+
+        Of the drive's images, those are kept whose place is sure, and for each place the surest.
+
+        Parameters
+        ----------
+        drive : images, as for ``Map.from_images``; array of descriptors, shape (m, dim); or Map
+            The drive. Images are described as the map's own were, and descriptors go through its
+            post-processing. A map must be of the same kind.
+        alignment : Alignment, optional
+            Of this drive with this map. By default, it is aligned here.
+        least : float
+            Rows of a smaller confidence are left out.
+        motion : {"any", "steady", "free"} or Motion
+            As for ``align``, if the drive is aligned here.
+        label : str, optional
+            The traverse's name; by default that of the folder, or its number.
+        descriptor : surefix.descriptors.Descriptor, optional
+            On a map of learned descriptors: what describes the images, as for ``match``.
+        progress : callable, optional
+            As for ``Map.from_images``.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            For a drive of another number of images than its alignment, an alignment with another
+            number of places, descriptors of another length, type, metric, recipe or
+            post-processing, a drive of no sure place, or at more than 65 traverses. For a map as
+            the drive if this one has post-processing and there is no alignment.
+
+        Examples
+        --------
+        >>> import surefix
+        >>> from surefix.simulate import Route
+        >>> road = Route(places=60, size=(128, 64))
+        >>> summer = surefix.Map.from_images(road.reference(), progress=False)
+        >>> both = summer.add_traverse(road.traverse(season=0.9), label="winter", progress=False)
+        >>> len(both), [traverse.label for traverse in both.traverses]
+        (60, ['', 'winter'])
+        >>> both.traverses[1].rows > 50
+        True
+        """
+    @property
+    def traverses(self) -> list[MapTraverse]:
+        """The drives that the map's rows are of: the first, which has a row for each place, and those
+        that were added. A list of ``MapTraverse``.
+        """
+    def without_traverse(self, index: SupportsIndex) -> Map:
+        """The map without one of its traverses. If it is the first, the next that covers all places
+        takes its part.
+
+        Parameters
+        ----------
+        index : int
+            Of ``traverses``.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            For a traverse that there is not, the only one, or the first if no other covers all
+            places.
+        """
+    def with_label(self, label: str) -> Map:
+        """The map with a label for its first traverse.
+
+        Parameters
+        ----------
+        label : str
+            At most 1024 bytes.
+
+        Returns
+        -------
+        Map
+        """
     def with_segments(self, segments: Segments) -> Map:
         """The same map, whose places follow each other as ``segments`` say.
 

@@ -5,6 +5,7 @@
 //! has a row for some of the places. A scan goes through all rows, the first traverse's before the
 //! second's, and so on; [`Map::fold`] makes a distance for each place of those to the rows.
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use super::blank::{Census, SAME, least_of, mean_without};
@@ -118,19 +119,21 @@ impl Traverses {
 
 impl Further {
     fn keep(&self, places: impl Iterator<Item = usize>) -> Option<Self> {
-        let (mut kept, mut runs) = (Vec::new(), Vec::new());
+        let (mut kept, mut runs) = (Vec::new(), Vec::<Range<usize>>::new());
         let mut rows = self.places.iter().enumerate().peekable();
         for (new, place) in places.enumerate() {
             while rows.next_if(|&(_, &own)| (own as usize) < place).is_some() {}
             let Some((row, _)) = rows.next_if(|&(_, &own)| own as usize == place) else { continue };
             kept.push(new as u32);
             match runs.last_mut() {
-                Some((_, end)) if *end == row => *end += 1,
-                _ => runs.push((row, row + 1)),
+                Some(run) if run.end == row => run.end += 1,
+                _ => runs.push(row..row + 1),
             }
         }
-        let parts = runs.into_iter().map(|(start, end)| self.blocks.slice(start..end));
-        let blocks = parts.reduce(|blocks, more| blocks.followed_by(&more))?;
+        if runs.is_empty() {
+            return None;
+        }
+        let blocks = self.blocks.keep(&runs);
         let blank = OnceLock::new();
         Some(Self { label: self.label.clone(), places: kept.into(), blocks, blank })
     }
@@ -162,8 +165,9 @@ impl Map {
     /// This map with one more drive of its road: a place then has several rows, and its distance is
     /// the least of theirs (method 1.14). `rows` is a map of the drive; `places` has for each of
     /// its rows the place that it shows, `None` for one that is left out, such as those whose
-    /// [alignment](crate::align_descriptors) is not sure. Rows are shared with both maps. A snapshot
-    /// that was taken on this map is refused on the new one.
+    /// [alignment](crate::align_descriptors) is not sure. Rows are shared with both maps; those of
+    /// the drive are copied if they lie in short pieces. A snapshot that was taken on this map is
+    /// refused on the new one.
     ///
     /// ```
     /// use surefix::{Map, Metric};
@@ -215,11 +219,12 @@ impl Map {
         if let Some(twice) = order.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             return wrong("places", "each place at most once", format!("{} twice", twice[0].0));
         }
-        let runs = order.chunk_by(|a, b| a.1 + 1 == b.1);
-        let parts = runs.map(|run| rows.blocks.slice(run[0].1..run[0].1 + run.len()));
-        let Some(blocks) = parts.reduce(|blocks, more| blocks.followed_by(&more)) else {
+        if order.is_empty() {
             return wrong("places", "a place for at least one row", "none".to_owned());
-        };
+        }
+        let runs = order.chunk_by(|a, b| a.1 + 1 == b.1);
+        let runs: Vec<_> = runs.map(|run| run[0].1..run[0].1 + run.len()).collect();
+        let blocks = rows.blocks.keep(&runs);
         let mut further = own.further.clone();
         further.push(Further {
             label: label.into(),
@@ -301,8 +306,8 @@ impl Map {
     }
 
     /// A map of a drive's descriptors, given as this map's queries are: before post-processing, if
-    /// there is any, which is applied with the references' statistics. It has this map's metric, recipe and post-processing, so that it can be
-    /// [added](Self::add_traverse) to it.
+    /// there is any, which is applied with the references' statistics. It has this map's metric,
+    /// recipe and post-processing, so that it can be [added](Self::add_traverse) to it.
     ///
     /// # Errors
     /// As for [`from_descriptors`](Self::from_descriptors); [`Error::Dtype`] for numbers of another
