@@ -32,6 +32,8 @@ __all__ = [
     "Fix",
     "FixStream",
     "Localizer",
+    "LoopCloser",
+    "LoopClosure",
     "Map",
     "Matcher",
     "Peak",
@@ -1210,6 +1212,93 @@ class Matcher:
     @property
     def frames(self) -> int:
         """How many queries it has taken since the start or the last reset."""
+
+@final
+class LoopClosure:
+    """x"""
+
+    @property
+    def frame(self) -> int:
+        """x"""
+    @property
+    def place(self) -> int:
+        """x"""
+    @property
+    def confidence(self) -> float:
+        """x"""
+    @property
+    def off_map(self) -> float:
+        """x"""
+    @property
+    def edge(self) -> bool:
+        """x"""
+    @property
+    def blank(self) -> bool:
+        """x"""
+
+@final
+class LoopCloser:
+    """x"""
+
+    def __new__(
+        cls,
+        descriptor: Sad | _Descriptor | None = None,
+        exclude: SupportsIndex = 30,
+        *,
+        confidence: float = 0.9,
+        lasting: SupportsIndex = 10,
+        tolerance: SupportsIndex = 3,
+        motion: Literal["loops", "steady", "free", "any"] | Motion = "loops",
+        metric: Literal["cosine", "euclidean", "manhattan"] = "cosine",
+        memory: SupportsIndex | None = None,
+        folder: _Path | None = None,
+    ) -> LoopCloser: ...
+    def push(self, frame: _Array | _Path, advance: float | None = None) -> LoopClosure:
+        """x"""
+    def gap(self, advance: float | None = None) -> None:
+        """x"""
+    def freeze(self) -> None:
+        """x"""
+    @property
+    def frozen(self) -> bool:
+        """x"""
+    def reserve(self, frames: SupportsIndex) -> None:
+        """x"""
+    def reset(self) -> None:
+        """x"""
+    @property
+    def edges(self) -> list[LoopClosure]:
+        """x"""
+    @property
+    def frames(self) -> int:
+        """x"""
+    def __len__(self) -> int: ...
+    @property
+    def memory(self) -> int:
+        """x"""
+    @property
+    def in_file(self) -> int:
+        """x"""
+    @property
+    def distances(self) -> npt.NDArray[np.float32]:
+        """x"""
+    @property
+    def belief(self) -> npt.NDArray[np.float64]:
+        """x"""
+    def to_map(self) -> Map:
+        """x"""
+    def to_csv(self, path: _Path) -> None:
+        """x"""
+    def to_g2o(
+        self,
+        path: _Path,
+        poses: _Array | None = None,
+        *,
+        first: SupportsIndex = 0,
+        deviation: tuple[float, float] = (2.0, 0.2),
+        odometry_deviation: tuple[float, float] = (0.1, 0.02),
+    ) -> None:
+        """x"""
 
 @final
 class Localizer:

@@ -23,6 +23,11 @@ impl Route {
         Self { segments: Segments::one(places), positions: None, names: None }
     }
 
+    /// A route of these segments.
+    pub(super) fn along(segments: Segments) -> Self {
+        Self { segments, positions: None, names: None }
+    }
+
     pub(crate) fn places(&self) -> usize {
         self.segments.places()
     }
