@@ -135,7 +135,6 @@ pub(crate) fn described<'py>(
     map: &surefix::Map,
     descriptor: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Option<Bound<'py, PyAny>>> {
-    use numpy::PyUntypedArrayMethods as _;
     let py = frame.py();
     let Some(descriptor) = descriptor else {
         if map.recipe() != Recipe::Ready || !is_image(frame) {

@@ -298,8 +298,8 @@ impl LoopCloser {
         Ok(shared(slf)?.closer.as_ref().is_some_and(surefix::LoopCloser::is_frozen))
     }
 
-    /// Takes the memory of this many more places and edges now: until they have come, and if no gap
-    /// is reported, the filter takes none.
+    /// Takes the memory of this many more places and edges now: until they have come, a push takes
+    /// none, but after a gap and for frames that show nothing.
     ///
     /// Parameters
     /// ----------

@@ -23,8 +23,9 @@ impl LoopCloser {
         self.map.bytes_in_file()
     }
 
-    /// Takes the memory of `frames` more places and edges now: until they have come, and if no gap
-    /// is reported, `push` allocates nothing, but for the first image's size.
+    /// Takes the memory of `frames` more places and edges now: until they have come, `push`
+    /// allocates nothing, but for the first image's size, after a gap, and for frames that show
+    /// nothing.
     ///
     /// # Errors
     /// [`Error::MemoryLimit`] if that would pass the limit, [`Error::Memory`] if there is not

@@ -147,11 +147,11 @@ impl GrowingMap {
 
     /// Bytes of memory: rows, their lengths and the buffer of the file.
     pub(crate) fn bytes(&self) -> usize {
-        let in_memory = self.full.len() - self.filed + self.spare.len();
-        let blocks = in_memory + usize::from(self.open.is_some());
+        let blocks = self.full.len() - self.filed + self.spare.len();
+        let blocks = blocks + usize::from(self.open.is_some());
         let buffer = usize::from(self.buffer.is_some()) * self.step * self.width();
-        let blank = self.blank.capacity() * size_of::<usize>();
-        blocks * self.bytes_of_a_block() + self.filed * self.bytes_of_norms() + buffer + blank
+        let lists = self.filed * self.bytes_of_norms() + self.blank.capacity() * size_of::<usize>();
+        blocks * self.bytes_of_a_block() + lists + buffer
     }
 
     /// Bytes of rows that are in the file.
@@ -164,7 +164,7 @@ impl GrowingMap {
     }
 
     pub(crate) fn bytes_of_a_block(&self) -> usize {
-        self.step * (self.width() + size_of::<usize>()) + self.bytes_of_norms()
+        self.step * self.width() + self.bytes_of_norms()
     }
 
     fn bytes_of_norms(&self) -> usize {
@@ -195,9 +195,7 @@ impl GrowingMap {
         let mut norms = Vec::new();
         norms.try_reserve_exact(count).map_err(|_| refused())?;
         self.spare.reserve(1);
-        let count = self.spare.len() + 2;
-        self.full.reserve(count);
-        self.blank.reserve(count * self.step);
+        self.full.reserve(self.spare.len() + 2);
         self.spare.push(Open { memory, norms, rows: 0 });
         Ok(())
     }
@@ -223,8 +221,8 @@ impl GrowingMap {
         }
     }
 
-    /// Moves the oldest full block that is in memory to the file, and keeps its memory for the next
-    /// rows; false if there is none.
+    /// Moves the oldest full block that is in memory to the file; false if there is none. Its
+    /// memory is what blocks of the file are read to; or, if there is such, that of the next rows.
     ///
     /// # Errors
     /// [`Error::Io`] if the folder or the disk does not take it. Nothing has changed then.
@@ -255,11 +253,6 @@ impl GrowingMap {
             let _ = file.set_len(start);
             return Err(refused("write places to a file in")(error));
         }
-        if self.buffer.is_none() {
-            let Kind { dim, dtype, .. } = self.kind;
-            let buffer = Storage::try_zeros(dtype, self.step * dim);
-            self.buffer = Some(buffer.ok_or(Error::Memory { places: self.step, columns: 1 })?);
-        }
         let moved = std::mem::replace(&mut self.full[self.filed], Full::File(Vec::new()));
         self.filed += 1;
         let (norms, memory) = match moved {
@@ -268,9 +261,13 @@ impl GrowingMap {
             Full::Shared(block) => (block.norms().to_vec(), None),
             Full::File(norms) => (norms, None),
         };
-        let spare =
-            memory.map(|memory| Open { memory, norms: Vec::with_capacity(norms.len()), rows: 0 });
-        self.spare.extend(spare);
+        if self.buffer.is_none() {
+            let Kind { dim, dtype, .. } = self.kind;
+            self.buffer = Some(memory.unwrap_or_else(|| Storage::zeros(dtype, self.step * dim)));
+        } else if let Some(memory) = memory {
+            let norms = Vec::with_capacity(norms.len());
+            self.spare.push(Open { memory, norms, rows: 0 });
+        }
         self.full[self.filed - 1] = Full::File(norms);
         Ok(true)
     }
