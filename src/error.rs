@@ -65,6 +65,17 @@ pub enum Error {
         columns: usize,
     },
 
+    /// A limit of memory that the next place would pass.
+    #[error(
+        "loop closer: the next place needs {needed} bytes of memory, and the limit is {limit}: set a higher one, or `freeze` the places that there are"
+    )]
+    MemoryLimit {
+        /// The limit, in bytes.
+        limit: usize,
+        /// The bytes that would be in use.
+        needed: usize,
+    },
+
     /// A NaN or an infinity.
     #[error("{what}: expected finite numbers, got {value} at {}", place(*.row, *.index))]
     NotFinite {

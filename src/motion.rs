@@ -107,12 +107,26 @@ impl Motion {
         }
     }
 
+    /// A robot on a road without a map, along its own earlier places: it comes to one of them
+    /// rarely and leaves soon, and drives there about as fast as it did.
+    #[must_use]
+    pub fn loops() -> Self {
+        Self {
+            speeds: vec![0.5, 1.0, 1.5, 2.0],
+            leave: 0.1,
+            rejoin: 0.01,
+            hubness: 3.0,
+            ..Self::any()
+        }
+    }
+
     /// The kind of this name.
     fn named(name: &str) -> Option<Self> {
         match name {
             "steady" => Some(Self::steady()),
             "free" => Some(Self::free()),
             "any" => Some(Self::any()),
+            "loops" => Some(Self::loops()),
             _ => None,
         }
     }

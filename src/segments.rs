@@ -236,6 +236,18 @@ impl Segments {
         segment.places().contains(&other) && segment.apart(one, other) <= tolerance
     }
 
+    /// One place more, at the end of the last segment, or as the first of a new one. Nothing is
+    /// allocated for a segment that goes on, unless a copy shares it.
+    pub(crate) fn lengthen(&mut self, new: bool) {
+        let end = self.places();
+        if new && end > 0 {
+            let next = Segment { start: end, end: end + 1, closed: false };
+            self.list = self.iter().copied().chain([next]).collect();
+        } else if let Some(last) = Arc::make_mut(&mut self.list).last_mut() {
+            last.end += 1;
+        }
+    }
+
     /// The segments of some of the places, which count from 0 again. A closed segment that is cut
     /// becomes open, and links to places that are left out are no more.
     pub(crate) fn slice(&self, places: Range<usize>) -> Self {

@@ -135,7 +135,6 @@ pub(crate) fn described<'py>(
     map: &surefix::Map,
     descriptor: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Option<Bound<'py, PyAny>>> {
-    use numpy::PyUntypedArrayMethods as _;
     let py = frame.py();
     let Some(descriptor) = descriptor else {
         if map.recipe() != Recipe::Ready || !is_image(frame) {
@@ -158,12 +157,22 @@ pub(crate) fn described<'py>(
     if !is_image(frame) {
         return Ok(None);
     }
+    vector(frame, descriptor, levels(map)).map(Some)
+}
+
+/// The vector of an image by a learned descriptor; zeros if the image shows nothing.
+pub(crate) fn vector<'py>(
+    frame: &Bound<'py, PyAny>,
+    descriptor: &Bound<'py, PyAny>,
+    levels: Option<(u16, u16)>,
+) -> PyResult<Bound<'py, PyAny>> {
+    use numpy::PyUntypedArrayMethods as _;
+    let py = frame.py();
     let image = match path_of(frame) {
         Some(path) => read_image(py, path)?,
         None => as_array(frame, "frame")?.into_any(),
     };
-    let image =
-        py.import("surefix.frames.levels")?.call_method1("in_8_bits", (image, levels(map)))?;
+    let image = py.import("surefix.frames.levels")?.call_method1("in_8_bits", (image, levels))?;
     let vectors = descriptor.call_method1("describe", (PyList::new(py, [&image])?,))?;
     let shape = as_array(&vectors, "descriptor")?.shape().to_vec();
     if shape.len() != 2 || shape[0] != 1 {
@@ -174,10 +183,10 @@ pub(crate) fn described<'py>(
     }
     let vector = vectors.get_item(0)?;
     if shape[1] <= POINT || !shows_nothing(&image)? {
-        return Ok(Some(vector));
+        return Ok(vector);
     }
     // As `extract` does: whatever a network makes of such an image says nothing.
-    py.import("numpy")?.call_method1("zeros_like", (vector,)).map(Some)
+    py.import("numpy")?.call_method1("zeros_like", (vector,))
 }
 
 /// Whether an image of bytes shows nothing. Others are the descriptor's own affair.
@@ -189,7 +198,7 @@ fn shows_nothing(image: &Bound<'_, PyAny>) -> PyResult<bool> {
 }
 
 /// Whether it can only be an image: a file's, or an array of more than one axis.
-fn is_image(frame: &Bound<'_, PyAny>) -> bool {
+pub(crate) fn is_image(frame: &Bound<'_, PyAny>) -> bool {
     use numpy::PyUntypedArrayMethods as _;
     path_of(frame).is_some() || as_array(frame, "frame").is_ok_and(|array| array.ndim() > 1)
 }

@@ -14,6 +14,7 @@ mod images;
 mod inputs;
 mod learned;
 mod localizer;
+mod loops;
 mod map;
 mod map_editing;
 mod map_growing;
@@ -59,6 +60,8 @@ mod _core {
     use crate::images::{decode_image, find_images, image_files, read_image};
     #[pymodule_export]
     use crate::localizer::{FixStream, Localizer};
+    #[pymodule_export]
+    use crate::loops::{LoopCloser, LoopClosure};
     #[pymodule_export]
     use crate::map::Map;
     #[pymodule_export]

@@ -32,6 +32,8 @@ __all__ = [
     "Fix",
     "FixStream",
     "Localizer",
+    "LoopCloser",
+    "LoopClosure",
     "Map",
     "Matcher",
     "Peak",
@@ -1647,6 +1649,245 @@ class Matcher:
     @property
     def frames(self) -> int:
         """How many queries it has taken since the start or the last reset."""
+
+@final
+class LoopClosure:
+    """What a ``LoopCloser`` says of a frame."""
+
+    @property
+    def frame(self) -> int:
+        """The number of the frame, from 0. As a place it has the same number, unless the loop closer
+        is frozen.
+        """
+    @property
+    def place(self) -> int:
+        """The most probable place, an earlier frame's number; 0 as long as there are not two to
+        compare with.
+        """
+    @property
+    def confidence(self) -> float:
+        """The belief that the robot is within ``tolerance`` places of it; 0 as long as there are not
+        two to compare with.
+        """
+    @property
+    def off_map(self) -> float:
+        """The belief that the robot is at none of the earlier places, as it nearly always is."""
+    @property
+    def edge(self) -> bool:
+        """Whether it is an edge: the loop is closed between ``frame`` and ``place``."""
+    @property
+    def blank(self) -> bool:
+        """Whether the frame shows nothing. It becomes a place, and no edge leads from it or to it."""
+
+@final
+class LoopCloser:
+    """Closes loops on a road without a map: each frame is compared with all places but the newest
+    ``exclude``, and then becomes a place itself.
+
+    The filter is that of a localizer's track, on a route that grows; the robot begins off the map,
+    and most of the time is. Memory is taken for a block of places (1 MB) at a time, and for the
+    belief twice as much as before at a time; in between, a push takes none. One thread does all of
+    it.
+
+    Parameters
+    ----------
+    descriptor : Sad or surefix.descriptors.Descriptor, optional
+        It describes the images that are pushed. Without one, the first frame decides: an image is
+        described by ``Sad()``; a vector of float32 is a ready descriptor, and so are all after it.
+    exclude : int
+        The newest places, with which a frame is not compared: it looks like them because the robot
+        has only just left them.
+    confidence : float
+        The least confidence of an edge, from 0 to 1.
+    lasting : int
+        The frames in a row that must be as sure, at places that follow each other, before the last
+        of them makes an edge: places that look alike by chance do not for long.
+    tolerance : int
+        Confidence is the belief within this many places of the most probable one.
+    motion : {"steady", "free", "any", "loops"} or Motion
+        How the robot moves along the earlier places, and how often it comes to one.
+    metric : {"cosine", "euclidean", "manhattan"}
+        How ready and learned descriptors are compared.
+    memory : int, optional
+        The most memory in bytes. Before it is passed, the oldest blocks of places go to a file,
+        from which each push reads them.
+    folder : path, optional
+        The folder of that file, which has no name and ends with the program; by default the
+        system's for temporary files.
+
+    Raises
+    ------
+    SurefixValueError
+        For an option outside its range; it names the option.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> places = np.random.default_rng(0).random((60, 64), np.float32)
+    >>> closer = surefix.LoopCloser(metric="euclidean", exclude=10)
+    >>> for frame in range(120):  # the same circle twice
+    ...     answer = closer.push(places[frame % 60])
+    >>> answer.edge, answer.frame, answer.place
+    (True, 119, 59)
+    >>> closer.edges[-1] == answer
+    True
+    """
+
+    def __new__(
+        cls,
+        descriptor: Sad | _Descriptor | None = None,
+        exclude: SupportsIndex = 30,
+        *,
+        confidence: float = 0.9,
+        lasting: SupportsIndex = 10,
+        tolerance: SupportsIndex = 3,
+        motion: Literal["loops", "steady", "free", "any"] | Motion = "loops",
+        metric: Literal["cosine", "euclidean", "manhattan"] = "cosine",
+        memory: SupportsIndex | None = None,
+        folder: _Path | None = None,
+    ) -> LoopCloser: ...
+    def push(self, frame: _Array | _Path, advance: float | None = None) -> LoopClosure:
+        """Takes a frame, compares it with the places, and makes it one.
+
+        Parameters
+        ----------
+        frame : array or path
+            An image, (H, W) or (H, W, 3), or a file of one; or a ready descriptor, (dim,), float32.
+        advance : float, optional
+            The places that the robot has moved since the frame before, by odometry. As frames are
+            places: in frames at its usual speed.
+
+        Returns
+        -------
+        LoopClosure
+
+        Raises
+        ------
+        SurefixValueError
+            For another shape or type, a NaN or an infinity; if there is no memory for the place
+            within the limit. It is then as it was.
+        SurefixFileError
+            If places cannot be written to the file, or read from it. It is then as it was.
+        """
+    def gap(self, advance: float | None = None) -> None:
+        """Says that the next frame does not follow on the one before. The robot may be anywhere, and
+        most likely at no earlier place; among the places, a new segment begins.
+
+        Parameters
+        ----------
+        advance : float, optional
+            The places that the robot moved meanwhile, by odometry: the belief goes on from there.
+        """
+    def freeze(self) -> None:
+        """From now on, frames are compared, and no longer become places: if there is no memory for
+        more.
+        """
+    @property
+    def frozen(self) -> bool:
+        """Whether frames no longer become places."""
+    def reserve(self, frames: SupportsIndex) -> None:
+        """Takes the memory of this many more places and edges now: until they have come, a push takes
+        none, but after a gap and for frames that show nothing.
+
+        Parameters
+        ----------
+        frames : int
+
+        Raises
+        ------
+        SurefixValueError
+            If that would pass the limit, or there is not enough; before the first frame, unless it
+            was made with a ``Sad``: a place's size is not known then.
+        """
+    def reset(self) -> None:
+        """Forgets all frames, places and edges, and goes on at frame 0."""
+    @property
+    def edges(self) -> list[LoopClosure]:
+        """All edges so far, in the order of their frames: a list of LoopClosure."""
+    @property
+    def frames(self) -> int:
+        """How many frames it has taken."""
+    def __len__(self) -> int: ...
+    @property
+    def memory(self) -> int:
+        """Bytes of memory that places, beliefs and edges have, whether in use or reserved."""
+    @property
+    def in_file(self) -> int:
+        """Bytes of places that went to the file, so as not to pass the limit of memory."""
+    @property
+    def distances(self) -> npt.NDArray[np.float32]:
+        """The distances of the newest frame to the places that it was compared with, a copy: float32."""
+    @property
+    def belief(self) -> npt.NDArray[np.float64]:
+        """The belief in each of the places that the newest frame was compared with, a copy: float64.
+        With ``off_map`` it sums to 1.
+        """
+    def to_map(self) -> Map:
+        """All places as a map: for a ``Localizer``, or to be saved. A gap is a break of its route.
+
+        Returns
+        -------
+        Map
+
+        Raises
+        ------
+        SurefixValueError
+            If there are fewer than two places.
+        SurefixFileError
+            If the file of places cannot be read.
+        """
+    def to_csv(self, path: _Path) -> None:
+        """Writes the edges as CSV: ``frame``, ``place`` and ``confidence``.
+
+        Parameters
+        ----------
+        path : str or path
+
+        Raises
+        ------
+        SurefixFileError
+            If the file cannot be written.
+        """
+    def to_g2o(
+        self,
+        path: _Path,
+        poses: _Array | None = None,
+        *,
+        first: SupportsIndex = 0,
+        deviation: tuple[float, float] = (2.0, 0.2),
+        odometry_deviation: tuple[float, float] = (0.1, 0.02),
+    ) -> None:
+        """Writes a pose graph in the text format of g2o, as GTSAM reads it too.
+
+        With poses: a vertex a frame, an edge from each frame to the next by the difference of
+        their poses, and the loop edges. Without: the loop edges alone (``EDGE_SE2``), to be added
+        to the graph of an odometry whose vertices are the frames.
+
+        A loop edge leads from the place to the frame. A camera says that they are at one place, and
+        not how they lie to each other: the measurement is the identity, and the information matrix
+        is diagonal, ``confidence / deviation ** 2``. An edge can be wrong: give these edges a
+        robust kernel.
+
+        Parameters
+        ----------
+        path : str or path
+        poses : array, shape (frames, 3) or (frames, 7), optional
+            Each frame's x, y and heading in radians, or x, y, z and the quaternion qx, qy, qz, qw.
+        first : int
+            The vertex of frame 0.
+        deviation : (float, float)
+            The standard deviations of a sure loop edge, in metres and radians: how far apart the
+            camera may be at what counts as one place.
+        odometry_deviation : (float, float)
+            Those of an odometry edge.
+
+        Raises
+        ------
+        SurefixValueError
+            For another number or shape of poses, or a deviation of 0 or less.
+        SurefixFileError
+            If the file cannot be written.
+        """
 
 @final
 class Localizer:

@@ -23,6 +23,12 @@ KINDS: dict[str, dict[str, Any]] = {
         "repeat": 0.9,
     },
 }
+KINDS["loops"] = KINDS["any"] | {
+    "speeds": (0.5, 1.0, 1.5, 2.0),
+    "leave": 0.1,
+    "rejoin": 0.01,
+    "hubness": 3.0,
+}
 
 
 @dataclass(frozen=True, init=False)
@@ -31,10 +37,11 @@ class Motion:
 
     Parameters
     ----------
-    kind : {"free", "steady", "any"}
+    kind : {"free", "steady", "any", "loops"}
         "steady" goes on at its pace; "free" stands, or goes at up to twice its pace; "any" goes at
-        up to five times the map's, and its evidence weighs more. With odometry, all are moved by
-        it. The other parameters are those of the kind by default.
+        up to five times the map's, and its evidence weighs more; "loops" is for ``LoopCloser``: it
+        comes to a place rarely, leaves soon, and drives at half to twice its pace. With odometry,
+        all are moved by it. The other parameters are those of the kind by default.
     speeds : sequence of float, optional
         Speeds that the robot may have, ascending, in units of the pace; those of the kind by
         default.
@@ -94,7 +101,7 @@ class Motion:
 
     def __init__(
         self,
-        kind: Literal["free", "steady", "any"] = "free",
+        kind: Literal["free", "steady", "any", "loops"] = "free",
         *,
         speeds: Sequence[float] | None = None,
         pace: float | None = None,

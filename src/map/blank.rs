@@ -146,19 +146,23 @@ impl Map {
     /// the mean of the others. If the query shows `nothing`, or is the image of such a place again,
     /// all of them do.
     pub(crate) fn quieten(&self, nothing: bool, distances: &mut [f32]) {
-        let blank = self.blank();
-        if blank.is_empty() && !nothing {
-            return;
-        }
-        let skipped = if blank.len() < distances.len() { blank } else { &[] };
-        let Some(mean) = mean_without(distances, skipped) else { return };
-        let near = |&place: &usize| f64::from(distances[place]) <= SAME * mean;
-        if nothing || blank.iter().any(near) {
-            distances.fill(mean as f32);
-        } else {
-            for &place in blank {
-                distances[place] = mean as f32;
-            }
+        quieten(self.blank(), nothing, distances);
+    }
+}
+
+/// [`Map::quieten`] of a map on which the places `blank` show nothing.
+pub(super) fn quieten(blank: &[usize], nothing: bool, distances: &mut [f32]) {
+    if blank.is_empty() && !nothing {
+        return;
+    }
+    let skipped = if blank.len() < distances.len() { blank } else { &[] };
+    let Some(mean) = mean_without(distances, skipped) else { return };
+    let near = |&place: &usize| f64::from(distances[place]) <= SAME * mean;
+    if nothing || blank.iter().any(near) {
+        distances.fill(mean as f32);
+    } else {
+        for &place in blank {
+            distances[place] = mean as f32;
         }
     }
 }
@@ -181,7 +185,7 @@ pub(super) fn least_of(distances: &[f32], some: &[usize]) -> f32 {
 }
 
 /// Whether a descriptor shows nothing by itself.
-fn shows_nothing(recipe: Recipe, row: View<'_>) -> bool {
+pub(super) fn shows_nothing(recipe: Recipe, row: View<'_>) -> bool {
     match (recipe, row) {
         (Recipe::Sad(sad), row) => sad.is_bare(row),
         (Recipe::Ready, row) => row.len() > SMALL && each_type!(View, row, v => are_zero(v)),

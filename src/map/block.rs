@@ -41,6 +41,17 @@ impl Block {
     pub(crate) fn norms(&self) -> &[f64] {
         &self.norms
     }
+
+    /// All rows in a memory of their own.
+    pub(super) fn whole(memory: Storage, norms: Vec<f64>) -> Self {
+        let span = 0..memory.view().len();
+        Self { memory: Arc::new(memory), span, norms }
+    }
+}
+
+/// The rows of a block.
+pub(super) fn rows_of_a_block(dim: usize, dtype: Dtype) -> usize {
+    (BYTES / (dim * dtype.size()) / ROWS * ROWS).max(ROWS)
 }
 
 /// The rows of a map: blocks in route order.
@@ -61,7 +72,7 @@ impl Blocks {
     pub(super) fn of(memory: Storage, dim: usize, norms: &[f64]) -> Self {
         let (dtype, memory) = (memory.view().dtype(), Arc::new(memory));
         let rows = memory.view().len() / dim;
-        let step = (BYTES / (dim * dtype.size()) / ROWS * ROWS).max(ROWS);
+        let step = rows_of_a_block(dim, dtype);
         let blocks = (0..rows).step_by(step).map(|first| {
             let last = rows.min(first + step);
             let norms = norms.get(first..last).unwrap_or_default().to_vec();
@@ -70,7 +81,7 @@ impl Blocks {
         Self::joining(blocks.collect(), dim, dtype)
     }
 
-    fn joining(blocks: Vec<Arc<Block>>, dim: usize, dtype: Dtype) -> Self {
+    pub(super) fn joining(blocks: Vec<Arc<Block>>, dim: usize, dtype: Dtype) -> Self {
         let mut rows = 0;
         let starts = blocks.iter().map(|block| {
             let start = rows;

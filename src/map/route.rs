@@ -33,6 +33,11 @@ impl Route {
         }
     }
 
+    /// A route of these segments.
+    pub(super) fn along(segments: Segments) -> Self {
+        Self { segments, positions: None, names: None }
+    }
+
     pub(crate) fn places(&self) -> usize {
         self.segments.places()
     }

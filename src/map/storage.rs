@@ -36,6 +36,13 @@ enum Kind {
     Mapped { file: Arc<memmap2::Mmap>, span: Range<usize>, dtype: Dtype },
 }
 
+/// No numbers.
+impl Default for Storage {
+    fn default() -> Self {
+        Self(Kind::Owned { numbers: Values::U8(Vec::new()), start: 0, len: 0 })
+    }
+}
+
 impl Storage {
     /// `len` zeros.
     pub(super) fn zeros(dtype: Dtype, len: usize) -> Self {

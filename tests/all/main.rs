@@ -18,6 +18,7 @@ mod generated_route;
 mod image_files;
 mod instruction_sets;
 mod judge;
+mod loops;
 mod map_file;
 #[cfg(unix)]
 mod map_file_unix;

@@ -16,6 +16,7 @@ from surefix.cli.edit import cut, join, thin, traverse
 from surefix.cli.eval import eval_
 from surefix.cli.flags import documented
 from surefix.cli.info import info
+from surefix.cli.loops import loops
 from surefix.cli.map import append, build
 from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
@@ -73,6 +74,10 @@ app.command(
     "Example: surefix eval route.safetensors todays_photos/ --truth truth.csv\n\n"
     "Example: surefix align sad.npy --fuse netvlad.npy --report page/ -o truth.csv",
 )(align_)
+app.command(
+    epilog="Example: surefix loops todays_photos/ -o loops.csv\n\n"
+    "Example: surefix loops drive.bag --every 0.5 --exclude 60 -o loops.g2o",
+)(loops)
 app.command(
     "audit",
     epilog="Example: surefix audit route.safetensors todays_photos/ --motion steady\n\n"

@@ -17,6 +17,7 @@ mod align;
 mod answer;
 mod evidence;
 mod exp;
+mod growing;
 mod hubness;
 mod later;
 mod links;
@@ -40,6 +41,7 @@ pub use align::Aligned;
 pub(crate) use align::{Aligner, Source, stretch};
 pub use answer::Track;
 use evidence::{Evidence, Says};
+pub(super) use growing::GrowingHubness;
 pub(super) use hubness::Hubness;
 use links::Links;
 use novelty::{Novelty, View};
@@ -61,7 +63,8 @@ pub(super) struct Tracker {
     links: Option<Links>,
     hubness: Hubness,
     /// The belief, speed by speed and place by place, times `state.scale`. Only the first speed's
-    /// row counts if they are `joint`.
+    /// row counts if they are `joint`. On a route that grows, rows have room for more places, at
+    /// which they are 0.
     mass: Vec<f64>,
     /// That of the query before; then memory for the next.
     before: Vec<f64>,
@@ -253,8 +256,9 @@ impl Tracker {
             return Step::Speeds { joint: state.joint, moved: novelty.moved };
         };
         if !state.joint {
-            let (sum, others) = before.split_at_mut(places);
-            for other in others.chunks_exact(places) {
+            let row = before.len() / motion.speeds.len();
+            let (sum, others) = before.split_at_mut(row);
+            for other in others.chunks_exact(row) {
                 for (sum, &mass) in sum.iter_mut().zip(other) {
                     *sum += mass;
                 }
@@ -301,10 +305,10 @@ impl Tracker {
     fn each_row(&self, step: Step, mut visit: impl FnMut(&[f64], &[Tap], f64)) {
         let Self { motion, steps, before, .. } = self;
         let speeds = motion.speeds.len();
-        let places = before.len() / speeds;
+        let row = before.len() / speeds;
         match step {
             Step::Known { shift, part, jitter } => {
-                visit(&before[..places], &known(shift, part, jitter), 1.0);
+                visit(&before[..row], &known(shift, part, jitter), 1.0);
             }
             Step::Speeds { joint, .. } => {
                 for speed in 0..speeds {

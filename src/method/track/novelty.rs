@@ -85,6 +85,13 @@ impl View {
         Ok(Self { z, known: false })
     }
 
+    /// One place more, in which nothing was seen before; no memory is taken if it is reserved.
+    pub(super) fn grow(&mut self, motion: &Motion) {
+        if motion.repeat < 1.0 {
+            self.z.push(0.0);
+        }
+    }
+
     /// The correlation of a query's `z` with those before, which it replaces. `None` if there are
     /// none to compare.
     #[inline(always)]

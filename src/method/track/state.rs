@@ -52,6 +52,8 @@ impl State {
         pending: None,
         fresh: true,
     };
+    /// Wholly off the map.
+    pub(super) const OFF_THE_MAP: Self = Self { scale: 1.0, on: 0.0, off: 1.0, ..Self::START };
 }
 
 impl Tracker {

@@ -20,6 +20,7 @@ impl Tracker {
         let Self { motion, steps, links, hubness, mass, before, state, scratch, .. } = self;
         let way = Way { segments, links: links.as_ref() };
         let (places, speeds) = (column.len(), motion.speeds.len());
+        let row_length = mass.len() / speeds;
         let Prediction { keep, anew, off } = prediction;
         let moved = step.moved();
         let mut e = [0.0; CHUNK];
@@ -58,7 +59,7 @@ impl Tracker {
                     let of_places = &mut scratch.places[range.clone()];
                     add_up(chunk, of_places);
                     for speed in 0..speeds {
-                        let out = &mut mass[speed * places + start..][..range.len()];
+                        let out = &mut mass[speed * row_length + start..][..range.len()];
                         switched(chunk, speed, steps, out);
                     }
                     &*of_places

@@ -1,0 +1,211 @@
+//! A tracker on a route that grows by a place a query (method 1.14): rows with room for more, and
+//! the hubness of places that were not there from the start.
+
+use super::novelty::View;
+use super::state::State;
+use super::steps::Steps;
+use super::sums::{BLOCK, CHUNK, LANES, sum, total};
+use super::{Hubness, Scratch, Tracker};
+use crate::error::Error;
+use crate::motion::Motion;
+use crate::preallocated::reserved;
+use crate::segments::Segments;
+
+/// A column whose standard deviation is below this share of its size says nothing.
+const FLAT: f64 = 1e-12;
+
+impl Tracker {
+    /// On a route of no places: the robot is off the map.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] if there is not enough.
+    pub(in crate::method) fn of_no_places(
+        motion: &Motion,
+        tolerance: usize,
+    ) -> Result<Self, Error> {
+        let chunk = vec![0.0; motion.speeds.len() * CHUNK];
+        Ok(Self {
+            motion: motion.clone(),
+            tolerance,
+            steps: Steps::new(motion)?,
+            // What a query says comes from `GrowingHubness`.
+            hubness: Hubness::new(0)?,
+            mass: Vec::new(),
+            before: Vec::new(),
+            state: State::OFF_THE_MAP,
+            view: View { z: Vec::new(), known: false },
+            scratch: Scratch { chunk, places: Vec::new(), sums: Vec::new() },
+        })
+    }
+
+    /// Bytes of memory for each place.
+    pub(in crate::method) fn bytes_a_place(motion: &Motion) -> usize {
+        let several = usize::from(motion.speeds.len() > 1);
+        let viewed = usize::from(motion.repeat < 1.0);
+        (2 * motion.speeds.len() + several + viewed) * size_of::<f64>()
+    }
+
+    /// Makes room for `places` in all, more than there is room for.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] if there is not enough. The tracker is then as it was.
+    pub(in crate::method) fn reserve(&mut self, places: usize) -> Result<(), Error> {
+        let Self { motion, mass, before, view, scratch, .. } = self;
+        let speeds = motion.speeds.len();
+        let count = places.checked_mul(speeds).ok_or(Error::Memory { places, columns: speeds })?;
+        let (mut longer, mut spare) = (reserved(count)?, reserved(count)?);
+        let kept = |numbers: &[f64], capacity: usize| {
+            let mut longer = reserved(capacity)?;
+            longer.extend_from_slice(numbers);
+            Ok::<_, Error>(longer)
+        };
+        let of_places = kept(&scratch.places, if speeds > 1 { places } else { 0 })?;
+        let sums = kept(&scratch.sums, places.div_ceil(CHUNK))?;
+        let z = kept(&view.z, if motion.repeat < 1.0 { places } else { 0 })?;
+        let row = mass.len() / speeds;
+        for speed in 0..speeds {
+            longer.extend_from_slice(&mass[speed * row..][..row]);
+            longer.resize((speed + 1) * places, 0.0);
+        }
+        spare.resize(count, 0.0);
+        (*mass, *before, view.z) = (longer, spare, z);
+        (scratch.places, scratch.sums) = (of_places, sums);
+        Ok(())
+    }
+
+    /// One place more, the last of `places`, for which there is room. It has no belief of its own.
+    pub(in crate::method) fn grow(&mut self, places: usize) {
+        let Self { motion, view, scratch, .. } = self;
+        view.grow(motion);
+        if motion.speeds.len() > 1 {
+            scratch.places.push(0.0);
+        }
+        scratch.sums.resize(places.div_ceil(CHUNK), 0.0);
+    }
+
+    /// The robot is off the map.
+    pub(in crate::method) fn leave(&mut self) {
+        let Self { mass, state, view, .. } = self;
+        mass.fill(0.0);
+        view.known = false;
+        *state = State { travelled: state.travelled, ..State::OFF_THE_MAP };
+    }
+
+    /// The answer to a column. `z` is what it says, if it says anything; else the column is
+    /// constant.
+    #[inline(always)]
+    pub(in crate::method) fn follow(
+        &mut self,
+        column: &[f32],
+        z: Option<&[f64]>,
+        advance: Option<f64>,
+        segments: &Segments,
+    ) -> super::Track {
+        let taken = self.take(column, z, advance, segments);
+        self.answer(&taken, segments)
+    }
+
+    /// The belief in each of the first places.
+    pub(in crate::method) fn belief_in(&self, places: usize) -> impl Iterator<Item = f64> {
+        let Self { mass, state, motion, .. } = self;
+        let row = mass.len() / motion.speeds.len();
+        let rows = if state.joint { &mass[..row] } else { &mass[..] };
+        let sum = move |place: usize| rows[place..].iter().step_by(row.max(1)).sum::<f64>();
+        (0..places).map(move |place| state.scale * sum(place))
+    }
+}
+
+/// The mean of what each place's distances are beyond those of all places, over the columns that
+/// it was there for. (On a route that does not grow, that is the mean of its distances, but for a
+/// constant.)
+#[derive(Clone, Debug, Default)]
+pub(in crate::method) struct GrowingHubness {
+    /// The sum over the columns of the distance minus the column's mean.
+    sums: Vec<f64>,
+    /// The columns before the place was there.
+    before: Vec<u64>,
+    columns: u64,
+    /// What the newest column says.
+    z: Vec<f64>,
+}
+
+impl GrowingHubness {
+    pub(in crate::method) const BYTES_A_PLACE: usize = 2 * size_of::<f64>() + size_of::<u64>();
+
+    /// Makes room for `places` in all.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] if there is not enough.
+    pub(in crate::method) fn reserve(&mut self, places: usize) -> Result<(), Error> {
+        let Self { sums, before, z, .. } = self;
+        let more = places.saturating_sub(sums.len());
+        let refused = |_| Error::Memory { places, columns: 1 };
+        sums.try_reserve_exact(more).map_err(refused)?;
+        before.try_reserve_exact(more).map_err(refused)?;
+        z.try_reserve_exact(more).map_err(refused)
+    }
+
+    /// One place more.
+    pub(in crate::method) fn grow(&mut self) {
+        self.sums.push(0.0);
+        self.before.push(self.columns);
+        self.z.push(0.0);
+    }
+
+    /// Adds a column; its `z`, clipped, or `None` if it says nothing: then nothing has changed.
+    #[inline(always)]
+    pub(in crate::method) fn learn(&mut self, column: &[f32], motion: &Motion) -> Option<&[f64]> {
+        let first = *column.first()?;
+        if column.iter().all(|&d| d == first) {
+            return None;
+        }
+        let Self { sums, before, columns, z } = self;
+        let places = column.len() as f64;
+        let mean = column.chunks(BLOCK).map(sum_of_distances).sum::<f64>() / places;
+        *columns += 1;
+        let known = sums.iter_mut().zip(&*before);
+        for ((z, &distance), (sum, &before)) in z.iter_mut().zip(column).zip(known) {
+            let distance = f64::from(distance);
+            *sum += distance - mean;
+            *z = distance - *sum / ((*columns - before) as f64 + motion.hubness);
+        }
+        let centre = z.chunks(BLOCK).map(sum).sum::<f64>() / places;
+        z.iter_mut().for_each(|z| *z -= centre);
+        let squares = z.chunks(BLOCK).map(sum_of_squares).sum::<f64>();
+        let std = (squares / places).sqrt();
+        let inverse = if std <= FLAT * mean.abs() { 0.0 } else { 1.0 / std };
+        let clip = motion.clip;
+        z.iter_mut().for_each(|z| *z = (*z * inverse).max(-clip).min(clip));
+        Some(z)
+    }
+}
+
+#[inline(always)]
+fn sum_of_distances(distances: &[f32]) -> f64 {
+    let mut lanes = [0.0; LANES];
+    let (groups, rest) = distances.as_chunks::<LANES>();
+    for group in groups {
+        for lane in 0..LANES {
+            lanes[lane] += f64::from(group[lane]);
+        }
+    }
+    for (lane, &distance) in lanes.iter_mut().zip(rest) {
+        *lane += f64::from(distance);
+    }
+    total(&lanes)
+}
+
+#[inline(always)]
+fn sum_of_squares(numbers: &[f64]) -> f64 {
+    let mut lanes = [0.0; LANES];
+    let (groups, rest) = numbers.as_chunks::<LANES>();
+    for group in groups {
+        for lane in 0..LANES {
+            lanes[lane] += group[lane] * group[lane];
+        }
+    }
+    for (lane, &number) in lanes.iter_mut().zip(rest) {
+        *lane += number * number;
+    }
+    total(&lanes)
+}
