@@ -38,8 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let winter = roads[road].traverse(Conditions::revisit())?;
         for frame in 0..frames.min(winter.len()) {
             winter.render(frame, &mut pixels);
-            let image =
-                surefix::ImageView::new(width, height, surefix::Channels::Rgb, &pixels)?;
+            let image = surefix::ImageView::new(width, height, surefix::Channels::Rgb, &pixels)?;
             let fix = localizer.push_image(image)?;
             if frame % 25 == 10 {
                 println!(

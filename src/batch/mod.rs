@@ -47,7 +47,11 @@ pub struct Run {
 
 impl Run {
     /// On maps of the same places.
-    fn on<'a>(maps: impl IntoIterator<Item = &'a Map>, fixes: Vec<Fix>, segments: Segments) -> Self {
+    fn on<'a>(
+        maps: impl IntoIterator<Item = &'a Map>,
+        fixes: Vec<Fix>,
+        segments: Segments,
+    ) -> Self {
         let known = maps.into_iter().find_map(Map::positions);
         let positions = known.map(|known| known.of(fixes.iter().map(|fix| fix.place)));
         Self { fixes, segments, positions }

@@ -24,18 +24,13 @@ pub(crate) struct Route {
 impl Route {
     /// A route without breaks.
     pub(super) fn unbroken(places: usize) -> Self {
-        Self {
-            segments: Segments::one(places),
-            positions: None,
-            names: None,
-            thumbnails: None,
-            traverses: Traverses::default(),
-        }
+        Self::along(Segments::one(places))
     }
 
     /// A route of these segments.
     pub(super) fn along(segments: Segments) -> Self {
-        Self { segments, positions: None, names: None }
+        let traverses = Traverses::default();
+        Self { segments, positions: None, names: None, thumbnails: None, traverses }
     }
 
     pub(crate) fn places(&self) -> usize {

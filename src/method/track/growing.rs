@@ -28,6 +28,7 @@ impl Tracker {
             motion: motion.clone(),
             tolerance,
             steps: Steps::new(motion)?,
+            links: None,
             // What a query says comes from `GrowingHubness`.
             hubness: Hubness::new(0)?,
             mass: Vec::new(),

@@ -209,7 +209,7 @@ impl Tracker {
 
         // 3, 4 Where the belief goes, and what it gives to the rest of the route and to the state
         // off the map.
-        let step = self.step(advance, novelty, column.len());
+        let step = self.step(advance, novelty);
         let prediction = self.predict(step, novelty, segments);
 
         // 5 What is believed now.
@@ -249,7 +249,7 @@ impl Tracker {
     /// Takes the advance, if it is known. The speeds are equally likely then, so that their sum is
     /// enough.
     #[inline(always)]
-    fn step(&mut self, advance: Option<f64>, novelty: Novelty, places: usize) -> Step {
+    fn step(&mut self, advance: Option<f64>, novelty: Novelty) -> Step {
         let Self { motion, mass, before, state, .. } = self;
         std::mem::swap(mass, before);
         let Some(advance) = advance else {
