@@ -22,7 +22,8 @@ use surefix::calibration::{Alarm, Calibrate, calibrate};
 use surefix::evaluate::Match;
 use surefix::{
     Channels, Config, Dtype, Error, Fix, Floor, Given, Gradient, Image, Input, Localizer,
-    LoopCloser, LoopConfig, Map, Matcher, Metric, Motion, Post, Run, Sad, Step, Values, View,
+    LoopCloser, LoopConfig, Map, Matcher, Metric, Motion, Post, Run, Sad, Segments, Step, Values,
+    View,
 };
 
 /// The system's allocator, counting what each thread asks of it.
@@ -173,9 +174,15 @@ fn a_tracker_allocates_nothing_after_construction() {
     let queries = columns(Kind::Smooth, PLACES, 12, 1);
     let mut custom = Motion::free();
     (custom.pace, custom.by_distance, custom.repeat) = (7.0, true, 0.5);
-    for motion in [Motion::steady(), Motion::free(), Motion::any(), custom] {
+    let links = [(99, 800), (1500, 20), (4999, 3), (700, 2000)];
+    let town = Segments::new(PLACES, &[100, 900]).and_then(|town| town.with_closed(&[1]));
+    let town = town.and_then(|town| town.with_links(&links)).unwrap();
+    let motions = [Motion::steady(), Motion::free(), Motion::any(), custom];
+    let each = motions.iter().flat_map(|motion| [(motion, None), (motion, Some(&town))]);
+    for (motion, town) in each {
         let config = config! { motion: Some(motion.clone()) };
-        let mut matcher = Matcher::new(PLACES, config).unwrap();
+        let segments = town.cloned().unwrap_or_else(|| Segments::one(PLACES));
+        let mut matcher = Matcher::along(segments, config).unwrap();
         let calls = allocations(|| {
             for (index, query) in queries.iter().cycle().take(60).enumerate() {
                 let given = match index % 5 {
@@ -194,7 +201,7 @@ fn a_tracker_allocates_nothing_after_construction() {
             matcher.reset();
             matcher.push(&queries[0]).unwrap();
         });
-        assert_eq!(calls, 0, "{motion:?}");
+        assert_eq!(calls, 0, "{motion:?}, {town:?}");
     }
 }
 
