@@ -130,7 +130,9 @@ impl Segments {
     pub fn with_closed(mut self, closed: &[usize]) -> Result<Self, Error> {
         let mut list = self.list.to_vec();
         let count = list.len();
-        list.iter_mut().for_each(|segment| segment.closed = false);
+        for segment in &mut list {
+            segment.closed = false;
+        }
         for &index in closed {
             let expected = || match count {
                 1 => "a segment: there is one, 0".to_owned(),
@@ -198,6 +200,7 @@ impl Segments {
     }
 
     /// The segments, in order.
+    #[allow(clippy::iter_without_into_iter, reason = "one way to go through them is enough")]
     pub fn iter(&self) -> std::slice::Iter<'_, Segment> {
         self.list.iter()
     }

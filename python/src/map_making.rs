@@ -141,7 +141,7 @@ impl Map {
             terms.each(py, &images, progress, |source, kept, progress| {
                 let positions = positions_of(positions.as_ref(), kept, count)?;
                 let segments = segments_of_some(&segments, kept)?;
-                let extras = places::extras(positions.as_ref(), &segments, thumbnails);
+                let extras = places::extras(thumbnails, positions.as_ref(), &segments);
                 surefix::Map::from_images_with(source, sad, extras, progress)
             })
         })?;
@@ -210,7 +210,7 @@ impl Map {
             terms.each(py, &images, progress, |source, kept, progress| {
                 let positions = positions_of(positions.as_ref(), kept, count)?;
                 let segments = segments_of_some(&segments, kept)?;
-                let extras = places::extras(positions.as_ref(), &segments, thumbnails);
+                let extras = places::extras(thumbnails, positions.as_ref(), &segments);
                 surefix::Map::build_with(&path, source, sad, extras, progress)
             })
         })

@@ -70,32 +70,25 @@ pub(crate) fn segments_of_some(
     kept.map_or_else(|| Ok(segments.clone()), |kept| segments.keep(kept))
 }
 
-/// The size of the argument `thumbnails`: True, or (width, height). `None` if there are to be none.
-pub(crate) fn thumbnails(
-    given: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Option<Option<(usize, usize)>>> {
-    let Some(given) = given.filter(|given| !given.is_none()) else { return Ok(None) };
-    if let Ok(wanted) = given.extract::<bool>() {
-        return Ok(wanted.then_some(None));
+/// The thumbnails that the argument `thumbnails` asks for: True, or (width, height).
+pub(crate) fn thumbnails(given: Option<&Bound<'_, PyAny>>) -> PyResult<Extras<'static>> {
+    let none = Extras::default();
+    let Some(given) = given.filter(|given| !given.is_none()) else { return Ok(none) };
+    match given.extract::<bool>() {
+        Ok(true) => Ok(none.thumbnails()),
+        Ok(false) => Ok(none),
+        Err(_) => size("thumbnails", given).map(|size| none.thumbnails_of(size)),
     }
-    size("thumbnails", given).map(|size| Some(Some(size)))
 }
 
-/// What is given with the images of a map.
+/// What is given with the images of a map, beside its thumbnails.
 pub(crate) fn extras<'a>(
+    thumbnails: Extras<'a>,
     positions: Option<&'a Positions>,
     segments: &'a surefix::Segments,
-    thumbnails: Option<Option<(usize, usize)>>,
 ) -> Extras<'a> {
-    let mut extras = Extras::default().segments(segments);
-    if let Some(positions) = positions {
-        extras = extras.positions(positions);
-    }
-    match thumbnails {
-        None => extras,
-        Some(None) => extras.thumbnails(),
-        Some(Some(size)) => extras.thumbnails_of(size),
-    }
+    let extras = thumbnails.segments(segments);
+    positions.map_or(extras, |positions| extras.positions(positions))
 }
 
 /// A name for each place.

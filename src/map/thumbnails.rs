@@ -1,7 +1,7 @@
 //! Small grey pictures of a map's places, for those who look at it.
 
 use std::collections::BTreeMap;
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{Read, Seek, SeekFrom, Write as _};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -123,8 +123,11 @@ impl Map {
 /// The thumbnails of a file that is written: their size, and what writes them.
 pub(super) struct Pictures<'a> {
     pub(super) size: (usize, usize),
-    pub(super) write: Box<dyn FnOnce(&mut Sink<'_>) -> Result<(), Error> + 'a>,
+    pub(super) write: Write<'a>,
 }
+
+/// Writes a tensor's bytes.
+type Write<'a> = Box<dyn FnOnce(&mut Sink<'_>) -> Result<(), Error> + 'a>;
 
 impl<'a> Pictures<'a> {
     pub(super) fn of(pictures: &'a Thumbnails) -> Self {

@@ -51,8 +51,8 @@ impl Segments {
             let expected = format!("places in ascending order, from 0 to {last}");
             Err(Error::Option { name: "places", expected, got })
         };
-        if let Some(pair) = places.windows(2).find(|pair| pair[0] >= pair[1]) {
-            return wrong(format!("{} after {}", pair[1], pair[0]));
+        if let Some(&[before, after]) = places.windows(2).find(|pair| pair[0] >= pair[1]) {
+            return wrong(format!("{after} after {before}"));
         }
         places
             .last()
