@@ -76,27 +76,27 @@ fn allocations(work: impl FnOnce()) -> usize {
 fn a_loop_closer_allocates_for_blocks_of_places_and_nothing_within_what_is_reserved() {
     let mut random = SplitMix64(1);
     let rows: Vec<Vec<f32>> =
-        (0..300).map(|_| (0..64).map(|_| (random.next() >> 40) as f32).collect()).collect();
+        (0..300).map(|_| (0..1024).map(|_| (random.next() >> 40) as f32).collect()).collect();
     let mut config = LoopConfig::default();
     (config.exclude, config.lasting) = (20, 1);
     let push = |closer: &mut LoopCloser, frame: usize, advance: Option<f64>| {
         let query = Input::Descriptor(View::F32(&rows[frame % 300]));
         closer.push(query, advance).unwrap()
     };
-    // 4,096 places fill a block, and there is room for 256 beliefs at first.
-    let mut closer = LoopCloser::of_descriptors(64, Metric::Euclidean, config.clone()).unwrap();
+    // 256 places fill a block, and there is room for 256 beliefs at first.
+    let mut closer = LoopCloser::of_descriptors(1024, Metric::Euclidean, config.clone()).unwrap();
     let calls = allocations(|| {
-        for frame in 0..5000 {
+        for frame in 0..1200 {
             push(&mut closer, frame, None);
         }
     });
-    assert!(closer.edges().len() > 4000 && calls < 200, "{calls} for 5,000 frames");
+    assert!(closer.edges().len() > 600 && calls < 200, "{calls} for 1,200 frames");
 
-    let mut reserved = LoopCloser::of_descriptors(64, Metric::Euclidean, config).unwrap();
-    reserved.reserve(5000).unwrap();
+    let mut reserved = LoopCloser::of_descriptors(1024, Metric::Euclidean, config).unwrap();
+    reserved.reserve(1200).unwrap();
     let bytes = reserved.bytes();
     let calls = allocations(|| {
-        for frame in 0..5000 {
+        for frame in 0..1200 {
             push(&mut reserved, frame, (frame % 3 == 0).then_some(1.0));
         }
     });

@@ -235,17 +235,14 @@ impl GrowingMap {
         };
         let folder = self.folder.clone().unwrap_or_else(std::env::temp_dir);
         let refused = |action| move |source| Error::Io { path: folder.clone(), action, source };
-        let file = match &mut self.file {
-            Some(file) => file,
-            None => {
-                let path: &Path = self.folder.as_deref().unwrap_or(Path::new(""));
-                let made = match self.folder {
-                    Some(_) => tempfile::tempfile_in(path),
-                    None => tempfile::tempfile(),
-                };
-                self.file.insert(made.map_err(refused.clone()("create a file of places in"))?)
-            }
-        };
+        if self.file.is_none() {
+            let made = match &self.folder {
+                Some(folder) => tempfile::tempfile_in(folder),
+                None => tempfile::tempfile(),
+            };
+            self.file = Some(made.map_err(refused.clone()("create a file of places in"))?);
+        }
+        let Some(file) = &mut self.file else { return Ok(false) };
         let start = (self.filed * size) as u64;
         let written = file.seek(SeekFrom::Start(start)).and_then(|_| file.write_all(rows.bytes()));
         if let Err(error) = written {
@@ -324,6 +321,7 @@ impl GrowingMap {
     ///
     /// # Errors
     /// [`Error::TooFewPlaces`] below two rows; [`Error::Io`] if the file cannot be read.
+    #[expect(clippy::wrong_self_convention, reason = "own blocks become shared")]
     pub(crate) fn to_map(&mut self, segments: Segments) -> Result<Map, Error> {
         at_least_two(self.rows)?;
         let Kind { dim, dtype, .. } = self.kind;

@@ -141,7 +141,7 @@ def _close(closer: LoopCloser, source: frames.Frames, out: Path | None) -> None:
         bar.end(len(names))
     finally:
         if file not in (None, sys.stdout):
-            file.close()  # type: ignore[union-attr]
+            file.close()
 
 
 def _opened(out: Path | None) -> TextIO | None:

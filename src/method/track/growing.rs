@@ -171,12 +171,16 @@ impl GrowingHubness {
             *z = distance - *sum / ((*columns - before) as f64 + motion.hubness);
         }
         let centre = z.chunks(BLOCK).map(sum).sum::<f64>() / places;
-        z.iter_mut().for_each(|z| *z -= centre);
+        for z in &mut *z {
+            *z -= centre;
+        }
         let squares = z.chunks(BLOCK).map(sum_of_squares).sum::<f64>();
         let std = (squares / places).sqrt();
         let inverse = if std <= FLAT * mean.abs() { 0.0 } else { 1.0 / std };
         let clip = motion.clip;
-        z.iter_mut().for_each(|z| *z = (*z * inverse).max(-clip).min(clip));
+        for z in &mut *z {
+            *z = (*z * inverse).max(-clip).min(clip);
+        }
         Some(z)
     }
 }
