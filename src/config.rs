@@ -187,9 +187,8 @@ impl Config {
     /// How many queries' distances a matcher holds: those of the sequence and of the gradients that
     /// have a place on some diagonal. On an open segment an older one has none.
     pub(crate) fn columns(&self, segments: &Segments) -> usize {
-        let reach = |segment: &Segment| match segment.closed {
-            true => self.smoothing,
-            false => self.smoothing.min(segment.len()),
+        let reach = |segment: &Segment| {
+            if segment.closed { self.smoothing } else { self.smoothing.min(segment.len()) }
         };
         segments.iter().map(reach).fold(self.sequence_length, usize::max)
     }

@@ -241,19 +241,13 @@ impl Enhanced<'_> {
         let (missing, held) = (self.missing(), self.options.smoothing.min(self.columns.len()));
         self.gradients(0, start, sums, |sum, g| *sum = g);
         for age in 1..held {
-            let n = self.segment.len();
-            if closed {
-                let from = (start + n - age % n) % n;
-                let (ahead, again) = sums.split_at_mut(sums.len().min(n - from));
-                self.gradients(age, from, ahead, |sum, g| *sum += g);
-                self.gradients(age, 0, again, |sum, g| *sum += g);
-                continue;
-            }
             // The first `absent` places of this block lie before the segment, `age` places back.
             let absent = age.saturating_sub(start).min(sums.len());
             let (before, within) = sums.split_at_mut(absent);
-            for sum in before {
-                *sum += missing;
+            if closed {
+                self.around(age, start, before);
+            } else {
+                before.iter_mut().for_each(|sum| *sum += missing);
             }
             self.gradients(age, (start + absent).saturating_sub(age), within, |sum, g| *sum += g);
         }
@@ -261,6 +255,19 @@ impl Enhanced<'_> {
             for sum in sums.iter_mut() {
                 *sum += missing;
             }
+        }
+    }
+
+    /// Adds the gradients, `age` queries and places back, of the places from `start` on, which lie
+    /// before the first of a closed segment: round it, as often as it takes.
+    fn around(&self, age: usize, start: usize, mut sums: &mut [f32]) {
+        let mut place = self.segment.start + start;
+        while !sums.is_empty() {
+            let from = self.segment.before(place, age) - self.segment.start;
+            let (next, later) = sums.split_at_mut(sums.len().min(self.segment.len() - from));
+            self.gradients(age, from, next, |sum, g| *sum += g);
+            place += next.len();
+            sums = later;
         }
     }
 

@@ -59,6 +59,8 @@ def things() -> list[Any]:
         surefix.Matcher(9),
         surefix.Motion(speeds=[0.5, 1.0]),
         surefix.Sad((32, 16), 4),
+        surefix.Segments(9, breaks=[4], closed=[1], links=[(3, 6)]),
+        surefix.Segments(9)[0],
         surefix.Settings(motion="any", threshold=threshold(), maps=MAP, measured={"on": "a road"}),
         threshold(),
         post.fit(vectors, [post.Standardize(), post.Pca(2)]),
