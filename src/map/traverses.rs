@@ -396,7 +396,9 @@ impl Map {
 
     /// The places all of whose rows show nothing.
     pub(super) fn blank_places(&self) -> &[usize] {
-        if self.has_several() { &self.quiet().places } else { self.blank_rows() }
+        // Both are known from now on, so that a push need not find them.
+        let first = self.blank_rows();
+        if self.has_several() { &self.quiet().places } else { first }
     }
 
     fn quiet(&self) -> &Quiet {
