@@ -265,7 +265,7 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
     swap_to_file_order(rows.bytes_mut(), size);
     let further = TraverseParts::of(&head, &tensors)?;
     let mut parts = head.parts(&tensors)?;
-    let more = further.storage(parts.kind.dtype, tensors.bytes(traverses_file::ROWS))?;
+    let more = TraverseParts::storage(parts.kind.dtype, tensors.bytes(traverses_file::ROWS))?;
     parts.traverses = further.with_rows(more, (dim, metric), false)?;
     rows.view().check_finite(ROWS, dim)?;
     let own = lengths(rows.view(), dim, metric)?;

@@ -62,7 +62,7 @@ impl Route {
             segments: self.segments.slice(places.clone()),
             positions: self.positions.as_ref().map(|positions| positions.slice(places.clone())),
             names: self.names.as_ref().map(|names| names.slice(places.clone())),
-            traverses: self.traverses.keep(places),
+            traverses: self.traverses.keep(&places),
         }
     }
 }

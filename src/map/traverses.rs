@@ -89,7 +89,7 @@ impl Traverses {
     }
 
     /// Those of some places, which ascend.
-    pub(super) fn keep(&self, places: impl Iterator<Item = usize> + Clone) -> Self {
+    pub(super) fn keep(&self, places: &(impl Iterator<Item = usize> + Clone)) -> Self {
         let further = self.further.iter().filter_map(|traverse| traverse.keep(places.clone()));
         Self::new(self.first.clone(), further.collect())
     }
@@ -252,7 +252,8 @@ impl Map {
     /// [added](Self::add_traverse).
     pub fn traverses(&self) -> impl ExactSizeIterator<Item = MapTraverse<'_>> {
         let Traverses { first, further, .. } = &self.route.traverses;
-        (0..further.len() + 1).map(move |index| match index.checked_sub(1) {
+        let count = 1 + further.len();
+        (0..count).map(move |index| match index.checked_sub(1) {
             None => MapTraverse { label: first, places: None, rows: self.places() },
             Some(at) => {
                 let Further { label, places, .. } = &further[at];
