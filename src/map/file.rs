@@ -313,7 +313,7 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
     let pictures = head.pictures.clone();
     let further = TraverseParts::of(&head, &tensors)?;
     let mut parts = head.parts(&tensors)?;
-    let more = further.storage(parts.kind.dtype, tensors.bytes(traverses_file::ROWS))?;
+    let more = TraverseParts::storage(parts.kind.dtype, tensors.bytes(traverses_file::ROWS))?;
     parts.traverses = further.with_rows(more, (dim, metric), false)?;
     parts.thumbnails = pictures.map(|pictures| {
         let pixels = Values::U8(tensors.take(THUMBNAILS));

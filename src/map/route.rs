@@ -78,8 +78,12 @@ impl Route {
             segments: self.segments.slice(places.clone()),
             positions: self.positions.as_ref().map(|positions| positions.slice(places.clone())),
             names: self.names.as_ref().map(|names| names.slice(places.clone())),
+<<<<<<< HEAD
             thumbnails: self.thumbnails.as_ref().map(|pictures| pictures.slice(places.clone())),
             traverses: self.traverses.keep(places),
+=======
+            traverses: self.traverses.keep(&places),
+>>>>>>> issue15-traverses
         }
     }
 

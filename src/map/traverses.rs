@@ -89,7 +89,7 @@ impl Traverses {
     }
 
     /// Those of some places, which ascend.
-    pub(super) fn keep(&self, places: impl Iterator<Item = usize> + Clone) -> Self {
+    pub(super) fn keep(&self, places: &(impl Iterator<Item = usize> + Clone)) -> Self {
         let further = self.further.iter().filter_map(|traverse| traverse.keep(places.clone()));
         Self::new(self.first.clone(), further.collect())
     }
@@ -252,7 +252,8 @@ impl Map {
     /// [added](Self::add_traverse).
     pub fn traverses(&self) -> impl ExactSizeIterator<Item = MapTraverse<'_>> {
         let Traverses { first, further, .. } = &self.route.traverses;
-        (0..further.len() + 1).map(move |index| match index.checked_sub(1) {
+        let count = 1 + further.len();
+        (0..count).map(move |index| match index.checked_sub(1) {
             None => MapTraverse { label: first, places: None, rows: self.places() },
             Some(at) => {
                 let Further { label, places, .. } = &further[at];
@@ -396,7 +397,9 @@ impl Map {
 
     /// The places all of whose rows show nothing.
     pub(super) fn blank_places(&self) -> &[usize] {
-        if self.has_several() { &self.quiet().places } else { self.blank_rows() }
+        // Both are known from now on, so that a push need not find them.
+        let first = self.blank_rows();
+        if self.has_several() { &self.quiet().places } else { first }
     }
 
     fn quiet(&self) -> &Quiet {

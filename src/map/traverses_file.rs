@@ -167,7 +167,7 @@ impl TraverseParts {
     }
 
     /// Memory for the rows, with their bytes; `None` if there are none.
-    pub(super) fn storage(&self, dtype: Dtype, bytes: &[u8]) -> Result<Option<Storage>, Refusal> {
+    pub(super) fn storage(dtype: Dtype, bytes: &[u8]) -> Result<Option<Storage>, Refusal> {
         if bytes.is_empty() {
             return Ok(None);
         }
