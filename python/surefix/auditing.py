@@ -287,7 +287,7 @@ def audit(
         parts = list(zip(techniques, rows, strict=True))
         alone["progress"] = progress
         matched = [match(*part, **alone) for part in ([drive] if several else []) + parts]
-        along = getattr(techniques[0], "segments", None)
+        along = techniques[0].segments
     else:
         if any(isinstance(each, Map) for each in techniques):
             raise mismatch("queries", "images or descriptors", "none")

@@ -78,12 +78,8 @@ impl Route {
             segments: self.segments.slice(places.clone()),
             positions: self.positions.as_ref().map(|positions| positions.slice(places.clone())),
             names: self.names.as_ref().map(|names| names.slice(places.clone())),
-<<<<<<< HEAD
             thumbnails: self.thumbnails.as_ref().map(|pictures| pictures.slice(places.clone())),
-            traverses: self.traverses.keep(places),
-=======
             traverses: self.traverses.keep(&places),
->>>>>>> issue15-traverses
         }
     }
 
@@ -95,7 +91,7 @@ impl Route {
             positions: self.positions.as_ref().map(|known| known.of(places.iter().copied())),
             names: self.names.as_ref().map(|names| names.keep(places)),
             thumbnails: self.thumbnails.as_ref().map(|pictures| pictures.keep(runs)),
-            traverses: self.traverses.keep(places.iter().copied()),
+            traverses: self.traverses.keep(&places.iter().copied()),
         }
     }
 }
