@@ -233,8 +233,9 @@ impl Segments {
         &rest[..rest.partition_point(|segment| segment.start < places.end)]
     }
 
-    /// Whether two places lie in one segment, at most `tolerance` places apart.
-    pub(crate) fn are_near(&self, one: usize, other: usize, tolerance: usize) -> bool {
+    /// Whether two places, which must be on the route, lie in one segment, at most `tolerance` places
+    /// apart: the shorter way round a closed one.
+    pub fn are_near(&self, one: usize, other: usize, tolerance: usize) -> bool {
         let segment = self.of(one);
         segment.places().contains(&other) && segment.apart(one, other) <= tolerance
     }

@@ -3,8 +3,9 @@
 use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
-use pyo3::types::PyBool;
+use pyo3::types::{PyBool, PyIterator, PyList};
 
+use crate::arrays::whole_numbers;
 use crate::batch::indices;
 use crate::error::{OrRaise as _, refused, value};
 use crate::options::{whole, wrong};
@@ -172,8 +173,67 @@ impl Segments {
         self.0.keep(&places).or_raise(py).map(Self)
     }
 
+    /// Whether places are near each other: in one segment, and at most ``tolerance`` places apart,
+    /// the shorter way round a closed one.
+    ///
+    /// Parameters
+    /// ----------
+    /// one, other : array of int, shape (m,)
+    ///     Places; any other number, such as the -1 of a query off the map, is near none.
+    /// tolerance : int
+    ///
+    /// Returns
+    /// -------
+    /// array of bool, shape (m,)
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For arrays of two lengths, or of other than whole numbers.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import surefix
+    /// >>> town = surefix.Segments(100, breaks=[60], closed=[1])
+    /// >>> town.are_near([59, 60, 3], [60, 99, -1])
+    /// array([False,  True, False])
+    #[pyo3(signature = (one, other, tolerance=None), text_signature = "($self, one, other, tolerance=1)")]
+    fn are_near<'py>(
+        &self,
+        one: &Bound<'py, PyAny>,
+        other: &Bound<'py, PyAny>,
+        tolerance: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let py = one.py();
+        let tolerance = tolerance.map_or(Ok(1), |given| whole("tolerance", given))?;
+        let (ones, others) = (whole_numbers(one, "one")?, whole_numbers(other, "other")?);
+        let (expected, got) = (ones.len(), others.len());
+        if expected != got {
+            return Err(surefix::Error::Length { what: "other", expected, got }).or_raise(py);
+        }
+        let known = |place: i64| usize::try_from(place).ok().filter(|&at| at < self.0.places());
+        let near = ones.into_iter().zip(others).map(|(one, other)| {
+            let both = known(one).zip(known(other));
+            both.is_some_and(|(one, other)| self.0.are_near(one, other, tolerance))
+        });
+        Ok(PyArray1::from_iter(py, near))
+    }
+
     fn __len__(&self) -> usize {
         self.0.len()
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        PyList::new(
+            py,
+            self.0
+                .iter()
+                .copied()
+                .map(Segment)
+                .map(|one| Py::new(py, one))
+                .collect::<PyResult<Vec<_>>>()?,
+        )?
+        .try_iter()
     }
 
     fn __getitem__(&self, index: isize) -> PyResult<Segment> {

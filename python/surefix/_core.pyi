@@ -35,6 +35,7 @@ __all__ = [
     "LoopCloser",
     "LoopClosure",
     "Map",
+    "MapTraverse",
     "Matcher",
     "Peak",
     "Position",
@@ -425,7 +426,36 @@ class Segments:
         SurefixValueError
             For a place that there is not.
         """
+    def are_near(
+        self, one: npt.ArrayLike, other: npt.ArrayLike, tolerance: SupportsIndex = 1
+    ) -> _Bool:
+        """Whether places are near each other: in one segment, and at most ``tolerance`` places apart,
+        the shorter way round a closed one.
+
+        Parameters
+        ----------
+        one, other : array of int, shape (m,)
+            Places; any other number, such as the -1 of a query off the map, is near none.
+        tolerance : int
+
+        Returns
+        -------
+        array of bool, shape (m,)
+
+        Raises
+        ------
+        SurefixValueError
+            For arrays of two lengths, or of other than whole numbers.
+
+        Examples
+        --------
+        >>> import surefix
+        >>> town = surefix.Segments(100, breaks=[60], closed=[1])
+        >>> town.are_near([59, 60, 3], [60, 99, -1])
+        array([False,  True, False])
+        """
     def __len__(self) -> int: ...
+    def __iter__(self) -> Iterator[Segment]: ...
     def __getitem__(self, index: int, /) -> Segment: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -962,7 +992,7 @@ class Map:
         alignment: Alignment | None = None,
         *,
         least: float = 0.9,
-        motion: Motion | str | None = None,
+        motion: Motion | str = "any",
         label: str | None = None,
         descriptor: _Descriptor | None = None,
         progress: _Progress = None,

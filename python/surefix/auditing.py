@@ -291,7 +291,8 @@ def audit(
     else:
         if any(isinstance(each, Map) for each in techniques):
             raise mismatch("queries", "images or descriptors", "none")
-        drive, along = (techniques,), segments
+        drive = (techniques,)
+        along = Segments(len(techniques[0])) if segments is None else segments
         alone["segments"] = segments
         matched = [match_distances(techniques, **alone)] if several else []
         matched += [match_distances(each, **alone) for each in techniques]
@@ -310,7 +311,7 @@ def audit(
             aligned.confidence,
             None,
             None,
-            None if verified is None else _near(along, each.single_place, verified, tolerance),
+            None if verified is None else along.are_near(each.single_place, verified, tolerance),
             (),
         )
         for right, each in zip(aligned.right, matched, strict=False)
@@ -321,20 +322,6 @@ def audit(
     ready: Any = run.ready
     score = np.where(ready, run.score, np.float32(np.inf))
     return replace(whole, fix_right=aligned.right[-1], score=score)
-
-
-def _near(segments: Segments | None, one: Places, other: Places, tolerance: int) -> Flags:
-    """Which of the places are within the tolerance of each other, on one segment."""
-    apart = np.abs(one - other)
-    if segments is None:
-        return np.less_equal(apart, tolerance)
-    starts = np.array([each.start for each in segments])
-    closed = np.array([each.closed for each in segments])
-    lengths = np.diff(starts, append=segments.places)
-    of_one, of_other = (np.searchsorted(starts, places, "right") - 1 for places in (one, other))
-    round_it = np.where(closed[of_one], lengths[of_one] - apart, apart)
-    same: Flags = (of_one == of_other) & (np.minimum(apart, round_it) <= tolerance)
-    return same
 
 
 def _verified(reranked: Any, shape: tuple[int, int]) -> npt.NDArray[np.int64] | None:

@@ -115,7 +115,7 @@ class Town:
             ]
         )
 
-    def mapped(self, **conditions: float) -> list[npt.NDArray[np.uint8]]:
+    def mapped(self, **conditions: Any) -> list[npt.NDArray[np.uint8]]:
         """An image of each place, in the order of the places, as the surveyor's drive sees it.
 
         Parameters
@@ -126,7 +126,7 @@ class Town:
         drives = [road.traverse(**conditions) for road in self._roads]
         return [image for drive in drives for image in _frames(drive)]
 
-    def drive(self, **conditions: float) -> TownDrive:
+    def drive(self, **conditions: Any) -> TownDrive:
         """A drive along the road in, one and a half times round the ring, and along the road out.
 
         Parameters

@@ -18,7 +18,7 @@ from surefix.cli.info import look, repeated, said_repeated, size_of
 from surefix.cli.inputs import refuse
 from surefix.cli.roads import Closed, closed_by_positions
 from surefix.errors import check_folder
-from surefix.tables.junctions import found_links, roads_of
+from surefix.tables.junctions import found_links
 
 Out = Annotated[Path | None, typer.Option("--out", "-o")]
 
@@ -53,7 +53,7 @@ def join(
     if link_within is not None:
         if made.positions is None:
             raise typer.BadParameter("--link-within: expected maps with positions, got none")
-        found = {*found_links(made.positions, roads_of(made.segments), link_within)} - links
+        found = {*found_links(made.positions, list(made.segments), link_within)} - links
         notes.append(f"{plural(len(found), 'link')} found within {link_within:g} m")
         links |= found
     links |= {*given}
@@ -223,7 +223,7 @@ def _stretch(text: str, places: int) -> tuple[int, int]:
 
 
 def _linked(segments: Segments, links: list[tuple[int, int]]) -> Segments:
-    closed = [index for index, each in enumerate(roads_of(segments)) if each.closed]
+    closed = [index for index, each in enumerate(segments) if each.closed]
     breaks = segments.breaks
     try:
         return Segments(segments.places, breaks, closed=closed, links=links)

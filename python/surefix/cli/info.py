@@ -19,7 +19,6 @@ from surefix.cli.flags import documented
 from surefix.cli.inputs import refuse
 from surefix.errors import check_folder, refusal
 from surefix.tables.geojson import roads
-from surefix.tables.junctions import roads_of
 
 # Blank places, segments and links that are named.
 NAMED = 5
@@ -83,8 +82,8 @@ def facts_of(route: Map, file: Path) -> dict[str, Any]:
         "positions": None if where is None else list(where.shape),
         "origin": None if route.origin is None else list(route.origin),
         "plane": route.plane,
-        "segments": [[each.start, each.end] for each in roads_of(route.segments)],
-        "closed": [index for index, each in enumerate(roads_of(route.segments)) if each.closed],
+        "segments": [[each.start, each.end] for each in route.segments],
+        "closed": [index for index, each in enumerate(route.segments) if each.closed],
         "links": route.segments.links.tolist(),
         "traverses": [_traverse(each) for each in route.traverses],
         "thumbnails": None if small is None else list(small.shape),
@@ -203,10 +202,10 @@ def _said_positions(route: Map) -> str:
 
 def _said_segments(route: Map) -> str:
     """How many segments there are, and the first few."""
-    segments = roads_of(route.segments)
+    segments = route.segments
     shown = [
         f"{each.start} to {each.end - 1}" + (" closed" if each.closed else "")
-        for each in segments[:NAMED]
+        for each in list(segments)[:NAMED]
     ]
     if len(segments) == 1:
         return "1, closed" if segments[0].closed else "1"
@@ -249,7 +248,7 @@ def _write_geojson(route: Map, file: Path, out: Path) -> None:
         raise typer.BadParameter(f"--geojson: {NO_DEGREES.format(kind)}")
     refuse(out.exists() and out.samefile(file), f"--geojson: {out} is the map; name another file")
     check_folder(out, "cannot write the route")
-    text = json.dumps(roads(degrees, roads_of(route.segments)))
+    text = json.dumps(roads(degrees, route.segments))
     try:
         out.write_text(text + "\n", encoding="utf-8")
     except OSError as error:

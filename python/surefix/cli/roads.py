@@ -19,7 +19,7 @@ from surefix.frames.advances import time_in
 from surefix.frames.noted import Noted
 from surefix.frames.sampling import Derived
 from surefix.tables.breaks import Break, found_breaks, jumps, said_breaks, said_jump
-from surefix.tables.junctions import Ends, ends_of, roads_of
+from surefix.tables.junctions import Ends, ends_of
 
 Float64 = npt.NDArray[np.float64]
 
@@ -112,11 +112,11 @@ def closed_by_positions(
     it is not said; and what to say of them.
     """
     where, ends = route.positions, dict[int, Ends]()
-    for index, each in enumerate(roads_of(split)):
+    for index, each in enumerate(split):
         if asked is None and where is not None and each.end > start and not each.closed:
             ends[index] = ends_of(where[each.start : each.end])
-    closed = {index for index, each in enumerate(roads_of(split)) if each.closed}
-    new = {index for index, each in enumerate(roads_of(split)) if each.end > start}
+    closed = {index for index, each in enumerate(split) if each.closed}
+    new = {index for index, each in enumerate(split) if each.end > start}
     closed |= new if asked else {index for index, each in ends.items() if each.closed}
     closed -= new if asked is False else set()
     made = _segments(split, split.breaks.tolist(), closed)
@@ -129,12 +129,12 @@ def _segments(old: Segments, breaks: list[int], closed: set[int] | None = None) 
     """
     if closed is None:
         split = Segments(old.places, breaks)
-        whole = {(each.start, each.end) for each in roads_of(old) if each.closed}
-        closed = {i for i, each in enumerate(roads_of(split)) if (each.start, each.end) in whole}
+        whole = {(each.start, each.end) for each in old if each.closed}
+        closed = {i for i, each in enumerate(split) if (each.start, each.end) in whole}
     try:
         made = Segments(old.places, breaks, closed=sorted(closed))
         # A link from the end of a closed segment to its start is one no more.
-        follow = {(each.end - 1, each.start) for each in roads_of(made) if each.closed}
+        follow = {(each.end - 1, each.start) for each in made if each.closed}
         links = [link for link in map(tuple, old.links.tolist()) if link not in follow]
         return Segments(old.places, breaks, closed=sorted(closed), links=links)
     except SurefixValueError as error:
@@ -144,7 +144,7 @@ def _segments(old: Segments, breaks: list[int], closed: set[int] | None = None) 
 def _said_closed(made: Segments, ends: dict[int, Ends], file: object) -> list[str]:
     """Which segments are closed, and which go round more than once."""
     notes = []
-    closed = [index for index, each in enumerate(roads_of(made)) if each.closed]
+    closed = [index for index, each in enumerate(made) if each.closed]
     if closed and len(made) == 1:
         by = f" ({ends[0].apart:.1f} m apart)" if 0 in ends else ""
         notes.append(f"closed: the last place is followed by the first{by}")

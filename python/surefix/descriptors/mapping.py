@@ -237,7 +237,7 @@ def _positions(frames: Frames, taken: Sequence[Frame | Shot], positions: Any) ->
 
 def _placed_by(frames: Frames) -> EveryMetres | None:
     """The frames whose odometry gives positions, if it does."""
-    while isinstance(frames, (SkipBad, Crop)):
+    while isinstance(frames, Derived) and not isinstance(frames, EveryMetres):
         frames = frames.source
     if isinstance(frames, EveryMetres) and frames.odometry.positions.shape[1] >= 2:
         return frames

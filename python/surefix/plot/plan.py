@@ -57,10 +57,12 @@ def plan(
             beside: Any = {"ha": "center" if segment.closed else "right", "va": "bottom"}
             shift = (0, 8) if segment.closed else (-10, 4)
             text: Any = {"textcoords": "offset points", "fontsize": 9, "color": theme.ink}
-            ax.annotate(names[index], positions[top, :2], shift, **beside, **text)
+            ax.annotate(names[index], tuple(positions[top, :2]), shift, **beside, **text)
     arrow = {"arrowstyle": "->", "linestyle": ":", "color": theme.ink, "linewidth": 1.1}
     for start, end in segments.links.tolist():
-        ax.annotate("", positions[end, :2], positions[start, :2], arrowprops=arrow, zorder=3)
+        ax.annotate(
+            "", tuple(positions[end, :2]), tuple(positions[start, :2]), arrowprops=arrow, zorder=3
+        )
     if place is not None:
         good = np.ones(len(place), np.bool_) if right is None else np.asarray(right, np.bool_)
         for mask, mark, colour, label in (

@@ -2,6 +2,7 @@
 seasons, and driven through in a third.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from surefix import Map, Run, Segments, match
+from surefix import Map, Run, match
 from surefix._words import plural
-from surefix.baselines.distances import Flags, Places
+from surefix.baselines.distances import Flags
 from surefix.machine import machine
 from surefix.plot.belief import confidence
 from surefix.plot.matrix import distance_matrix
@@ -21,6 +22,7 @@ from surefix.report import sections
 from surefix.report.page import Picture, Section, Table, Tile, drawn, photograph, write
 from surefix.report.tables import write_csv
 from surefix.simulate import Town, TownDrive
+from surefix.tables.geojson import roads
 
 __all__ = ["FILES", "TownDemo", "drive_through", "write_town"]
 
@@ -73,7 +75,7 @@ class TownDemo:
     def right(self) -> dict[str, Flags]:
         """Which fixes are within a place of the true one, along the road."""
         return {
-            name: near(self.town.segments, run.place, self.drive.truth)
+            name: self.town.segments.are_near(run.place, self.drive.truth)
             for name, run in self.runs.items()
         }
 
@@ -87,17 +89,6 @@ class TownDemo:
         """How many frames each junction took until a fix was right and sure again."""
         good = self.right[name] & self.sure(name)
         return [int(np.argmax(good[at:])) for at in self.drive.junctions]
-
-
-def near(segments: Segments, place: Places, truth: Places) -> Flags:
-    """Whether each place is the true one or its neighbour."""
-    close: Flags = np.abs(place - truth) <= 1
-    for segment in segments:
-        seam = {segment.start, segment.end - 1}
-        if segment.closed:
-            close |= np.array([{a, b} == seam for a, b in zip(place, truth, strict=True)])
-    road = np.searchsorted(segments.breaks, [place, truth], side="right")
-    return close & (road[0] == road[1])
 
 
 def drive_through(places: int, size: tuple[int, int], seed: int) -> TownDemo:
@@ -116,7 +107,7 @@ def drive_through(places: int, size: tuple[int, int], seed: int) -> TownDemo:
 
 def write_town(demo: TownDemo, folder: Path, command: str, seconds: float) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page."""
-    m, roads = len(demo.drive), demo.town.segments
+    m = len(demo.drive)
     lead = (
         f"A town of three roads, {len(demo.known)} places: a road in, a ring that one can drive "
         "round for ever, and a road out that leaves the ring halfway. It was mapped on a summer "
@@ -131,7 +122,7 @@ def write_town(demo: TownDemo, folder: Path, command: str, seconds: float) -> Pa
         lead,
         _hero(demo),
         _tiles(demo),
-        [_from_above(demo), _through(demo, roads), _matrix(demo), _made(demo, command, seconds)],
+        [_from_above(demo), _through(demo), _matrix(demo), _made(demo, command, seconds)],
         lambda inside: _write_tables(demo, inside),
     )
 
@@ -139,7 +130,10 @@ def write_town(demo: TownDemo, folder: Path, command: str, seconds: float) -> Pa
 def _write_tables(demo: TownDemo, folder: Path) -> None:
     demo.run.to_csv(folder / "fixes.csv")
     demo.known.save(folder / "town.safetensors")
-    demo.known.to_geojson(folder / "route.geojson")
+    degrees = demo.known.degrees
+    assert degrees is not None
+    lines = json.dumps(roads(degrees, demo.known.segments))
+    (folder / "route.geojson").write_text(lines + "\n", encoding="utf-8")
     write_csv(folder / "truth.csv", "frame,place", enumerate(demo.drive.truth.tolist()))
 
 
@@ -203,7 +197,8 @@ def _from_above(demo: TownDemo) -> Section:
     )
 
 
-def _through(demo: TownDemo, roads: Segments) -> Section:
+def _through(demo: TownDemo) -> Section:
+    segments = demo.town.segments
     pictures = {}
     names = {BEST: "confidence.png", ONE_LINE: "one_line.png"}
     for name, file in names.items():
@@ -233,8 +228,8 @@ def _through(demo: TownDemo, roads: Segments) -> Section:
     return Section(
         "Through the junctions",
         (
-            f"The map has {plural(len(roads), 'segment')}, of which one is closed, and "
-            f"{plural(len(roads.links), 'link')}. The tracker's belief moves along them: at the "
+            f"The map has {plural(len(segments), 'segment')}, of which one is closed, and "
+            f"{plural(len(segments.links), 'link')}. The tracker's belief moves along them: at the "
             "place of a link it is shared among all roads that go on from there, and the next "
             "frames decide. On a map that is one line, the robot has to be found again.",
         ),

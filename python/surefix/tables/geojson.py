@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.tables.junctions import Road
+from surefix._core import Segment
 
 Float64 = npt.NDArray[np.float64]
 Feature = dict[str, Any]
@@ -21,7 +21,9 @@ def point(degrees: Sequence[float] | None, properties: dict[str, Any]) -> Featur
 
 
 def roads(
-    degrees: Float64, segments: Iterable[Road], properties: Sequence[dict[str, Any]] | None = None
+    degrees: Float64,
+    segments: Iterable[Segment],
+    properties: Sequence[dict[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """A line for each segment, a point for one of a single place; closed ones end at their first.
 

@@ -1,12 +1,12 @@
 """How roads meet, by their positions: closed ones, laps that overlap, and links."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Segment, Segments
+from surefix._core import Segment
 from surefix.tables.breaks import usual_step
 from surefix.tables.metres import nearest
 
@@ -22,27 +22,6 @@ BASE, WINDOW = 1.8, 64
 NEAR, MOST = 3, 0.8
 # In degrees: a vehicle turns into another road by no more.
 TURN = 120.0
-
-
-class Road(Protocol):
-    """A segment of a map."""
-
-    @property
-    def start(self) -> int:
-        """Its first place."""
-
-    @property
-    def end(self) -> int:
-        """The place after its last."""
-
-    @property
-    def closed(self) -> bool:
-        """Whether the last place is followed by the first."""
-
-
-def roads_of(segments: Segments) -> list[Segment]:
-    """The segments of a map, in order."""
-    return [segments[index] for index in range(len(segments))]
 
 
 class Ends(NamedTuple):
@@ -96,7 +75,9 @@ def heading(road: Float64, at: int, far: float) -> float:
     return float(np.degrees(np.arctan2(way[1], way[0]))) if way.any() else float("nan")
 
 
-def found_links(positions: Float64, roads: Sequence[Road], within: float) -> list[tuple[int, int]]:
+def found_links(
+    positions: Float64, roads: Sequence[Segment], within: float
+) -> list[tuple[int, int]]:
     """The links between roads whose places lie within some metres.
 
     From the last place of each open road to the nearest place of each pass of another, or of its
@@ -144,7 +125,7 @@ def found_links(positions: Float64, roads: Sequence[Road], within: float) -> lis
     return sorted(kept)
 
 
-def _runs(near: Int64, road: Road, place: int, starts: Int64) -> Iterator[list[int]]:
+def _runs(near: Int64, road: Segment, place: int, starts: Int64) -> Iterator[list[int]]:
     """The passes of other roads among some places in order, and those of its own far from it."""
     own = (near >= road.start) & (near < road.end) & (np.abs(near - place) < FEWEST)
     left = near[~own]
@@ -160,7 +141,7 @@ def _apart(plane: Float64, link: tuple[int, int]) -> float:
 
 
 def _same(
-    one: tuple[int, int], other: tuple[int, int], roads: Sequence[Road], starts: Int64
+    one: tuple[int, int], other: tuple[int, int], roads: Sequence[Segment], starts: Int64
 ) -> bool:
     """Whether two links join the same roads at the same junction."""
     for place, near in zip(one, other, strict=True):

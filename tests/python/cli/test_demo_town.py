@@ -13,7 +13,7 @@ pytest.importorskip("matplotlib")
 
 from commands import surefix_process
 from html_reader import read
-from surefix.report.town import BEST, FILES, ONE_LINE, SUMMER, TownDemo, drive_through, near
+from surefix.report.town import BEST, FILES, ONE_LINE, SUMMER, TownDemo, drive_through
 from surefix.simulate import Town
 
 pytestmark = pytest.mark.slow
@@ -33,15 +33,10 @@ def test_a_drive_goes_in_round_and_out() -> None:
     assert drive.junctions == (24, 44, 55)
     assert len(drive) == len(drive.images) == 71
     steps = np.linalg.norm(np.diff(town.positions[drive.truth], axis=0), axis=1)
-    assert (steps > 2.5).all() and (steps < 3.5).all()
+    assert (steps > 2.5).all()
+    assert (steps < 3.5).all()
     with pytest.raises(surefix.SurefixValueError, match="places: expected at least 40"):
         Town(39)
-
-
-def test_near_is_along_the_road() -> None:
-    segments = surefix.Segments(10, breaks=[5], closed=[0])
-    place, truth = np.array([0, 4, 4, 5, 9, 3]), np.array([4, 0, 5, 6, 5, 4])
-    assert near(segments, place, truth).tolist() == [True, True, False, True, False, True]
 
 
 def test_a_town_is_better_than_a_line_and_two_seasons_than_one(demo: TownDemo) -> None:
