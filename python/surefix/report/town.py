@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -29,6 +29,8 @@ __all__ = ["FILES", "TownDemo", "drive_through", "write_town"]
 # A fix of this confidence or more is sure.
 ACCEPT = 0.95
 MOTION: Final = "any"
+# Metres from place to place.
+SPACING = 3.0
 # The second drive of the surveyor: the leaves have begun to fall, and the sun is lower.
 AUTUMN = {"season": 0.5, "light": 0.3}
 
@@ -98,10 +100,14 @@ def drive_through(places: int, size: tuple[int, int], seed: int) -> TownDemo:
     summer = Map.from_images(
         town.mapped(), positions=town.positions, origin=town.origin, thumbnails=True, progress=False
     )
-    one_line = summer.add_traverse(town.mapped(**AUTUMN), motion="steady", label="autumn")
+    one_line = summer.add_traverse(
+        town.mapped(**AUTUMN), motion="steady", label="autumn", progress=False
+    )
     known = one_line.with_segments(town.segments)
     maps = {BEST: known, ONE_LINE: one_line, SUMMER: summer.with_segments(town.segments)}
-    runs = {name: match(each, drive.images, motion=MOTION) for name, each in maps.items()}
+    advance = drive.odometry / SPACING
+    how: dict[str, Any] = {"motion": MOTION, "advance": advance, "progress": False}
+    runs = {name: match(each, drive.images, **how) for name, each in maps.items()}
     return TownDemo(town, drive, known, runs)
 
 
@@ -114,7 +120,8 @@ def write_town(demo: TownDemo, folder: Path, command: str, seconds: float) -> Pa
         "noon and once more in autumn; the two drives were laid upon each other without any "
         "label, so that a place knows both of its looks.",
         f"Then, on a winter afternoon, {plural(m, 'frame')}: in, one and a half times round the "
-        "ring, and out. The tracker knows the junctions, and follows the robot through them.",
+        "ring, and out, with the odometry of its wheels. The tracker knows the junctions, and "
+        "follows the robot through them.",
     )
     return write(
         folder,
@@ -221,9 +228,17 @@ def _through(demo: TownDemo) -> Section:
     for name in (BEST, ONE_LINE, SUMMER):
         sure, right = demo.sure(name), demo.right[name]
         waits = ", ".join(map(str, demo.after_junctions(name)))
-        counts = (right.sum(), (sure & right).sum(), (sure & ~right).sum())
+        alone = demo.town.segments.are_near(demo.runs[name].single_place, demo.drive.truth)
+        counts = (alone.sum(), right.sum(), (sure & right).sum(), (sure & ~right).sum())
         rows.append((name, *(str(int(count)) for count in counts), waits))
-    header = ("map", "right", "sure and right", "sure and wrong", "frames after each junction")
+    header = (
+        "map",
+        "single right",
+        "right",
+        "sure and right",
+        "sure and wrong",
+        "frames after each junction",
+    )
     caption = f"Of {len(demo.drive)} frames; at a junction, frames until right and sure again."
     return Section(
         "Through the junctions",
