@@ -137,11 +137,19 @@ impl LoopCloser {
         for (name, (metres, radians)) in
             [("deviation", deviation), ("odometry_deviation", odometry_deviation)]
         {
-            if !(*metres > 0.0 && *radians > 0.0 && (metres + radians).is_finite()) {
-                let expected = "two numbers above 0, in metres and radians".to_owned();
+            let weights = weights((*metres, *radians), 1.0);
+            let counts = weights.iter().all(|weight| weight.is_normal());
+            if !(*metres > 0.0 && *radians > 0.0 && counts) {
+                let expected =
+                    "two numbers above 0, in metres and radians, whose squares are numbers"
+                        .to_owned();
                 let got = format!("({metres}, {radians})");
                 return Err(Error::Option { name, expected, got });
             }
+        }
+        if first.checked_add(self.frames).is_none() {
+            let expected = format!("a number up to {}", u64::MAX - self.frames);
+            return Err(Error::Option { name: "first", expected, got: first.to_string() });
         }
         let mut text = String::new();
         let axes = poses.as_ref().map_or(3, |poses| poses.axes);
@@ -163,6 +171,10 @@ impl LoopCloser {
             let pairs = poses.iter().zip(poses.iter().skip(1));
             for (vertex, (from, to)) in (*first..).zip(pairs) {
                 let by = if axes == 3 { in_plane(from, to) } else { in_space(from, to) };
+                if by[..axes].iter().any(|number| !number.is_finite()) {
+                    let (what, row) = ("poses", Some((vertex - first) as usize + 1));
+                    return Err(Error::NotFinite { what, row, index: 0, value: f32::INFINITY });
+                }
                 edge(&mut text, vertex, vertex + 1, &by[..axes], weights(*odometry_deviation, 1.0));
             }
         }

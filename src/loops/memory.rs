@@ -38,11 +38,23 @@ impl LoopCloser {
             .saturating_add(places.saturating_mul(self.bytes_of_belief()))
             .saturating_add(frames.saturating_mul(size_of::<LoopClosure>()));
         self.within_limit(more)?;
-        for _ in 0..blocks {
-            self.map.reserve_block()?;
+        // More than the system has is refused before any of it is taken.
+        if Vec::<u8>::new().try_reserve_exact(more).is_err() {
+            return Err(refused);
         }
-        self.make_belief_room(places)?;
-        self.edges.try_reserve(frames).map_err(|_| refused)
+        for taken in 0..blocks {
+            if let Err(error) = self.map.reserve_block() {
+                (0..taken).for_each(|_| self.map.drop_spare());
+                return Err(error);
+            }
+        }
+        let room = self
+            .make_belief_room(places)
+            .and_then(|()| self.edges.try_reserve(frames).map_err(|_| refused));
+        if room.is_err() {
+            (0..blocks).for_each(|_| self.map.drop_spare());
+        }
+        room
     }
 
     /// Makes room for the next place.

@@ -318,7 +318,7 @@ impl Head {
             thumbnails: None,
             blank,
             several,
-            traverses: Traverses::default(),
+            traverses: Traverses::first_of(tensors)?,
         })
     }
 }

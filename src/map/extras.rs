@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::positions::Positions;
 use super::route::Names;
 use super::storage::Storage;
-use super::thumbnails::{Seen, Thumbnails, in_memory};
+use super::thumbnails::{LARGEST, Seen, Thumbnails, in_memory};
 use super::{Map, Recipe, at_least_two};
 use crate::descriptor::{DescriberPool, Sad};
 use crate::distance::Metric;
@@ -82,6 +82,11 @@ impl<'a> Extras<'a> {
         }
         if let Some((width, height)) = self.size {
             Thumbnails::new(width, height, Vec::new())?;
+            if width.max(height) > LARGEST {
+                let expected = format!("pictures of at most {LARGEST} pixels a side");
+                let got = format!("{width} x {height}");
+                return Err(Error::Shape { what: "thumbnails", expected, got });
+            }
         }
         Ok(self.segments.map_or_else(|| Cow::Owned(Segments::one(images)), Cow::Borrowed))
     }

@@ -47,7 +47,9 @@ impl Map {
         check("the map", self.about(), more.about())?;
         check_onward("the map", self.segments(), more.segments())?;
         let blocks = self.blocks.followed_by(&more.blocks);
-        self.screened_like(blocks, self.route.followed_by(&more.route, false))
+        let route = self.route.followed_by(&more.route, false);
+        route.traverses.check_count()?;
+        self.screened_like(blocks, route)
     }
 
     /// Makes the map in the file `path` longer by `more`, without reading its rows into memory:
@@ -315,7 +317,7 @@ impl<'a> Existing<'a> {
             norms: norms.iter().map(Vec::as_slice).chain(addition.norms.iter().copied()).collect(),
             names: names.iter().chain(addition.names.iter().copied()).collect(),
             pictures,
-            traverses: None,
+            traverses: Some(&self.parts.traverses),
         };
         write(self.path, kind, sidecar, |out| rows(self, out))
     }

@@ -269,6 +269,11 @@ impl GrowingMap {
         Ok(true)
     }
 
+    /// Gives back the memory of a block that was reserved last.
+    pub(crate) fn drop_spare(&mut self) {
+        self.spare.pop();
+    }
+
     /// Gives back memory that is not needed for the next row; false if there is none.
     pub(crate) fn give_back(&mut self) -> bool {
         let needed = usize::from(self.open.is_none());

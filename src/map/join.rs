@@ -39,6 +39,7 @@ impl Map {
             check(&format!("map {}", index + 1), first.about(), more.about())?;
         }
         let (blocks, route) = joined(maps, first.positions());
+        route.traverses.check_count()?;
         first.screened_like(blocks, route)
     }
 

@@ -18,6 +18,8 @@ use crate::simd::Isa;
 
 /// The longer side, in pixels.
 const SIDE: usize = 96;
+/// The longest side that may be asked for.
+pub(super) const LARGEST: usize = 1024;
 /// Bytes that are copied at a time.
 const PIECE: usize = 1 << 18;
 

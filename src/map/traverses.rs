@@ -94,6 +94,17 @@ impl Traverses {
         Self::new(self.first.clone(), further.collect())
     }
 
+    /// # Errors
+    /// [`Error::Append`] if there are more than a file can hold.
+    pub(super) fn check_count(&self) -> Result<(), Error> {
+        let (most, count) = (MOST + 1, self.further.len() + 1);
+        if count <= most {
+            return Ok(());
+        }
+        let expected = format!("at most {most} traverses in all, those of one label counted once");
+        Err(Error::Append { map: "the maps".to_owned(), expected, got: count.to_string() })
+    }
+
     /// These, of `places` places, and then those. Traverses of one label, if it is not empty,
     /// become one.
     pub(super) fn followed_by(&self, places: usize, more: &Self) -> Self {
@@ -198,7 +209,7 @@ impl Map {
         let wrong = |name, expected: &str, got: String| {
             Err(Error::Option { name, expected: expected.to_owned(), got })
         };
-        if own.further.len() == MOST {
+        if own.further.len() >= MOST {
             return wrong("traverse", "at most 65 traverses", "one more".to_owned());
         }
         let (expected, got) = (rows.places(), places.len());
@@ -425,9 +436,12 @@ impl Map {
 }
 
 fn refuse_label(label: &str) -> Result<(), Error> {
-    if label.len() <= LONGEST_LABEL {
-        return Ok(());
-    }
-    let (expected, got) = (format!("at most {LONGEST_LABEL} bytes"), label.len().to_string());
+    let (expected, got) = match label.len() {
+        _ if label.contains('\0') => ("a label without NUL".to_owned(), format!("{label:?}")),
+        length if length > LONGEST_LABEL => {
+            (format!("at most {LONGEST_LABEL} bytes"), length.to_string())
+        }
+        _ => return Ok(()),
+    };
     Err(Error::Option { name: "label", expected, got })
 }

@@ -98,21 +98,34 @@ fn foreign<T>(reason: String) -> Result<T, Refusal> {
     Err(Refusal::Foreign(reason))
 }
 
+/// The labels of a file's traverses, the first's first.
+fn labels_of(tensors: &Tensors<'_>) -> Result<Vec<Arc<str>>, Refusal> {
+    let labels = tensors.numbers::<u8>(LABELS, "(bytes), UTF-8 text", |s| s.len() == 1)?;
+    let labels = labels.map(|(_, bytes)| Names::from_bytes(bytes));
+    let labels: Vec<Arc<str>> = match &labels {
+        None => vec!["".into()],
+        Some(Some(labels)) if (1..=MOST + 1).contains(&labels.len()) => {
+            labels.list().iter().map(|label| label.as_str().into()).collect()
+        }
+        Some(_) => return foreign(format!("{LABELS}: expected 1 to {} texts", MOST + 1)),
+    };
+    if labels.iter().any(|label| label.len() > LONGEST_LABEL) {
+        return foreign(format!("{LABELS}: expected at most {LONGEST_LABEL} bytes each"));
+    }
+    Ok(labels)
+}
+
+impl Traverses {
+    /// The first alone, with its label.
+    pub(super) fn first_of(tensors: &Tensors<'_>) -> Result<Self, Refusal> {
+        let first = labels_of(tensors)?.swap_remove(0);
+        Ok(Self::new(first, Vec::new()))
+    }
+}
+
 impl TraverseParts {
     pub(super) fn of(head: &Head, tensors: &Tensors<'_>) -> Result<Self, Refusal> {
-        let header = &tensors.header;
-        let labels = tensors.numbers::<u8>(LABELS, "(bytes), UTF-8 text", |s| s.len() == 1)?;
-        let labels = labels.map(|(_, bytes)| Names::from_bytes(bytes));
-        let labels: Vec<Arc<str>> = match &labels {
-            None => vec!["".into()],
-            Some(Some(labels)) if (1..=MOST + 1).contains(&labels.len()) => {
-                labels.list().iter().map(|label| label.as_str().into()).collect()
-            }
-            Some(_) => return foreign(format!("{LABELS}: expected 1 to {} texts", MOST + 1)),
-        };
-        if labels.iter().any(|label| label.len() > LONGEST_LABEL) {
-            return foreign(format!("{LABELS}: expected at most {LONGEST_LABEL} bytes each"));
-        }
+        let (header, labels) = (&tensors.header, labels_of(tensors)?);
         let Some(info) = header.info(ROWS) else {
             if labels.len() > 1 {
                 return foreign(format!("{ROWS}: expected a tensor of that name, got none"));

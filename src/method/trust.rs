@@ -7,9 +7,9 @@ use crate::preallocated::reserved;
 use crate::segments::Segments;
 
 /// Eq. 3: the smallest distance and the largest gradient fall on the same place, within
-/// `tolerance` places of one segment.
+/// `tolerance` places of one segment. A segment of one place has no gradient, and no say.
 pub(super) fn consensus(single: Single, peak: Peak, segments: &Segments, tolerance: usize) -> bool {
-    segments.are_near(single.place, peak.place, tolerance)
+    segments.of(single.place).len() > 1 && segments.are_near(single.place, peak.place, tolerance)
 }
 
 /// The single match of a column and whether it was trusted: all that Eq. 4 needs to weight it.

@@ -153,7 +153,10 @@ def consensus(
     """1.3: the places of the least distance and the largest gradient (Eq. 2), and trust (Eq. 3)."""
     i_d = np.argmin(D, axis=0)
     i_g = np.argmax(G, axis=0)
-    return i_d, i_g, near(i_g, i_d, tolerance, route or roads(len(D)))
+    route = route or roads(len(D))
+    # A place by itself has no neighbour to dip below.
+    alone = [road.first for road in route if len(road) == 1]
+    return i_d, i_g, near(i_g, i_d, tolerance, route) & ~np.isin(i_d, alone)
 
 
 def floors(D: Array, floor: Floor = "running") -> Array:
