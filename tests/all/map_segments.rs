@@ -342,7 +342,7 @@ fn length_of(file: &[u8]) -> usize {
 }
 
 #[cfg(all(feature = "mmap", target_endian = "little"))]
-#[allow(unsafe_code, reason = "nobody but these tests touches their files")]
+#[allow(unsafe_code, reason = "only these tests touch their files")]
 fn mapped(path: &Path) -> Map {
     // SAFETY: the file is replaced, never changed in place.
     unsafe { Map::open_mapped(path) }.unwrap()

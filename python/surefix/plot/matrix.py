@@ -210,7 +210,7 @@ def aligned_track(
 
 
 def _lines(ax: Axes, breaks: NDArray[np.int64] | Sequence[int], theme: Theme) -> None:
-    """A thin line before each of these places, unless there are so many that they hide the rest."""
+    """A thin line before each of these places, unless their number would hide the rest."""
     for place in breaks if len(breaks) <= LINES else ():
         ax.axhline(place - 0.5, color=theme.ink, linewidth=0.6, zorder=2)
 

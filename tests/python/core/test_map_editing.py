@@ -38,7 +38,7 @@ def test_a_map_is_made_with_segments() -> None:
 
 
 class Unread:
-    """Images that nobody may ask for."""
+    """Images that must not be asked for."""
 
     def __len__(self) -> int:
         return 40
