@@ -65,7 +65,7 @@ def align_(
         images.
     """
     refuse(out.suffix != ".csv", f"--out: expected a name that ends in .csv, got {out}")
-    check_not_read(out, [route, queries, *(fuse or ())])
+    check_not_read(out, [route, queries, *(fuse or ()), model, odometry])
     write_report = None if report is None else _writer(report)
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}

@@ -1,10 +1,12 @@
 """``surefix map join``, ``cut``, ``thin`` and ``traverse``: new maps of old ones."""
 
 import re
+import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from surefix import Map, Segments, SurefixValueError, align
@@ -20,6 +22,8 @@ from surefix.cli.roads import Closed, closed_by_positions
 from surefix.errors import check_folder
 from surefix.tables.junctions import found_links
 
+# Places a query, with motion `any`.
+FASTEST = 5
 Out = Annotated[Path | None, typer.Option("--out", "-o")]
 
 
@@ -152,18 +156,24 @@ def traverse(
         return
     if drive is None:
         raise typer.BadParameter("DRIVE: expected another drive of the road, or --remove")
+    inputs.check_not_read(to, [drive, model, odometry])
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
     driven = open_drive(str(file), drive, (), False, model, **scale, **sampling)
+    inputs.check_not_read(to, driven.files)
     given: dict[str, Any] = {"motion": motion, "advance": driven.advance}
     given["progress"] = terminal_bar("Aligning")
     alignment = refusing_options(align, *driven.given, **given)
     route, rows = driven.maps[0], driven.rows[0]
+    sure = alignment.confidence >= least
+    if doubt := _doubt(alignment.place, sure, driven.advance):
+        said = f"{drive} may be a drive of another road than {file}: {doubt}"
+        refuse(out is None, f"--out: expected another file to write, as {said}; got none")
+        print(f"Warning: {said}", file=sys.stderr)
     made = route.add_traverse(rows, alignment, least=least, label=Path(str(drive)).name)
     made.save(to)
-    sure = alignment.confidence >= least
     used = int(sure.sum())
     notes = [
         f"{used} of {plural(len(rows), 'query', 'queries')} {verb(used)} sure (mean confidence "
@@ -172,6 +182,24 @@ def traverse(
         f"{plural(len(made.traverses), 'traverse')} now",
     ]
     _say(f"Added the traverse {drive} to {to}", to, start, notes)
+
+
+def _doubt(places: Any, sure: Any, advance: Any) -> str:
+    """Why the aligned places may be those of another road, in words; empty if nothing says so."""
+    used, total = int(sure.sum()), len(sure)
+    if 2 * used < total:
+        return f"{used} of {plural(total, 'query', 'queries')} {verb(used)} sure"
+    at = np.flatnonzero(sure)
+    steps, queries = np.diff(places[at].astype(np.int64)), np.diff(at)
+    # As far as `any` motion takes it, or the odometry says.
+    most, way = FASTEST * queries, 1
+    if advance is not None:
+        moved = np.diff(np.cumsum(advance)[at])
+        most, way = np.maximum(most, 2 * np.abs(moved)), -1 if moved.sum() < 0 else 1
+    wrong = int(((way * steps < 0) | (way * steps > most)).sum())
+    if 2 * wrong <= len(steps):
+        return ""
+    return f"{wrong} of {plural(len(steps), 'step')} between sure queries go back or jump"
 
 
 def _without(file: Path, to: Path, remove: int, start: float) -> None:

@@ -106,7 +106,7 @@ def loops(
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     if out is not None:
-        check_not_read(out, source.files)
+        check_not_read(out, [*source.files, odometry, model])
     _close(closer, source, out)
     if out is not None and out.suffix == ".g2o":
         closer.to_g2o(out)

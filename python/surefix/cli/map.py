@@ -18,18 +18,20 @@ from surefix.cli.roads import (
     Closed,
     NoBreaks,
     Wanted,
-    blanks_left_out,
+    breaks_without_blank,
+    closed_without_blank,
     noted,
     sampled_by_metres,
     wanted,
     with_roads,
 )
-from surefix.cli.where import UTM, positions_of_frames
+from surefix.cli.where import DEGREES, UTM, positions_of_frames
 from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
 from surefix.errors import check_folder, mismatch
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.levels import Levels, checked_levels
+from surefix.tables.breaks import said_breaks
 from surefix.tables.positions import Positions
 
 Metric = Literal["cosine", "euclidean", "manhattan"]
@@ -153,7 +155,7 @@ def build(
         metres=metres,
         odometry=odometry,
     )
-    inputs.check_not_read(out, [*frames.files, model, cache])
+    inputs.check_not_read(out, [*frames.files, model, cache, positions, odometry])
     read = None if positions is None else positions_of_frames(positions, frames)
     where = None if read is None else read.values
     plane = {"origin": _plane(read, frames)}
@@ -181,12 +183,15 @@ def build(
             route = look(out)
         else:
             route = sad_map(frames, sad, where, **how)
-    made, notes = with_roads(route, frames, asked, file=out)
+    made, found, notes = with_roads(route, frames, asked, file=out)
     kept = None if frames.ready is not None else made.names
-    notes += said_blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
+    blank = said_blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
     if skip_blank and len(made.blank):
         whole, made = made, made.without_blank()
-        notes += blanks_left_out(whole, made)
+        # Of the map that is written, in its own numbers.
+        found = breaks_without_blank(found, whole, made)
+        notes = closed_without_blank(whole, made, asked, out)
+    notes = [*said_breaks(found), *notes, *blank]
     if stretches := repeated(made.names):
         notes.append(f"warning: {said_repeated(stretches)}")
     in_file = isinstance(frames, ImageFrames) and frames.ready is None and network is None
@@ -269,7 +274,7 @@ def append(
     refuse(same, f"REFERENCES: {references} is the map itself")
     read = None if positions is None else positions_of_frames(positions, frames, old)
     where = None if read is None else read.values
-    _bring_odometry(frames, old)
+    _bring_odometry(frames, old, where is not None)
     if isinstance(frames, ImageFrames):
         _check_breaks(asked, len(old) + len(frames))
     frames = noted(frames)
@@ -308,22 +313,28 @@ def append(
         Map.append(file, sad_map(frames, old.descriptor, where, **how), **joined)
     longer = look(file)
     count = plural(len(longer) - len(old), "place")
-    whole, notes = with_roads(longer, frames, asked, len(old), file)
+    whole, found, notes = with_roads(longer, frames, asked, len(old), file)
     if whole is not longer:
         whole.save(file)
     kept = None if frames.ready is not None or whole.names is None else whole.names[len(old) :]
     blank = [place for place in whole.blank.tolist() if place >= len(old)]
-    notes = [*_again(old, whole), *notes, *said_blank(blank, whole.names)]
+    notes = [*_again(old, whole), *said_breaks(found), *notes, *said_blank(blank, whole.names)]
     del whole, longer
     seconds = time.perf_counter() - start
     said = f"Added {count} to {file}: now {size_of(file)}, in {seconds:.1f} s"
     print("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))
 
 
-def _bring_odometry(frames: Frames, old: Map) -> None:
-    """Brings the odometry's degrees onto the map's own plane."""
+def _bring_odometry(frames: Frames, old: Map, given: bool) -> None:
+    """Brings the odometry's degrees onto the map's own plane; refuses metres if this is of degrees,
+    unless the positions are ``given`` beside it.
+    """
     found = sampled_by_metres(frames)
-    if found is None or found.odometry.degrees is None or old.positions is None:
+    if found is None or old.positions is None:
+        return
+    if found.odometry.degrees is None:
+        if old.origin is not None and not given and found.odometry.positions.shape[1] > 1:
+            raise mismatch(found.odometry.source, DEGREES, "metres: they share no plane")
         return
     if old.origin is None:
         expected = "metres, as the map's, which has no origin"

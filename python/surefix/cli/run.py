@@ -183,7 +183,8 @@ def run(
     if form == "geojson" and places.origin is None:
         kind = "none" if places.positions is None else "metres only"
         raise typer.BadParameter(f"GeoJSON: {NO_DEGREES.format(kind)}")
-    read = [*names, *map(Path, source.files)]
+    others = [*source.files, odometry, config, model]
+    read = [*names, *(Path(each) for each in others if each is not None)]
     if out is not None:
         check_not_read(out, read)
         read.append(out)

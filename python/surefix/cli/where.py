@@ -30,6 +30,8 @@ from surefix.tables.positions import (
 )
 from surefix.tables.truth import read_position_truth, read_truth
 
+# What is expected if the map's positions came as degrees.
+DEGREES = "latitude,longitude, as the map's positions"
 # A map's plane is this and the zone.
 UTM = "UTM "
 Float64: TypeAlias = npt.NDArray[np.float64]
@@ -241,6 +243,8 @@ def positions_of_frames(positions: Path, frames: Frames, old: Map | None = None)
     if old is not None and old.positions is not None:
         if read.degrees and origin is None:
             raise mismatch(read.source, "metres, as the map's, which has no origin", "degrees")
+        if not read.degrees and origin is not None:
+            raise mismatch(read.source, DEGREES, "metres: they share no plane")
         if (zone := zone_of(old)) is not None and read.zone not in (None, zone):
             raise mismatch(read.source, f"zone {zone}, as the map's", read.zone)
     return planar(read.all_known(), origin)

@@ -1,0 +1,131 @@
+"""Commands write over nothing that they read, and mix no degrees with metres."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import surefix
+from commands import surefix_
+from recordings import write_video
+from surefix.simulate import Route
+
+N = 60
+READ = "is what is read here; name another file"
+
+
+@pytest.fixture(scope="module")
+def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two drives of a road and one of another, positions, odometry, and maps of degrees and of
+    metres.
+    """
+    folder = tmp_path_factory.mktemp("road")
+    route, other = Route(places=N, size=(64, 32), seed=3), Route(places=N, size=(64, 32), seed=9)
+    drives = {"monday": route.reference(), "tuesday": route.revisit(), "other": other.revisit()}
+    for name, drive in drives.items():
+        (folder / name).mkdir()
+        for index, image in enumerate(drive):
+            Image.fromarray(image).save(folder / name / f"{index:03}.png")
+    np.savetxt(
+        folder / "degrees.csv",
+        np.stack([51.76 + np.arange(N) * 2e-5, np.full(N, -1.26)], axis=1),
+        fmt="%.7f",
+        delimiter=",",
+        header="latitude,longitude",
+        comments="",
+    )
+    metres = np.stack([np.arange(N) * 2.0, np.zeros(N)], axis=1)
+    how: dict[str, Any] = {"delimiter": ",", "comments": "", "fmt": "%.3f"}
+    np.savetxt(folder / "metres.csv", metres, header="x,y", **how)
+    np.savetxt(folder / "odometry.csv", np.c_[np.arange(N) / 10, metres], header="time,x,y", **how)
+    write_video(folder / "drive.mkv", [*route.revisit()])
+    for kind in ("degrees", "metres"):
+        given = "--positions", folder / f"{kind}.csv", "-o", folder / f"{kind}.map"
+        surefix_("map", "build", folder / "monday", *given)
+    return folder
+
+
+def refused(*arguments: Any, code: int = 2) -> str:
+    """The words of a refusal, as one line."""
+    done = surefix_(*arguments, code=code, COLUMNS="400")
+    return " ".join(done.stderr.replace("│", " ").split())
+
+
+def test_nothing_that_is_read_is_overwritten(road: Path, tmp_path: Path) -> None:
+    video, way, known = road / "drive.mkv", road / "odometry.csv", road / "metres.map"
+    np.save(tmp_path / "where.npy", np.stack([np.arange(N) * 2.0, np.zeros(N)], axis=1))
+    sampled = "--metres", 2, "--odometry", way
+    read = video, way, road / "metres.csv", tmp_path / "where.npy", road / "monday" / "000.png"
+    before = [file.read_bytes() for file in read]
+    for arguments in (
+        ("map", "traverse", known, video, "-o", video),
+        ("map", "traverse", known, road / "monday", "-o", road / "monday" / "000.png"),
+        ("map", "build", road / "monday", "--positions", road / "metres.csv", "-o", read[2]),
+        ("map", "build", road / "monday", "--positions", tmp_path / "where.npy", "-o", read[3]),
+        ("map", "build", video, *sampled, "-o", way),
+        ("loops", video, *sampled, "-o", way),
+        ("run", known, video, *sampled, "-o", way),
+        ("align", known, video, "--odometry", way, "-o", way),
+    ):
+        assert READ in refused(*arguments), arguments
+    assert [file.read_bytes() for file in read] == before
+
+
+def test_a_geojson_overwrites_no_other_file(road: Path, tmp_path: Path) -> None:
+    (tmp_path / "notes.csv").write_text("mine")
+    given = "map", "info", road / "degrees.map", "--geojson"
+    expected = "--geojson: expected a new file, or one that ends in .geojson or .json, got"
+    assert expected in refused(*given, tmp_path / "notes.csv")
+    assert (tmp_path / "notes.csv").read_text() == "mine"
+    for name in ("route.geojson", "route.json"):
+        for _ in range(2):
+            surefix_(*given, tmp_path / name)
+        assert "LineString" in (tmp_path / name).read_text()
+    surefix_(*given, tmp_path / "route")
+
+
+def test_metres_do_not_extend_a_map_of_degrees(road: Path, tmp_path: Path) -> None:
+    for kind in ("degrees", "metres"):
+        out = tmp_path / f"{kind}.map"
+        out.write_bytes((road / f"{kind}.map").read_bytes())
+        given = "map", "append", out, road / "tuesday", "--positions", road / "metres.csv"
+        if kind == "metres":
+            surefix_(*given)
+        else:
+            said = refused(*given, code=1)
+            assert "metres.csv: expected latitude,longitude, as the map's positions, got" in said
+            given = "map", "append", out, road / "drive.mkv", "--metres", 2
+            said = refused(*given, "--odometry", road / "odometry.csv", code=1)
+            assert "odometry.csv: expected latitude,longitude, as the map's positions" in said
+        assert len(surefix.Map.open(out)) == N * (1 + (kind == "metres"))
+
+
+def test_queries_in_metres_do_not_fit_a_map_of_degrees(road: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    where = "--query-positions", road / "metres.csv", "--tolerance", 4
+    given = road / "degrees.map", road / "tuesday", *where
+    for command, out in (("eval", "report"), ("tune", "route.toml")):
+        said = refused(command, *given, "-o", tmp_path / out, code=1)
+        expected = "metres.csv: expected latitude,longitude, as the positions of the map, got metres"
+        assert expected in said
+    given = road / "metres.map", road / "tuesday", *where
+    surefix_("eval", *given, "-o", tmp_path / "report", "--method", "single")
+
+
+def test_a_drive_of_another_road_is_not_added_to_the_map(road: Path, tmp_path: Path) -> None:
+    known, out = road / "metres.map", tmp_path / "more.map"
+    before = known.read_bytes()
+    said = refused("map", "traverse", known, road / "other")
+    assert "--out: expected another file to write, as" in said
+    assert "may be a drive of another road than" in said
+    assert known.read_bytes() == before
+    done = surefix_("map", "traverse", known, road / "other", "-o", out, "--least", 0.5, code=None)
+    assert "Warning: " in done.stderr
+    assert out.exists() == (done.returncode == 0)
+    done = surefix_("map", "traverse", known, road / "tuesday", "-o", out)
+    assert "Warning" not in done.stderr
+    assert len(surefix.Map.open(out).traverses) == 2
