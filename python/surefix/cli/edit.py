@@ -187,6 +187,9 @@ def traverse(
 def _doubt(places: Any, sure: Any, advance: Any) -> str:
     """Why the aligned places may be those of another road, in words; empty if nothing says so."""
     used, total = int(sure.sum()), len(sure)
+    if not used:
+        # Refused as the traverse is added.
+        return ""
     if 2 * used < total:
         return f"{used} of {plural(total, 'query', 'queries')} {verb(used)} sure"
     at = np.flatnonzero(sure)

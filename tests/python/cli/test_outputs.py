@@ -110,22 +110,44 @@ def test_queries_in_metres_do_not_fit_a_map_of_degrees(road: Path, tmp_path: Pat
     given = road / "degrees.map", road / "tuesday", *where
     for command, out in (("eval", "report"), ("tune", "route.toml")):
         said = refused(command, *given, "-o", tmp_path / out, code=1)
-        expected = "metres.csv: expected latitude,longitude, as the positions of the map, got metres"
+        expected = (
+            "metres.csv: expected latitude,longitude, as the positions of the map, got metres"
+        )
         assert expected in said
     given = road / "metres.map", road / "tuesday", *where
     surefix_("eval", *given, "-o", tmp_path / "report", "--method", "single")
 
 
 def test_a_drive_of_another_road_is_not_added_to_the_map(road: Path, tmp_path: Path) -> None:
-    known, out = road / "metres.map", tmp_path / "more.map"
+    known, out, mixed = road / "metres.map", tmp_path / "more.map", tmp_path / "mixed"
     before = known.read_bytes()
-    said = refused("map", "traverse", known, road / "other")
+    # A third of it is of the road.
+    mixed.mkdir()
+    for index in range(N):
+        source = road / ("tuesday" if index < 20 else "other") / f"{index:03}.png"
+        (mixed / source.name).write_bytes(source.read_bytes())
+    said = refused("map", "traverse", known, mixed)
     assert "--out: expected another file to write, as" in said
-    assert "may be a drive of another road than" in said
+    assert f"{mixed} may be a drive of another road than {known}: " in said
+    assert f" of {N} queries are sure; got none" in said
     assert known.read_bytes() == before
-    done = surefix_("map", "traverse", known, road / "other", "-o", out, "--least", 0.5, code=None)
-    assert "Warning: " in done.stderr
-    assert out.exists() == (done.returncode == 0)
+    done = surefix_("map", "traverse", known, mixed, "-o", out)
+    assert done.stderr.startswith(f"Warning: {mixed} may be a drive of another road than {known}")
+    assert len(surefix.Map.open(out).traverses) == 2
     done = surefix_("map", "traverse", known, road / "tuesday", "-o", out)
     assert "Warning" not in done.stderr
-    assert len(surefix.Map.open(out).traverses) == 2
+
+
+def test_sure_places_that_go_back_are_doubted() -> None:
+    from surefix.cli.edit import _doubt
+
+    sure = np.ones(40, bool)
+    onward = np.arange(40)
+    assert _doubt(onward, sure, None) == ""
+    assert _doubt(np.minimum(5 * onward, 100), sure, None) == ""
+    assert _doubt(onward[::-1], sure, np.full(40, -1.0)) == ""
+    assert _doubt(10 * onward, sure, np.full(40, 9.0)) == ""
+    said = _doubt(onward[::-1], sure, None)
+    assert said == "39 of 39 steps between sure queries go back or jump"
+    assert "go back or jump" in _doubt(10 * onward, sure, None)
+    assert _doubt(onward, onward < 15, None) == "15 of 40 queries are sure"
