@@ -13,7 +13,7 @@ import typer
 
 from surefix import Map, Segments, SurefixValueError
 from surefix._words import plural
-from surefix.cli.inputs import missing
+from surefix.cli.inputs import missing, refuse
 from surefix.frames import EveryMetres, Frames
 from surefix.frames.advances import time_in
 from surefix.frames.noted import Noted
@@ -62,11 +62,14 @@ def wanted(breaks: Sequence[str] | None, no_breaks: bool, closed: bool | None) -
     """The options as they are typed."""
     found: set[int] = set()
     for text in breaks or ():
-        for part in text.split(","):
+        parts = text.split(",")
+        for part in parts:
             if not part.strip().isdecimal() or not int(part):
                 expected = "--break: expected a place from 1 on, or several with commas"
                 raise typer.BadParameter(f"{expected}, got {text!r}")
             found.add(int(part))
+        unsorted = any(int(a) >= int(b) for a, b in pairwise(parts))
+        refuse(unsorted, f"--break: expected ascending places, got {text!r}")
     return Wanted(tuple(sorted(found)), not no_breaks, closed)
 
 

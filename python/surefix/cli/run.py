@@ -320,7 +320,12 @@ def _form(form: Format | None, out: Path | None) -> Format:
         return form or "csv"
     if out.suffix == ".geojson":
         return "geojson"
-    return "json" if out.suffix in (".json", ".jsonl", ".ndjson") else "csv"
+    if out.suffix in (".json", ".jsonl", ".ndjson"):
+        return "json"
+    known = ("", ".csv", ".txt")
+    expected = "--out: expected a name that ends in .csv, .json, .jsonl, .ndjson or .geojson"
+    refuse(out.suffix.lower() not in known, f"{expected}, or --format; got {out}")
+    return "csv"
 
 
 def _writer(file: TextIO | None, form: Format) -> AbstractContextManager[Writer | None]:

@@ -1,7 +1,9 @@
 """Where each query was: by a truth, or by positions of the places and of the queries."""
 
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeAlias
@@ -250,6 +252,18 @@ def positions_of_frames(positions: Path, frames: Frames, old: Map | None = None)
     return planar(read.all_known(), origin)
 
 
+@contextmanager
+def naming(positions: Path | None) -> Iterator[None]:
+    """Names the file in a refusal of the number of positions."""
+    try:
+        yield
+    except SurefixValueError as error:
+        found = re.fullmatch(r"positions: expected (\d+) values, got (\d+)", str(error))
+        if found is None or positions is None:
+            raise
+        raise mismatch(positions, f"{found[1]} rows, one for each place", found[2]) from None
+
+
 def _compared(mapped: Positions, driven: Positions, tolerance: float) -> Where:
     there, here, warnings = check_overlap(mapped, driven, tolerance)
     for warning in warnings:
@@ -346,5 +360,5 @@ def _of_track(track: Odometry) -> Positions:
 def _each(read: Positions, count: int, option: str) -> Positions:
     if len(read.values) != count:
         got = f"the shape {read.values.shape}"
-        raise mismatch(option, f"{count} rows of 2 or 3 metres", got)
+        raise mismatch(f"{option} {read.source}", f"{count} rows of 2 or 3 metres", got)
     return read

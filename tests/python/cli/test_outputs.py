@@ -138,6 +138,85 @@ def test_a_drive_of_another_road_is_not_added_to_the_map(road: Path, tmp_path: P
     assert "Warning" not in done.stderr
 
 
+def test_a_map_is_no_drive(road: Path, tmp_path: Path) -> None:
+    known, video = road / "metres.map", road / "drive.mkv"
+    copy = tmp_path / "copy.safetensors"
+    copy.write_bytes(known.read_bytes())
+    for arguments in (
+        ("map", "append", known, copy),
+        ("map", "traverse", known, copy),
+        ("map", "build", copy, "-o", tmp_path / "x"),
+        ("loops", copy),
+    ):
+        said = refused(*arguments)
+        assert f"got {copy}, which is a map: use surefix map join" in said
+    said = refused("map", "build", video, "--odometry", road / "odometry.csv", "-o", copy)
+    assert "--odometry: expected --metres too, got none" in said
+    said = refused("run", known, video, "-o", tmp_path / "f.foo")
+    assert "--out: expected a name that ends in .csv, .json" in said
+
+
+def test_what_does_not_fit_is_named(road: Path, tmp_path: Path) -> None:
+    known = road / "metres.map"
+    surefix_("map", "build", road / "tuesday", "--patch", 4, "-o", tmp_path / "other.map")
+    surefix_("map", "build", road / "tuesday", "-o", tmp_path / "plain.map")
+    out = tmp_path / "both.map"
+    said = refused("map", "join", known, tmp_path / "plain.map", "-o", out, code=1)
+    assert f"{tmp_path / 'plain.map'}: cannot join to {known}: expected" in said
+    half = tmp_path / "half.csv"
+    np.savetxt(half, np.zeros((30, 2)), delimiter=",", header="x,y", comments="")
+    for place in (road / "tuesday", road / "drive.mkv"):
+        said = refused("map", "build", place, "--positions", half, "-o", out, code=1)
+        assert "half.csv" in said
+        assert "60 rows" in said or "row for each of the 60" in said, said
+    assert "ascending places, got '40,9'" in refused(
+        "map", "build", road / "tuesday", "--break", "40,9"
+    )
+
+
+def test_a_join_says_that_it_leaves_thumbnails_out(road: Path, tmp_path: Path) -> None:
+    small, plain = tmp_path / "small.map", tmp_path / "plain.map"
+    surefix_("map", "build", road / "monday", "--thumbnails", "-o", small)
+    surefix_("map", "build", road / "tuesday", "-o", plain)
+    done = surefix_("map", "join", small, plain, "-o", tmp_path / "both.map")
+    assert "; without thumbnails, as 1 of 2 maps have them" in done.stdout
+    done = surefix_("map", "join", small, small, "-o", tmp_path / "both.map")
+    assert "without thumbnails" not in done.stdout
+
+
+def test_traverses_are_labelled_and_not_appended_to(road: Path, tmp_path: Path) -> None:
+    known, out = road / "metres.map", tmp_path / "both.map"
+    for drive, options, label in (
+        (road / "tuesday" / "*.png", (), "tuesday"),
+        (road / "drive.mkv", (), "drive.mkv"),
+        (road / "tuesday", ("--label", "rain"), "rain"),
+    ):
+        surefix_("map", "traverse", known, drive, *options, "-o", out)
+        assert surefix.Map.open(out).traverses[1].label == label
+    said = refused("map", "append", out, road / "tuesday")
+    assert "expected a map of one traverse" in said
+    assert "surefix map join" in said
+    assert "--remove: expected a traverse" in refused("map", "traverse", out, "--remove", 0)
+
+
+def test_an_appended_ring_says_that_a_segment_begins(road: Path, tmp_path: Path) -> None:
+    out = tmp_path / "ring.map"
+    surefix_("map", "build", road / "monday", "--closed", "-o", out)
+    done = surefix_("map", "append", out, road / "tuesday")
+    assert "the last segment is closed, so that the new places begin another" in done.stdout
+    done = surefix_("map", "append", out, road / "tuesday")
+    assert "the last segment is closed" not in done.stdout
+
+
+def test_loops_without_edges_say_how_sure_they_were(road: Path) -> None:
+    images = [*Route(places=N, size=(64, 32), seed=3).reference()]
+    np.save(road / "twice.npy", np.stack(images + images))
+    done = surefix_("loops", road / "twice.npy", "--exclude", 10, "--lasting", 60)
+    assert "120 frames, 0 edges" in done.stderr
+    assert "the surest frame is " in done.stderr
+    assert "(an edge needs --confidence 0.9, --lasting 60)" in done.stderr
+
+
 def test_sure_places_that_go_back_are_doubted() -> None:
     from surefix.cli.edit import _doubt
 
