@@ -259,8 +259,12 @@ def naming(positions: Path | None) -> Iterator[None]:
         yield
     except SurefixValueError as error:
         found = re.fullmatch(r"positions: expected (\d+) values, got (\d+)", str(error))
-        if found is None or positions is None:
+        of_frames = re.match(r".*expected a frame for each of \d+ positions,", str(error))
+        if positions is None or (found is None and of_frames is None):
             raise
+        if found is None:
+            said = str(error).replace(" positions,", f" positions in {positions},")
+            raise SurefixValueError(said) from None
         raise mismatch(positions, f"{found[1]} rows, one for each place", found[2]) from None
 
 
