@@ -179,15 +179,15 @@ def run(
     elif screen and len(places.blank):
         why = f"{plural(len(places.blank), 'place')} of the map that show nothing"
         print(f"--screen: unused, for the sake of {why}", file=sys.stderr)
-    form = _form(form, out)
-    if form == "geojson" and places.origin is None:
-        kind = "none" if places.positions is None else "metres only"
-        raise typer.BadParameter(f"GeoJSON: {NO_DEGREES.format(kind)}")
     others = [*source.files, odometry, config, model]
     read = [*names, *(Path(each) for each in others if each is not None)]
     if out is not None:
         check_not_read(out, read)
         read.append(out)
+    form = _form(form, out)
+    if form == "geojson" and places.origin is None:
+        kind = "none" if places.positions is None else "metres only"
+        raise typer.BadParameter(f"GeoJSON: {NO_DEGREES.format(kind)}")
     if save is not None:
         _check_save(save, read)
     clipping = Clipping(places.levels)

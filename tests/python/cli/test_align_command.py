@@ -223,4 +223,4 @@ def test_an_audit_says_its_estimates_in_words(distances: Path) -> None:
     doubted = surefix_("audit", distances).stdout
     for warning in ("Do not rely on it", "misjudged more with --motion any", "say"):
         assert warning in doubted
-    assert "option `motion`" in surefix_("audit", distances, "--motion", "x", code=2).stderr
+    assert "'--motion'" in surefix_("audit", distances, "--motion", "x", code=2).stderr
