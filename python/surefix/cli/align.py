@@ -4,7 +4,7 @@ import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,7 @@ def align_(
     queries: inputs.Place | None = None,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("truth.csv"),
     report: Path | None = None,
-    motion: str = "any",
+    motion: Literal["steady", "free", "any"] = "any",
     tolerance: Annotated[int, typer.Option(min=0)] = 1,
     least: Annotated[float, typer.Option(min=0, max=1)] = 0.5,
     fuse: list[str] | None = None,
@@ -65,7 +65,7 @@ def align_(
         images.
     """
     refuse(out.suffix != ".csv", f"--out: expected a name that ends in .csv, got {out}")
-    check_not_read(out, [route, queries, *(fuse or ())])
+    check_not_read(out, [route, queries, *(fuse or ()), model, odometry])
     write_report = None if report is None else _writer(report)
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}

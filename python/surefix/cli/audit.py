@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -28,7 +28,7 @@ THRESHOLDS = (0.5, 0.8, 0.9, 0.95, 0.99)
 def audit_(
     route: str,
     queries: inputs.Place | None = None,
-    motion: str = "any",
+    motion: Literal["steady", "free", "any"] = "any",
     tolerance: Annotated[int, typer.Option(min=0)] = 1,
     accept: Annotated[float | None, typer.Option(min=0, max=1)] = None,
     fuse: list[str] | None = None,

@@ -60,6 +60,8 @@ class Drive:
     numbers, total : sequence of int, int
         The row of each query, bad images among them, among the frames of its recording, and their
         number.
+    files : sequence of str
+        The files that the queries are read from.
     """
 
     names: list[str]
@@ -73,6 +75,7 @@ class Drive:
     bag: BagFrames | None = None
     numbers: Sequence[int] = ()
     total: int = 0
+    files: Sequence[str] = ()
 
     @property
     def given(self) -> tuple[Any, ...]:
@@ -168,7 +171,7 @@ def open_drive(
     if notes := inputs.notes_on(moved, names):
         print("; ".join(notes), file=sys.stderr)
     lost, bag = tuple(sorted(bad)), bag_of(frames)
-    rest = numbers, total
+    rest = numbers, total, moved.files
     return Drive(_named(files), maps, rows, advance, named, seen, times, lost, bag, *rest)
 
 

@@ -1,10 +1,13 @@
 """``surefix map join``, ``cut``, ``thin`` and ``traverse``: new maps of old ones."""
 
+import math
 import re
+import sys
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
+import numpy as np
 import typer
 
 from surefix import Map, Segments, SurefixValueError, align
@@ -20,6 +23,8 @@ from surefix.cli.roads import Closed, closed_by_positions
 from surefix.errors import check_folder
 from surefix.tables.junctions import found_links
 
+# Places a query, with motion `any`.
+FASTEST = 5
 Out = Annotated[Path | None, typer.Option("--out", "-o")]
 
 
@@ -47,7 +52,7 @@ def join(
     given = [_pair("--link", text) for text in link or ()]
     check_folder(out, "cannot write the map")
     maps = [look(file) for file in files]
-    made = Map.join(maps)
+    made = _joined(maps, files)
     links = {*map(tuple, made.segments.links.tolist())}
     notes = []
     if link_within is not None:
@@ -62,8 +67,26 @@ def join(
     made.save(out)
     count = plural(len(made.segments), "segment")
     notes.insert(0, f"{count}, {plural(len(links), 'link')}")
+    small = [each.thumbnail(0) is not None for each in maps]
+    if any(small) and made.thumbnail(0) is None:
+        why = f"{sum(small)} of {len(maps)} maps have them"
+        why = "they differ in size" if all(small) else why
+        notes.append(f"without thumbnails, as {why}")
     notes += said_twice(made)
     _say(f"Joined {len(files)} maps as {out}", out, start, notes)
+
+
+def _joined(maps: list[Map], files: list[Path]) -> Map:
+    """The maps as one; a refusal names the file of the map that does not fit."""
+    try:
+        return Map.join(maps)
+    except SurefixValueError as error:
+        found = re.fullmatch(r"map (\d+): (?:cannot append: )?(.*)", str(error), re.DOTALL)
+        if found is None or int(found[1]) >= len(files):
+            raise
+        at = int(found[1])
+        said = f"{files[at]}: cannot join to {files[0]}: {found[2]}"
+        raise SurefixValueError(said) from None
 
 
 @documented
@@ -98,11 +121,14 @@ def thin(file: Path, metres: Annotated[float, typer.Option()], out: Out = None) 
     out: The map to write; the same file by default.
     """
     start = time.perf_counter()
-    refuse(not metres > 0, f"--metres: expected a number above 0, got {metres:g}")
+    refuse(not 0 < metres < math.inf, f"--metres: expected a number above 0, got {metres:g}")
     route, to = look(file), _target(file, out)
     if route.positions is None:
         raise typer.BadParameter(f"--metres: expected a map with positions, {file} has none")
-    made = route.thin(metres)
+    try:
+        made = route.thin(metres)
+    except SurefixValueError as error:
+        raise SurefixValueError(f"--metres {metres:g}: {error}") from None
     made.save(to)
     kept = f"Kept {len(made)} of {plural(len(route), 'place')} in {to}"
     _say(kept, to, start, [])
@@ -114,7 +140,8 @@ def traverse(
     drive: inputs.Place | None = None,
     out: Out = None,
     remove: int | None = None,
-    motion: str = "any",
+    label: str | None = None,
+    motion: Literal["steady", "free", "any"] = "any",
     least: Annotated[float, typer.Option(min=0, max=1)] = 0.9,
     model: inputs.Model = None,
     topic: inputs.Topic = None,
@@ -140,6 +167,7 @@ def traverse(
         video or a bag.
     out: The map to write; the same file by default.
     remove: Take this traverse out, as numbered by `surefix map info`; no DRIVE then.
+    label: The traverse's name in `surefix map info`; by default that of the drive's folder or file.
     motion: steady if both drives took frames at the same distances, free for 0 to 2 places a
         query, any for 0 to 5.
     least: A query of a lower confidence adds nothing; for each place the surest one is kept.
@@ -152,18 +180,25 @@ def traverse(
         return
     if drive is None:
         raise typer.BadParameter("DRIVE: expected another drive of the road, or --remove")
+    inputs.refuse_map("DRIVE", drive)
+    inputs.check_not_read(to, [drive, model, odometry])
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
     driven = open_drive(str(file), drive, (), False, model, **scale, **sampling)
+    inputs.check_not_read(to, driven.files)
     given: dict[str, Any] = {"motion": motion, "advance": driven.advance}
     given["progress"] = terminal_bar("Aligning")
     alignment = refusing_options(align, *driven.given, **given)
     route, rows = driven.maps[0], driven.rows[0]
-    made = route.add_traverse(rows, alignment, least=least, label=Path(str(drive)).name)
-    made.save(to)
     sure = alignment.confidence >= least
+    if doubt := _doubt(alignment.place, sure, driven.advance):
+        said = f"{drive} may be a drive of another road than {file}: {doubt}"
+        refuse(out is None, f"--out: expected another file to write, as {said}; got none")
+        print(f"Warning: {said}", file=sys.stderr)
+    made = route.add_traverse(rows, alignment, least=least, label=label or _label(drive))
+    made.save(to)
     used = int(sure.sum())
     notes = [
         f"{used} of {plural(len(rows), 'query', 'queries')} {verb(used)} sure (mean confidence "
@@ -174,13 +209,47 @@ def traverse(
     _say(f"Added the traverse {drive} to {to}", to, start, notes)
 
 
+def _label(drive: str) -> str:
+    """The name of the drive's folder or file."""
+    files = drive.files if isinstance(drive, inputs.Place) else ()
+    path = Path(files[0]).parent if files else Path(drive)
+    while any(sign in path.name for sign in "*?["):
+        path = path.parent
+    return path.name or path.resolve().name
+
+
+def _doubt(places: Any, sure: Any, advance: Any) -> str:
+    """Why the aligned places may be those of another road, in words; empty if nothing says so."""
+    used, total = int(sure.sum()), len(sure)
+    if not used:
+        # Refused as the traverse is added.
+        return ""
+    if 2 * used < total:
+        return f"{used} of {plural(total, 'query', 'queries')} {verb(used)} sure"
+    at = np.flatnonzero(sure)
+    steps, queries = np.diff(places[at].astype(np.int64)), np.diff(at)
+    # As far as `any` motion takes it, or the odometry says.
+    most, way = FASTEST * queries, 1
+    if advance is not None:
+        moved = np.diff(np.cumsum(advance)[at])
+        most, way = np.maximum(most, 2 * np.abs(moved)), -1 if moved.sum() < 0 else 1
+    wrong = int(((way * steps < 0) | (way * steps > most)).sum())
+    if 2 * wrong <= len(steps):
+        return ""
+    return f"{wrong} of {plural(len(steps), 'step')} between sure queries go back or jump"
+
+
 def _without(file: Path, to: Path, remove: int, start: float) -> None:
     route = look(file)
     count = len(route.traverses)
     refuse(count < 2, f"--remove: expected a map of several traverses, {file} has one")
     expected = f"--remove: expected a traverse from 0 to {count - 1}"
     refuse(not 0 <= remove < count, f"{expected}, got {remove}")
-    made = route.without_traverse(remove)
+    try:
+        made = route.without_traverse(remove)
+    except SurefixValueError as error:
+        said = re.sub(r"^option `\w+`", "--remove", str(error))
+        raise typer.BadParameter(said) from None
     made.save(to)
     notes = [f"{plural(len(made.traverses), 'traverse')} left"]
     _say(f"Took traverse {remove} out of {to}", to, start, notes)

@@ -247,6 +247,9 @@ def _write_geojson(route: Map, file: Path, out: Path) -> None:
         kind = "none" if route.positions is None else "metres only"
         raise typer.BadParameter(f"--geojson: {NO_DEGREES.format(kind)}")
     refuse(out.exists() and out.samefile(file), f"--geojson: {out} is the map; name another file")
+    other = out.exists() and out.suffix.lower() not in (".geojson", ".json")
+    expected = "--geojson: expected a new file, or one that ends in .geojson or .json"
+    refuse(other, f"{expected}, got {out}, which exists")
     check_folder(out, "cannot write the route")
     text = json.dumps(roads(degrees, route.segments))
     try:

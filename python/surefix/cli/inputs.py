@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import typer
 
-from surefix import Map, SurefixValueError, find_images, frames
+from surefix import Map, SurefixError, SurefixValueError, find_images, frames
 from surefix._words import plural
 from surefix.descriptors import Onnx
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
@@ -121,6 +121,9 @@ def open_frames(
         raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
     refuse(order != "name" and array, f"--order: expected a folder of images, got {place}")
     if recording:
+        moved = any(sampling.get(name) is not None for name in ("metres", "places_per_metre"))
+        alone = sampling.get("odometry") is not None and not moved
+        refuse(alone, "--odometry: expected --metres too, got none")
         more: dict[str, Any] = {"order": order, "skip_bad": not strict, "crop": crop}
         return frames.open(place, **sampling, **more)
     check_sampling(place, **(sampling | {"stride": 1}))
@@ -235,6 +238,24 @@ def check_sampling(got: object, stride: int = 1, **sampling: Any) -> None:
     options = "--topic, --stride, --every, --metres, --odometry"
     given = stride != 1 or any(value is not None for value in sampling.values())
     refuse(given, f"{options}: expected a video or a bag, got {got}")
+
+
+def refuse_map(argument: str, place: str) -> None:
+    """Refuses a map that is given as a drive."""
+    path = Path(place)
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        length, brace = int.from_bytes(file.read(8), "little"), file.read(1)
+    # A file of safetensors, as a map is.
+    if brace != b"{" or length > path.stat().st_size:
+        return
+    try:
+        Map.open(path, mmap=True)
+    except SurefixError:
+        return
+    expected = f"{argument}: expected images or descriptors of a drive"
+    refuse(True, f"{expected}, got {place}, which is a map: use surefix map join")
 
 
 def check_not_read(out: Path, files: Iterable[Path | str | None]) -> None:

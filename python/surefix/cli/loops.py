@@ -79,6 +79,7 @@ def loops(
         scale, _ = scale_of(None, by, places_per_metre)
         refuse(scale is None, NO_SCALE)
     refuse(output is not None and model is None, "--output: expected --model too")
+    inputs.refuse_map("DRIVE", drive)
     source = frames.open(
         listed(drive),
         topic=topic,
@@ -106,18 +107,21 @@ def loops(
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     if out is not None:
-        check_not_read(out, source.files)
-    _close(closer, source, out)
+        check_not_read(out, [*source.files, odometry, model])
+    sure = _close(closer, source, out)
     if out is not None and out.suffix == ".g2o":
         closer.to_g2o(out)
     print(_summary(closer, out), file=sys.stderr)
+    if not closer.edges and any(sure):
+        print(_said_surest(sure, confidence, lasting), file=sys.stderr)
     if notes := notes_on(source):
         print("; ".join(notes), file=sys.stderr)
 
 
-def _close(closer: LoopCloser, source: frames.Frames, out: Path | None) -> None:
-    """Pushes each frame, and writes each edge as it comes."""
+def _close(closer: LoopCloser, source: frames.Frames, out: Path | None) -> list[float]:
+    """Pushes each frame, and writes each edge as it comes; the confidence of each frame."""
     names: list[str] = []
+    sure: list[float] = []
     file = _opened(out)
     write: Any = None
     try:
@@ -134,6 +138,7 @@ def _close(closer: LoopCloser, source: frames.Frames, out: Path | None) -> None:
                 except SurefixValueError as error:
                     raise SurefixValueError(f"{frame.name}: {error}") from None
                 names.append(frame.name)
+                sure.append(said.confidence)
                 if said.edge and write is not None:
                     where = names[said.place]
                     write((said.frame, said.place, said.confidence, frame.name, where))
@@ -142,6 +147,7 @@ def _close(closer: LoopCloser, source: frames.Frames, out: Path | None) -> None:
     finally:
         if file not in (None, sys.stdout):
             file.close()
+    return sure
 
 
 def _opened(out: Path | None) -> TextIO | None:
@@ -154,6 +160,16 @@ def _opened(out: Path | None) -> TextIO | None:
         return out.open("w", encoding="utf-8", newline="")
     except OSError as error:
         raise refusal(out, "cannot write the edges", error) from None
+
+
+def _said_surest(sure: list[float], confidence: float, lasting: int) -> str:
+    """How sure the frames of a drive without edges were, in words."""
+    best = max(sure)
+    said = f"the surest frame is {sure.index(best)}, of confidence {best:.2f}"
+    runs = [min(sure[at : at + lasting]) for at in range(len(sure) - lasting + 1)]
+    if lasting > 1 and runs:
+        said += f"; the surest {lasting} frames in a row have {max(runs):.2f} or more"
+    return f"{said} (an edge needs --confidence {confidence:g}, --lasting {lasting})"
 
 
 def _summary(closer: LoopCloser, out: Path | None) -> str:

@@ -18,18 +18,20 @@ from surefix.cli.roads import (
     Closed,
     NoBreaks,
     Wanted,
-    blanks_left_out,
+    breaks_without_blank,
+    closed_without_blank,
     noted,
     sampled_by_metres,
     wanted,
     with_roads,
 )
-from surefix.cli.where import UTM, positions_of_frames
+from surefix.cli.where import DEGREES, UTM, naming, positions_of_frames
 from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
 from surefix.errors import check_folder, mismatch
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.levels import Levels, checked_levels
+from surefix.tables.breaks import said_breaks
 from surefix.tables.positions import Positions
 
 Metric = Literal["cosine", "euclidean", "manhattan"]
@@ -142,6 +144,8 @@ def build(
     elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
         options = "--output, --mean, --std, --batch, --cache"
         raise typer.BadParameter(f"{options}: expected --model too, got none")
+    if key is None:
+        inputs.refuse_map("REFERENCES", references)
     frames = inputs.open_frames(
         references,
         key,
@@ -153,40 +157,48 @@ def build(
         metres=metres,
         odometry=odometry,
     )
-    inputs.check_not_read(out, [*frames.files, model, cache])
+    inputs.check_not_read(out, [*frames.files, model, cache, positions, odometry])
     read = None if positions is None else positions_of_frames(positions, frames)
     where = None if read is None else read.values
     plane = {"origin": _plane(read, frames)}
     frames = noted(frames)
-    if frames.ready is not None:
-        got = f"expected images, got the ready descriptors {references}"
-        refuse(network is not None, f"--model: {got}")
-        refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
-        refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
-        refuse(thumbnails, f"--thumbnails: {got}")
-        by = metric or metric_of(references) or "cosine"
-        route = Map.from_descriptors(frames.ready, by, positions=where, post=steps, **plane)
-    elif network is not None:
-        how: dict[str, Any] = {"levels": range_, "skip_bad": not strict, "thumbnails": thumbnails}
-        how |= plane
-        route = map_of_images(frames, network, metric or "cosine", where, steps, cache, **how)
-    else:
-        _check_sad(references, metric, post)
-        sad = _sad(size, patch, dtype, range_)
-        how = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails} | plane
-        if isinstance(frames, ImageFrames):
-            _check_breaks(asked, len(frames))
-            how["skip_bad"] = not strict
-            Map.build(out, frames.source, sad, positions=where, **how)
-            route = look(out)
+    with naming(positions):
+        if frames.ready is not None:
+            got = f"expected images, got the ready descriptors {references}"
+            refuse(network is not None, f"--model: {got}")
+            refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
+            refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
+            refuse(thumbnails, f"--thumbnails: {got}")
+            by = metric or metric_of(references) or "cosine"
+            route = Map.from_descriptors(frames.ready, by, positions=where, post=steps, **plane)
+        elif network is not None:
+            how: dict[str, Any] = {
+                "levels": range_,
+                "skip_bad": not strict,
+                "thumbnails": thumbnails,
+            }
+            how |= plane
+            route = map_of_images(frames, network, metric or "cosine", where, steps, cache, **how)
         else:
-            route = sad_map(frames, sad, where, **how)
-    made, notes = with_roads(route, frames, asked, file=out)
+            _check_sad(references, metric, post)
+            sad = _sad(size, patch, dtype, range_)
+            how = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails} | plane
+            if isinstance(frames, ImageFrames):
+                _check_breaks(asked, len(frames))
+                how["skip_bad"] = not strict
+                Map.build(out, frames.source, sad, positions=where, **how)
+                route = look(out)
+            else:
+                route = sad_map(frames, sad, where, **how)
+    made, found, notes = with_roads(route, frames, asked, file=out)
     kept = None if frames.ready is not None else made.names
-    notes += said_blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
+    blank = said_blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
     if skip_blank and len(made.blank):
         whole, made = made, made.without_blank()
-        notes += blanks_left_out(whole, made)
+        # Of the map that is written, in its own numbers.
+        found = breaks_without_blank(found, whole, made)
+        notes = closed_without_blank(whole, made, asked, out)
+    notes = [*said_breaks(found), *notes, *blank]
     if stretches := repeated(made.names):
         notes.append(f"warning: {said_repeated(stretches)}")
     in_file = isinstance(frames, ImageFrames) and frames.ready is None and network is None
@@ -255,6 +267,11 @@ def append(
     """
     start, old = time.perf_counter(), look(file)
     asked = wanted(breaks, no_breaks, closed)
+    several = len(old.traverses)
+    way = "build a map of the new places, and join the two by surefix map join"
+    refuse(several > 1, f"FILE: expected a map of one traverse, {file} has {several}: {way}")
+    if not (Path(references).exists() and file.samefile(references)):
+        inputs.refuse_map("REFERENCES", references)
     frames = inputs.open_frames(
         references,
         order=order,
@@ -269,7 +286,7 @@ def append(
     refuse(same, f"REFERENCES: {references} is the map itself")
     read = None if positions is None else positions_of_frames(positions, frames, old)
     where = None if read is None else read.values
-    _bring_odometry(frames, old)
+    _bring_odometry(frames, old, where is not None)
     if isinstance(frames, ImageFrames):
         _check_breaks(asked, len(old) + len(frames))
     frames = noted(frames)
@@ -286,44 +303,59 @@ def append(
     begins = new_segment or old.segments[-1].closed
     joined: dict[str, Any] = {"new_segment": begins}
     plane = {"origin": old.origin or old.plane}
-    if frames.ready is not None:
-        rows, post, recipe = frames.ready, old.post, old.recipe
-        known: dict[str, Any] = {"post": post, "recipe": recipe}
-        known |= {} if where is None else plane
-        added = Map.from_descriptors(rows, old.metric, where, **known)
-        Map.append(file, added, **joined)
-    elif network is not None:
-        images: Any = frames.source if isinstance(frames, ImageFrames) else frames
-        more = {"positions": where, "cache": cache, "skip_bad": not strict}
-        Map.append(file, images, network, **more, **joined)
-    elif isinstance(frames, ImageFrames):
-        more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
-        Map.append(file, frames.source, **more, **joined)
-    elif old.descriptor is None:
-        check_kind(old, str(file), frames, None)
-    else:
-        small = old.thumbnail(0)
-        how: dict[str, Any] = {"mixed_sizes": mixed_sizes} | plane
-        how["thumbnails"] = False if small is None else small.shape[::-1]
-        Map.append(file, sad_map(frames, old.descriptor, where, **how), **joined)
+    with naming(positions):
+        if frames.ready is not None:
+            rows, post, recipe = frames.ready, old.post, old.recipe
+            known: dict[str, Any] = {"post": post, "recipe": recipe}
+            known |= {} if where is None else plane
+            added = Map.from_descriptors(rows, old.metric, where, **known)
+            Map.append(file, added, **joined)
+        elif network is not None:
+            images: Any = frames.source if isinstance(frames, ImageFrames) else frames
+            more = {"positions": where, "cache": cache, "skip_bad": not strict}
+            Map.append(file, images, network, **more, **joined)
+        elif isinstance(frames, ImageFrames):
+            more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
+            Map.append(file, frames.source, **more, **joined)
+        elif old.descriptor is None:
+            check_kind(old, str(file), frames, None)
+        else:
+            small = old.thumbnail(0)
+            how: dict[str, Any] = {"mixed_sizes": mixed_sizes} | plane
+            how["thumbnails"] = False if small is None else small.shape[::-1]
+            Map.append(file, sad_map(frames, old.descriptor, where, **how), **joined)
     longer = look(file)
     count = plural(len(longer) - len(old), "place")
-    whole, notes = with_roads(longer, frames, asked, len(old), file)
+    whole, found, notes = with_roads(longer, frames, asked, len(old), file)
     if whole is not longer:
         whole.save(file)
     kept = None if frames.ready is not None or whole.names is None else whole.names[len(old) :]
     blank = [place for place in whole.blank.tolist() if place >= len(old)]
-    notes = [*_again(old, whole), *notes, *said_blank(blank, whole.names)]
+    ring = ["the last segment is closed, so that the new places begin another"]
+    ring = ring if old.segments[-1].closed and not new_segment else []
+    notes = [
+        *ring,
+        *_again(old, whole),
+        *said_breaks(found),
+        *notes,
+        *said_blank(blank, whole.names),
+    ]
     del whole, longer
     seconds = time.perf_counter() - start
     said = f"Added {count} to {file}: now {size_of(file)}, in {seconds:.1f} s"
     print("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))
 
 
-def _bring_odometry(frames: Frames, old: Map) -> None:
-    """Brings the odometry's degrees onto the map's own plane."""
+def _bring_odometry(frames: Frames, old: Map, given: bool) -> None:
+    """Brings the odometry's degrees onto the map's own plane; refuses metres if this is of degrees,
+    unless the positions are ``given`` beside it.
+    """
     found = sampled_by_metres(frames)
-    if found is None or found.odometry.degrees is None or old.positions is None:
+    if found is None or old.positions is None:
+        return
+    if found.odometry.degrees is None:
+        if old.origin is not None and not given and found.odometry.positions.shape[1] > 1:
+            raise mismatch(found.odometry.source, DEGREES, "metres: they share no plane")
         return
     if old.origin is None:
         expected = "metres, as the map's, which has no origin"

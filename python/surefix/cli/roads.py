@@ -13,12 +13,12 @@ import typer
 
 from surefix import Map, Segments, SurefixValueError
 from surefix._words import plural
-from surefix.cli.inputs import missing
+from surefix.cli.inputs import missing, refuse
 from surefix.frames import EveryMetres, Frames
 from surefix.frames.advances import time_in
 from surefix.frames.noted import Noted
 from surefix.frames.sampling import Derived
-from surefix.tables.breaks import Break, found_breaks, jumps, said_breaks, said_jump
+from surefix.tables.breaks import Break, found_breaks, jumps, said_jump
 from surefix.tables.junctions import Ends, ends_of
 
 Float64 = npt.NDArray[np.float64]
@@ -62,11 +62,14 @@ def wanted(breaks: Sequence[str] | None, no_breaks: bool, closed: bool | None) -
     """The options as they are typed."""
     found: set[int] = set()
     for text in breaks or ():
-        for part in text.split(","):
+        parts = text.split(",")
+        for part in parts:
             if not part.strip().isdecimal() or not int(part):
                 expected = "--break: expected a place from 1 on, or several with commas"
                 raise typer.BadParameter(f"{expected}, got {text!r}")
             found.add(int(part))
+        unsorted = any(int(a) >= int(b) for a, b in pairwise(parts))
+        refuse(unsorted, f"--break: expected ascending places, got {text!r}")
     return Wanted(tuple(sorted(found)), not no_breaks, closed)
 
 
@@ -77,9 +80,10 @@ def noted(frames: Frames) -> Frames:
 
 def with_roads(
     route: Map, frames: Frames, asked: Wanted, start: int = 0, file: object = "FILE"
-) -> tuple[Map, list[str]]:
-    """The map with the breaks and closed segments of its places from ``start`` on, and what to say
-    of them; the map itself if there are none. The ``frames`` are those of these places.
+) -> tuple[Map, list[Break], list[str]]:
+    """The map with the breaks and closed segments of its places from ``start`` on, the breaks, and
+    what to say of closed segments; the map itself if there are none. The ``frames`` are those of
+    these places.
     """
     # An old segment without new places stays as it is.
     places, old, where = len(route), route.segments, route.positions
@@ -102,7 +106,7 @@ def with_roads(
     added = [breaks[place] for place in sorted(breaks) if place not in known]
     split = _segments(old, sorted(known | {*breaks}))
     made, notes = closed_by_positions(route, split, asked.closed, start, file)
-    return (route if made == old else route.with_segments(made)), [*said_breaks(added), *notes]
+    return (route if made == old else route.with_segments(made)), added, notes
 
 
 def closed_by_positions(
@@ -161,18 +165,37 @@ def _said_closed(made: Segments, ends: dict[int, Ends], file: object) -> list[st
     return notes
 
 
-def blanks_left_out(before: Map, after: Map) -> list[str]:
-    """The breaks that places make which are left out as they show nothing, in words."""
-    blank = np.zeros(len(before), bool)
-    blank[before.blank] = True
-    kept = np.flatnonzero(~blank)
-    old = {*before.segments.breaks.tolist()}
-    found = []
-    for place in after.segments.breaks.tolist():
-        left = kept[place] - kept[place - 1] - 1
-        if left and not old & {*range(int(kept[place - 1]) + 1, int(kept[place]) + 1)}:
-            found.append(Break(place, f"{plural(int(left), 'place')} left out"))
-    return said_breaks(found)
+def breaks_without_blank(found: Sequence[Break], before: Map, after: Map) -> list[Break]:
+    """The breaks of the map ``after`` places are left out as they show nothing, in its numbers: the
+    ``found`` ones of the map ``before``, and those that the places make.
+    """
+    kept = np.setdiff1d(np.arange(len(before)), before.blank)
+    why: dict[int, list[str]] = {place: [] for place in after.segments.breaks.tolist()}
+    for each in found:
+        place = int(np.searchsorted(kept, each.place))
+        if each.why and place in why:
+            why[place].append(each.why)
+    for place, said in why.items():
+        if left := int(kept[place] - kept[place - 1] - 1):
+            said.append(f"{plural(left, 'place')} left out")
+    return [Break(place, ", ".join(said)) for place, said in why.items()]
+
+
+def closed_without_blank(before: Map, after: Map, asked: Wanted, file: object) -> list[str]:
+    """What to say of closed segments of the map ``after`` places are left out."""
+    where, ends = after.positions, dict[int, Ends]()
+    for index, each in enumerate(after.segments):
+        if asked.closed is None and where is not None and not each.closed:
+            ends[index] = ends_of(where[each.start : each.end])
+    notes = _said_closed(after.segments, ends, file)
+    old, now = (sum(each.closed for each in route.segments) for route in (before, after))
+    if now < old:
+        links = len(after.segments.links) - len(before.segments.links)
+        by = f", with {plural(links, 'link')} from an end to a start" if links > 0 else ""
+        them = "it" if old - now == 1 else "them"
+        said = f"{plural(old - now, 'segment')} not closed, as places of {them} are left out"
+        notes.append(f"{said}: {plural(len(after.segments), 'open segment')}{by}")
+    return notes
 
 
 def _times(route: Map, frames: Frames, start: int) -> list[float | None]:

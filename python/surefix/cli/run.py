@@ -179,14 +179,15 @@ def run(
     elif screen and len(places.blank):
         why = f"{plural(len(places.blank), 'place')} of the map that show nothing"
         print(f"--screen: unused, for the sake of {why}", file=sys.stderr)
+    others = [*source.files, odometry, config, model]
+    read = [*names, *(Path(each) for each in others if each is not None)]
+    if out is not None:
+        check_not_read(out, read)
+        read.append(out)
     form = _form(form, out)
     if form == "geojson" and places.origin is None:
         kind = "none" if places.positions is None else "metres only"
         raise typer.BadParameter(f"GeoJSON: {NO_DEGREES.format(kind)}")
-    read = [*names, *map(Path, source.files)]
-    if out is not None:
-        check_not_read(out, read)
-        read.append(out)
     if save is not None:
         _check_save(save, read)
     clipping = Clipping(places.levels)
@@ -319,7 +320,12 @@ def _form(form: Format | None, out: Path | None) -> Format:
         return form or "csv"
     if out.suffix == ".geojson":
         return "geojson"
-    return "json" if out.suffix in (".json", ".jsonl", ".ndjson") else "csv"
+    if out.suffix in (".json", ".jsonl", ".ndjson"):
+        return "json"
+    known = ("", ".csv", ".txt")
+    expected = "--out: expected a name that ends in .csv, .json, .jsonl, .ndjson or .geojson"
+    refuse(out.suffix.lower() not in known, f"{expected}, or --format; got {out}")
+    return "csv"
 
 
 def _writer(file: TextIO | None, form: Format) -> AbstractContextManager[Writer | None]:

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -30,7 +30,7 @@ def tune_(
     tolerance: Annotated[float | None, typer.Option(min=0)] = None,
     wrong: float = 0.05,
     sure: float = 0.95,
-    motion: str = "any",
+    motion: Literal["steady", "free", "any"] = "any",
     fuse: list[str] | None = None,
     similarity: bool = False,
     model: Path | None = None,

@@ -1,7 +1,9 @@
 """Where each query was: by a truth, or by positions of the places and of the queries."""
 
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeAlias
@@ -30,6 +32,8 @@ from surefix.tables.positions import (
 )
 from surefix.tables.truth import read_position_truth, read_truth
 
+# What is expected if the map's positions came as degrees.
+DEGREES = "latitude,longitude, as the map's positions"
 # A map's plane is this and the zone.
 UTM = "UTM "
 Float64: TypeAlias = npt.NDArray[np.float64]
@@ -241,9 +245,27 @@ def positions_of_frames(positions: Path, frames: Frames, old: Map | None = None)
     if old is not None and old.positions is not None:
         if read.degrees and origin is None:
             raise mismatch(read.source, "metres, as the map's, which has no origin", "degrees")
+        if not read.degrees and origin is not None:
+            raise mismatch(read.source, DEGREES, "metres: they share no plane")
         if (zone := zone_of(old)) is not None and read.zone not in (None, zone):
             raise mismatch(read.source, f"zone {zone}, as the map's", read.zone)
     return planar(read.all_known(), origin)
+
+
+@contextmanager
+def naming(positions: Path | None) -> Iterator[None]:
+    """Names the file in a refusal of the number of positions."""
+    try:
+        yield
+    except SurefixValueError as error:
+        found = re.fullmatch(r"positions: expected (\d+) values, got (\d+)", str(error))
+        of_frames = re.match(r".*expected a frame for each of \d+ positions,", str(error))
+        if positions is None or (found is None and of_frames is None):
+            raise
+        if found is None:
+            said = str(error).replace(" positions,", f" positions in {positions},")
+            raise SurefixValueError(said) from None
+        raise mismatch(positions, f"{found[1]} rows, one for each place", found[2]) from None
 
 
 def _compared(mapped: Positions, driven: Positions, tolerance: float) -> Where:
@@ -342,5 +364,5 @@ def _of_track(track: Odometry) -> Positions:
 def _each(read: Positions, count: int, option: str) -> Positions:
     if len(read.values) != count:
         got = f"the shape {read.values.shape}"
-        raise mismatch(option, f"{count} rows of 2 or 3 metres", got)
+        raise mismatch(f"{option} {read.source}", f"{count} rows of 2 or 3 metres", got)
     return read

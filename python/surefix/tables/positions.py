@@ -155,6 +155,9 @@ def on_one_plane(references: Positions, queries: Positions) -> tuple[Float64, Fl
         given, other = (references, queries) if references.degrees else (queries, references)
         expected = f"latitude,longitude as in {given.source}"
         raise mismatch(other.source, expected, "metres: they share no plane")
+    if references.origin is not None and not queries.degrees and queries.origin is None:
+        expected = f"latitude,longitude, as the positions of {references.source}"
+        raise mismatch(queries.source, expected, "metres: they share no plane")
     zones = references.zone, queries.zone
     if None not in zones and zones[0] != zones[1]:
         got = f"zone {zones[0]} in {references.source} and {zones[1]} in {queries.source}"

@@ -169,7 +169,7 @@ def test_the_report_names_each_doubtful_stretch(tmp_path: Path) -> None:
 MISTAKES = {
     "no queries": (["route.safetensors"], 2, "expected images or descriptors, got none"),
     "queries too many": (["D.npy", "photos"], 2, "expected none with distances"),
-    "an unknown motion": (["D.npy", "--motion", "fast"], 2, "option `motion`"),
+    "an unknown motion": (["D.npy", "--motion", "fast"], 2, "'--motion'"),
     "no table": (["D.npy", "-o", "truth.txt"], 2, "ends in .csv"),
     "similarities of a map": (["route.safetensors", "q", "--similarity"], 2, "--similarity"),
     "no file": (["none.npy"], 1, "none.npy"),
@@ -223,4 +223,4 @@ def test_an_audit_says_its_estimates_in_words(distances: Path) -> None:
     doubted = surefix_("audit", distances).stdout
     for warning in ("Do not rely on it", "misjudged more with --motion any", "say"):
         assert warning in doubted
-    assert "option `motion`" in surefix_("audit", distances, "--motion", "x", code=2).stderr
+    assert "'--motion'" in surefix_("audit", distances, "--motion", "x", code=2).stderr

@@ -126,8 +126,28 @@ def test_a_tunnel_that_is_left_out_is_a_break(images: list[UInt8], tmp_path: Pat
     write_video(tmp_path / "drive.mkv", dark)
     route, said = built(tmp_path / "map", tmp_path / "drive.mkv", "--skip-blank", "--break", 40)
     assert route.segments.breaks.tolist() == [20, 32]
-    assert "1 break: before place 40;" in said
-    assert said.endswith("; 1 break: before place 20 (8 places left out)")
+    # In the numbers of the map that is written.
+    assert "; 2 breaks: before place 20 (8 places left out), before 32; 8 places show" in said
+    assert said.count("break") == 1
+    # A break among places that are left out is the one that they make.
+    route, said = built(tmp_path / "map", tmp_path / "drive.mkv", "--skip-blank", "--break", 24)
+    assert route.segments.breaks.tolist() == [20]
+    assert "; 1 break: before place 20 (8 places left out);" in said
+
+
+def test_a_closed_road_with_a_tunnel_left_out_is_not_said_to_be_closed(
+    images: list[UInt8], tmp_path: Path
+) -> None:
+    dark = [image * (not 20 <= index < 28) for index, image in enumerate(images)]
+    write_video(tmp_path / "drive.mkv", dark)
+    route, said = built(tmp_path / "map", tmp_path / "drive.mkv", "--skip-blank", "--closed")
+    assert not any(each.closed for each in route.segments)
+    assert "closed: the last" not in said
+    links = f"{len(route.segments.links)} links"
+    expected = f"1 segment not closed, as places of it are left out: 2 open segments, with {links}"
+    assert expected in said
+    route, said = built(tmp_path / "map", tmp_path / "drive.mkv", "--closed")
+    assert "; closed: the last place is followed by the first" in said
 
 
 def test_a_ring_is_closed_by_itself(folder: Path, tmp_path: Path) -> None:

@@ -156,7 +156,7 @@ MISTAKES = {
     "positions of places alone": (["D.npy", "--positions", "where.npy"], 2, "--query-positions"),
     "no metres": (["D.npy", "--query-positions", "where.npy"], 2, "--tolerance: expected how many"),
     "half a place": (["D.npy", "--tolerance", 0.5], 2, "a whole number of places"),
-    "an unknown motion": (["D.npy", "--motion", "fast"], 2, "option `motion`"),
+    "an unknown motion": (["D.npy", "--motion", "fast"], 2, "'--motion'"),
     "no share": (["D.npy", "--wrong", 0], 2, "option `wrong`"),
     "another truth": (["D.npy", "--truth", "short.npy"], 1, "short.npy"),
     "no positions of places": (
