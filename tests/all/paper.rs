@@ -90,7 +90,7 @@ fn paper(d: &[Vec<f32>], config: &Config, external: Option<&[bool]>) -> Vec<Fix>
         let mut fix = any_fix();
         (fix.frame, fix.trusted, fix.place, fix.score) = (j as u64, trusted[j], place, score);
         (fix.single, fix.gradient, fix.sequence) = (single, peaks[j], sequence);
-        fix.blank = !tells(&d[j]);
+        (fix.blank, fix.segment_place) = (!tells(&d[j]), place);
         fix
     };
     (0..m).map(fix).collect()

@@ -33,6 +33,7 @@ from surefix.simulate import Route
 PLACES = 40
 PLAIN = "frame query place place_name score trusted blank ready anchors speed single_place single_distance gradient_place"
 COLUMNS = [*PLAIN.split(), "gradient_value", "latency_us"]
+WHERE = ["segment", "segment_place"]
 TRACK = ["confidence", "off_map", "place_low", "place_high", "sequence_place", "sequence_score"]
 
 
@@ -77,13 +78,13 @@ def same(a: list[dict[str, str]], b: list[dict[str, str]]) -> bool:
 def test_a_video_and_a_bag_give_the_fixes_of_their_images(drive: Path) -> None:
     route = drive / "route.safetensors"
     alone = rows(surefix_("run", route, drive / "images", "--motion", "none").stdout)
-    assert list(alone[0]) == COLUMNS, "of the paper alone"
+    assert list(alone[0]) == COLUMNS + WHERE, "of the paper alone"
     expected = rows(surefix_("run", route, drive / "images").stdout)
-    assert list(expected[0]) == [*COLUMNS, *TRACK]
+    assert list(expected[0]) == [*COLUMNS, *TRACK, *WHERE]
     for place, start in (("drive.mkv", 0), ("drive.bag", 1_700_000_000)):
         done = surefix_("run", route, drive / place)
         found = rows(done.stdout)
-        assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap", *TRACK]
+        assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap", *TRACK, *WHERE]
         assert same(found, expected)
         assert [row["query"] for row in found] == [str(index) for index in range(PLACES)]
         assert float(found[0]["time"]) == start
@@ -125,7 +126,7 @@ def test_a_gap_breaks_the_diagonal_and_is_said(drive: Path) -> None:
 def test_dropped_frames_are_counted_in_the_rows_and_in_the_summary(drive: Path) -> None:
     done = surefix_("run", drive / "route.safetensors", drive / "images", "--newest")
     found = rows(done.stdout)
-    assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap", *TRACK]
+    assert list(found[0]) == [*COLUMNS, "time", "dropped", "gap", *TRACK, *WHERE]
     dropped = sum(int(row["dropped"]) for row in found)
     assert len(found) + dropped == PLACES
     assert found[-1]["query"] == "39.png"

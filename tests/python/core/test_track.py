@@ -61,7 +61,10 @@ class Case:
 
     @property
     def options(self) -> dict[str, Any]:
-        return {"motion": self.motion, "tolerance": self.tolerance}
+        # A sequence needs a segment of its length.
+        longest = max(map(len, self.segments or [self.D]))
+        length = min(2, longest)
+        return {"motion": self.motion, "tolerance": self.tolerance, "sequence_length": length}
 
     @property
     def route(self) -> int | surefix.Segments:
