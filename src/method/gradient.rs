@@ -247,7 +247,9 @@ impl Enhanced<'_> {
             if closed {
                 self.around(age, start, before);
             } else {
-                before.iter_mut().for_each(|sum| *sum += missing);
+                for sum in before.iter_mut() {
+                    *sum += missing;
+                }
             }
             self.gradients(age, (start + absent).saturating_sub(age), within, |sum, g| *sum += g);
         }

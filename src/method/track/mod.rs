@@ -285,7 +285,7 @@ impl Tracker {
         let Self { motion, state, .. } = self;
         let mut lost_mass = 0.0;
         self.each_row(step, |row, taps, share| {
-            lost_mass += share * lost(row, taps, self.way(segments))
+            lost_mass += share * lost(row, taps, self.way(segments));
         });
         let left = step.moved() * state.scale * lost_mass;
         let [leave, restart, rejoin] = motion.rates(novelty.happens);
