@@ -485,6 +485,7 @@ impl LoopCloser {
         .or_raise(py)
     }
 
+    #[expect(clippy::unused_self, reason = "a method of Python's")]
     fn __reduce__(&self) -> PyResult<Py<PyTuple>> {
         let message = "a LoopCloser cannot be pickled: its places may lie in a file of its own; \
                        keep its places by to_map() and its edges by to_csv()";

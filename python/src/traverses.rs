@@ -100,8 +100,8 @@ impl Map {
     /// >>> road = Route(places=60, size=(128, 64))
     /// >>> summer = surefix.Map.from_images(road.reference(), progress=False)
     /// >>> both = summer.add_traverse(road.traverse(season=0.9), label="winter", progress=False)
-    /// >>> len(both), [traverse.label for traverse in both.traverses]
-    /// (60, ['', 'winter'])
+    /// >>> len(both), len(both.traverses), both.traverses[1].label
+    /// (60, 2, 'winter')
     /// >>> both.traverses[1].rows > 50
     /// True
     #[pyo3(
@@ -176,13 +176,12 @@ impl Map {
             let mut config = config(py, Some(&options), Floor::Running)?;
             config.motion.get_or_insert_with(Motion::any);
             config.sequence_length = 1;
-            let view = match &queries {
-                Some(queries) => queries.view()?,
+            let view = if let Some(queries) = &queries {
+                queries.view()?
+            } else {
                 // Before anything is scanned.
-                None => {
-                    py.detach(|| self.0.check_traverse(&rows)).or_raise(py)?;
-                    rows.descriptors()
-                }
+                py.detach(|| self.0.check_traverse(&rows)).or_raise(py)?;
+                rows.descriptors()
             };
             let callback = progress_callback(py, progress, "Aligning")?;
             let found = with_progress(py, callback.as_ref(), |progress| {

@@ -93,9 +93,9 @@ fn back(segments: &Segments, place: usize, steps: usize) -> Option<usize> {
 fn naive_gradient(d: &[f32], segments: &Segments, kind: Gradient) -> Vec<f32> {
     let mut before: Vec<Option<usize>> = vec![None; d.len()];
     let mut after = before.clone();
-    for place in 0..d.len() {
-        if let Some(previous) = back(segments, place, 1) {
-            before[place] = Some(previous);
+    for (place, before) in before.iter_mut().enumerate() {
+        *before = back(segments, place, 1);
+        if let Some(previous) = *before {
             after[previous] = Some(place);
         }
     }

@@ -118,8 +118,8 @@ fn a_gap_puts_the_robot_off_the_map_and_breaks_the_route() {
 #[test]
 fn a_frame_that_shows_nothing_is_a_place_and_no_edge() {
     let mut frames = circle(150, 60, 32, 6);
-    for frame in 90..96 {
-        frames[frame].fill(0.0);
+    for frame in &mut frames[90..96] {
+        frame.fill(0.0);
     }
     frames[20].fill(0.0);
     for metric in [Metric::Euclidean, Metric::Cosine, Metric::Manhattan] {

@@ -92,7 +92,7 @@ proptest! {
         let links = Links::new(&route);
         let way = Way { segments: &route, links: links.as_ref() };
         let (mut moved, mut onward) = (vec![0.0; places + 1], Vec::new());
-        for place in 0..places {
+        for (place, mass) in source.iter().enumerate() {
             let mut from_here = vec![0.0; places + 1];
             for &Tap { shift, weight } in &taps {
                 let divides = shift.unsigned_abs() <= FARTHEST;
@@ -100,7 +100,7 @@ proptest! {
             }
             let weight: f64 = taps.iter().map(|tap| tap.weight).sum();
             prop_assert!((from_here.iter().sum::<f64>() - weight).abs() < 1e-9);
-            moved.iter_mut().zip(&from_here).for_each(|(moved, x)| *moved += source[place] * x);
+            moved.iter_mut().zip(&from_here).for_each(|(moved, x)| *moved += mass * x);
             onward.push(from_here);
         }
         let start = start % places;
