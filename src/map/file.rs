@@ -9,7 +9,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::blank::Census;
-use super::block::{Blocks, lengths};
+#[cfg(feature = "mmap")]
+use super::block::Blocks;
+use super::block::lengths;
 #[cfg(feature = "mmap")]
 use super::contents::checked_norms;
 use super::contents::{FORMAT, Head, ROWS, Sidecar, THUMBNAILS, contents, entry, is_part};

@@ -91,6 +91,7 @@ pub(super) struct TraverseParts {
     /// The rows that show nothing, if the file says so.
     blank: Option<Arc<[usize]>>,
     /// The bytes of the rows in the file; empty if there are none.
+    #[cfg_attr(not(feature = "mmap"), expect(dead_code, reason = "for a mapped file"))]
     pub(super) rows: Range<usize>,
 }
 
