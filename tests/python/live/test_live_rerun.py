@@ -374,7 +374,7 @@ REFUSED = {
         ["--save: route.rrd is read or written here for something else"],
     ),
     "the fixes' name": (
-        ["--save", "f.rrd", "-o", "f.rrd"],
+        ["--save", "f.rrd", "-o", "f.rrd", "--format", "csv"],
         2,
         ["--save: f.rrd is read or written here"],
     ),
