@@ -239,7 +239,8 @@ impl Map {
         self.kind.recipe
     }
 
-    /// All descriptors, place by place; of several traverses, the first's. The rows of a map that was [`extended`](Self::extended) lie
+    /// All descriptors, place by place; of several traverses, the first's. The rows of a map that was
+    /// [`extended`](Self::extended) lie
     /// in several pieces: the first call on it copies them into one, which it keeps.
     pub fn descriptors(&self) -> View<'_> {
         self.blocks.in_one_piece()
