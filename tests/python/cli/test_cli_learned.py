@@ -240,7 +240,7 @@ def test_a_recording_is_mapped_by_a_network(drive: Path, tmp_path: Path) -> None
     done = surefix_("run", out, video, "--model", drive / "tiny.onnx")
     assert len(done.stdout.splitlines()) == PLACES + 1
     refused = surefix_("map", "build", video, "-o", out, *made, "--positions", few, code=1).stderr
-    assert f"{video}: expected a frame for each of 31 positions, got 10" in refused
+    assert f"{video}: expected a frame for each of 31 positions in {few}, got 10" in refused
     for arguments, message in (
         ((video, "--post", "normalize"), "got images for SAD"),
         ((video, "--key", "a"), "--key: expected descriptors"),
