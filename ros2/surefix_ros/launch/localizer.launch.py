@@ -39,9 +39,7 @@ def start(context: LaunchContext) -> list[Node]:
 def generate_launch_description() -> LaunchDescription:
     """Return the arguments and the node."""
     arguments = [
-        DeclareLaunchArgument(
-            each.name, default_value=text_of(each), description=each.help
-        )
+        DeclareLaunchArgument(each.name, default_value=text_of(each), description=each.about)
         for each in PARAMETERS
     ]
     described = 'A file of parameters, such as config/params.yaml; arguments count more.'

@@ -1,13 +1,13 @@
 """From image and odometry messages to fixes, poses and a status. It needs no ROS."""
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from threading import Condition, Lock
 import time as clock
-from typing import Any, Mapping, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-
 from surefix import Fix, SurefixError
 from surefix.errors import mismatch
 from surefix.frames import image_of

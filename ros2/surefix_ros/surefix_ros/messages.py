@@ -40,7 +40,7 @@ def pose(make: Make, head: Any, found: Pose) -> Any:
 
 def route(make: Make, head: Any, poses: RoutePoses) -> Any:
     """Return a PoseArray of the map's places."""
-    places = zip(poses.positions.tolist(), poses.yaws.tolist())
+    places = zip(poses.positions.tolist(), poses.yaws.tolist(), strict=True)
     made = [_pose(make, position, yaw) for position, yaw in places]
     return make('geometry_msgs/msg/PoseArray', header=head, poses=made)
 

@@ -4,12 +4,18 @@ The ROS interface of surefix: images and odometry in, fixes, poses and diagnosti
 All of the work is done in localization.py, which needs no ROS.
 """
 
+from concurrent.futures import Future, ThreadPoolExecutor
 import sys
-from threading import Thread
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, Pose, PoseArray, PoseWithCovariance
-from geometry_msgs.msg import PoseWithCovarianceStamped, Quaternion
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseArray,
+    PoseWithCovariance,
+    PoseWithCovarianceStamped,
+    Quaternion,
+)
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import ParameterDescriptor
 import rclpy
@@ -46,8 +52,8 @@ class LocalizerNode(Node):
         for each in PARAMETERS:
             # Of any type, so that a wrong one is refused in the node's own words.
             described = ParameterDescriptor(
-                description=each.help,
-                additional_constraints=each.range,
+                description=each.about,
+                additional_constraints=each.limits,
                 read_only=True,
                 dynamic_typing=True,
             )
@@ -73,8 +79,8 @@ class LocalizerNode(Node):
             topic = values['odometry_topic']
             self.create_subscription(Odometry, topic, self.localization.odometry, many)
         self.newest = Newest()
-        self.worker = Thread(target=self.work, name='surefix', daemon=True)
-        self.worker.start()
+        self.worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix='surefix')
+        self.worker.submit(self.work).add_done_callback(self.ended)
         kind, topic = Image, values['image_topic']
         if values['image_transport'] == 'compressed':
             kind, topic = CompressedImage, topic.removesuffix('/compressed') + '/compressed'
@@ -90,14 +96,14 @@ class LocalizerNode(Node):
 
     def work(self) -> None:
         """Localize the newest image, until the end."""
-        try:
-            while (message := self.newest.take()) is not None:
-                self.localize(message)
-        except Exception as error:
-            # Not if ROS was shut down in the middle.
-            if rclpy.ok():
-                self.error = error
-                rclpy.try_shutdown()
+        while (message := self.newest.take()) is not None:
+            self.localize(message)
+
+    def ended(self, work: Future) -> None:
+        # An error after ROS was shut down is one of publishing to it.
+        if work.exception() is not None and rclpy.ok():
+            self.error = work.exception()
+            rclpy.try_shutdown()
 
     def localize(self, message: 'Image | CompressedImage') -> None:
         now = self.get_clock().now()
@@ -138,7 +144,7 @@ class LocalizerNode(Node):
     def destroy_node(self) -> None:
         """End the worker, then the node."""
         self.newest.end()
-        self.worker.join()
+        self.worker.shutdown()
         super().destroy_node()
 
 

@@ -20,7 +20,7 @@ NONE = 'none'
 @dataclass(frozen=True)
 class Parameter:
     """
-    A parameter: its default, help, and range in words.
+    A parameter: its default, what it is for, and its limits in words.
 
     Its type is that of the default. ``words`` are the texts that it may be; a parameter with
     ``numbers`` may be a number as well. A list is of the type ``of``.
@@ -28,8 +28,8 @@ class Parameter:
 
     name: str
     default: Any
-    help: str  # noqa: A003
-    range: str = ''  # noqa: A003
+    about: str
+    limits: str = ''
     words: tuple[str, ...] = ()
     numbers: bool = False
     of: type = float
@@ -52,7 +52,7 @@ class Parameter:
             expected = ', '.join(map(repr, self.words)) + (' or a number' * self.numbers)
         elif kind is not list:
             expected = names[kind]
-        said = f' ({self.range})' if self.range and not self.words else ''
+        said = f' ({self.limits})' if self.limits and not self.words else ''
         raise mismatch(f'parameter {self.name}', expected + said, repr(value))
 
 
@@ -81,9 +81,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         'Settings from surefix tune. Beside them, only options that differ from their defaults '
         'count.',
     ),
-    Parameter(
-        'threads', 0, 'Threads of the scan; 0 chooses by the size of the map.', '0 or more'
-    ),
+    Parameter('threads', 0, 'Threads of the scan; 0 chooses by the size of the map.', '0 or more'),
     Parameter(
         'accept',
         0.95,
@@ -137,12 +135,12 @@ def checked(values: Mapping[str, Any]) -> dict[str, Any]:
     found = {each.name: each.checked(values.get(each.name, each.default)) for each in PARAMETERS}
     if not found['map']:
         raise mismatch('parameter map', 'a file from surefix map build', 'none')
-    limits = {'accept': 0 <= found['accept'] <= 1, 'gap': found['gap'] > 0}
-    limits['places_per_metre'] = math.isfinite(found['places_per_metre'])
-    limits |= {name: found[name] >= 0 for name in ('every', 'metres', 'threads')}
-    for name, inside in limits.items():
-        if not inside:
-            limit = next(each.range for each in PARAMETERS if each.name == name)
+    inside = {'accept': 0 <= found['accept'] <= 1, 'gap': found['gap'] > 0}
+    inside['places_per_metre'] = math.isfinite(found['places_per_metre'])
+    inside |= {name: found[name] >= 0 for name in ('every', 'metres', 'threads')}
+    for name, right in inside.items():
+        if not right:
+            limit = next(each.limits for each in PARAMETERS if each.name == name)
             raise mismatch(f'parameter {name}', limit, found[name])
     if found['metres'] and not found['odometry_topic']:
         raise mismatch('parameter metres', 'an odometry_topic too', 'none')
@@ -163,11 +161,11 @@ def localizer_of(found: Mapping[str, Any]) -> Localizer:
     """Return the localizer of checked parameters; a SurefixError says what is wrong."""
     names = [found['map'], *found['fuse']]
     maps = [Map.open(name) for name in names]
-    for name, other in zip(names, maps):
+    for name, other in zip(names, maps, strict=True):
         if len(other) != len(maps[0]):
             raise mismatch(name, f'a map of {len(maps[0])} places', len(other))
     networks = _networks(maps, names, found['model'])
-    for name, other, network in zip(names, maps, networks):
+    for name, other, network in zip(names, maps, networks, strict=True):
         if other.descriptor is None and network is None:
             recipe = other.recipe or {}
             made = recipe.get('name', 'ready descriptors')
@@ -183,11 +181,12 @@ def localizer_of(found: Mapping[str, Any]) -> Localizer:
 def _networks(maps: list[Map], names: list[str], model: str) -> list[Any]:
     if not model:
         return [None] * len(maps)
-    import typer
-
     from surefix.cli.drives import networks_of
+    import typer
 
     try:
         return list(networks_of(maps, names, model))
     except typer.BadParameter as error:
-        raise mismatch('parameter model', 'the ONNX file that the map was made with', error)
+        raise mismatch(
+            'parameter model', 'the ONNX file that the map was made with', error
+        ) from None

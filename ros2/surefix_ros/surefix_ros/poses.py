@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-
 from surefix import Fix, Map, Segments
 from surefix.motion import PERHAPS_OFF
 
@@ -87,7 +86,8 @@ def headings(positions: npt.NDArray[np.float64], segments: Segments) -> npt.NDAr
     """
     yaws = np.zeros(len(positions))
     for segment in segments:
-        own = positions[segment.start : segment.end, :2]
+        places = slice(segment.start, segment.end)
+        own = positions[places, :2]
         if segment.closed:
             around = np.roll(own, -1, axis=0) - np.roll(own, 1, axis=0)
         else:
@@ -96,6 +96,5 @@ def headings(positions: npt.NDArray[np.float64], segments: Segments) -> npt.NDAr
         if moving.any():
             first = int(np.argmax(moving))
             last = np.maximum.accumulate(np.where(moving, np.arange(len(own)), first))
-            found = np.arctan2(around[:, 1], around[:, 0])[last]
-            yaws[segment.start : segment.end] = found
+            yaws[places] = np.arctan2(around[:, 1], around[:, 0])[last]
     return yaws

@@ -7,7 +7,6 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
-
 from surefix.frames.bag import stamp_of
 from surefix.tables.poses import rotations
 

@@ -93,5 +93,3 @@ def road(folder: Path, **more: Any) -> tuple[Path, surefix.Map, list[np.ndarray]
     file = folder / "route.safetensors"
     made.save(file)
     return file, made, [revisit[i] for i in range(PLACES)], positions
-
-

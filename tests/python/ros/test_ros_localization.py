@@ -29,9 +29,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Drive:
 def test_an_entire_drive_has_the_fixes_of_a_localizer(drive: Drive, motion: str) -> None:
     file, route, images, _ = drive
     node = Localization({"map": str(file), "motion": motion, "sequence_length": 3})
-    plain = surefix.Localizer(
-        route, sequence_length=3, motion=None if motion == "none" else motion
-    )
+    plain = surefix.Localizer(route, sequence_length=3, motion=None if motion == "none" else motion)
     for index, image in enumerate(images):
         answer = node.image(ROS.image(image, START + index * PERIOD))
         assert answer is not None
@@ -57,7 +55,9 @@ def test_by_odometry_the_fixes_are_those_of_the_advances(drive: Drive) -> None:
     for index, place in enumerate(order):
         time = START + index * PERIOD
         node.odometry(ROS.odometry(positions[place], yaws()[place], time))
-        advance = None if before is None else (along[place] - along[before]) * route.places_per_metre
+        advance = (
+            None if before is None else (along[place] - along[before]) * route.places_per_metre
+        )
         answer = node.image(ROS.image(images[place], time))
         fix = plain.push(images[place], advance=advance)
         assert answer is not None
@@ -201,7 +201,9 @@ def test_headings_do_not_cross_a_break_and_go_round_a_ring(tmp_path: Path) -> No
     angle = np.arange(8) / 8 * 2 * math.pi
     ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     # Eastwards, with a stop; far away a ring.
-    line = np.array([[-9.0, 50, 0], [-8, 50, 0], [-7, 50, 0], [-7, 50, 0], [-7, 50, 0], [-6, 50, 0]])
+    line = np.array(
+        [[-9.0, 50, 0], [-8, 50, 0], [-7, 50, 0], [-7, 50, 0], [-7, 50, 0], [-6, 50, 0]]
+    )
     segments = surefix.Segments(14, breaks=[6], closed=[1])
     found = headings(np.concatenate([line, ring]), segments)
     assert np.allclose(found[:6], 0)
@@ -243,7 +245,7 @@ def test_a_gap_and_a_reset_by_hand(drive: Drive) -> None:
 
 
 def test_odometry_bridges_a_gap(drive: Drive) -> None:
-    file, route, images, positions = drive
+    file, _, images, positions = drive
     node = Localization({"map": str(file), "odometry_topic": "odom", "gap": 0.5})
     for index in [*range(25), *range(40, 45)]:
         time = START + index * PERIOD
@@ -328,9 +330,7 @@ def test_the_threshold_of_settings_accepts(drive: Drive, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=lambda each: each.name)
-def test_what_is_published_fits_the_messages_of_ros(
-    tmp_path: Path, distribution: Any
-) -> None:
+def test_what_is_published_fits_the_messages_of_ros(tmp_path: Path, distribution: Any) -> None:
     file, route, images, positions = road(tmp_path, origin=(51.5, -0.12))
     ros = Messages(distribution)
     node = Localization({"map": str(file)})
