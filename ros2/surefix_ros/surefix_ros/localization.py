@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from threading import Condition, Lock
+from threading import Lock
 import time as clock
 from typing import Any, NamedTuple
 
@@ -71,12 +71,14 @@ class Localization:
         self._broken = False
         # Of the newest image that was localized: its time, and the way driven until then.
         self._before: tuple[float, Mark | None] | None = None
-        self._lock = Lock()
+        # Odometry does not wait for an image.
+        self._lock, self._travelling = Lock(), Lock()
         self._came = clock.monotonic()
 
     def odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
-        self.travel.add(message)
+        with self._travelling:
+            self.travel.add(message)
 
     def image(self, message: Any, received: float = 0.0) -> Answer | None:
         """
@@ -90,7 +92,8 @@ class Localization:
         time = stamp / 1e9 if stamp else received
         with self._lock:
             self._came = clock.monotonic()
-            mark = self.travel.at(time)
+            with self._travelling:
+                mark = self.travel.at(time)
             if self._is_near(time, mark):
                 return None
             self.images += 1
@@ -207,33 +210,3 @@ class Localization:
         place, single = np.array([fix.place]), np.array([fix.single.place])
         near = self.map.segments.are_near(place, single, self.parameters['tolerance'])
         return fix.trusted and bool(near[0])
-
-
-class Newest:
-    """The newest message for a thread that may be slower than they come."""
-
-    def __init__(self) -> None:
-        self._condition = Condition()
-        self._message: Any = None
-        self._ended = False
-
-    def put(self, message: Any) -> bool:
-        """Leave a message, and return whether it replaces one that was not taken."""
-        with self._condition:
-            replaced = self._message is not None
-            self._message = message
-            self._condition.notify()
-            return replaced
-
-    def take(self) -> Any:
-        """Wait for a message; None at the end."""
-        with self._condition:
-            self._condition.wait_for(lambda: self._message is not None or self._ended)
-            message, self._message = self._message, None
-            return None if self._ended else message
-
-    def end(self) -> None:
-        """End the thread that takes."""
-        with self._condition:
-            self._ended = True
-            self._condition.notify_all()

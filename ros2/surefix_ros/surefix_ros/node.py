@@ -5,6 +5,8 @@ All of the work is done in localization.py, which needs no ROS.
 """
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from queue import Empty, Queue
 import sys
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -19,6 +21,7 @@ from geometry_msgs.msg import (
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import ParameterDescriptor
 import rclpy
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -28,7 +31,7 @@ from std_srvs.srv import Trigger
 from surefix import SurefixError
 from surefix_msgs.msg import Fix
 from surefix_ros import messages
-from surefix_ros.localization import Localization, Newest
+from surefix_ros.localization import Localization
 from surefix_ros.parameters import PARAMETERS
 
 MAKE = messages.maker(
@@ -78,9 +81,6 @@ class LocalizerNode(Node):
             many = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
             topic = values['odometry_topic']
             self.create_subscription(Odometry, topic, self.localization.odometry, many)
-        self.newest = Newest()
-        self.worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix='surefix')
-        self.worker.submit(self.work).add_done_callback(self.ended)
         kind, topic = Image, values['image_topic']
         if values['image_transport'] == 'compressed':
             kind, topic = CompressedImage, topic.removesuffix('/compressed') + '/compressed'
@@ -90,13 +90,21 @@ class LocalizerNode(Node):
             reliability=ReliabilityPolicy[values['image_reliability'].upper()],
         )
         self.create_subscription(kind, topic, self.take, quality)
+        # The newest image; None at the end.
+        self.waiting: Queue = Queue(1)
+        self.worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix='surefix')
+        self.worker.submit(self.work).add_done_callback(self.ended)
 
-    def take(self, message: 'Image | CompressedImage') -> None:
-        self.localization.dropped += self.newest.put(message)
+    def take(self, message: 'Image | CompressedImage | None') -> None:
+        """Leave an image for the worker, in place of one that waits."""
+        with suppress(Empty):
+            self.waiting.get_nowait()
+            self.localization.dropped += 1
+        self.waiting.put(message)
 
     def work(self) -> None:
         """Localize the newest image, until the end."""
-        while (message := self.newest.take()) is not None:
+        while (message := self.waiting.get()) is not None:
             self.localize(message)
 
     def ended(self, work: Future) -> None:
@@ -143,7 +151,7 @@ class LocalizerNode(Node):
 
     def destroy_node(self) -> None:
         """End the worker, then the node."""
-        self.newest.end()
+        self.take(None)
         self.worker.shutdown()
         super().destroy_node()
 
@@ -153,9 +161,9 @@ def main() -> None:
     rclpy.init()
     try:
         node = LocalizerNode()
-    except SurefixError as error:
+    except (SurefixError, NameValidationException) as error:
         rclpy.try_shutdown()
-        sys.exit(f'surefix: {error}')
+        sys.exit(f'surefix: {" ".join(str(error).split())}')
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -15,6 +15,7 @@ from surefix.options import Option, OPTIONS
 
 # The word of a text parameter for an option that is None.
 NONE = 'none'
+KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
 
 
 @dataclass(frozen=True)
@@ -41,19 +42,24 @@ class Parameter:
         if number and (kind is float or self.numbers):
             return float(value)
         if kind is list and not isinstance(value, (str, bytes)) and hasattr(value, '__iter__'):
-            items = [self.of(item) if type(item) is int else item for item in value]
-            if all(type(item) is self.of for item in items):
-                return items
-        elif type(value) is kind and kind is not list and (not self.words or value in self.words):
+            # ROS reads [1, 2] as whole numbers.
+            value = [self.of(item) if type(item) is int else item for item in value]
+            if all(type(item) is self.of for item in value):
+                return value
+        elif type(value) is kind and (not self.words or value in self.words):
             return value
-        names = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
-        expected = f'a list of {"texts" if self.of is str else "numbers"}'
+        raise self.refusal(value)
+
+    def refusal(self, value: Any) -> Exception:
+        """Return the error of a value."""
+        expected = KINDS.get(
+            type(self.default), f'a list of {"texts" if self.of is str else "numbers"}'
+        )
         if self.words:
             expected = ', '.join(map(repr, self.words)) + (' or a number' * self.numbers)
-        elif kind is not list:
-            expected = names[kind]
-        said = f' ({self.limits})' if self.limits and not self.words else ''
-        raise mismatch(f'parameter {self.name}', expected + said, repr(value))
+        elif self.limits:
+            expected += f' ({self.limits})'
+        return mismatch(f'parameter {self.name}', expected, repr(value))
 
 
 def _of(option: Option) -> Parameter:
@@ -68,57 +74,30 @@ def _of(option: Option) -> Parameter:
     if option.name == 'motion':
         default = 'any'
     numbers = option.type is float and bool(words)
-    return Parameter(option.name, default, option.help, option.range, words, numbers)
+    # An example is as it is typed on the command line.
+    limits = option.range.partition(', such as')[0]
+    return Parameter(option.name, default, option.help, limits, words, numbers)
 
 
+P = Parameter
 PARAMETERS: tuple[Parameter, ...] = (
-    Parameter('map', '', 'The map, from surefix map build.'),
-    Parameter('fuse', [], "Other techniques' maps of the same places.", of=str),
-    Parameter('model', '', 'The ONNX file of a map of learned descriptors.'),
-    Parameter(
-        'config',
-        '',
-        'Settings from surefix tune. Beside them, only options that differ from their defaults '
-        'count.',
-    ),
-    Parameter('threads', 0, 'Threads of the scan; 0 chooses by the size of the map.', '0 or more'),
-    Parameter(
-        'accept',
-        0.95,
-        'The confidence from which on a fix is accepted, unless the config has a threshold. '
-        'Without motion, a fix is accepted if it is trusted.',
-        '0 to 1',
-    ),
-    Parameter('accepted_only', False, 'Publish poses and degrees of accepted fixes only.'),
-    Parameter('image_topic', 'image', 'The camera.'),
-    Parameter(
-        'image_transport',
-        'raw',
-        'raw for sensor_msgs/Image, compressed for sensor_msgs/CompressedImage.',
-        words=('raw', 'compressed'),
-    ),
-    Parameter(
-        'image_reliability',
-        'best_effort',
-        'The quality of service of the image subscription.',
-        words=('best_effort', 'reliable'),
-    ),
-    Parameter('odometry_topic', '', 'A topic of nav_msgs/Odometry, which moves the track.'),
-    Parameter(
-        'places_per_metre',
-        0.0,
-        'Places that the robot passes in a metre; 0 for those of the map. Below 0 if the axis '
-        'that it calls forward points against the route.',
-        'a finite number',
-    ),
-    Parameter('every', 0.0, 'Take an image every this many seconds; 0 takes all.', '0 or more'),
-    Parameter(
-        'metres', 0.0, 'Take an image every this many metres, by odometry; 0: all.', '0 or more'
-    ),
-    Parameter(
-        'gap', 1.0, 'Images more than this many seconds apart are a break.', 'greater than 0'
-    ),
-    Parameter('frame_id', 'map', 'The frame of the poses: that of the positions in the map.'),
+    P('map', '', 'The map.', 'a file from surefix map build'),
+    P('fuse', [], "Other techniques' maps of the same places.", of=str),
+    P('model', '', 'The ONNX file of a map of learned descriptors.'),
+    # An option at its default cannot be told from one that is not given.
+    P('config', '', 'Settings from surefix tune; options here count if not at their defaults.'),
+    P('threads', 0, 'Threads of the scan; 0 chooses by the size of the map.', '0 or more'),
+    P('accept', 0.95, 'Fixes of this confidence are accepted; unused with a threshold.', '0 to 1'),
+    P('accepted_only', False, 'Publish poses and degrees of accepted fixes only.'),
+    P('image_topic', 'image', 'The camera.', 'not empty'),
+    P('image_transport', 'raw', 'Image, or CompressedImage.', words=('raw', 'compressed')),
+    P('image_reliability', 'best_effort', 'QoS of images.', words=('best_effort', 'reliable')),
+    P('odometry_topic', '', 'A topic of nav_msgs/Odometry, which moves the track.'),
+    P('places_per_metre', 0.0, "0: the map's. Below 0 if the x axis points back.", 'finite'),
+    P('every', 0.0, 'Take an image every this many seconds; 0 takes all.', '0 or more'),
+    P('metres', 0.0, 'Take an image every this many metres, by odometry.', '0 or more'),
+    P('gap', 1.0, 'Images more than this many seconds apart are a break.', 'above 0'),
+    P('frame_id', 'map', 'The frame of the poses: that of the positions in the map.'),
     *map(_of, OPTIONS),
 )
 
@@ -129,19 +108,17 @@ def checked(values: Mapping[str, Any]) -> dict[str, Any]:
 
     A SurefixValueError names the first that is wrong.
     """
-    unknown = sorted(values.keys() - {parameter.name for parameter in PARAMETERS})
+    known = {each.name: each for each in PARAMETERS}
+    unknown = sorted(values.keys() - known.keys())
     if unknown:
         raise mismatch('parameters', 'only those of surefix_ros', unknown[0])
-    found = {each.name: each.checked(values.get(each.name, each.default)) for each in PARAMETERS}
-    if not found['map']:
-        raise mismatch('parameter map', 'a file from surefix map build', 'none')
-    inside = {'accept': 0 <= found['accept'] <= 1, 'gap': found['gap'] > 0}
-    inside['places_per_metre'] = math.isfinite(found['places_per_metre'])
+    found = {name: each.checked(values.get(name, each.default)) for name, each in known.items()}
+    inside = {name: bool(found[name]) for name in ('map', 'image_topic')}
     inside |= {name: found[name] >= 0 for name in ('every', 'metres', 'threads')}
-    for name, right in inside.items():
-        if not right:
-            limit = next(each.limits for each in PARAMETERS if each.name == name)
-            raise mismatch(f'parameter {name}', limit, found[name])
+    inside |= {'accept': 0 <= found['accept'] <= 1, 'gap': found['gap'] > 0}
+    inside['places_per_metre'] = math.isfinite(found['places_per_metre'])
+    for name in (name for name, right in inside.items() if not right):
+        raise known[name].refusal(found[name])
     if found['metres'] and not found['odometry_topic']:
         raise mismatch('parameter metres', 'an odometry_topic too', 'none')
     return found
@@ -161,18 +138,17 @@ def localizer_of(found: Mapping[str, Any]) -> Localizer:
     """Return the localizer of checked parameters; a SurefixError says what is wrong."""
     names = [found['map'], *found['fuse']]
     maps = [Map.open(name) for name in names]
-    for name, other in zip(names, maps, strict=True):
-        if len(other) != len(maps[0]):
-            raise mismatch(name, f'a map of {len(maps[0])} places', len(other))
     networks = _networks(maps, names, found['model'])
     for name, other, network in zip(names, maps, networks, strict=True):
+        if len(other) != len(maps[0]):
+            raise mismatch(name, f'a map of {len(maps[0])} places', len(other))
         if other.descriptor is None and network is None:
-            recipe = other.recipe or {}
-            made = recipe.get('name', 'ready descriptors')
+            made = (other.recipe or {}).get('name', 'ready descriptors')
             raise mismatch('parameter model', f'the ONNX file of {name} (made by {made})', 'none')
+    several = len(maps) > 1
     return Localizer(
-        maps if len(maps) > 1 else maps[0],
-        descriptor=networks if len(maps) > 1 else networks[0],
+        maps if several else maps[0],
+        descriptor=networks if several else networks[0],
         config=settings_of(found),
         threads=found['threads'] or None,
     )
@@ -187,6 +163,5 @@ def _networks(maps: list[Map], names: list[str], model: str) -> list[Any]:
     try:
         return list(networks_of(maps, names, model))
     except typer.BadParameter as error:
-        raise mismatch(
-            'parameter model', 'the ONNX file that the map was made with', error
-        ) from None
+        expected = 'the ONNX file that the map was made with'
+        raise mismatch('parameter model', expected, error) from None

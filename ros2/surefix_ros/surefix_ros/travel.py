@@ -3,7 +3,6 @@
 from collections import deque
 from itertools import islice
 import math
-from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ class Travel:
     The way driven along the robot's own x axis (REP 105), linear between messages.
 
     If the clock goes back, or the pose leaps as an odometry that starts anew does, the way begins
-    anew: marks of different starts cannot be compared. Any thread may call it.
+    anew: marks of different starts cannot be compared.
     """
 
     # Seconds that are kept; seconds after the newest message for which its speed is believed.
@@ -33,7 +32,6 @@ class Travel:
 
     def __init__(self) -> None:
         self.starts = self.refused = 0
-        self._lock = Lock()
         self._way: deque[tuple[float, float]] = deque()
         self._pose: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -49,10 +47,6 @@ class Travel:
             return
         length = np.linalg.norm(quaternion)
         forward = rotations([quaternion / length])[0][:, 0] if length else np.zeros(3)
-        with self._lock:
-            self._add(time, position, forward, speed)
-
-    def _add(self, time: float, position: np.ndarray, forward: np.ndarray, speed: float) -> None:
         if self._way and self._pose is not None:
             before, metres = self._way[-1]
             step = position - self._pose[0]
@@ -74,10 +68,6 @@ class Travel:
 
     def at(self, time: float) -> Mark | None:
         """Return the way at a time in seconds; None if it is not known."""
-        with self._lock:
-            return self._at(time)
-
-    def _at(self, time: float) -> Mark | None:
         if not self._way or not self._way[0][0] <= time <= self._way[-1][0] + self.AHEAD:
             return None
         if len(self._way) == 1:

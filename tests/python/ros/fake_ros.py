@@ -56,6 +56,8 @@ class Node:
         return SimpleNamespace(publish=publish)
 
     def create_subscription(self, kind: type, topic: str, callback: Any, quality: Any) -> None:
+        if " " in topic:
+            raise NameValidationException(f"Invalid topic name:\n  {topic!r}")
         self.subscriptions[topic] = kind, callback
         self.qualities[topic] = quality
 
@@ -78,6 +80,10 @@ class Node:
 
     def destroy_node(self) -> None:
         self.destroyed = True
+
+
+class NameValidationException(ValueError):  # noqa: N818 (rclpy's name)
+    """As in rclpy."""
 
 
 class ExternalShutdownException(Exception):  # noqa: N818 (rclpy's name)
@@ -135,6 +141,7 @@ def install(monkeypatch: pytest.MonkeyPatch, ros: Messages, spin: Any) -> Simple
     module("rclpy", **calls)
     module("rclpy.node", Node=Node)
     module("rclpy.qos", QoSProfile=SimpleNamespace, **policies)
+    module("rclpy.exceptions", NameValidationException=NameValidationException)
     module("rclpy.executors", ExternalShutdownException=ExternalShutdownException)
     monkeypatch.delitem(sys.modules, "surefix_ros.node", raising=False)
     monkeypatch.setattr(Node, "made", [])

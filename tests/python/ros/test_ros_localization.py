@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 from ros_messages import DISTRIBUTIONS, PERIOD, PLACES, Messages, road
 from surefix_ros import messages
-from surefix_ros.localization import ERROR, OK, WARN, Localization, Newest
+from surefix_ros.localization import ERROR, OK, WARN, Localization
 
 import surefix
 from surefix.simulate import Route
@@ -380,12 +380,3 @@ def test_without_positions_there_are_fixes_and_no_poses(tmp_path: Path, drive: D
     assert messages.nav_sat_fix(ROS.make, head, answer) is None
     with pytest.raises(surefix.SurefixValueError, match="parameter places_per_metre: expected"):
         Localization({"map": str(file), "odometry_topic": "odom"})
-
-
-def test_the_newest_message_replaces_one_that_waits() -> None:
-    newest = Newest()
-    assert [newest.put(number) for number in (1, 2, 3)] == [False, True, True]
-    assert newest.take() == 3
-    assert newest.put(4) is False
-    newest.end()
-    assert newest.take() is None

@@ -145,7 +145,7 @@ def test_a_slow_node_takes_the_newest_image(
         with node.localization._lock:
             take(ROS.image(images[0], START))
             # It waits for the lock, as if it was slow.
-            wait_for(lambda: node.newest._message is None)
+            wait_for(node.waiting.empty)
             for index in range(1, 6):
                 take(ROS.image(images[index], START + index * PERIOD))
         wait_for(lambda: len(node.publishers["~/fix"]) == 2)
@@ -163,6 +163,8 @@ def test_a_wrong_parameter_ends_the_node_with_one_line(
     with pytest.raises(SystemExit) as end:
         run(monkeypatch, {"map": str(tmp_path / "gone")}, lambda node: None)
     assert re.fullmatch(r"surefix: .*gone: cannot read the map: .*", str(end.value.code))
+    with pytest.raises(SystemExit, match=r"^surefix: Invalid topic name: 'my camera'$"):
+        run(monkeypatch, {"map": str(road(tmp_path)[0]), "image_topic": "my camera"}, print)
 
 
 def test_an_error_of_the_worker_is_not_lost(
