@@ -23,9 +23,10 @@ def start(context: LaunchContext) -> list[Node]:
         text = LaunchConfiguration(each.name).perform(context)
         if text != text_of(each):
             word = isinstance(each.default, str) and not each.numbers
-            given[each.name] = text if word else yaml.safe_load(text)
+            given[each.name] = each.checked(text if word else yaml.safe_load(text))
     file = LaunchConfiguration(FILE).perform(context)
-    parameters = [*([file] if file else []), given]
+    # ROS refuses a file, and launch writes one, without parameters.
+    parameters = [part for part in (file, given) if part]
     node = Node(
         package='surefix_ros',
         executable='localizer',

@@ -13,7 +13,7 @@ from surefix.errors import mismatch
 from surefix.frames import image_of
 from surefix.frames.bag import stamp_of
 from surefix.motion import PERHAPS_OFF
-from surefix_ros.parameters import checked, localizer_of
+from surefix_ros.parameters import checked, localizer_of, settings_of
 from surefix_ros.poses import Pose, RoutePoses
 from surefix_ros.travel import Mark, Travel
 
@@ -29,6 +29,8 @@ class Answer:
     pose: Pose | None
     accepted: bool
     place_name: str
+    # Whether the promise of the threshold holds no longer; False without one.
+    alarm: bool
     # Places by odometry, None if unknown; and seconds.
     advance: float | None
     latency: float
@@ -57,9 +59,13 @@ class Localization:
         self.judged = self.localizer.threshold is not None
         self.scale = found['places_per_metre'] or route.places_per_metre
         self.by_odometry = bool(found['odometry_topic'])
-        if self.by_odometry and not self.scale:
-            expected = 'a number other than 0, as the map has no positions'
-            raise mismatch('parameter places_per_metre', expected, self.scale or 0)
+        if self.by_odometry:
+            moving = settings_of(found).options['motion'] is not None
+            if moving and not self.scale:
+                expected = 'a number other than 0, as the map has no positions'
+                raise mismatch('parameter places_per_metre', expected, 0)
+            if not moving and not found['metres']:
+                raise mismatch('parameter odometry_topic', 'a motion other than none', 'none')
         backwards = found['places_per_metre'] < 0
         self.poses = None if route.positions is None else RoutePoses(route, backwards)
         self.travel = Travel()
@@ -117,7 +123,8 @@ class Localization:
             name = self.names[fix.place] if self.names else ''
             latency = clock.perf_counter() - began
             self._latencies.append(latency)
-            self.answer = Answer(fix, pose, accepted, name, advance, latency)
+            alarm = self.localizer.alarm
+            self.answer = Answer(fix, pose, accepted, name, alarm, advance, latency)
             return self.answer
 
     def gap(self) -> None:
@@ -158,7 +165,7 @@ class Localization:
                 values['confidence'] = f'{fix.track.confidence:.3f}'
                 values['off the map'] = f'{fix.track.off_map:.3f}'
             if self.judged:
-                values['alarm'] = self.localizer.alarm
+                values['alarm'] = answer.alarm
         texts = {key: str(value) for key, value in values.items()}
         return Status(*self._word(answer, silent), texts)
 
@@ -169,7 +176,7 @@ class Localization:
             return ERROR, self.problem
         if answer is None:
             return WARN, 'no image yet'
-        if self.judged and self.localizer.alarm:
+        if answer.alarm:
             return WARN, 'the scores are not those of the calibration: its promise does not hold'
         if self.by_odometry and answer.advance is None and answer.fix.frame:
             return WARN, 'no odometry at the time of the image'
@@ -197,7 +204,7 @@ class Localization:
     def _advance(self, mark: Mark | None) -> float | None:
         """Return the places passed since the image before; None if they are not known."""
         before = None if self._before is None else self._before[1]
-        if not self.by_odometry or mark is None or before is None or mark.start != before.start:
+        if mark is None or before is None or mark.start != before.start or not self.scale:
             return None
         return self.scale * (mark.metres - before.metres)
 

@@ -2,7 +2,9 @@
 
 import io
 import math
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -380,3 +382,35 @@ def test_without_positions_there_are_fixes_and_no_poses(tmp_path: Path, drive: D
     assert messages.nav_sat_fix(ROS.make, head, answer) is None
     with pytest.raises(surefix.SurefixValueError, match="parameter places_per_metre: expected"):
         Localization({"map": str(file), "odometry_topic": "odom"})
+
+
+def test_odometry_that_would_do_nothing_is_refused(drive: Drive) -> None:
+    given = {"map": str(drive[0]), "odometry_topic": "odom", "motion": "none"}
+    with pytest.raises(surefix.SurefixValueError, match="parameter odometry_topic: expected a mot"):
+        Localization(given)
+    assert Localization(given | {"metres": 2}).by_odometry
+
+
+def test_the_status_may_be_asked_while_an_image_is_localized(drive: Drive, tmp_path: Path) -> None:
+    file, route, images, _ = drive
+    run = surefix.match(route, images, motion="steady")
+    threshold = surefix.calibrate(run, np.arange(PLACES), wrong=0.3, sure=0.8)
+    config = tmp_path / "route.toml"
+    surefix.Settings(threshold=threshold, maps=route, motion="steady").save(config)
+    node = Localization({"map": str(file), "config": str(config), "odometry_topic": "odom"})
+    ended = Event()
+
+    def ask() -> int:
+        count = 0
+        while not ended.is_set():
+            node.status()
+            node.odometry(ROS.odometry(np.array([0.1 * count, 0]), 0, START + 0.01 * count))
+            count += 1
+        return count
+
+    with ThreadPoolExecutor() as pool:
+        asked = [pool.submit(ask) for _ in range(2)]
+        for index in range(500):
+            assert node.image(ROS.image(images[index % PLACES], START + index * PERIOD))
+        ended.set()
+        assert all(each.result() > 0 for each in asked)

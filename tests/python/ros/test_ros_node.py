@@ -204,16 +204,20 @@ def test_the_launch_file_has_every_parameter_as_an_argument(
 ) -> None:
     node = launched(monkeypatch)
     assert (node.package, node.executable) == ("surefix_ros", "localizer")
-    assert node.parameters == [{}]
+    assert node.parameters == []
     node = launched(
         monkeypatch, map="7", weight="0.5", speeds="[0.5, 1.0]", floor="0.2", accepted_only="true",
-        motion="none", fuse="[a, b]", params_file="p.yaml",
+        motion="none", fuse="[a, b]", technique_weights="[1, 0.5]", params_file="p.yaml",
     )  # fmt: skip
     changed = {
         "map": "7", "weight": 0.5, "speeds": [0.5, 1.0], "floor": 0.2, "accepted_only": True,
-        "motion": "none", "fuse": ["a", "b"],
+        "motion": "none", "fuse": ["a", "b"], "technique_weights": [1.0, 0.5],
     }  # fmt: skip
     assert node.parameters == ["p.yaml", changed]
+    # Of one type: launch refuses others.
+    assert all(type(each) is float for each in node.parameters[1]["technique_weights"])
+    with pytest.raises(surefix.SurefixError, match="parameter weight: expected a number"):
+        launched(monkeypatch, weight="heavy")
 
 
 def test_the_layout_shows_topics_of_the_node() -> None:
