@@ -74,6 +74,8 @@ class Localization:
         self.problem = ''
         self.images = self.refused = self.dropped = self.gaps = 0
         self._latencies: deque[float] = deque(maxlen=1000)
+        # The time of the newest image that could be used; whether the drive is broken after it.
+        self._seen: float | None = None
         self._broken = False
         # Of the newest image that was localized: its time, and the way driven until then.
         self._before: tuple[float, Mark | None] | None = None
@@ -98,24 +100,27 @@ class Localization:
         time = stamp / 1e9 if stamp else received
         with self._lock:
             self._came = clock.monotonic()
+            self.problem = ''
             with self._travelling:
                 mark = self.travel.at(time)
+            if self._seen is not None and not 0 <= time - self._seen <= self.parameters['gap']:
+                self._broken = True
             if self._is_near(time, mark):
+                self._seen = time
                 return None
             self.images += 1
+            advance = self._advance(mark)
             try:
                 image = image_of(message)
-                broken = self._is_break(time)
-                advance = self._advance(mark)
-                if broken:
-                    self.gaps += 1
+                if self._broken:
                     self.localizer.gap(None if advance is None else 0.0)
                 fix = self.localizer.push(image, advance=advance)
             except SurefixError as error:
                 self.problem = str(error)
                 self.refused += 1
                 return None
-            self.problem, self._broken, self._before = '', False, (time, mark)
+            self.gaps += self._broken
+            self._seen, self._broken, self._before = time, False, (time, mark)
             accepted = self._is_accepted(fix)
             pose = None
             if self.poses is not None:
@@ -130,15 +135,14 @@ class Localization:
     def gap(self) -> None:
         """Say that the next image does not follow on the one before."""
         with self._lock:
-            self._broken = True
             if self._before is not None:
-                self._before = self._before[0], None
+                self._broken, self._before = True, (self._before[0], None)
 
     def reset(self) -> None:
         """Forget all images."""
         with self._lock:
             self.localizer.reset()
-            self.answer = self._before = None
+            self.answer = self._before = self._seen = None
             self._broken = False
 
     def status(self) -> Status:
@@ -189,17 +193,10 @@ class Localization:
         if self._before is None or self._broken:
             return False
         past, before = self._before
-        if not 0 <= time - past <= self.parameters['gap']:
-            return False
         if self.parameters['metres'] and mark and before and mark.start == before.start:
             return abs(mark.metres - before.metres) < self.parameters['metres']
         # A camera's clock is not exact to a millisecond.
         return time - past < self.parameters['every'] - 0.001
-
-    def _is_break(self, time: float) -> bool:
-        if self._before is None:
-            return False
-        return self._broken or not 0 <= time - self._before[0] <= self.parameters['gap']
 
     def _advance(self, mark: Mark | None) -> float | None:
         """Return the places passed since the image before; None if they are not known."""

@@ -47,6 +47,7 @@ class RoutePoses:
         self.height_known = not flat
         self.positions = np.pad(route.positions, ((0, 0), (0, int(flat))))
         self.yaws = headings(self.positions, route.segments) + math.pi * backwards
+        self.ahead = np.stack([np.cos(self.yaws), np.sin(self.yaws)], axis=1)
         steps = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         self.spacing = float(np.median(steps[steps > 0])) if steps.any() else 1.0
         extent = float(np.linalg.norm(np.ptp(self.positions, axis=0)))
@@ -62,8 +63,8 @@ class RoutePoses:
         if belief is not None:
             on_map = belief / max(belief.sum(), 1e-300)
             away = self.positions - self.positions[place]
-            moment = moment + (on_map * away.T) @ away
-            mean = abs(np.sum(on_map * np.exp(1j * self.yaws)))
+            moment = moment + (on_map[:, None] * away).T @ away
+            mean = math.hypot(*(on_map @ self.ahead))
             # The variance of a wrapped normal distribution with this mean.
             turned += min(-2 * math.log(min(max(mean, 1e-9), 1.0)), ANY_ANGLE)
         # The robot is somewhere within the place.
@@ -81,7 +82,7 @@ def headings(positions: npt.NDArray[np.float64], segments: Segments) -> npt.NDAr
     """
     Return the route's heading at each place in radians, shape (n,).
 
-    It is the direction from the place before to the one after, in the same segment; where the
+    It is the direction from the place before to the one after, in the same segment; if the
     robot stood still, that of the place before.
     """
     yaws = np.zeros(len(positions))

@@ -311,6 +311,25 @@ def test_images_by_time_and_by_distance(drive: Drive) -> None:
     assert by_time.problem == by_metres.problem == ""
 
 
+def test_a_robot_that_stands_is_no_gap(drive: Drive) -> None:
+    file, _, images, positions = drive
+    node = Localization({"map": str(file), "odometry_topic": "odom", "metres": 1.0})
+    slow = Localization({"map": str(file), "every": 2.5})
+    taken = 0
+    order = [*range(10), *[9] * 40, *range(10, 20)]
+    for index, place in enumerate(order):
+        time = START + index * PERIOD
+        node.odometry(ROS.odometry(positions[place], yaws()[place], time))
+        taken += node.image(ROS.image(images[place], time)) is not None
+        slow.image(ROS.image(images[place], time))
+    assert taken == 20
+    assert node.gaps == slow.gaps == 0
+    # The camera was away.
+    for each in (node, slow):
+        each.image(ROS.image(images[20], time + 4))
+        assert each.gaps == 1
+
+
 def test_the_threshold_of_settings_accepts(drive: Drive, tmp_path: Path) -> None:
     file, route, images, _ = drive
     run = surefix.match(route, images, motion="steady")
