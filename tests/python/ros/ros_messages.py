@@ -19,6 +19,9 @@ DISTRIBUTIONS = (Stores.ROS2_JAZZY, Stores.ROS2_KILTED)
 PLACES = 60
 PERIOD = 0.125
 
+# The map's file, the map, the images of a second drive, and where each was taken.
+Drive = tuple[Path, surefix.Map, list[np.ndarray], np.ndarray]
+
 
 class Messages:
     """The messages of a distribution; ``make`` is as ``surefix_ros.messages`` takes it."""
@@ -81,10 +84,8 @@ class Messages:
         )  # fmt: skip
 
 
-def road(folder: Path, **more: Any) -> tuple[Path, surefix.Map, list[np.ndarray], np.ndarray]:
-    """A quarter of a circle of 100 m: the map's file, the map, the images of a second drive, and
-    where each was taken.
-    """
+def road(folder: Path, **more: Any) -> Drive:
+    """A quarter of a circle of 100 m."""
     route = Route(places=PLACES, size=(96, 48))
     angle = np.linspace(0, np.pi / 2, PLACES)
     positions = 100 * np.stack([np.sin(angle), 1 - np.cos(angle)], axis=1)
