@@ -72,8 +72,8 @@ lint: $(VENV)/dev
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets --all-features -- -D warnings
 	cargo clippy --locked --no-default-features --all-targets -- -D warnings
-	$(BIN)/ruff check python tests benches examples packaging docs/*.py docs/_ext
-	$(BIN)/ruff format --check python tests benches examples packaging docs/*.py docs/_ext
+	$(BIN)/ruff check python tests benches examples packaging ros2 docs/*.py docs/_ext
+	$(BIN)/ruff format --check python tests benches examples packaging ros2 docs/*.py docs/_ext
 
 # Every kernel in ten times as many cases.
 test-long:
