@@ -75,9 +75,10 @@ lint: $(VENV)/dev
 	$(BIN)/ruff check python tests benches examples packaging ros2 docs/*.py docs/_ext
 	$(BIN)/ruff format --check python tests benches examples packaging ros2 docs/*.py docs/_ext
 
-# Every kernel in ten times as many cases.
-test-long:
+# Every kernel in ten times as many cases; 10,000 roads against the oracle.
+test-long: $(VENV)/installed $(VENV)/dev
 	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib kernels
+	LONG=1 $(BIN)/python -m pytest -n auto tests/python/core/test_differential.py
 
 # All tests with all features; the unit tests without any. make release-check runs all tests without features, too.
 rust:
