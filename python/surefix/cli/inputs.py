@@ -2,7 +2,8 @@
 
 import glob
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -121,13 +122,37 @@ def open_frames(
         more: dict[str, Any] = {"order": order, "skip_bad": not strict, "crop": crop}
         return frames.open(place, **sampling, **more)
     check_sampling(place, **(sampling | {"stride": 1}))
-    images = frames.ImageFrames(listed(place), key, order=order)
+    with naming_folders(place):
+        images = frames.ImageFrames(listed(place), key, order=order)
     if stride != 1:
         images = images.taken(range(0, len(images), stride))
     if crop is None or images.ready is not None:
         return images
     cut = frames.Crop(images, crop)
     return cut if strict else frames.SkipBad(cut)
+
+
+@contextmanager
+def naming_folders(place: str) -> Iterator[None]:
+    """Names the folders with images that lie in a folder without any, in its refusal."""
+    try:
+        yield
+    except SurefixValueError as error:
+        path = Path(place)
+        if not (str(error).startswith(f"{place}: ") and path.is_dir()):
+            raise
+        inside = [each for each in sorted(path.iterdir()) if each.is_dir() and _has_images(each)]
+        if not inside or _has_images(path):
+            raise
+        named = ", ".join(map(str, inside[:5])) + (" and more" if len(inside) > 5 else "")
+        raise SurefixValueError(f"{error}; folders in it have some: {named}") from None
+
+
+def _has_images(folder: Path) -> bool:
+    try:
+        return bool(find_images(folder))
+    except SurefixError:
+        return False
 
 
 def one_place(given: Sequence[str] | None) -> str | None:
@@ -155,7 +180,8 @@ def one_place(given: Sequence[str] | None) -> str | None:
         return place
     expected = "expected a folder, a file, a pattern, or images of one folder"
     raise typer.BadParameter(
-        f"{expected}, got {', '.join(given[:3])} and so on, {len(given)} names"
+        f"{expected}, got {', '.join(given[:3])} and so on, {len(given)} names; a pattern as ROUTE "
+        "must be quoted"
     )
 
 

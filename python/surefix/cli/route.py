@@ -88,7 +88,8 @@ def open_route(
         return Route(place, open_map(place))
     frames = inputs.open_frames(place, **_reading(place, **reading))
     if queries is not None and not (is_recording(queries) or is_camera(queries)):
-        ImageFrames(inputs.listed(queries))
+        with inputs.naming_folders(queries):
+            ImageFrames(inputs.listed(queries))
     if save is not None:
         check_folder(save, "cannot write the map")
         inputs.check_not_read(save, [*frames.files, *model.files, queries, *read], "--save-map")

@@ -31,6 +31,7 @@ from surefix.cli.inputs import (
     check_not_read,
     crop_of,
     listed,
+    naming_folders,
     notes_on,
     refuse,
     scale_of,
@@ -155,18 +156,19 @@ def run(
     where = None if odometry is None or (metres and not motion) else places.positions
     scale, of = scale_of(where, spacing, places_per_metre)
     refuse(odometry is not None and scale is None and metres is None, NO_SCALE)
-    source = frames.open(
-        listed(queries),
-        topic=topic,
-        follow=follow,
-        idle=idle,
-        gap=gap,
-        places_per_metre=scale,
-        newest=newest,
-        skip_bad=not strict,
-        crop=crop_of(places, crop),
-        **reading,
-    )
+    with naming_folders(queries):
+        source = frames.open(
+            listed(queries),
+            topic=topic,
+            follow=follow,
+            idle=idle,
+            gap=gap,
+            places_per_metre=scale,
+            newest=newest,
+            skip_bad=not strict,
+            crop=crop_of(places, crop),
+            **reading,
+        )
     names, maps = [route, *(fuse or ())], [places, *others_of(places, fuse or ())]
     networks = networks_of(maps, names, named, source, made=known.network)
     try:

@@ -210,7 +210,13 @@ def from_hub(
         source, quiet = (model.repository, model.entry), {"trust_repo": True, "verbose": False}
         with redirect_stdout(sys.stderr), _downloading(library, model, file, read):
             module = library.hub.load(*source, **quiet, **given)
+    except SurefixValueError:
+        raise
     except Exception as error:
+        if read:
+            # The file was read, and the model does not take it: PyTorch says more in its next line.
+            said = " ".join(str(error).split())[:200]
+            raise SurefixValueError(f"{file}: not the weights of {name}: {said}") from error
         # That code may raise any error; without a network, it is one of four kinds.
         raise SurefixError(_refusal(name, model, given, error, library.hub.get_dir())) from error
     if file is not None and not read:
