@@ -57,19 +57,20 @@ def networks_of(
     maps: Sequence[Map],
     names: Sequence[object],
     wanted: ModelOptions,
-    frames: Frames,
+    frames: Frames | None = None,
     argument: str = "QUERIES",
     *,
     made: Network | None = None,
 ) -> list[Network | None]:
-    """The network that describes the frames for each map: none for SAD, or if they are ready
-    descriptors. Of several maps, ``--model`` is that of those of learned descriptors; the network
-    that the first was ``made`` with here is at hand. Refuses frames that a map cannot take.
+    """The network that describes the frames (by default images) for each map: none for SAD, or if
+    they are ready descriptors. Of several maps, ``--model`` is that of those of learned
+    descriptors; the network that the first was ``made`` with here is at hand. Refuses frames that
+    a map cannot take.
     """
     source: Any = frames
     while not isinstance(source, ImageFrames) and isinstance(source, Derived):
         source = source.source
-    if source.ready is not None:
+    if frames is not None and source.ready is not None:
         got = f"got the ready descriptors {frames.files[0]}"
         refuse(wanted.model is not None, f"--model: expected images, {got}")
         return [None] * len(maps)

@@ -35,11 +35,13 @@ def models(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
     if as_json:
         print(json.dumps({"models": found, "files": files}))
         return
-    table = Table("name", "numbers", "images", "licence", "packages", "here", box=None)
+    table = Table(
+        "name", "numbers", "images", "licence", "packages", "here", box=None, pad_edge=False
+    )
     for each in found:
         width, height = each["size"]
         lacking = [package for package, there in each["packages"].items() if not there]
-        packages = f"missing: {', '.join(lacking)}" if lacking else "installed"
+        packages = ", ".join(lacking) or "none"
         row = (str(each["dim"]), f"{width} x {height}", each["licence"], packages, _said(each))
         table.add_row(each["name"], *map(Text, row))
     width = None if sys.stdout.isatty() else WIDE

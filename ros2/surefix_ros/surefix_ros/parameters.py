@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from surefix import Localizer, Map, Settings
+from surefix import Localizer, Map, Settings, SurefixValueError
 from surefix.errors import mismatch
 from surefix.options import Option, OPTIONS
 
@@ -83,7 +83,7 @@ P = Parameter
 PARAMETERS: tuple[Parameter, ...] = (
     P('map', '', 'The map.', 'a file from surefix map build'),
     P('fuse', [], "Other techniques' maps of the same places.", of=str),
-    P('model', '', 'The ONNX file of a map of learned descriptors.'),
+    P('model', '', "The network of a map of learned descriptors; by default the map's own."),
     # An option at its default cannot be told from one that is not given.
     P('config', '', 'Settings from surefix tune; options here count if not at their defaults.'),
     P('threads', 0, 'Threads of the scan; 0 chooses by the size of the map.', '0 or more'),
@@ -139,12 +139,9 @@ def localizer_of(found: Mapping[str, Any]) -> Localizer:
     names = [found['map'], *found['fuse']]
     maps = [Map.open(name) for name in names]
     networks = _networks(maps, names, found['model'])
-    for name, other, network in zip(names, maps, networks, strict=True):
+    for name, other in zip(names, maps, strict=True):
         if len(other) != len(maps[0]):
             raise mismatch(name, f'a map of {len(maps[0])} places', len(other))
-        if other.descriptor is None and network is None:
-            made = (other.recipe or {}).get('name', 'ready descriptors')
-            raise mismatch('parameter model', f'the ONNX file of {name} (made by {made})', 'none')
     several = len(maps) > 1
     return Localizer(
         maps if several else maps[0],
@@ -155,13 +152,12 @@ def localizer_of(found: Mapping[str, Any]) -> Localizer:
 
 
 def _networks(maps: list[Map], names: list[str], model: str) -> list[Any]:
-    if not model:
-        return [None] * len(maps)
+    """Return the network of each map, which is looked for if no file is named."""
     from surefix.cli.drives import networks_of
+    from surefix.cli.networks import ModelOptions
     import typer
 
     try:
-        return list(networks_of(maps, names, model))
-    except typer.BadParameter as error:
-        expected = 'the ONNX file that the map was made with'
-        raise mismatch('parameter model', expected, error) from None
+        return list(networks_of(maps, names, ModelOptions(model or None), None, 'images'))
+    except (typer.BadParameter, SurefixValueError) as error:
+        raise mismatch('parameter model', 'the network that the map was made with', error) from None
