@@ -40,6 +40,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
             for index, image in enumerate(images):
                 bag.image("/front", image, index / 10)
                 bag.image("/back", image[::-1].copy(), index / 10)
+                bag.pose("/odom", "nav_msgs/msg/Odometry", (0.5 * index, 0, 0), index / 10)
     return folder
 
 
@@ -98,6 +99,17 @@ def test_the_route_is_sampled_as_the_queries_are() -> None:
     said = surefix_("run", "monday.mkv", "tuesday.mkv", *options, code=2).stderr
     assert "--metres: expected a map as ROUTE" in said
     assert "surefix map build monday.mkv --metres 1 --odometry FILE" in said
+
+
+def test_two_bags_are_sampled_by_their_own_odometry() -> None:
+    options = ("--topic", "/front", "--metres", 1, "--odometry", "/odom")
+    bags = ("monday_bag/drive.bag", "tuesday_bag/drive.bag")
+    done = surefix_("run", *bags, *options, "--save-map", "m.safetensors")
+    assert "a map of 20 places, kept in m.safetensors" in done.stderr
+    assert len(rows(done.stdout)) == 20
+    where = surefix.Map.open("m.safetensors").positions
+    assert where is not None
+    np.testing.assert_allclose(np.diff(where[:, 0]), 1)
 
 
 def test_the_other_commands_take_it_too() -> None:
