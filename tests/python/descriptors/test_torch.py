@@ -174,10 +174,10 @@ def offline(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
         monkeypatch.setenv(variable, f"http://127.0.0.1:{port}")
     for variable in ("no_proxy", "NO_PROXY"):
         monkeypatch.delenv(variable, raising=False)
-    before, modules = torch.hub.get_dir(), set(sys.modules)
-    torch.hub.set_dir(str(tmp_path / "hub"))
+    modules = set(sys.modules)
+    # What `torch.hub.set_dir` sets; it cannot be unset by it.
+    monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path / "hub"))
     yield tmp_path / "hub"
-    torch.hub.set_dir(before)
     for name in set(sys.modules) - modules:
         if name in ("hubconf", "backbone_code"):
             del sys.modules[name]
