@@ -31,7 +31,8 @@ def models(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
     as_json: One JSON object instead of a table, with papers, addresses and notes.
     """
     found = [facts_of(name, model) for name, model in HUB_MODELS.items()]
-    files = [{"sha256": sha256, "file": str(path)} for sha256, path in noted().items()]
+    known = noted().items()
+    files = [{"sha256": sum_, "file": str(path)} for sum_, path in known if path.is_file()]
     if as_json:
         print(json.dumps({"models": found, "files": files}))
         return
@@ -53,8 +54,8 @@ def models(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
         "that of the code.",
         "Any ONNX file of images is a model too: --model FILE.",
     ]
-    if there := [each["file"] for each in files if Path(each["file"]).is_file()]:
-        lines.append(f"Files that were used here: {', '.join(there)}")
+    if files:
+        lines.append(f"Files that were used here: {', '.join(each['file'] for each in files)}")
     for line in lines:
         console.print(Text(line), soft_wrap=width is not None)
 
