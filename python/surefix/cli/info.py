@@ -18,15 +18,12 @@ from surefix.cli.drives import open_map
 from surefix.cli.flags import documented
 from surefix.cli.inputs import refuse
 from surefix.errors import check_folder, refusal
+from surefix.tables.fix_files import NO_DEGREES
 from surefix.tables.geojson import roads
 
 # Blank places, segments and links that are named.
 NAMED = 5
 WIDE = 10_000
-NO_DEGREES = (
-    "expected a map that knows its latitudes and longitudes, got {}: build it with --positions or "
-    "--odometry of degrees"
-)
 
 
 @documented

@@ -285,7 +285,10 @@ def _gpx(path: Path) -> Positions:
 def _by_header(
     path: Path, header: list[str], table: list[tuple[int, list[str]]], whole: bool
 ) -> Positions:
-    degrees = not {"x", "y"} <= set(header) and {"lat", "lon"} <= set(header)
+    named = {cell.strip().lower() for cell in table[0][1]}
+    # The plane of columns named x,y is not known; that of easting,northing is.
+    planar_ = {"x", "y"} <= set(header) and not {"x", "y"} <= named
+    degrees = {"lat", "lon"} <= set(header) and not planar_
     chosen = ["lat", "lon"] if degrees else ["x", "y"]
     if not set(chosen) <= set(header):
         got = ",".join(table[0][1])
