@@ -19,7 +19,8 @@ from surefix.cli.drives import names_and_advances
 from surefix.cli.inputs import refuse
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames import BagFrames, Frames, ImageFrames, Odometry
-from surefix.frames.recording import is_bag
+from surefix.frames.odometry import NAV_SAT_FIX
+from surefix.frames.recording import is_bag, open_recording
 from surefix.tables.overlap import ALL, MANY, check_overlap
 from surefix.tables.positions import (
     Positions,
@@ -280,6 +281,17 @@ def _say_unknown(source: object, count: int, queries: int) -> None:
     if count:
         said = f"{plural(count, 'query', 'queries')} of {queries} without a known place"
         print(f"{source}: {said}, left out of all figures", file=sys.stderr)
+
+
+def gps_of(odometry: str | None, queries: str | None) -> str | None:
+    """The odometry itself, if it is a topic of NavSatFix in the queries' bag: such positions are on
+    the map's own plane, as those of no other odometry are.
+    """
+    if odometry is None or queries is None or not is_bag(queries):
+        return None
+    with open_recording(queries, skip_bad=True) as bag:
+        topic = bag.topics.get(odometry)
+    return odometry if topic is not None and topic.kind == NAV_SAT_FIX else None
 
 
 def _of_places(positions: Path | None, places: Places) -> Positions:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import groupby, pairwise
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,7 @@ def roads(
         line = _lon_lat(degrees[road.start : road.end].tolist())
         line += line[:1] if road.closed else []
         pieces = _cut(line)
-        shape: Feature = {"type": "LineString", "coordinates": line}
+        shape: Feature = {"type": "LineString", "coordinates": pieces[0]}
         if len(pieces) > 1:
             shape = {"type": "MultiLineString", "coordinates": pieces}
         features.append({"type": "Feature", "geometry": shape, "properties": given})
@@ -59,12 +59,11 @@ def _cut(line: list[list[float]]) -> list[list[list[float]]]:
             side = math.copysign(HALF, lon)
             share = (side - lon) / (to + 2 * side - lon)
             middle = round(lat + share * (at - lat), DIGITS)
-            pieces[-1].append([side, middle])
-            pieces.append([[-side, middle]])
+            # A place at 180 degrees itself is written once.
+            pieces[-1] += [[side, middle]] if [side, middle] != [lon, lat] else []
+            pieces.append([[-side, middle]] if [-side, middle] != [to, at] else [])
         pieces[-1].append([to, at])
-    # A place at 180 degrees itself is written once.
-    kept = [[at for at, _ in groupby(piece)] for piece in pieces]
-    return [piece for piece in kept if len(piece) > 1]
+    return [piece for piece in pieces if len(piece) > 1] or [line]
 
 
 def _lon_lat(degrees: Sequence[Sequence[float]]) -> list[list[float]]:
