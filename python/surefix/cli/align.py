@@ -84,7 +84,8 @@ def align_(
     given: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
     given["progress"] = terminal_bar("Aligning")
     known = drive.maps[0] if drive.maps else None
-    times = drive.times and np.delete(np.array(drive.times, np.float64), [*drive.bad])
+    kept = [time for index, time in enumerate(drive.times) if index not in drive.bad]
+    times = np.array(kept, np.float64)
     timed = len(times) > 0 and bool(np.isfinite(times).all())
     try:
         check_form(form, known, timed)

@@ -14,7 +14,7 @@ from surefix.errors import mismatch
 from surefix.frames.by_name import thumbnails_of
 from surefix.frames.levels import in_8_bits
 
-__all__ = ["Closing", "Image", "Images", "References", "Seen", "View"]
+__all__ = ["Closing", "Image", "Images", "References", "Seen", "View", "pillow", "rgb"]
 
 Image = NDArray[np.uint8]
 
@@ -22,6 +22,18 @@ Image = NDArray[np.uint8]
 TRUSTED, UNTRUSTED = DARK.trusted, DARK.untrusted
 MINIMUM, PEAK = DARK.nearest, DARK.peak
 FAINT, HERE = "#5b6672", "#f4f7fa"
+
+
+def rgb(colour: str) -> list[int]:
+    """The parts of a colour such as ``#56b4e9``."""
+    return list(bytes.fromhex(colour[1:]))
+
+
+def pillow(image: Image) -> Any:
+    """The image as Pillow's, which comes with rerun."""
+    from PIL import Image as Pillow
+
+    return Pillow.fromarray(np.ascontiguousarray(image))
 
 
 class Images(Protocol):

@@ -43,7 +43,7 @@ def roads(
             continue
         line = _lon_lat(degrees[road.start : road.end].tolist())
         line += line[:1] if road.closed else []
-        pieces = _cut(line)
+        pieces = cut(line)
         shape: Feature = {"type": "LineString", "coordinates": pieces[0]}
         if len(pieces) > 1:
             shape = {"type": "MultiLineString", "coordinates": pieces}
@@ -51,8 +51,10 @@ def roads(
     return {"type": "FeatureCollection", "features": features}
 
 
-def _cut(line: list[list[float]]) -> list[list[list[float]]]:
-    """A line in pieces that do not cross the meridian of 180 degrees (RFC 7946, 3.1.9)."""
+def cut(line: list[list[float]]) -> list[list[list[float]]]:
+    """A line of longitudes and latitudes in pieces that do not cross the meridian of 180 degrees
+    (RFC 7946, 3.1.9).
+    """
     pieces = [line[:1]]
     for (lon, lat), (to, at) in pairwise(line):
         if abs(to - lon) > HALF:
