@@ -113,7 +113,7 @@ def layout(
         more = {} if zoom is None else {"zoom": zoom}
         grounds.append(view(origin="route", name="Route", overrides=trail, **more))
     bare = rrb.PlotLegend(visible=False)
-    name = "Distances less their median: the least (gold), the gradient's peak (pink)"
+    name = "Distances less their median: least (yellow), gradient peak (pink)"
     distances = rrb.BarChartView(origin="distances", name=name, plot_legend=bare)
     rows, columns = matrix
     # With room for the numbers at two of its sides.

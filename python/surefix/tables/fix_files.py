@@ -122,12 +122,13 @@ def write_track(
     Examples
     --------
     >>> import numpy as np, surefix
+    >>> from pathlib import Path
     >>> from surefix.datasets import write_track
     >>> where = [[0, 0], [3, 0], [6, 0], [6, 3]]
     >>> route = surefix.Map.from_descriptors(np.eye(4, dtype=np.float32), positions=where)
     >>> run = surefix.match(route, np.eye(4, dtype=np.float32), sequence_length=2)
     >>> write_track("drive.tum", run, route, times=[0.0, 0.5, 1.0, 1.5])
-    >>> print(open("drive.tum").readline().strip())
+    >>> print(Path("drive.tum").read_text().splitlines()[0])
     0.000000000 0.0000 0.0000 0.0000 0.000000000 0.000000000 0.000000000 1.000000000
     """
     path = Path(path)
