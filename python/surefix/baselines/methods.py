@@ -61,7 +61,8 @@ class Context:
     techniques : sequence of array of float32, shape (n, m), optional
         Distances of other techniques between the same places and queries, for ``fused``.
     segments : Segments, optional
-        How the places follow each other, for surefix's own methods: by default one after the other.
+        How the places follow each other, by default one after the other: for all methods but the
+        published filter, ``topological``, which has no notion of it.
     """
 
     sequence_length: int = 2
@@ -175,7 +176,8 @@ def _weighted(D: Distances, c: Context) -> Matches:
 
 def _seqslam(D: Distances, c: Context) -> Matches:
     speeds = SEQSLAM_SPEEDS if c.speeds is None else c.speeds
-    return plain_sequence(D, sequence_length=c.sequence_length, contrast=c.contrast, speeds=speeds)
+    how: dict[str, Any] = {"contrast": c.contrast, "speeds": speeds} | c.roads
+    return plain_sequence(D, sequence_length=c.sequence_length, **how)
 
 
 def _longer(length: int) -> Callable[[Distances, Context], Matches]:
