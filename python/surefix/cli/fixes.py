@@ -4,6 +4,7 @@ from array import array
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from surefix import Fix
 from surefix._words import plural
@@ -28,9 +29,11 @@ def row_of(
     latency: float,
     timed: bool,
     accept: float | None = None,
+    degrees: npt.NDArray[np.float64] | None = None,
 ) -> Row:
     """The columns of a fix, None for an empty one; those of the track, of a bar to ``accept``, of
-    the position, and times and drops (``timed``) only if there are any.
+    the position, and times and drops (``timed``) only if there are any. ``degrees`` are those of
+    all places.
     """
     sequence, track = fix.sequence, fix.track
     row: Row = {
@@ -67,8 +70,9 @@ def row_of(
     row |= {"segment": fix.segment, "segment_place": fix.segment_place}
     if (at := fix.position) is not None:
         row |= {name: round(metres, 4) for name, metres in zip("xyz", at.metres, strict=False)}
-        if at.degrees is not None:
-            row["latitude"], row["longitude"] = (round(each, 9) for each in at.degrees)
+        if degrees is not None:
+            where = degrees[fix.place].tolist()
+            row["latitude"], row["longitude"] = (round(each, 9) for each in where)
     return row
 
 

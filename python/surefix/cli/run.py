@@ -36,6 +36,7 @@ from surefix.frames.levels import Clipping
 from surefix.frames.shape import other_shape
 from surefix.live import View
 from surefix.tables.fix_files import Format, Writer, check_form, created, form_of, open_writer
+from surefix.tables.utm import map_degrees
 
 # The headings in the help, of the options about frames and about seeing them.
 F = "Frames"
@@ -244,6 +245,7 @@ def localize(
 ) -> None:
     """Push each frame, write and count each fix, and show it in the views."""
     names, levels = localizer.map.names, localizer.map.levels
+    degrees = map_degrees(localizer.map)
     before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:
@@ -268,7 +270,7 @@ def localize(
             alarm = localizer.alarm
             if alarm and summary.alarm is None and not views:
                 print(ALARM.format(fix.frame), file=sys.stderr)
-            row = row_of(frame, fix, place_name, latency, timed, summary.track.accept)
+            row = row_of(frame, fix, place_name, latency, timed, summary.track.accept, degrees)
             row |= {} if fix.accepted is None else {"alarm": alarm}
             if write is not None:
                 write(row, partial(getattr, localizer, "belief"))

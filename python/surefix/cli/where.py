@@ -32,11 +32,10 @@ from surefix.tables.positions import (
     read_positions,
 )
 from surefix.tables.truth import read_position_truth, read_truth
+from surefix.tables.utm import utm_metres, zone_of
 
 # What is expected if the map's positions came as degrees.
 DEGREES = "latitude,longitude, as the map's positions"
-# A map's plane is this and the zone.
-UTM = "UTM "
 Float64: TypeAlias = npt.NDArray[np.float64]
 Times: TypeAlias = Sequence[float | None]
 
@@ -108,12 +107,6 @@ class Places:
         """Those of a map."""
         zone = zone_of(route)
         return cls(len(route), route.positions, route.names, route.origin, zone)
-
-
-def zone_of(route: Map) -> str | None:
-    """The UTM zone of a map's positions, if it is known."""
-    plane = route.plane
-    return plane.removeprefix(UTM) if plane is not None and plane.startswith(UTM) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,6 +237,9 @@ def positions_of_frames(positions: Path, frames: Frames, old: Map | None = None)
         read = _of_queries(positions, read, queries, GAP, "--positions")
     origin = None if old is None else old.origin
     if old is not None and old.positions is not None:
+        if read.degrees and (zone := zone_of(old)) is not None:
+            metres = utm_metres(read.values, zone)
+            read = replace(read, values=metres, degrees=False, zone=zone)
         if read.degrees and origin is None:
             raise mismatch(read.source, "metres, as the map's, which has no origin", "degrees")
         if not read.degrees and origin is not None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from surefix import Map
 from surefix.live.view import rgb
 from surefix.tables.geojson import cut
+from surefix.tables.utm import map_degrees
 
 __all__ = ["Ground", "Kind"]
 
@@ -28,7 +29,7 @@ class Ground:
     SHOWN = 180, 380
 
     def __init__(self, rr: Any, route: Map) -> None:
-        where, degrees = route.positions, route.degrees
+        where, degrees = route.positions, map_degrees(route)
         assert where is not None
         self.rr, self.segments = rr, route.segments
         self.kind: Kind = "plan" if where.shape[1] == 2 else "space"

@@ -15,6 +15,7 @@ from surefix.errors import SurefixValueError, mismatch, refusal
 from surefix.tables.fix_mcap import mcap_writer
 from surefix.tables.geojson import point
 from surefix.tables.route_poses import RoutePoses
+from surefix.tables.utm import map_degrees
 
 Format = Literal["csv", "json", "geojson", "tum", "kitti", "mcap"]
 Row = dict[str, Any]
@@ -54,7 +55,7 @@ def form_of(path: Path, given: Format | None, what: str, other: str = "") -> For
 def check_form(form: Format, route: Map | None, timed: bool) -> None:
     """Refuses a format that the map or the queries lack something for."""
     name = "GeoJSON" if form == "geojson" else form.upper()
-    if form == "geojson" and (route is None or route.degrees is None):
+    if form == "geojson" and (route is None or map_degrees(route, asked=True) is None):
         kind = "none" if route is None or route.positions is None else "metres only"
         raise SurefixValueError(f"{name}: {NO_DEGREES.format(kind)}")
     if form in ("tum", "kitti", "mcap") and (route is None or route.positions is None):
@@ -182,8 +183,8 @@ def rows_of(
         if route.positions is not None:
             at = route.positions[found.place].round(4)
             columns |= dict(zip("xyz", at.T, strict=False))
-        if route.degrees is not None:
-            at = route.degrees[found.place].round(9)
+        if (degrees := map_degrees(route)) is not None:
+            at = degrees[found.place].round(9)
             columns["latitude"], columns["longitude"] = at.T
     lists = [values.tolist() for values in columns.values()]
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*lists, strict=True)]
