@@ -232,6 +232,22 @@ def test_a_fix_off_the_map_has_no_pose(road: Path, tmp_path: Path) -> None:
     assert [k for k, each in enumerate(status) if each == 0] == left
 
 
+def test_an_mcap_that_ends_early_can_be_read(road: Path, tmp_path: Path) -> None:
+    known = surefix.Map.open(road / "map")
+    rows = rows_of(surefix.match(known, known.descriptors), known, np.arange(N) / 4)
+
+    def interrupted() -> None:
+        with created(tmp_path / "a", "mcap") as file, open_writer(file, "mcap", known) as write:
+            for row in rows[:7]:
+                write(row)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    with (tmp_path / "a").open("rb") as file:
+        assert len(list(make_reader(file).iter_messages(topics=["/surefix/fix"]))) == 7
+
+
 WRONG: dict[str, tuple[Any, str]] = {
     "no times": ({"path": "a.tum"}, "TUM: expected queries with times"),
     "few times": ({"path": "a.tum", "times": [1.0]}, "a time for each of the 5 queries"),
