@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from surefix._core import Map
 from surefix.errors import SurefixValueError, mismatch, refusal
-from surefix.tables.fix_mcap import mcap_writer
+from surefix.tables.fix_mcap import OFF, mcap_writer
 from surefix.tables.geojson import point
-from surefix.tables.route_poses import RoutePoses
+from surefix.tables.route_poses import RoutePoses, quaternion
 from surefix.tables.utm import map_degrees
 
 Format = Literal["csv", "json", "geojson", "tum", "kitti", "mcap"]
@@ -26,8 +26,6 @@ ENDINGS: dict[str, Format] = {
     "": "csv", ".csv": "csv", ".txt": "csv", ".json": "json", ".jsonl": "json", ".ndjson": "json",
     ".geojson": "geojson", ".tum": "tum", ".kitti": "kitti", ".mcap": "mcap",
 }  # fmt: skip
-# A fix of this belief to be off the map has no point.
-OFF = 0.5
 NO_DEGREES = (
     "expected a map that knows its latitudes and longitudes, got {}: build it with --positions or "
     "--odometry of degrees"
@@ -264,7 +262,7 @@ def _tum(row: Row, poses: RoutePoses) -> str | None:
         return None
     place = row["place"]
     at = " ".join(f"{metres:.4f}" for metres in poses.positions[place])
-    turn = " ".join(f"{part:.9f}" for part in poses.quaternion(place))
+    turn = " ".join(f"{part:.9f}" for part in quaternion(float(poses.yaws[place])))
     return f"{row['time']:.9f} {at} {turn}"
 
 

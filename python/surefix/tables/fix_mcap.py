@@ -1,7 +1,7 @@
 """Fixes as an MCAP file, to be played beside a bag: poses of ROS 2, and each row as JSON."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
@@ -9,16 +9,22 @@ from typing import Any
 import numpy as np
 
 from surefix._extra import require
-from surefix.tables.route_poses import RoutePoses
+from surefix.motion import PERHAPS_OFF
+from surefix.tables.route_poses import RoutePoses, quaternion
 
-POSE, LOCATION = "geometry_msgs/msg/PoseWithCovarianceStamped", "sensor_msgs/msg/NavSatFix"
-# Topics of the poses in metres, of those in degrees, and of the rows.
-TOPICS = {POSE: "/surefix/pose", LOCATION: "/surefix/location"}
+# Topics as the ROS 2 package has them, so that its layout of Foxglove fits.
+POSE, NAVSAT = "geometry_msgs/msg/PoseWithCovarianceStamped", "sensor_msgs/msg/NavSatFix"
+ROUTE = "geometry_msgs/msg/PoseArray"
+TOPICS = {POSE: "/surefix/pose", NAVSAT: "/surefix/navsat", ROUTE: "/surefix/route"}
 ROWS = "/surefix/fix"
 FRAME = "map"
 NANOSECONDS = 1_000_000_000
-# NavSatFix: a fix without augmentation, or none; GPS; how its covariance is known.
-NO_FIX, HAS_FIX, GPS, UNKNOWN, KNOWN = -1, 0, 1, 0, 3
+# NavSatStatus and NavSatFix.
+NO_FIX, FIX, UNKNOWN, APPROXIMATED = -1, 0, 0, 1
+# The most places of the route that are drawn.
+PLACES = 20_000
+# A fix of this belief to be off the map has no pose.
+OFF = 0.5
 
 
 class _Messages:
@@ -41,11 +47,23 @@ class _Messages:
     def bytes_of(self, message: Any) -> bytes:
         return bytes(self.store.serialize_cdr(message, message.__msgtype__))
 
+    def pose(self, at: Sequence[float], yaw: float) -> Any:
+        point = self.make("geometry_msgs/msg/Point", *map(float, at))
+        turn = self.make("geometry_msgs/msg/Quaternion", *quaternion(yaw))
+        return self.make("geometry_msgs/msg/Pose", point, turn)
+
+    def route(self, poses: RoutePoses, stamp: int) -> Any:
+        """A PoseArray of the map's places."""
+        step = -(-len(poses.yaws) // PLACES)
+        places = zip(poses.positions[::step].tolist(), poses.yaws[::step].tolist(), strict=True)
+        return self.make(ROUTE, self.header(stamp), [self.pose(*each) for each in places])
+
 
 @contextmanager
 def mcap_writer(file: Any, poses: RoutePoses) -> Iterator[Any]:
     """Writes each fix at its time: a PoseWithCovarianceStamped, if it is probably on the map; a
-    NavSatFix, if degrees are known; and the row. Without a belief, the covariance is 0: not known.
+    NavSatFix, if degrees are known; and the row. The route comes first. A track without its belief
+    has the covariance 0: not known.
     """
     module = require("mcap.writer", "an MCAP file of poses", "mcap", "surefix[bags]")
     messages = _Messages()
@@ -69,13 +87,27 @@ def mcap_writer(file: Any, poses: RoutePoses) -> Iterator[Any]:
         if row["time"] is None:
             return
         at = round(row["time"] * NANOSECONDS)
-        lost = row.get("off_map", 0.0) >= 0.5
-        place, known = row["place"], None if belief is None else belief()
-        about = np.zeros((6, 6)) if known is None else poses.covariance(place, known)
-        if not lost:
-            send(_pose(messages, at, poses, place, about), at)
+        if not channels:
+            send(messages.route(poses, at), at)
+        known, off = None if belief is None else belief(), row.get("off_map")
+        sure = row.get("accepted", row.get("trusted", False))
+        lost = off > PERHAPS_OFF if off is not None else not sure
+        pose = poses.pose(row["place"], known, lost)
+        if known is None and off is not None:
+            pose = pose._replace(covariance=np.zeros(36))
+        on_map = off is None or off < OFF
+        if on_map:
+            placed = messages.pose(pose.position, pose.yaw)
+            whole = messages.make("geometry_msgs/msg/PoseWithCovariance", placed, pose.covariance)
+            send(messages.make(POSE, messages.header(at), whole), at)
         if "latitude" in row:
-            send(_location(messages, at, row, poses, about, known is not None, lost), at)
+            kind = APPROXIMATED if pose.covariance.any() else UNKNOWN
+            status = messages.make("sensor_msgs/msg/NavSatStatus", FIX if on_map else NO_FIX, 0)
+            # A height in the map is not known to be above the ellipsoid.
+            where = row["latitude"], row["longitude"], float("nan")
+            spread = pose.covariance.reshape(6, 6)[:3, :3].ravel()
+            head = messages.header(at)
+            send(messages.make(NAVSAT, head, status, *where, spread, kind), at)
         number = channel(ROWS, "json", "surefix.Fix", "jsonschema", partial(_schema, row))
         mcap.add_message(number, at, json.dumps(row).encode(), at)
 
@@ -84,31 +116,6 @@ def mcap_writer(file: Any, poses: RoutePoses) -> Iterator[Any]:
     finally:
         # After an error too, what was written can be read.
         mcap.finish()
-
-
-def _pose(messages: _Messages, at: int, poses: RoutePoses, place: int, about: Any) -> Any:
-    point = messages.make("geometry_msgs/msg/Point", *poses.positions[place].tolist())
-    turn = messages.make("geometry_msgs/msg/Quaternion", *poses.quaternion(place))
-    pose = messages.make("geometry_msgs/msg/Pose", point, turn)
-    whole = messages.make("geometry_msgs/msg/PoseWithCovariance", pose, about.ravel())
-    return messages.make(POSE, messages.header(at), whole)
-
-
-def _location(
-    messages: _Messages,
-    at: int,
-    row: dict[str, Any],
-    poses: RoutePoses,
-    about: Any,
-    known: bool,
-    lost: bool,
-) -> Any:
-    status = messages.make("sensor_msgs/msg/NavSatStatus", NO_FIX if lost else HAS_FIX, GPS)
-    # Degrees are of the map's plane: its x is east and its y north.
-    height = np.nan if poses.flat else float(poses.positions[row["place"], 2])
-    spread, kind = about[:3, :3].ravel(), KNOWN if known else UNKNOWN
-    where = row["latitude"], row["longitude"], height
-    return messages.make(LOCATION, messages.header(at), status, *where, spread, kind)
 
 
 def _schema(row: dict[str, Any]) -> bytes:

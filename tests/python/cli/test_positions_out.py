@@ -111,18 +111,22 @@ def test_an_mcap_has_the_poses_at_the_times_of_the_frames(road: Path) -> None:
             else:
                 content = json.loads(message.data)
             read.setdefault(channel.topic, []).append((message.log_time, content))
-    assert set(read) == {"/surefix/pose", "/surefix/location", "/surefix/fix"}
+    assert set(read) == {"/surefix/pose", "/surefix/navsat", "/surefix/fix", "/surefix/route"}
     taken = [round(frame.time * 1e9) for frame in BagFrames(road / "tuesday") if frame.time]
     assert [at for at, _ in read["/surefix/fix"]] == taken
     for (_, said), row in zip(read["/surefix/fix"], rows, strict=True):
         assert str(said["place"]) == row["place"]
         assert str(said["confidence"]) == row["confidence"]
-    for (_, fix), row, off in zip(read["/surefix/location"], rows, lost(rows), strict=True):
+    for (_, fix), row, off in zip(read["/surefix/navsat"], rows, lost(rows), strict=True):
         assert fix.latitude == pytest.approx(float(row["latitude"]), abs=1e-9)
         assert fix.longitude == pytest.approx(float(row["longitude"]), abs=1e-9)
-        assert (fix.status.status, fix.position_covariance_type) == (-1 if off else 0, 3)
+        assert (fix.status.status, fix.position_covariance_type) == (-1 if off else 0, 1)
     on = [index for index, off in enumerate(lost(rows)) if not off]
     assert [at for at, _ in read["/surefix/pose"]] == [taken[index] for index in on]
+    ((at, route),) = read["/surefix/route"]
+    places = surefix.Map.open(road / "map").positions
+    assert at == taken[0]
+    np.testing.assert_allclose([[each.position.x, each.position.y] for each in route.poses], places)
 
     # The covariance is that of the belief about the place, and of a place itself.
     known = surefix.Map.open(road / "map")
@@ -144,7 +148,10 @@ def test_an_mcap_has_the_poses_at_the_times_of_the_frames(road: Path) -> None:
         moment = np.zeros((2, 2))
         for chance, there in zip(belief / belief.sum(), known.positions, strict=True):
             moment += chance * np.outer(there - here, there - here)
-        expected = moment + np.eye(2) * spacing**2 / 12
+        # If it is perhaps off the map, it may be anywhere on the route.
+        away = fix.off_map is not None and fix.off_map > 0.2
+        extent = np.linalg.norm(np.ptp(known.positions, axis=0)) * away
+        expected = moment + np.eye(2) * (spacing**2 / 12 + extent**2)
         np.testing.assert_allclose(about[:2, :2], expected, rtol=1e-6)
         assert np.linalg.eigvalsh(about).min() > 0
         assert about[2, 2] >= 1e6
@@ -158,7 +165,7 @@ def test_an_mcap_is_read_as_positions_again(road: Path) -> None:
     poses = Odometry.from_bag(road / "fixes.mcap", "/surefix/pose")
     at = [[float(row["x"]), float(row["y"])] for row in on]
     np.testing.assert_allclose(poses.positions[:, :2], at, atol=1e-4)
-    located = Odometry.from_bag(road / "fixes.mcap", "/surefix/location")
+    located = Odometry.from_bag(road / "fixes.mcap", "/surefix/navsat")
     assert located.degrees is not None
     assert len(located.degrees) == len(on)
 
@@ -201,6 +208,23 @@ def test_an_alignment_and_a_run_are_written_alike(road: Path, tmp_path: Path) ->
     assert [each["geometry"] is None for each in features] == lost(fixes(road / "fixes.csv"))
 
 
+def test_without_motion_a_trusted_fix_is_right_within_a_place(road: Path, tmp_path: Path) -> None:
+    how = "--motion", "none", "-o"
+    given = road / "map", road / "tuesday"
+    surefix_("run", *given, *how, tmp_path / "f.csv")
+    surefix_("run", *given, *how, tmp_path / "f.mcap")
+    store, spreads = get_typestore(Stores.ROS2_HUMBLE), []
+    with (tmp_path / "f.mcap").open("rb") as file:
+        for _, _, message in make_reader(file).iter_messages(topics=["/surefix/pose"]):
+            kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+            pose: Any = store.deserialize_cdr(message.data, kind)
+            spreads.append(np.sqrt(pose.pose.covariance[0]))
+    trusted = [row["trusted"] == "true" for row in fixes(tmp_path / "f.csv")]
+    assert 5 < sum(trusted) < N - 5
+    for spread, sure in zip(spreads, trusted, strict=True):
+        assert spread == pytest.approx(3 / np.sqrt(12), rel=0.01) if sure else spread > 100
+
+
 def test_a_fix_off_the_map_has_no_pose(road: Path, tmp_path: Path) -> None:
     known = surefix.Map.open(road / "map")
     run_ = surefix.match(known, known.descriptors, motion="steady", sequence_length=3)
@@ -223,10 +247,10 @@ def test_a_fix_off_the_map_has_no_pose(road: Path, tmp_path: Path) -> None:
         ]
     times = {topic: [m.log_time / 1e9 for name, m in read if name == topic] for topic, _ in read}
     assert times["/surefix/pose"] == [index / 4 for index in left]
-    assert len(times["/surefix/fix"]) == len(times["/surefix/location"]) == len(rows)
+    assert len(times["/surefix/fix"]) == len(times["/surefix/navsat"]) == len(rows)
     store, status = get_typestore(Stores.ROS2_HUMBLE), []
     for topic, message in read:
-        if topic == "/surefix/location":
+        if topic == "/surefix/navsat":
             fix: Any = store.deserialize_cdr(message.data, "sensor_msgs/msg/NavSatFix")
             status.append(fix.status.status)
     assert [k for k, each in enumerate(status) if each == 0] == left
