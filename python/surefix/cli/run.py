@@ -31,8 +31,10 @@ from surefix.cli.inputs import (
 from surefix.cli.networks import Model, ModelOptions, Weights
 from surefix.cli.route import SaveMap, open_route
 from surefix.cli.views import open_views
-from surefix.frames import Advances, Frame, Frames, in_8_bits
+from surefix.frames import Advances, Frame, Frames, ImageFrames, in_8_bits
+from surefix.frames.advances import time_in
 from surefix.frames.levels import Clipping
+from surefix.frames.sampling import Derived
 from surefix.frames.shape import other_shape
 from surefix.live import View
 from surefix.tables.fix_files import Format, Writer, check_form, created, form_of, open_writer
@@ -183,7 +185,8 @@ def run(
         read.append(out)
     try:
         form = form_of(out or Path(), form, "--out", "--format")
-        check_form(form, places, source.timed or source.live)
+        by_name = _named_by_time(source)
+        check_form(form, places, source.timed or source.live or by_name)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     refuse(form == "mcap" and out is None, "--format mcap: expected --out FILE, got none")
@@ -202,7 +205,7 @@ def run(
         file = None if out is None else opened.enter_context(created(out, form))
         try:
             with _writer(file, form, places) as write:
-                localize(localizer, source, write, summary, views, clipping)
+                localize(localizer, source, write, summary, views, clipping, by_name)
             summary.ended = True
         except KeyboardInterrupt:
             # This is the way to end live frames.
@@ -242,8 +245,11 @@ def localize(
     summary: Summary,
     views: Sequence[View] = (),
     clipping: Clipping | None = None,
+    by_name: bool = False,
 ) -> None:
-    """Push each frame, write and count each fix, and show it in the views."""
+    """Push each frame, write and count each fix, and show it in the views. Frames have the times of
+    their own, or ``by_name``.
+    """
     names, levels = localizer.map.names, localizer.map.levels
     degrees = map_degrees(localizer.map)
     before: Size | None = None
@@ -272,11 +278,20 @@ def localize(
                 print(ALARM.format(fix.frame), file=sys.stderr)
             row = row_of(frame, fix, place_name, latency, timed, summary.track.accept, degrees)
             row |= {} if fix.accepted is None else {"alarm": alarm}
+            row |= {"time": time_in(frame.name)} if by_name else {}
             if write is not None:
                 write(row, partial(getattr, localizer, "belief"))
             summary.add(frame, fix, latency, alarm)
             for view in views:
                 view.update(frame, fix, localizer, latency)
+
+
+def _named_by_time(source: Frames) -> bool:
+    """Whether all images of a folder are named by their times."""
+    while isinstance(source, Derived):
+        source = source.source
+    names = source.images.names if isinstance(source, ImageFrames) else []
+    return bool(names) and all(time_in(Path(name).name) is not None for name in names)
 
 
 def _said(source: Advances, of: str, motion: object) -> str:

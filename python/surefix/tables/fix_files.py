@@ -31,7 +31,9 @@ NO_DEGREES = (
     "--odometry of degrees"
 )
 NO_POSITIONS = "expected a map with positions, got none: build it with --positions or --odometry"
-NO_TIMES = "expected queries with times, as of a video or a bag, got none"
+NO_TIMES = (
+    "expected queries with times, as of a video, a bag or images named by their times, got none"
+)
 
 
 class Writer(Protocol):

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from mcap.reader import make_reader
+from PIL import Image
 from rosbags.typesys import Stores, get_typestore
 
 import surefix
@@ -297,6 +298,16 @@ def test_a_track_that_cannot_be_written_leaves_no_file(name: str, tmp_path: Path
     with pytest.raises(surefix.SurefixError, match=words):
         write_track(path, found, known, given.get("times"), given.get("form"))
     assert not path.exists()
+
+
+def test_images_named_by_their_times_have_these(road: Path, tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    for frame in BagFrames(road / "tuesday"):
+        assert frame.time is not None
+        Image.fromarray(frame.image).save(tmp_path / "photos" / f"{frame.time * 1e9:.0f}.png")
+    given = road / "map", tmp_path / "photos", "--motion", "steady", "--sequence-length", 3
+    surefix_("run", *given, "-o", tmp_path / "f.tum")
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "f.tum"), np.loadtxt(road / "fixes.tum"))
 
 
 def test_the_command_line_says_what_a_format_needs(road: Path, tmp_path: Path) -> None:
