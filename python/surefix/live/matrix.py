@@ -23,6 +23,8 @@ class Matrix:
     """What is drawn of the newest columns; a place at the bottom is the map's first."""
 
     ROWS = 160
+    # About half the height of a word, as a share of the picture's.
+    WORD = 0.045
 
     def __init__(self, rr: Any, route: Map, columns: int | None) -> None:
         rows = min(len(route), self.ROWS)
@@ -39,7 +41,9 @@ class Matrix:
         columns = self.columns.count
         heights = {place: self._height(place) for place in ticks(len(self.route))}
         names = [str(place) if place else "place 0" for place in heights]
-        at = [[-columns / 16, height] for height in heights.values()]
+        # The viewer writes words below their point.
+        raised = self.WORD * self.columns.rows
+        at = [[-columns / 16, height - raised] for height in heights.values()]
         log("matrix/places", self._words(at, names), static=True)
         breaks = [self._height(int(place)) + 0.5 for place in self.route.segments.breaks]
         if breaks:
