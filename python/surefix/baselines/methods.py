@@ -176,7 +176,7 @@ def _weighted(D: Distances, c: Context) -> Matches:
 
 def _seqslam(D: Distances, c: Context) -> Matches:
     speeds = SEQSLAM_SPEEDS if c.speeds is None else c.speeds
-    how: dict[str, Any] = {"contrast": c.contrast, "speeds": speeds} | c.roads
+    how: dict[str, Any] = {"contrast": c.contrast, "speeds": speeds, "segments": c.segments}
     return plain_sequence(D, sequence_length=c.sequence_length, **how)
 
 
