@@ -11,6 +11,7 @@ from surefix import SurefixError, __version__
 from surefix.cli.align import align_
 from surefix.cli.audit import audit_
 from surefix.cli.bench import bench
+from surefix.cli.compare import compare_
 from surefix.cli.demo import demo
 from surefix.cli.edit import cut, join, thin, traverse
 from surefix.cli.eval import eval_
@@ -102,6 +103,12 @@ app.command(
     epilog="Example: surefix models\n\n"
     "Example: surefix map build photos/ --model megaloc -o route.safetensors"
 )(models)
+app.command(
+    "compare",
+    epilog="Example: surefix compare monday_report/ tuesday_report/ -o compared.html\n\n"
+    "Example: surefix compare sad.safetensors netvlad.safetensors --queries todays_photos/ "
+    "--truth identity",
+)(compare_)
 app.command(epilog="Example: surefix reproduce --data data/ -o report/")(reproduce)
 app.command(
     epilog="Example: surefix bench route.safetensors --threads 2\n\n"

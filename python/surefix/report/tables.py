@@ -39,7 +39,10 @@ DRIVE_COLUMNS = (
     "scenario,method,area,recall_at_full_precision,right,calibration_error,off_map_roc,"
     "frames_to_notice,noticed,left,frames_to_relocalise,relocalised,lost"
 )
-FIX_COLUMNS = "method,query,name,place,score,ready,accepted,judged,right,true_place,trusted"
+FIX_COLUMNS = (
+    "method,query,name,place,score,ready,accepted,judged,right,true_place,trusted,single_right,"
+    "confidence,off_map"
+)
 
 
 def methods(study: Study) -> Table:
@@ -256,7 +259,11 @@ def _fixes(result: Result, names: Names) -> Iterable[Sequence[object]]:
         *four, trusted = ("true" if flag is not None and flag[query] else "false" for flag in flags)
         name = None if names is None else names[query]
         found = query, name, matches.place[query], matches.score[query]
-        yield result.name, *found, *four, study.true_place[query], trusted
+        single = None
+        if study.single_judged[query]:
+            single = "true" if study.single_right[query] else "false"
+        said = (None if p is None else p[query] for p in (matches.confidence, matches.off_map))
+        yield result.name, *found, *four, study.true_place[query], trusted, single, *said
 
 
 def write_csv(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:
