@@ -15,7 +15,7 @@ from surefix.judged import FIGURES
 from surefix.plot.theme import LOOKS, Theme
 from surefix.report import sections
 from surefix.report.multiples import multiples
-from surefix.report.page import Section, Table, Tile, drawn, page
+from surefix.report.page import Section, Table, Tile, page
 
 __all__ = ["page_of", "write_page"]
 
@@ -112,7 +112,7 @@ def _differences(comparison: Comparison) -> Section:
         x=f"difference to {comparison.against}: right of the line is better",
         y="",
         columns=(3, 1),
-        height=0.5 + 0.26 * len(others),
+        heights=(0.5 + 0.26 * len(others),) * 2,
     )
     caption = "If the interval holds 0, the drive does not tell which is better."
     table = Table("differences", caption, header, rows, sorts=True)
@@ -149,18 +149,23 @@ def _curves(comparison: Comparison) -> Section:
     alt = f"Precision-recall curves. Areas up to recall {comparison.upto:g}: {areas}."
     how: dict[str, Any] = {"upto": comparison.upto, "recall": comparison.recall}
     if len(curves) <= LOOKS:
-        picture = drawn((8.6, 6.0), alt, plot.precision_recall, curves, small=True, **how)
+        picture = multiples(
+            [""],
+            lambda ax, index, theme: plot.precision_recall(ax, curves, theme=theme, **how),
+            alt,
+            x="recall",
+            y="precision",
+            heights=(4.6, 3.2),
+        )
         return Section("Precision and recall", (), {"precision_recall.png": picture})
-    names = [name for name in curves if name != comparison.against]
-    base = curves[comparison.against]
+    # More than can be told apart: each beside the baseline.
+    others = [name for name in curves if name != comparison.against]
 
     def draw(ax: Axes, index: int, theme: Theme) -> None:
-        pair = {names[index]: curves[names[index]], comparison.against: base}
+        pair = {"the run": curves[others[index]], comparison.against: curves[comparison.against]}
         plot.precision_recall(ax, pair, theme=theme, **how)
 
-    picture = multiples(
-        names, draw, alt, x="recall", y="precision", names=("the run", comparison.against)
-    )
+    picture = multiples(others, draw, alt, x="recall", y="precision")
     return Section("Precision and recall", (), {"precision_recall.png": picture})
 
 

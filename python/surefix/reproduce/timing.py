@@ -87,7 +87,7 @@ def execution_time(machine: str, settings: Settings) -> Exhibit:
             said,
         ),
         {"execution_time.png": drawn((6.4, 4.9), alt, _draw, rows, small=True)},
-        tables=(Table("execution-time", "Microseconds for a push", header, lines),),
+        tables=(Table("execution-time", "Microseconds for a push", header, lines, sorts=True),),
         name="execution_time",
         header="places,pushes,prediction_median_us,whole_median_us,sequence_us,prediction_mean_us,"
         "whole_mean_us,sequence_mean_us",
