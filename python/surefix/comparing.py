@@ -163,19 +163,14 @@ def _said(one: Judged) -> str:
     return f"{len(one)} ({one.queries[0]} to {one.queries[-1]})"
 
 
-def _values(one: Judged, upto: float) -> dict[str, float]:
-    figures = one.figures(np.ones((1, len(one)), np.int32))
-    values = {name: float(figure[0]) for name, figure in figures.items()}
-    return values | {"area": one.curve.auc(upto)}
-
-
 def _estimates(one: Judged, upto: float, samples: int) -> Estimates:
     """Each figure with its own interval."""
     found = {"area": Estimate(one.curve.auc(upto), *one.curve.auc_interval(upto, samples=samples))}
-    drawn = [one.figures(times) for times in redrawn(len(one), one.block, samples)]
-    values = _values(one, upto)
-    for name in drawn[0]:
-        found[name] = _interval(values[name], np.concatenate([part[name] for part in drawn]))
+    once = np.ones((1, len(one)), np.int32)
+    for block, figures in one.parts:
+        drawn = _joined([figures(times) for times in redrawn(len(one), block, samples)])
+        for name, value in figures(once).items():
+            found[name] = _interval(float(value[0]), drawn[name])
     return found
 
 
@@ -185,14 +180,22 @@ def _paired(
     """The differences, with the same queries drawn for both."""
     ends = one.curve.auc_difference_interval(base.curve, upto, samples=samples)
     found = {"area": Estimate(own["area"] - of_base["area"], *ends)}
-    block = max(one.block, base.block)
-    drawn = [
-        (one.figures(times), base.figures(times)) for times in redrawn(len(one), block, samples)
-    ]
-    for name in own.keys() & of_base.keys() - {"area"}:
-        apart = np.concatenate([mine[name] - other[name] for mine, other in drawn])
-        found[name] = _interval(own[name] - of_base[name], apart)
+    for (mine, figures), (other, of_other) in zip(one.parts, base.parts, strict=False):
+        # Whichever errs for longer.
+        length = max(mine, other)
+        drawn, against = (
+            _joined([each(times) for times in redrawn(len(one), length, samples)])
+            for each in (figures, of_other)
+        )
+        for name in drawn.keys() & against.keys():
+            found[name] = _interval(own[name] - of_base[name], drawn[name] - against[name])
     return found
+
+
+def _joined(
+    parts: Sequence[Mapping[str, npt.NDArray[np.float64]]],
+) -> dict[str, npt.NDArray[np.float64]]:
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _unpaired(own: Estimates, of_base: Estimates) -> Estimates:

@@ -1,6 +1,6 @@
 """Matches with the verdict of a truth, and the figures that runs are compared by."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -19,6 +19,7 @@ __all__ = ["FIGURES", "HEADINGS", "RECALLS", "Judged", "SingleMatches", "redrawn
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Flags: TypeAlias = npt.NDArray[np.bool_]
+Figures: TypeAlias = Callable[[npt.NDArray[Any]], dict[str, npt.NDArray[np.float64]]]
 Recall: TypeAlias = Literal["correct", "place_exists", "rejected"]
 
 FIGURES: Mapping[str, str] = MappingProxyType(
@@ -161,27 +162,33 @@ class Judged:
         matches = Matches(place, self.score, self.judged, self.accepted)
         return evaluate(matches, truth, 0, self.recall)
 
-    @cached_property
-    def block(self) -> int:
-        """How many queries errors last, of the matches or of the single matches."""
-        lengths = [block_length(np.float32(~self.right[self.judged]))]
-        if (single := self.single) is not None:
-            lengths.append(block_length(np.float32(~single.right[single.judged])))
-        return max(length or 1 for length in lengths)
-
-    def figures(self, times: npt.NDArray[Any]) -> dict[str, Floats]:
-        """All figures but the area, if each query is drawn so many times: ``times`` is (k, m), each
-        figure (k,), NaN if there is nothing that it is a share of.
+    @property
+    def parts(self) -> list[tuple[int, Figures]]:
+        """The figures but the area, in parts: how many queries errors last, and a function of how
+        often each query is drawn, ``times`` (k, m), that gives each figure (k,); NaN if there is
+        nothing that it is a share of.
         """
+        lasts = _lasts(~self.right[self.judged])
+        found: list[tuple[int, Figures]] = [(lasts, self._of_matches)]
+        if (single := self.single) is not None:
+            found.append((_lasts(~single.right[single.judged]), self._of_trust))
+        return found
+
+    def _of_matches(self, times: npt.NDArray[Any]) -> dict[str, Floats]:
         found = {"right": _share(times, self.right & self.exists, self.exists)}
         found["recall_at_full_precision"] = self._flawless(times)
-        if (single := self.single) is not None:
-            both = single.trusted & single.right
-            found["trusted_precision"] = _share(times, both, single.trusted & single.judged)
-            found["trusted_recall"] = _share(times, both, single.right)
         if (self.judged & ~self.exists).any():
             found["off_map_roc"] = self._off_map(times)
         return found
+
+    def _of_trust(self, times: npt.NDArray[Any]) -> dict[str, Floats]:
+        single = self.single
+        assert single is not None
+        both = single.trusted & single.right
+        return {
+            "trusted_precision": _share(times, both, single.trusted & single.judged),
+            "trusted_recall": _share(times, both, single.right),
+        }
 
     @cached_property
     def _by_score(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -232,6 +239,10 @@ def redrawn(queries: int, block: int, samples: int) -> Iterator[npt.NDArray[np.i
         np.add.at(edges, (rows, part + lengths), -1)
         along = edges.cumsum(axis=1, dtype=np.int32)
         yield along[:, :queries] + along[:, queries:-1]
+
+
+def _lasts(errors: Flags) -> int:
+    return block_length(np.float32(errors)) or 1
 
 
 def _grouped(

@@ -83,7 +83,6 @@ def multiples(
         Of a row of panels, in inches.
     caption : str
     """
-
     widest = columns or (4 if len(titles) <= 8 else 5, 2)
 
     def rows(phone: bool) -> tuple[int, int]:
@@ -159,7 +158,7 @@ def forest(
                         0.99, height, f"{label}: {none}", transform=ax.get_yaxis_transform(), **here
                     )
                     continue
-                if low is not None:
+                if low is not None and high is not None:
                     line: Any = {"linewidth": 2.4, "solid_capstyle": "butt", "zorder": 3}
                     ax.plot([low, high], [at, at], color=colour, clip_on=False, **line)
                 dot: Any = {"markersize": 7, "markeredgecolor": theme.paper, "zorder": 4}

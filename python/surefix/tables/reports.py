@@ -175,9 +175,13 @@ def chosen(reports: Mapping[str, Sequence[Judged]], methods: Sequence[str]) -> l
 
 
 def labels(paths: Sequence[str | Path]) -> list[str]:
-    """Short names of folders and files, if these all differ; else the whole paths."""
-    short = [Path(path).name if Path(path).is_dir() else Path(path).stem for path in paths]
-    return short if all(short) and len({*short}) == len(short) else [*map(str, paths)]
+    """Short names of folders and files that all differ: stems, else names, else the whole paths."""
+    each = [Path(path) for path in paths]
+    stems = [path.name if path.is_dir() else path.stem for path in each]
+    for names in (stems, [path.name for path in each]):
+        if all(names) and len({*names}) == len(names):
+            return names
+    return [*map(str, paths)]
 
 
 def _listed(known: Mapping[str, Mapping[str, Judged]]) -> str:
