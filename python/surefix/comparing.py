@@ -146,6 +146,9 @@ def _check_same(one: Judged, base: Judged) -> None:
     same = len(one) == len(base)
     if one.queries is not None and base.queries is not None:
         same = same and [*one.queries] == [*base.queries]
+        if same and None not in (one.drive, base.drive) and one.drive != base.drive:
+            got = "other files of the same names; compare them with --unpaired (paired=False)"
+            raise mismatch(one.name, f"the drive of {base.name}", got)
     elif same:
         # Without names the truth must tell; of another map, other places are the same queries.
         same = bool((one.true_place == base.true_place).all())

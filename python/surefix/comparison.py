@@ -21,7 +21,7 @@ COLUMNS = (
     "run", "figure", "value", "low", "high", "difference", "difference_low", "difference_high",
     "verdict",
 )  # fmt: skip
-BASELINE, UNSURE = "the baseline", "the drive does not tell"
+BASELINE, SAME, UNSURE = "the baseline", "the same", "the drive does not tell"
 
 Estimates: TypeAlias = Mapping[str, Estimate]
 
@@ -52,7 +52,7 @@ class Compared:
         if found is None or math.isnan(found):
             return ""
         if found == found.low == found.high == 0:
-            return "the same"
+            return SAME
         if found.low > 0 or found.high < 0:
             return "better" if found.low > 0 else "worse"
         return UNSURE
@@ -176,18 +176,24 @@ class Comparison:
         return header, [[run.name, *(_value(run, f) for f in self.figures)] for run in self.runs]
 
     def differences(self) -> tuple[list[str], list[list[str]]]:
-        """The headings and the rows of a table of the differences to the baseline."""
+        """The headings and the rows of a table of the differences to the baseline; without figures
+        that are the same for all, as those of trust are for methods on the same distances.
+        """
         header = ["run", "figure", f"difference to {self.against}", "95 % interval", "verdict"]
+        others = [run for run in self.runs if run.name != self.against]
+        telling = [f for f in self.figures if any(run.verdict(f) != SAME for run in others)]
         rows = [
             [run.name, self.heading(figure), *signed(run.differences[figure]), run.verdict(figure)]
-            for run in self.runs
-            for figure in self.figures
+            for run in others
+            for figure in telling or self.figures
             if run.verdict(figure)
         ]
         return header, rows
 
     def lines(self) -> list[tuple[str, str]]:
-        """The differences in plain columns, with the verdict of each line, empty of a heading."""
+        """The differences in plain columns, a block for each run; and the verdict of each line,
+        empty of a heading.
+        """
         found: list[tuple[str, str]] = []
         _, rows = self.differences()
         table: list[list[str]] = []
@@ -196,6 +202,8 @@ class Comparison:
             heading = [f"{run.name} against {self.against}", "difference", "95 % interval", ""]
             table += [heading, *own] if own else []
         for line, row in zip(columns(table) if table else [], table, strict=True):
+            # A line between two blocks.
+            found += [("", "")] if found and not row[-1] else []
             found.append((line, row[-1]))
         return found
 

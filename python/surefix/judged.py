@@ -79,6 +79,8 @@ class Judged:
         The probability to be off the map.
     queries : sequence of str, or None
         The names of the queries.
+    drive : str, or None
+        Another one for other files of the same names.
     recall : {"correct", "place_exists", "rejected"}
     """
 
@@ -93,6 +95,7 @@ class Judged:
     off_map: Floats | None = None
     queries: Sequence[str] | None = None
     recall: Recall = "correct"
+    drive: str | None = None
 
     @classmethod
     def by_truth(
@@ -105,6 +108,7 @@ class Judged:
         queries: Sequence[str] | None = None,
         run: Any = None,
         segments: Segments | None = None,
+        drive: str | None = None,
     ) -> "Judged":
         """The matches judged; ``run`` has the trust flags of matches that are no run, and
         ``segments`` say how the places follow each other.
@@ -142,6 +146,7 @@ class Judged:
             matches.off_map,
             queries,
             recall,
+            drive,
         )
 
     def __len__(self) -> int:

@@ -26,7 +26,7 @@ from surefix.cli.where import (
     by_truth,
 )
 from surefix.comparing import SAMPLES, UPTO, compare_judged
-from surefix.comparison import UNSURE, write_whole
+from surefix.comparison import SAME, UNSURE, write_whole
 from surefix.errors import check_folder
 from surefix.judged import Judged
 from surefix.machine import room_for
@@ -34,7 +34,7 @@ from surefix.study.study import Recall
 from surefix.tables.columns import is_held
 from surefix.tables.npy import read_npy
 from surefix.tables.positions import read_positions
-from surefix.tables.reports import chosen, is_report, labels, read_fixes, read_report
+from surefix.tables.reports import chosen, drive_of, is_report, labels, read_fixes, read_report
 from surefix.tables.truth import KEYS
 
 WRITTEN = (".csv", ".html", ".json", ".md")
@@ -236,7 +236,9 @@ class _Maker:
             if str(error).startswith("option"):
                 raise typer.BadParameter(f"{route}: {error}") from None
             raise
-        how = (truth, at.tolerance, self.recall, drive.queries, run, segments)
+        # Ready descriptors are other files for each map.
+        mark = None if drive.queries is None else drive_of(drive.files)
+        how = (truth, at.tolerance, self.recall, drive.queries, run, segments, mark)
         return [Judged.by_truth(name, run_method(name, D, context), *how) for name in self.methods]
 
 
@@ -315,7 +317,7 @@ def _print(comparison: Comparison) -> None:
         table.add_row(*row)
     console.print(comparison.how, "\n", markup=False)
     console.print(table)
+    console.print()
     for line, said in comparison.lines():
-        style = {UNSURE: "dim", "the same": "dim"}.get(said, "bold")
-        console.print("" if said else "\n", end="")
+        style = {UNSURE: "dim", SAME: "dim"}.get(said, "bold")
         console.print(line, style=style, markup=False, soft_wrap=True)

@@ -209,8 +209,8 @@ def named(index: int, names: Names) -> str:
     return f"{index}{name}"
 
 
-def write_tables(study: Study, folder: Path, names: Names) -> None:
-    """Writes methods.csv, drive.csv, curves.csv and fixes.csv."""
+def write_tables(study: Study, folder: Path, names: Names, drive: str | None = None) -> None:
+    """Writes methods.csv, drive.csv, curves.csv and fixes.csv; ``drive`` is its mark."""
     write_csv(folder / "methods.csv", METHOD_COLUMNS, map(_numbers, study.results))
     t = study.trust
     quantities = {f"recall_at_{k}": at for k, at in zip(KS, study.recalls_at, strict=False)} | {
@@ -222,7 +222,8 @@ def write_tables(study: Study, folder: Path, names: Names) -> None:
         "trust_recall": t.recall,
         "share_trusted": t.share_trusted,
     }
-    write_csv(folder / "drive.csv", "quantity,value", quantities.items())
+    marked: dict[str, object] = {} if drive is None else {"drive": drive}
+    write_csv(folder / "drive.csv", "quantity,value", (quantities | marked).items())
     points: list[Sequence[object]] = []
     for result in study.results:
         c = result.curve

@@ -1,5 +1,6 @@
 """The matches in a report's folder, and in the fixes of a run."""
 
+import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,9 +15,11 @@ from surefix.judged import RECALLS, Judged, SingleMatches
 from surefix.matches import Matches
 from surefix.tables.rows import decimal, read_text, rows, whole
 
-__all__ = ["FixFile", "chosen", "is_report", "labels", "read_fixes", "read_report"]
+__all__ = ["FixFile", "chosen", "drive_of", "is_report", "labels", "read_fixes", "read_report"]
 
-FIXES, METHODS = "fixes.csv", "methods.csv"
+FIXES, METHODS, DRIVE = "fixes.csv", "methods.csv", "drive.csv"
+# Of files of one name and size, the middle of a few of them tells.
+LOOKED_AT, BYTES = 16, 4096
 OF_REPORT = (
     "method", "query", "name", "score", "ready", "accepted", "judged", "right", "true_place",
     "trusted",
@@ -56,6 +59,10 @@ def read_report(path: Path) -> list[Judged]:
             raise mismatch(folder, expected, "none")
     _, methods = _table(folder / METHODS, ("method", "recall_convention"))
     recalls = dict(zip(methods["method"], methods["recall_convention"], strict=True))
+    drive = None
+    if (folder / DRIVE).is_file():
+        _, facts = _table(folder / DRIVE, ("quantity", "value"))
+        drive = dict(zip(facts["quantity"], facts["value"], strict=True)).get("drive")
     file = folder / FIXES
     numbers, cells = _table(file, OF_REPORT)
     read = _Reader(file, numbers, cells)
@@ -89,6 +96,7 @@ def read_report(path: Path) -> list[Judged]:
                 off,
                 named if all(named) else None,
                 recall,
+                drive,
             )
         )
     counts = {each.name: len(each) for each in made}
@@ -172,6 +180,25 @@ def chosen(reports: Mapping[str, Sequence[Judged]], methods: Sequence[str]) -> l
             parts += [method] if method and (len(methods) > 1 or not parts) else []
             picked.append(replace(found[method], name=": ".join(parts)))
     return picked
+
+
+def drive_of(files: Sequence[str]) -> str | None:
+    """A drive's mark, a whole number: of the names and sizes of its files, and of bytes in the
+    middle of a few. None without files, or if one cannot be read.
+    """
+    found = hashlib.sha256()
+    some = {k * (len(files) - 1) // (LOOKED_AT - 1) for k in range(LOOKED_AT)}
+    try:
+        for index, file in enumerate(map(Path, files)):
+            size = file.stat().st_size
+            found.update(f"{file.name}\0{size}\n".encode())
+            if index in some:
+                with file.open("rb") as opened:
+                    opened.seek(max(0, (size - BYTES) // 2))
+                    found.update(opened.read(BYTES))
+    except OSError:
+        return None
+    return str(int(found.hexdigest()[:12], 16)) if files else None
 
 
 def labels(paths: Sequence[str | Path]) -> list[str]:

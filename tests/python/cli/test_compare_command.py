@@ -270,6 +270,18 @@ def test_a_mistake_is_one_line(data: Path, tmp_path: Path) -> None:
         assert code != 1 or made.stderr.count("\n") == 1
 
 
+def test_another_drive_with_the_same_names_is_found_out(data: Path, tmp_path: Path) -> None:
+    what = ("eval", data / "large.safetensors", data / "monday", "--truth", "identity")
+    surefix_(*what, "--method", "weighted", "-o", tmp_path / "monday")
+    made = surefix_("compare", data / "large", tmp_path / "monday", code=1)
+    said = "monday: expected the drive of large, got other files of the same names; compare them"
+    assert said in made.stderr
+    maps = (data / "small.safetensors", "--queries", data / "monday", "--truth", "identity")
+    made = surefix_("compare", data / "large", *maps, code=1)
+    assert "small: expected the drive of large, got other files" in made.stderr
+    surefix_("compare", data / "large", tmp_path / "monday", "--unpaired")
+
+
 def test_other_queries_can_be_compared_unpaired(data: Path, tmp_path: Path) -> None:
     other = changed(data / "large", tmp_path / "other", ".png", ".jpg")
     found = table(surefix_("compare", data / "small", other, "--unpaired").stdout)
