@@ -114,6 +114,14 @@ class Comparison:
         """The figures that at least one run has, in order."""
         return [name for name in FIGURES if any(name in run.figures for run in self.runs)]
 
+    @property
+    def telling(self) -> list[str]:
+        """The figures that are not the same for all runs; if all are, all of them."""
+        others = [run for run in self.runs if run.name != self.against]
+        return [
+            figure for figure in self.figures if any(run.verdict(figure) != SAME for run in others)
+        ] or self.figures
+
     def heading(self, figure: str) -> str:
         """A figure in a few words."""
         return HEADINGS[figure] + (f" to recall {self.upto:g}" if figure == "area" else "")
@@ -180,12 +188,10 @@ class Comparison:
         that are the same for all, as those of trust are for methods on the same distances.
         """
         header = ["run", "figure", f"difference to {self.against}", "95 % interval", "verdict"]
-        others = [run for run in self.runs if run.name != self.against]
-        telling = [f for f in self.figures if any(run.verdict(f) != SAME for run in others)]
         rows = [
             [run.name, self.heading(figure), *signed(run.differences[figure]), run.verdict(figure)]
-            for run in others
-            for figure in telling or self.figures
+            for run in self.runs
+            for figure in self.telling
             if run.verdict(figure)
         ]
         return header, rows

@@ -98,7 +98,7 @@ def _figures(comparison: Comparison) -> Section:
 def _differences(comparison: Comparison) -> Section:
     header, rows = comparison.differences()
     others = [run for run in comparison.runs if run.name != comparison.against]
-    figures = comparison.figures
+    figures = comparison.telling
     alt = "; ".join(
         f"{run.name}, {comparison.heading(figure)} {' ('.join(signed(run.differences[figure]))})"
         for figure in figures

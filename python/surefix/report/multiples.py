@@ -188,7 +188,11 @@ def _legend(figure: Figure, handles: Mapping[str, Any], columns: int) -> None:
 
 
 def _bare(ax: Axes, title: str) -> None:
-    """The panel with its title, without the legend and the names of its axes."""
+    """The panel with its title, without the legend and the names of its axes, and with smaller
+    marks, as it is small.
+    """
+    for line in ax.lines:
+        line.set_markersize(min(0.6 * line.get_markersize(), 9))
     if (legend := ax.get_legend()) is not None:
         legend.remove()
     ax.set_xlabel("")

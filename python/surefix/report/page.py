@@ -168,6 +168,7 @@ def page(
     to the sections come first.
     """
     style = _part("page.css") + (_part("contents.css") if contents else "")
+    parts = "".join(_section(each, contents) for each in sections)
     sorting = any(table.sorts for section in sections for table in section.tables)
     script = f"<script>\n{_part('sort.js')}</script>\n" if sorting else ""
     paragraphs = "\n".join(f'<p class="lead">{escape(text)}</p>' for text in lead)
@@ -190,7 +191,7 @@ def page(
 {_pictures(hero, "hero") if hero else ""}
 <dl class="tiles">
 {"".join(map(_tile, tiles))}</dl>
-{_contents(sections) if contents else ""}{"".join(map(_section, sections))}</main>
+{_contents(sections) if contents else ""}{parts}</main>
 {script}</body>
 </html>
 """
@@ -221,7 +222,7 @@ def _tile(tile: Tile) -> str:
     )
 
 
-def _section(section: Section) -> str:
+def _section(section: Section, linked: bool) -> str:
     paragraphs = "\n".join(f"<p>{escape(text)}</p>" for text in section.paragraphs)
     pictures = _pictures(section.pictures.values(), "pictures") if section.pictures else ""
     points = "".join(f"<li>{escape(text)}</li>\n" for text in section.points)
@@ -231,7 +232,8 @@ def _section(section: Section) -> str:
         tables += f"<table>\n{_body(section.facts)}</table>\n"
     title = escape(section.title)
     inside = f"<h2>{title}</h2>\n{paragraphs}\n{points}{pictures}{tables}"
-    return f'<section id="{_id(section)}">\n{inside}</section>\n'
+    at = f' id="{_id(section)}"' if linked else ""
+    return f"<section{at}>\n{inside}</section>\n"
 
 
 def _pictures(pictures: Iterable[Picture], kind: str) -> str:
