@@ -192,7 +192,8 @@ def _bare(ax: Axes, title: str) -> None:
     marks, as it is small.
     """
     for line in ax.lines:
-        line.set_markersize(min(0.6 * line.get_markersize(), 9))
+        if line.get_marker() != "*":
+            line.set_markersize(0.6 * line.get_markersize())
     if (legend := ax.get_legend()) is not None:
         legend.remove()
     ax.set_xlabel("")

@@ -92,8 +92,8 @@ def perfect_prediction(cases: Sequence[Case], settings: Settings) -> Exhibit:
         plain, weighted = study.results
         curves[case] = {
             "weighted by the prediction": weighted.curve,
-            "weighted by a perfect prediction": study["perfect-weighted"].curve,
             "unweighted": plain.curve,
+            "weighted by a perfect prediction": study["perfect-weighted"].curve,
         }
     return _exhibit(
         "perfect_prediction",
