@@ -13,9 +13,11 @@ from rich.table import Table
 from surefix import Comparison, SurefixError, SurefixValueError, match_distances
 from surefix.baselines import METHODS, Context, run_method
 from surefix.cli import inputs
-from surefix.cli.drives import distances_of, open_drive, open_map, truth_without
+from surefix.cli.drives import distances_of, open_map, truth_without
 from surefix.cli.flags import documented, with_options
 from surefix.cli.inputs import check_not_read, refuse
+from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.recorded import open_drive
 from surefix.cli.where import (
     GAP,
     Places,
@@ -61,7 +63,8 @@ def compare_(
     upto: Annotated[float, typer.Option(min=0.001, max=1)] = UPTO,
     samples: Annotated[int, typer.Option(min=10, max=1_000_000)] = SAMPLES,
     similarity: bool = False,
-    model: inputs.Model = None,
+    model: Model = None,
+    weights: Weights = None,
     *,
     options: dict[str, Any],
     topic: inputs.Topic = None,
@@ -105,6 +108,7 @@ def compare_(
     refuse(len(runs) == 1 and kinds != ["report"], f"{expected}, got {runs[0]}")
     others = [run for run, kind in zip(runs, kinds, strict=True) if kind != "report"]
     reading = [*others, truth, positions, query_positions, odometry, *(queries or ())]
+    reading += [model, weights]
     if out is not None:
         check_not_read(out, reading)
         check_folder(out, "cannot write the comparison")
@@ -125,7 +129,8 @@ def compare_(
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
-    make = _Maker(where, recall or "correct", method or ("weighted",), options, model, similarity)
+    named = ModelOptions(model, weights)
+    make = _Maker(where, recall or "correct", method or ("weighted",), options, named, similarity)
 
     reports: dict[str, Sequence[Judged]] = {}
     places = iter((queries or []) * (kinds.count("map") if len(queries or ()) == 1 else 1))
@@ -201,7 +206,7 @@ class _Maker:
     recall: Recall
     methods: Sequence[str]
     options: dict[str, Any]
-    model: Any
+    model: ModelOptions
     similarity: bool
 
     def fixes(self, file: str) -> Judged:
@@ -215,7 +220,7 @@ class _Maker:
     def drive(self, route: str, queries: str | None, sampling: dict[str, Any]) -> list[Judged]:
         """The methods on a map and a drive, or on distances."""
         learned = queries is not None and open_map(route).descriptor is None
-        model = self.model if learned else None
+        model = self.model if learned else ModelOptions()
         drive = open_drive(route, queries, (), self.similarity, model, **sampling)
         count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
         if not is_held(drive.places, count):
