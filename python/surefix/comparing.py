@@ -39,7 +39,8 @@ def compare(
     """Compares runs on one drive, with 95 % intervals of each figure and of each difference.
 
     Intervals are of a bootstrap over blocks of consecutive queries, as long as errors last. The
-    same queries are drawn for a run and for the baseline: what is hard for both moves neither.
+    same queries are drawn for a run and for the baseline, so that a stretch that is hard for both
+    does not widen the interval.
 
     Parameters
     ----------
