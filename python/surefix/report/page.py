@@ -37,6 +37,7 @@ __all__ = [
 ]
 
 PAGE = "report.html"
+THEME = '<button type="button" id="explorer-theme">Light or dark</button>'
 
 
 @dataclass(frozen=True)
@@ -122,18 +123,21 @@ def photograph(image: NDArray[np.uint8], alt: str, caption: str) -> Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers with a heading a column; a row's first cell names it. ``name`` becomes the id."""
+    """Numbers with a heading a column; a row's first cell names it. ``name`` becomes the id.
+    ``shows`` has the method and the query of each row, for a button that shows them on the page.
+    """
 
     name: str
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    shows: Sequence[tuple[str, int]] = ()
 
 
 @dataclass(frozen=True)
 class Section:
     """A heading, some paragraphs, pictures below them, side by side if there is room, and tables.
-    The pictures go by the names of their files.
+    The pictures go by the names of their files. ``html`` is markup, all others are plain text.
     """
 
     title: str
@@ -142,6 +146,7 @@ class Section:
     facts: Sequence[tuple[str, str]] = ()
     tables: Sequence[Table] = ()
     points: Sequence[str] = ()
+    html: str = ""
 
 
 def page(
@@ -150,8 +155,13 @@ def page(
     hero: Sequence[Picture],
     tiles: Sequence[Tile],
     sections: Sequence[Section],
+    identity: str = "",
+    command: str = "",
+    scripts: str = "",
 ) -> str:
-    """The page as text. All strings are plain text; they are escaped here."""
+    """The page as text. All strings are plain text; they are escaped here, except ``scripts``, the
+    elements at its end. ``identity`` is the line above the title, ``command`` made the page.
+    """
     style = files("surefix.report").joinpath("page.css").read_text(encoding="utf-8")
     paragraphs = "\n".join(f'<p class="lead">{escape(text)}</p>' for text in lead)
     return f"""<!DOCTYPE html>
@@ -160,21 +170,23 @@ def page(
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
-<title>{escape(title)}</title>
+<title>{escape(f"{title} - {identity}" if identity else title)}</title>
 <style>
 {style}</style>
 </head>
 <body>
 <main>
 <header>
+{THEME if scripts else ""}
+{f'<p class="identity">{escape(identity)}</p>' if identity else ""}
 <h1>{escape(title)}</h1>
+{f'<p class="command"><code>{escape(command)}</code></p>' if command else ""}
 {paragraphs}
 </header>
 {_pictures(hero, "hero") if hero else ""}
-<dl class="tiles">
-{"".join(map(_tile, tiles))}</dl>
+{f'<dl class="tiles">{"".join(map(_tile, tiles))}</dl>' if tiles else ""}
 {"".join(map(_section, sections))}</main>
-</body>
+{scripts}</body>
 </html>
 """
 
@@ -197,7 +209,7 @@ def _section(section: Section) -> str:
     if section.facts:
         tables += f"<table>\n{_body(section.facts)}</table>\n"
     title = escape(section.title)
-    return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{points}{pictures}{tables}</section>\n"
+    return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{points}{section.html}{pictures}{tables}</section>\n"
 
 
 def _pictures(pictures: Iterable[Picture], kind: str) -> str:
@@ -219,12 +231,16 @@ def _picture(picture: Picture) -> str:
     )
 
 
-def _body(rows: Sequence[Sequence[str]]) -> str:
+def _body(rows: Sequence[Sequence[str]], shows: Sequence[tuple[str, int]] = ()) -> str:
     """The rows of a table; the first cell names its row."""
+    buttons = [
+        f' <button type="button" data-method="{escape(method)}" data-query="{query}">show</button>'
+        for method, query in shows
+    ] or [""] * len(rows)
     cells = (
-        f'<th scope="row">{escape(name)}</th>'
+        f'<th scope="row">{escape(name)}{button}</th>'
         + "".join(f"<td>{escape(cell)}</td>" for cell in others)
-        for name, *others in rows
+        for (name, *others), button in zip(rows, buttons, strict=True)
     )
     lines = "".join(f"<tr>{row}</tr>\n" for row in cells)
     return f"<tbody>\n{lines}</tbody>\n"
@@ -234,8 +250,8 @@ def _table(table: Table) -> str:
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
     return (
         f'<div class="numbers"><table id="{escape(table.name)}">\n'
-        f"<caption>{escape(table.caption)}</caption>\n"
-        f"<thead>\n<tr>{header}</tr>\n</thead>\n{_body(table.rows)}</table></div>\n"
+        f"<caption><span>{escape(table.caption)}</span></caption>\n"
+        f"<thead>\n<tr>{header}</tr>\n</thead>\n{_body(table.rows, table.shows)}</table></div>\n"
     )
 
 
@@ -257,6 +273,9 @@ def write(
     sections: Sequence[Section],
     tables: Callable[[Path], object],
     old: Iterable[str] = (),
+    *,
+    files: Mapping[str, Picture] | None = None,
+    **more: str,
 ) -> Path:
     """Writes a page, its pictures on light paper, and its tables; returns the path of the page.
 
@@ -273,20 +292,28 @@ def write(
         Writes the other files into it.
     old : iterable of str
         Names of files that an earlier report may have and this one lacks. All others stay.
+    files : dict of Picture
+        Pictures that are files alone, and not on the page.
+    more
+        As for ``page``.
 
     Raises
     ------
     SurefixFileError
         If a file cannot be written.
     """
-    text = page(title, lead, hero, tiles, sections)
+    text = page(title, lead, hero, tiles, sections, **more)
+    pictures = dict(files or {})
+    for section in sections:
+        pictures |= section.pictures
+    # They are drawn before anything is written.
+    drawings = {name: picture.light for name, picture in pictures.items()}
     try:
         inside = Path(mkdtemp(prefix=".surefix-", dir=folder))
         try:
             tables(inside)
-            for section in sections:
-                for name, picture in section.pictures.items():
-                    (inside / name).write_bytes(picture.light)
+            for name, drawing in drawings.items():
+                (inside / name).write_bytes(drawing)
             (inside / PAGE).write_text(text, encoding="utf-8")
             _move(inside, folder, old)
         finally:
