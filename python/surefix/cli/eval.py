@@ -374,7 +374,9 @@ def eval_(
     try:
         with console.status("Drawing the report"):
             mistakes = {*study.mistakes(MISTAKES), *study.trusted_mistakes(MISTAKES)}
-            images, album = pictures_of(frames, mistakes, levels) if frames is not None else (None, None)
+            images, album = (
+                pictures_of(frames, mistakes, levels) if frames is not None else (None, None)
+            )
             report = write_report(
                 study,
                 out,

@@ -154,7 +154,7 @@ def write_report(
         sections.tiles(study),
         (
             explorer(scene),
-            *sections.methods(study),
+            *sections.methods(study, study.shown),
             *(sections.drives(drives, diagrams) if drives else ()),
             sections.trust(study),
             sections.route(study),

@@ -186,6 +186,8 @@ function drawThreshold() {
   if (data.judged) {
     $("precision").textContent = now.precision === null ? "none" : share(now.precision);
     $("recall").textContent = share(now.recall);
+    // As the curve has them, to the last bit.
+    for (const name of ["precision", "recall"]) $(name).dataset.exact = String(now[name]);
     $("wrong").textContent = String(counts.wrong);
     words.push(`precision ${$("precision").textContent}`, `recall ${$("recall").textContent}`);
   } else {
@@ -277,17 +279,18 @@ function drawQuery() {
   $("verdict").textContent = words;
   $("verdict").dataset.kind = kind;
   picture("image-query", data.images[0], query, "query", data.queryNames);
-  picture("image-match", data.images[1], place, "matched: place", data.placeNames);
+  const ready = has(method, query, READY);
+  picture("image-match", data.images[1], ready ? place : -1, "matched: place", data.placeNames);
   picture("image-true", data.images[1], kind === "wrong" ? truth : -1, "true: place",
           data.placeNames);
   $("query").value = query;
-  const answer = `query ${query}${name && ` ${name}`}, place ${place}: ${words}`;
+  const answer = `query ${query}${name && ` ${name}`}, place ${ready ? place : "none"}: ${words}`;
   $("query").setAttribute("aria-valuetext", answer);
   fact("fact-method", method.name);
-  fact("fact-score", digits(method.score[query]));
+  fact("fact-score", ready ? digits(method.score[query]) : null);
   fact("fact-confidence", method.confidence ? share(method.confidence[query]) : null);
   fact("fact-off", method.off_map ? share(method.off_map[query]) : null);
-  fact("fact-distance", method.distance ? digits(method.distance[query]) : null);
+  fact("fact-distance", ready && method.distance ? digits(method.distance[query]) : null);
   const single = `${digits(common.single_distance[query])}, place ${common.single_place[query]}`;
   fact("fact-single", single);
   fact("fact-true", common.true_distance && truth >= 0
@@ -295,12 +298,12 @@ function drawQuery() {
 
   part(fig.matrix, "here").location = query;
   part(fig.strip, "here").location = query;
-  const shown = has(method, query, READY), ring = { x: [], y: [], size: [], color: [] };
+  const ring = { x: [], y: [], size: [], color: [] };
   const circle = (columns, x, y, size, color) => {
     columns.x.push(x); columns.y.push(y); columns.size.push(size); columns.color.push(color);
   };
   if (truth >= 0 && kind === "wrong") circle(ring, query, truth, 10, theme.right);
-  if (shown) circle(ring, query, place, 15, theme.ink);
+  if (ready) circle(ring, query, place, 15, theme.ink);
   fill(fig.matrix, "ring", ring);
 
   const values = part(fig.matrix, "tones").data_source.data.image[0];
@@ -311,17 +314,17 @@ function drawQuery() {
     ys.push(data.low + data.step * values[row * data.columns + column]);
   }
   fill(fig.profile, "distances", { x: xs, y: ys });
-  part(fig.profile, "match").setv({ location: shown ? place : null, line_color: theme[kind] });
+  part(fig.profile, "match").setv({ location: ready ? place : null, line_color: theme[kind] });
   const off = kind === "wrong" && truth >= 0;
   part(fig.profile, "true").setv({ location: off ? truth : null });
 
   if (fig.plan) {
     const rings = { x: [], y: [], size: [], color: [] }, line = { x: [], y: [] };
-    if (shown) circle(rings, common.east[place], common.north[place], 16, theme.ink);
+    if (ready) circle(rings, common.east[place], common.north[place], 16, theme.ink);
     const known = common.query_east && Number.isFinite(common.query_east[query]);
     const at = known ? [common.query_east[query], common.query_north[query]]
       : truth >= 0 ? [common.east[truth], common.north[truth]] : null;
-    if (at && shown && kind === "wrong") {
+    if (at && ready && kind === "wrong") {
       circle(rings, at[0], at[1], 10, theme.right);
       line.x = [common.east[place], at[0]];
       line.y = [common.north[place], at[1]];

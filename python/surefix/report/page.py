@@ -209,7 +209,8 @@ def _section(section: Section) -> str:
     if section.facts:
         tables += f"<table>\n{_body(section.facts)}</table>\n"
     title = escape(section.title)
-    return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{points}{section.html}{pictures}{tables}</section>\n"
+    below = f"{points}{section.html}{pictures}{tables}"
+    return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{below}</section>\n"
 
 
 def _pictures(pictures: Iterable[Picture], kind: str) -> str:

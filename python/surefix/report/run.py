@@ -87,7 +87,8 @@ class Recorder:
         methods.append(told("single", words, 1, 2, every))
         picture, (_, more) = thinned(np.stack(self._columns, axis=1))
         wanted = {int(place) for each in methods for place in each.place}
-        positions = self.map.positions
+        at = self.map.positions
+        flat = None if at is None or at.shape[1] < 2 else np.asarray(at)[:, :2]
         return Scene(
             picture,
             (-(-len(self.map) // SIDE), self._across * more),
@@ -97,7 +98,7 @@ class Recorder:
             trusted,
             single,
             near,
-            positions=None if positions is None else np.asarray(positions)[:, :2],
+            positions=flat,
             segments=self.map.segments,
             query_names=self.names,
             place_names=self.map.names,

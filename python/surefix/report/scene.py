@@ -65,6 +65,8 @@ class Scene:
         The distances, or the least of each block of them.
     block : (int, int)
         The places of a row, and the queries of a column.
+    least : bool
+        False if the picture has one distance of each block, whichever.
     places : int
     methods : sequence of Answers
     chosen : str
@@ -102,6 +104,7 @@ class Scene:
     segments: Segments | None = None
     query_names: Sequence[str] | None = None
     place_names: Sequence[str] | None = None
+    least: bool = True
     queries: Album = field(default_factory=Album)
     references: Album = field(default_factory=Album)
 
@@ -135,7 +138,7 @@ def of_study(
     query_names: Sequence[str] | None = None,
     place_names: Sequence[str] | None = None,
 ) -> Scene:
-    """The scene of a study; ``queries`` and ``references`` are images by number, or an ``Album``."""
+    """The scene of a study; ``queries`` and ``references`` are images by number, or albums."""
     n, m = study.distances.shape
     seen, covers = study.seen()
     picture, (down, across) = thinned(seen)
@@ -173,7 +176,9 @@ def of_study(
         positions, query_positions = (there, here) if there.shape[1] > 1 else (None, None)
     positions = None if positions is None else np.asarray(positions, np.float64)
     flat = positions is not None and positions.ndim == 2 and positions.shape[1] > 1
-    wanted = {int(place) for each in methods for place in each.place} | {*truth[truth >= 0].tolist()}
+    wanted = {int(place) for each in methods for place in each.place} | {
+        *truth[truth >= 0].tolist()
+    }
     wanted |= {*run.single_place.tolist()}
     return Scene(
         picture,
@@ -193,6 +198,7 @@ def of_study(
         study.context.segments,
         query_names,
         place_names,
+        covers is None,
         _album(queries, every.tolist()),
         _album(references, wanted),
     )

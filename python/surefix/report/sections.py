@@ -78,8 +78,8 @@ def tiles(study: Study) -> Sequence[Tile]:
     )
 
 
-def methods(study: Study) -> Sequence[Section]:
-    """The table of all methods, and a sentence or two for each but the one of the lead."""
+def methods(study: Study, said: Result | None = None) -> Sequence[Section]:
+    """The table of all methods, and a sentence or two for each but the one that was ``said``."""
     table = Section(
         "Every method",
         (
@@ -93,7 +93,7 @@ def methods(study: Study) -> Sequence[Section]:
         ),
         tables=(tables.methods(study),),
     )
-    others = [verdict(each) for each in study.results if each is not study.shown]
+    others = [verdict(each) for each in study.results if each is not said]
     return table, Section("In words", (), points=others)
 
 
@@ -179,9 +179,7 @@ def route(study: Study) -> Section:
         if len(gap) == 1
         else f"{len(gap)} queries, from {gap.start} to {gap.stop - 1}."
     )
-    paragraphs = [
-        f"The longest stretch without a single match that is trusted and right: {words}"
-    ]
+    paragraphs = [f"The longest stretch without a single match that is trusted and right: {words}"]
     shown, plain = study.shown, study.baseline
     if shown is not plain:
         both = shown.judged & shown.accepted & plain.judged
