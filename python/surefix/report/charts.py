@@ -26,6 +26,8 @@ __all__ = ["LEVELS", "figures", "span"]
 TONES = (0.5, 60)
 # The steps of a tone: a distance takes a byte.
 LEVELS = 255
+# With more segments, their lines would hide the rest.
+LINES = 50
 FONT = "system-ui, sans-serif"
 
 
@@ -83,9 +85,9 @@ def _source(*columns: str) -> ColumnDataSource:
     return ColumnDataSource({name: [] for name in columns})
 
 
-def _here(fig: Any, name: str, dimension: str) -> None:
+def _here(fig: Any, name: str) -> None:
     """A line at the chosen query, or at one of its places."""
-    fig.add_layout(Span(name=name, dimension=dimension, line_width=1, level="overlay"))
+    fig.add_layout(Span(name=name, dimension="height", line_width=1, level="overlay"))
 
 
 def _marks(fig: Any) -> None:
@@ -148,8 +150,11 @@ def _matrix(scene: Scene) -> Any:
     )
     if scene.true_place is not None:
         fig.line("x", "y", source=_source("x", "y"), name="truth", line_width=1, line_alpha=0.6)
+    starts = [] if scene.segments is None else [each.start - 0.5 for each in scene.segments][1:]
+    if 0 < len(starts) <= LINES:
+        fig.hspan(y=starts, line_width=0.6, name="breaks")
     _marks(fig)
-    _here(fig, "here", "height")
+    _here(fig, "here")
     _ring(fig)
     fig.xaxis.visible = False
     fig.min_border_bottom = 4
@@ -184,7 +189,7 @@ def _strip(scene: Scene) -> Any:
         name="names",
     )
     fig.yaxis.visible = False
-    _here(fig, "here", "height")
+    _here(fig, "here")
     return fig
 
 
@@ -200,7 +205,7 @@ def _profile(scene: Scene) -> Any:
     )
     fig.line("x", "y", source=_source("x", "y"), line_width=1, name="distances")
     for name in ("match", "true"):
-        _here(fig, name, "height")
+        _here(fig, name)
     fig.yaxis.ticker.desired_num_ticks = 4
     return fig
 

@@ -21,6 +21,15 @@ const digits = (value) => Number(value.toPrecision(4)).toString();
 const share = (value) => value.toFixed(3);
 const named = (index, names) => names && names[index] !== String(index) ? names[index] : "";
 
+// A place, of several segments counted from the start of its own.
+function placed(place) {
+  const starts = data.starts;
+  if (starts.length < 2) return String(place);
+  let k = starts.length - 1;
+  while (starts[k] > place) k--;
+  return `${place - starts[k]} of segment ${k}`;
+}
+
 // A method's threshold: its position counts the steps of its curve, 0 for none accepted.
 const limit = (method) => method.at ? method.thresholds[method.at - 1] : -Infinity;
 const has = (method, j, bit) => (method.state[j] & bit) !== 0;
@@ -64,6 +73,9 @@ function look(method, j) {
   return { color: told ? theme.trusted : theme.muted, marker: "circle", solid: told, size: 5 };
 }
 
+// On the plan, a match says little if the method believes that the robot is off the map.
+const lost = (method, j) => Boolean(method.off_map) && method.off_map[j] >= 0.5;
+
 function marks(figure, xs, ys) {
   const method = methods[chosen];
   const columns = { x: [], y: [], color: [], fill: [], alpha: [], size: [], marker: [] };
@@ -72,7 +84,8 @@ function marks(figure, xs, ys) {
   for (const wrong of [false, true]) {
     for (let j = 0; j < m; j++) {
       if (!has(method, j, READY)) continue;
-      const own = look(method, j);
+      const own = figure === fig.plan && lost(method, j)
+        ? { color: theme.muted, marker: "square", solid: false, size: 7 } : look(method, j);
       if ((own.marker === "x") !== wrong) continue;
       columns.x.push(xs(j));
       columns.y.push(ys(j));
@@ -85,8 +98,6 @@ function marks(figure, xs, ys) {
   }
   fill(figure, "marks", columns);
 }
-
-const lost = (method, j) => method.off_map ? method.off_map[j] >= 0.5 : false;
 
 function drawMarks() {
   const { place } = methods[chosen];
@@ -223,7 +234,7 @@ function nearest(album, number) {
   return { number: numbers[low], source: `data:image/jpeg;base64,${files[low]}` };
 }
 
-function picture(id, album, number, words, names) {
+function picture(id, album, number, words, names, told = String) {
   const box = $(id), found = nearest(album, number), name = named(number, names);
   box.hidden = number < 0;
   if (number < 0) return;
@@ -232,10 +243,10 @@ function picture(id, album, number, words, names) {
   box.querySelector(".none").hidden = Boolean(found);
   if (found) {
     image.src = found.source;
-    image.alt = `${words} ${number}`;
+    image.alt = `${words} ${told(number)}`;
   }
-  const other = found && found.number !== number ? ` (image of ${found.number}, the nearest)` : "";
-  caption.replaceChildren(document.createTextNode(`${words} ${number}${other}`));
+  const other = found && found.number !== number ? ` (image of ${told(found.number)}, the nearest)` : "";
+  caption.replaceChildren(document.createTextNode(`${words} ${told(number)}${other}`));
   if (name) {
     const small = document.createElement("span");
     small.textContent = name;
@@ -280,21 +291,22 @@ function drawQuery() {
   $("verdict").dataset.kind = kind;
   picture("image-query", data.images[0], query, "query", data.queryNames);
   const ready = has(method, query, READY);
-  picture("image-match", data.images[1], ready ? place : -1, "matched: place", data.placeNames);
-  picture("image-true", data.images[1], kind === "wrong" ? truth : -1, "true: place",
-          data.placeNames);
+  picture("image-match", data.images[1], ready ? place : -1, "match", data.placeNames,
+          placed);
+  picture("image-true", data.images[1], kind === "wrong" ? truth : -1, "true place",
+          data.placeNames, placed);
   $("query").value = query;
-  const answer = `query ${query}${name && ` ${name}`}, place ${ready ? place : "none"}: ${words}`;
+  const answer = `query ${query}${name && ` ${name}`}, place ${ready ? placed(place) : "none"}: ${words}`;
   $("query").setAttribute("aria-valuetext", answer);
   fact("fact-method", method.name);
   fact("fact-score", ready ? digits(method.score[query]) : null);
   fact("fact-confidence", method.confidence ? share(method.confidence[query]) : null);
   fact("fact-off", method.off_map ? share(method.off_map[query]) : null);
   fact("fact-distance", ready && method.distance ? digits(method.distance[query]) : null);
-  const single = `${digits(common.single_distance[query])}, place ${common.single_place[query]}`;
+  const single = `${digits(common.single_distance[query])}, place ${placed(common.single_place[query])}`;
   fact("fact-single", single);
   fact("fact-true", common.true_distance && truth >= 0
-    ? `${digits(common.true_distance[query])}, place ${truth}` : null);
+    ? `${digits(common.true_distance[query])}, place ${placed(truth)}` : null);
 
   part(fig.matrix, "here").location = query;
   part(fig.strip, "here").location = query;
@@ -372,6 +384,17 @@ function next(step) {
   }
 }
 
+// Where to begin: at the wrong match of the best score, if one is wrong.
+function worst() {
+  const method = methods[chosen];
+  let found = m >> 1, least = Infinity;
+  for (let j = 0; j < m; j++) {
+    const wrong = has(method, j, JUDGED) && !has(method, j, RIGHT) && taken(method, j);
+    if (wrong && method.score[j] < least) { least = method.score[j]; found = j; }
+  }
+  return found;
+}
+
 function zoom(factor) {
   const ranges = [[fig.matrix.x_range, query, m],
                   [fig.matrix.y_range, methods[chosen].place[query], data.places]];
@@ -388,7 +411,7 @@ function cell(x, y) {
   const [down, across] = data.block;
   const values = part(fig.matrix, "tones").data_source.data.image[0];
   const level = values[Math.floor(i / down) * data.columns + Math.floor(j / across)];
-  $("cell").textContent = `query ${j}, place ${i}: distance ${digits(data.low + data.step * level)}`;
+  $("cell").textContent = `query ${j}, place ${placed(i)}: distance ${digits(data.low + data.step * level)}`;
 }
 
 function paint() {
@@ -404,6 +427,7 @@ function paint() {
   const line = (figure, name, color) => { part(figure, name).glyph.line_color = { value: color }; };
   part(fig.matrix, "tones").glyph.color_mapper.palette = theme.tones;
   if (data.judged) line(fig.matrix, "truth", theme.ink);
+  if (part(fig.matrix, "breaks")) line(fig.matrix, "breaks", theme.ink);
   line(fig.profile, "distances", theme.ink);
   line(fig.strip, "middles", theme.grid);
   part(fig.strip, "names").glyph.text_color = { value: theme.ink };
@@ -441,6 +465,17 @@ function keys(event) {
   event.preventDefault();
 }
 
+// The query whose match lies nearest to a point of the plan; null if none is near.
+function beside(x, y) {
+  const { place } = methods[chosen], seen = fig.plan.x_range;
+  let best = null, least = (seen.end - seen.start) / 20;
+  for (let j = 0; j < m; j++) {
+    const off = Math.hypot(common.east[place[j]] - x, common.north[place[j]] - y);
+    if (off < least) { least = off; best = j; }
+  }
+  return best;
+}
+
 function listen() {
   const touch = matchMedia("(pointer: coarse)").matches;
   if (innerWidth < 860) fig.matrix.height = 330;
@@ -463,13 +498,12 @@ function listen() {
   }
   if (fig.plan) {
     fig.plan.on_event("tap", ({ x, y }) => {
-      const { place } = methods[chosen], seen = fig.plan.x_range;
-      let best = -1, least = (seen.end - seen.start) / 15;
-      for (let j = 0; j < m; j++) {
-        const off = Math.hypot(common.east[place[j]] - x, common.north[place[j]] - y);
-        if (off < least) { least = off; best = j; }
-      }
-      if (best >= 0) { pinned = true; choose(best); }
+      const j = beside(x, y);
+      if (j !== null) { pinned = !(pinned && j === query) && !touch; choose(j); }
+    });
+    fig.plan.on_event("mousemove", ({ x, y }) => {
+      const j = touch || pinned ? null : beside(x, y);
+      if (j !== null) choose(j);
     });
     if (touch) for (const tool of fig.plan.toolbar.tools) tool.active = false;
   }
@@ -572,8 +606,7 @@ async function start() {
   }
   listen();
   paint();
-  next(1);
-  pinned = false;
+  choose(worst());
   document.getElementById("explorer").dataset.ready = "yes";
 }
 

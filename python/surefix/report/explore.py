@@ -93,6 +93,7 @@ def _data(scene: Scene) -> dict[str, Any]:
         "on": [k < LOOKS for k in range(len(scene.methods))],
         # The line of the truth does not bridge a longer step.
         "jump": 10 + 5 * int(np.median(steps)) if len(steps) else 10,
+        "starts": [] if scene.segments is None else [each.start for each in scene.segments],
         "queryNames": _names(scene.query_names),
         "placeNames": _names(scene.place_names),
         "images": [_images(scene.queries), _images(scene.references)],
@@ -163,8 +164,11 @@ def _markup(scene: Scene, drawn: Mapping[str, Any]) -> str:
             ("true", "distance to the truth"),
         )
     )
+    kinds = "A dot is right, a cross is wrong" if scene.judged else "Green is trusted, grey is not"
+    words = f"{kinds}; a square is probably off the map, says the method."
+    below = {"plan": f'<p class="below">{words}</p>\n'}
     beside = "".join(
-        f"<h3>{title}</h3>\n{plots[name]}\n"
+        f'<h3>{title}</h3>\n{plots[name]}\n<p class="below">{below.get(name, "")}</p>\n'
         for name, title in (("curve", "Precision and recall"), ("plan", "Plan of the route"))
         if name in plots
     )

@@ -16,7 +16,7 @@ from surefix.study import Study
 __all__ = ["SIDE", "Answers", "Scene", "of_study", "thinned"]
 
 # The most rows and columns of the matrix on a page.
-SIDE = 1000
+SIDE = 1200
 
 Float32 = NDArray[np.float32]
 

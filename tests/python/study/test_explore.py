@@ -271,6 +271,27 @@ def test_methods_are_switched_on_and_off_and_a_row_of_a_table_shows_its_query(
 
 
 @pytest.mark.slow
+def test_the_plan_shows_the_same_query_and_its_error(tab: Tab, drive: Study) -> None:
+    result, where = drive["weighted"], np.asarray(drive.context.positions)
+    wrong = np.flatnonzero(result.judged & ~result.right & (drive.true_place >= 0))
+    query = int(wrong[3])
+    tab.slide("query", query)
+    plan = "Bokeh.documents[4].roots()[0]"
+    for name in ("ring", "error"):
+        data = tab.page.evaluate(
+            f"(({{x, y}}) => [[...x], [...y]])({plan}.select_one('{name}').data_source.data)"
+        )
+        ends = where[[result.matches.place[query], drive.true_place[query]]]
+        assert np.array(data).T == pytest.approx(ends, abs=1e-3)
+    # A query that the tracker believes off the map is a square.
+    tab.page.locator(f"#explorer-pick-{METHODS.index('track_any')}").check()
+    off = drive["track_any"].matches.off_map
+    assert off is not None
+    marks = tab.page.evaluate(f"[...{plan}.select_one('marks').data_source.data.marker]")
+    assert marks.count("square") == (off.astype(np.float32) >= 0.5).sum()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_light_and_dark_by_the_system_and_by_the_switch(
     browser: Any, file: Path, scheme: Any
