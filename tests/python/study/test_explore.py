@@ -282,7 +282,7 @@ def test_the_plan_shows_the_same_query_and_its_error(tab: Tab, drive: Study) -> 
             f"(({{x, y}}) => [[...x], [...y]])({plan}.select_one('{name}').data_source.data)"
         )
         ends = where[[result.matches.place[query], drive.true_place[query]]]
-        assert np.array(data).T == pytest.approx(ends, abs=1e-3)
+        assert pytest.approx(ends, abs=1e-3) == np.array(data).T
     # A query that the tracker believes off the map is a square.
     tab.page.locator(f"#explorer-pick-{METHODS.index('track_any')}").check()
     off = drive["track_any"].matches.off_map
