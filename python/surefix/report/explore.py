@@ -13,6 +13,16 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+
+try:
+    import bokeh as _bokeh  # noqa: F401
+except ModuleNotFoundError as error:
+    if error.name != "bokeh":
+        raise
+    message = "an interactive report takes Bokeh, which is not installed: "
+    message += "pip install 'surefix[report]'"
+    raise ModuleNotFoundError(message, name=error.name) from None
+
 from bokeh.core.types import ID
 from bokeh.embed import json_item
 from bokeh.resources import Resources

@@ -17,6 +17,7 @@ import surefix
 from surefix.simulate import Route
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 from PIL import Image
 

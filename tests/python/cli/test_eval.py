@@ -14,6 +14,7 @@ import surefix
 from surefix.simulate import Route
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 from PIL import Image
 

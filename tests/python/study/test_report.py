@@ -11,6 +11,7 @@ import surefix
 from surefix.simulate import Route, Traverse
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 from matplotlib.axes import Axes
 
