@@ -462,6 +462,8 @@ function keys(event) {
   else if (event.key === "Escape") pinned = false;
   else if (event.key === "n" || event.key === "p") next(event.key === "n" ? 1 : -1);
   else return;
+  // For those who hear the page: what a pointer shows is not read aloud.
+  $("said").textContent = $("query").getAttribute("aria-valuetext");
   event.preventDefault();
 }
 

@@ -187,6 +187,7 @@ def _markup(scene: Scene, drawn: Mapping[str, Any]) -> str:
 <div class="pair" role="region" aria-label="The chosen query">
 <h3><span id="explorer-pair-title">Query</span> <span id="explorer-verdict"></span></h3>
 <div class="images">{images}</div>
+<p class="heard" id="explorer-said" aria-live="polite"></p>
 </div>
 <div class="views">
 <div class="tools"><span id="explorer-cell"></span>

@@ -233,6 +233,30 @@ def test_keys_choose_queries_and_zoom(tab: Tab, drive: Study, scene: Scene) -> N
 
 
 @pytest.mark.slow
+def test_the_wheel_scrolls_the_page_and_with_ctrl_it_zooms_and_a_drag_moves(tab: Tab) -> None:
+    x, y = tab.at("matrix", 50)
+    span = "(({start, end}) => [start, end])(Bokeh.documents[0].roots()[0].x_range)"
+    whole = tab.page.evaluate(span)
+    tab.page.mouse.move(x, y)
+    before = tab.page.evaluate("scrollY")
+    tab.page.mouse.wheel(0, 60)
+    tab.page.wait_for_function(f"scrollY > {before}")
+    assert tab.page.evaluate(span) == whole
+    x, y = tab.at("matrix", 50)
+    tab.page.mouse.move(x, y)
+    tab.page.keyboard.down("Control")
+    tab.page.mouse.wheel(0, -240)
+    tab.page.keyboard.up("Control")
+    tab.page.wait_for_function(f"{span}[1] - {span}[0] < {whole[1] - whole[0] - 5}")
+    low, high = tab.page.evaluate(span)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x - 60, y, steps=4)
+    tab.page.mouse.up()
+    tab.page.wait_for_function(f"{span}[0] > {low}")
+    assert tab.page.evaluate(f"{span}[1] - {span}[0]") == pytest.approx(high - low)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["weighted", "masked", "track_any"])
 def test_the_slider_gives_the_curve_to_the_last_bit(tab: Tab, drive: Study, method: str) -> None:
     tab.page.locator(f"#explorer-pick-{METHODS.index(method)}").check()
