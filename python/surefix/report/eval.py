@@ -136,7 +136,7 @@ def write_report(
             write_drives(drives, inside)
 
     # Left beside the new files, those of an earlier report would look new.
-    old = filter(MORE.fullmatch, (path.name for path in folder.glob("*")))
+    old = [path.name for path in folder.glob("*") if MORE.fullmatch(path.name)]
     scene = of_study(
         study,
         queries=queries if album is None else album,
