@@ -18,6 +18,7 @@ from surefix.cli import inputs
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read
 from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.pages import Open, show, title_of
 from surefix.cli.recorded import Drive, open_drive
 from surefix.cli.route import SaveMap
 from surefix.tables.fix_files import check_form, created, form_of, open_writer, rows_of

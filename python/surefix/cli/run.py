@@ -29,8 +29,8 @@ from surefix.cli.inputs import (
     scale_of,
 )
 from surefix.cli.networks import Model, ModelOptions, Weights
-from surefix.cli.route import SaveMap, open_route
 from surefix.cli.pages import Open, RunPage, page_of, show, title_of
+from surefix.cli.route import SaveMap, open_route
 from surefix.cli.views import open_views
 from surefix.frames import Advances, Frame, Frames, ImageFrames, in_8_bits
 from surefix.frames.advances import time_in
