@@ -22,7 +22,6 @@ from surefix.cli.pages import Open, show, title_of
 from surefix.cli.recorded import Drive, open_drive
 from surefix.cli.route import SaveMap
 from surefix.tables.fix_files import check_form, created, form_of, open_writer, rows_of
-from surefix.cli.pages import Open, show, title_of
 
 T = TypeVar("T")
 

@@ -55,16 +55,6 @@ class Theme(Colours):
         return str(getattr(self, outcome.name.lower()))
 
     @property
-    def trusted(self) -> str:
-        """The colour of what is trusted, if it is not known what is right."""
-        return self.fifth
-
-    @property
-    def peak(self) -> str:
-        """The colour of the gradient's peak."""
-        return self.sixth
-
-    @property
     def distance_map(self) -> LinearSegmentedColormap:
         """Distances as tones of the paper: far fades into it, near stands out."""
         return LinearSegmentedColormap.from_list("distance", [self.near, self.paper])

@@ -314,7 +314,7 @@ function drawQuery() {
   const circle = (columns, x, y, size, color) => {
     columns.x.push(x); columns.y.push(y); columns.size.push(size); columns.color.push(color);
   };
-  if (truth >= 0 && kind === "wrong") circle(ring, query, truth, 10, theme.right);
+  if (truth >= 0 && kind === "wrong") circle(ring, query, truth, 10, theme.truth);
   if (ready) circle(ring, query, place, 15, theme.ink);
   fill(fig.matrix, "ring", ring);
 
@@ -337,7 +337,7 @@ function drawQuery() {
     const at = known ? [common.query_east[query], common.query_north[query]]
       : truth >= 0 ? [common.east[truth], common.north[truth]] : null;
     if (at && ready && kind === "wrong") {
-      circle(rings, at[0], at[1], 10, theme.right);
+      circle(rings, at[0], at[1], 10, theme.truth);
       line.x = [common.east[place], at[0]];
       line.y = [common.north[place], at[1]];
     }
@@ -426,14 +426,14 @@ function paint() {
   }
   const line = (figure, name, color) => { part(figure, name).glyph.line_color = { value: color }; };
   part(fig.matrix, "tones").glyph.color_mapper.palette = theme.tones;
-  if (data.judged) line(fig.matrix, "truth", theme.ink);
+  if (data.judged) line(fig.matrix, "truth", theme.truth);
   if (part(fig.matrix, "breaks")) line(fig.matrix, "breaks", theme.ink);
   line(fig.profile, "distances", theme.ink);
   line(fig.strip, "middles", theme.grid);
   part(fig.strip, "names").glyph.text_color = { value: theme.ink };
   part(fig.matrix, "here").line_color = theme.ink;
   part(fig.strip, "here").line_color = theme.ink;
-  part(fig.profile, "true").setv({ line_color: theme.right, line_dash: [4, 3] });
+  part(fig.profile, "true").setv({ line_color: theme.truth, line_dash: [4, 3] });
   if (fig.curve) {
     line(fig.curve, "point", theme.ink);
     part(fig.curve, "point").glyph.fill_color = { value: theme.paper };

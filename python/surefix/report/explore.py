@@ -78,7 +78,7 @@ def _words(scene: Scene) -> str:
         "Blue is right, orange is wrong; bold is trusted, thin is not; what the threshold refuses "
         "is faint. "
         if scene.judged
-        else "Green is trusted, grey is not; what the threshold refuses is faint. "
+        else "Blue is trusted, grey is not; what the threshold refuses is faint. "
     )
     return (
         "Point at the matrix or the strip, tap them, or use the arrow keys, to see a query beside "
@@ -121,12 +121,11 @@ def _images(album: Album) -> Mapping[str, Any]:
 
 def _theme(theme: Theme, methods: int) -> Mapping[str, Any]:
     """Colours by their meaning, as in every figure, and the lines of the methods."""
-    names = ("paper", "ink", "muted", "grid", "trusted", *(each.name.lower() for each in Outcome))
+    plain = ("paper", "ink", "muted", "grid", "trusted", "right", "wrong", "truth")
+    names = *plain, *(each.name.lower() for each in Outcome)
     colours = {name: getattr(theme, name) for name in names}
     shades = theme.distance_map(np.linspace(0, 1, 256), bytes=True)
     return colours | {
-        "right": theme.trusted_right,
-        "wrong": theme.trusted_wrong,
         "tones": [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue, _ in shades],
         "lines": [_line(theme, k) for k in range(methods)],
     }
@@ -134,7 +133,7 @@ def _theme(theme: Theme, methods: int) -> Mapping[str, Any]:
 
 def _line(theme: Theme, k: int) -> Mapping[str, Any]:
     """The look of a method's curve: no colour that says right or wrong."""
-    hues = theme.ink, theme.fifth, theme.sixth, theme.muted
+    hues = theme.ink, theme.truth, theme.peak, theme.muted
     dashes: Sequence[Sequence[int]] = ((), (8, 4), (2, 3), (8, 3, 2, 3))
     return {"color": hues[(k + k // 4) % 4], "dash": dashes[k % 4], "width": 1.6}
 
@@ -174,7 +173,7 @@ def _markup(scene: Scene, drawn: Mapping[str, Any]) -> str:
             ("true", "distance to the truth"),
         )
     )
-    kinds = "A dot is right, a cross is wrong" if scene.judged else "Green is trusted, grey is not"
+    kinds = "A dot is right, a cross is wrong" if scene.judged else "Blue is trusted, grey is not"
     words = f"{kinds}; a square is probably off the map, says the method."
     below = {"plan": f'<p class="below">{words}</p>\n'}
     beside = "".join(

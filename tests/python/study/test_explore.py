@@ -384,8 +384,6 @@ def test_the_colours_of_words_are_those_of_the_figures() -> None:
             getattr(LIGHT, f"trusted_{name}"),
             {getattr(DARK, f"trusted_{name}")},
         )
-    light, *dark = re.findall(r"--trusted: (#\w+);", style)
-    assert (light, {*dark}) == (LIGHT.trusted, {DARK.trusted})
 
 
 @pytest.mark.slow
