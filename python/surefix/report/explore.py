@@ -132,8 +132,8 @@ def _theme(theme: Theme, methods: int) -> Mapping[str, Any]:
 
 
 def _line(theme: Theme, k: int) -> Mapping[str, Any]:
-    """The look of a method's curve: no colour that says right or wrong."""
-    hues = theme.ink, theme.truth, theme.peak, theme.muted
+    """The look of a method's curve: no colour that has a meaning on this page."""
+    hues = theme.ink, theme.peak, theme.muted, theme.nearest
     dashes: Sequence[Sequence[int]] = ((), (8, 4), (2, 3), (8, 3, 2, 3))
     return {"color": hues[(k + k // 4) % 4], "dash": dashes[k % 4], "width": 1.6}
 
