@@ -12,6 +12,7 @@ from rich.console import Console
 from surefix import Localizer, Map, Sad, SurefixError, match_distances
 from surefix.baselines import Context
 from surefix.cli.inputs import refuse
+from surefix.cli.pages import Open, show
 from surefix.cli.save_drives import Form
 from surefix.cli.save_drives import save_drives as written
 from surefix.live import TerminalView
@@ -82,6 +83,7 @@ def demo(
         Form | None,
         typer.Option("--as", help="--save-drives: as images (by default), videos or ROS 2 bags."),
     ] = None,
+    open_: Open = False,
 ) -> None:
     """See it work, without any data: drive a generated route twice, localize live, get a report."""
     begin = time.perf_counter()
@@ -93,7 +95,7 @@ def demo(
         )
         return
     if town:
-        _town(out, min(places, TOWN), (width, height), seed)
+        show(_town(out, min(places, TOWN), (width, height), seed), open_)
         return
     try:
         # Not at the top: matplotlib is an extra, and slow to import.
@@ -140,6 +142,7 @@ def demo(
         report = write_report(demo_, out, command, seconds)
     took = time.perf_counter() - begin
     print(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
+    show(report, open_)
 
 
 def _save_drives(folder: Path, form: Form, road: Route) -> None:
@@ -147,7 +150,7 @@ def _save_drives(folder: Path, form: Form, road: Route) -> None:
     print(f"Made {summer} and {winter}; try: surefix run {summer} {winter}")
 
 
-def _town(out: Path, places: int, size: tuple[int, int], seed: int) -> None:
+def _town(out: Path, places: int, size: tuple[int, int], seed: int) -> Path:
     begin = time.perf_counter()
     try:
         from surefix.report.page import output_folder
@@ -176,6 +179,7 @@ def _town(out: Path, places: int, size: tuple[int, int], seed: int) -> None:
         report = write_town(made, out, command, time.perf_counter() - begin)
     took = time.perf_counter() - begin
     print(f"Made {report}, with its pictures, the map and the fixes beside it, in {took:.1f} s")
+    return report
 
 
 def _localize(
