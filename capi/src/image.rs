@@ -1,0 +1,166 @@
+//! A camera's buffer as an image: borrowed if its pixels are as the crate takes them, else copied
+//! into memory that is kept.
+
+use std::ffi::c_void;
+
+use surefix::{Channels, ImageView};
+
+use crate::door::{Failure, numbers};
+
+/// How a camera lays a pixel out.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pixels {
+    /// One byte: brightness.
+    Grey8 = 0,
+    /// Two bytes in the machine's order, as of a thermal camera. The map says which range of them is
+    /// black to white.
+    Grey16 = 1,
+    /// Three bytes: red, green, blue.
+    Rgb8 = 2,
+    /// Three bytes: blue, green, red, as of OpenCV.
+    Bgr8 = 3,
+    /// Four bytes: red, green, blue, and one that is not looked at.
+    Rgba8 = 4,
+    /// Four bytes: blue, green, red, and one that is not looked at.
+    Bgra8 = 5,
+}
+
+/// An image in the caller's memory, row by row from the top left. It is read during the call only.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Image {
+    /// The first pixel.
+    pub pixels: *const c_void,
+    /// Pixels a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Bytes from one row to the next; 0 if no bytes lie between them.
+    pub stride: usize,
+    /// One of surefix_pixels.
+    pub format: i32,
+}
+
+/// Memory for images that are not as the crate takes them. It grows to the largest.
+#[derive(Debug, Default)]
+pub(crate) struct Copies {
+    bytes: Vec<u8>,
+    samples: Vec<u16>,
+}
+
+impl Pixels {
+    const ALL: [Self; 6] =
+        [Self::Grey8, Self::Grey16, Self::Rgb8, Self::Bgr8, Self::Rgba8, Self::Bgra8];
+
+    fn of(format: i32) -> Result<Self, Failure> {
+        let known = Self::ALL.into_iter().find(|known| *known as i32 == format);
+        known.ok_or_else(|| {
+            let last = Self::ALL.len() - 1;
+            Failure::argument(format!(
+                "image: expected a format of surefix_pixels, 0 to {last}, got {format}"
+            ))
+        })
+    }
+
+    /// Bytes a pixel.
+    fn size(self) -> usize {
+        match self {
+            Self::Grey8 => 1,
+            Self::Grey16 => 2,
+            Self::Rgb8 | Self::Bgr8 => 3,
+            Self::Rgba8 | Self::Bgra8 => 4,
+        }
+    }
+}
+
+impl Image {
+    /// The image as the crate takes it.
+    ///
+    /// # Safety
+    /// `pixels` is NULL or good for all rows.
+    pub(crate) unsafe fn view<'a>(
+        &'a self,
+        copies: &'a mut Copies,
+    ) -> Result<ImageView<'a>, Failure> {
+        let &Self { pixels, width, height, stride, format } = self;
+        let format = Pixels::of(format)?;
+        if width == 0 || height == 0 {
+            let message = format!("image: expected at least one pixel, got {width} x {height}");
+            return Err(Failure::data(message));
+        }
+        let row = width.checked_mul(format.size());
+        let step = if stride == 0 { row } else { Some(stride) };
+        let (Some(row), Some(step)) = (row, step) else { return Err(too_large(self)) };
+        if step < row {
+            let size = format.size();
+            return Err(Failure::data(format!(
+                "image: expected a stride of {row} bytes or more, {width} pixels of {size}, got {step}"
+            )));
+        }
+        let length = step.checked_mul(height - 1).and_then(|before| before.checked_add(row));
+        let length = length.ok_or_else(|| too_large(self))?;
+        // SAFETY: the caller's promise.
+        let bytes = unsafe { numbers(pixels.cast::<u8>(), length, "image: pixels") }?;
+        let rows = || bytes.chunks(step).map(|chunk| &chunk[..row]);
+        let tight = step == row;
+        let view = match format {
+            Pixels::Grey8 if tight => ImageView::new(width, height, Channels::Grey, bytes),
+            Pixels::Rgb8 if tight => ImageView::new(width, height, Channels::Rgb, bytes),
+            Pixels::Grey16 => {
+                // SAFETY: each pair of bytes is a number.
+                let (before, samples, after) = unsafe { bytes.align_to::<u16>() };
+                if tight && before.is_empty() && after.is_empty() {
+                    ImageView::new_deep(width, height, Channels::Grey, samples)
+                } else {
+                    copies.samples.clear();
+                    for row in rows() {
+                        let pairs = row.as_chunks::<2>().0;
+                        copies.samples.extend(pairs.iter().map(|&pair| u16::from_ne_bytes(pair)));
+                    }
+                    ImageView::new_deep(width, height, Channels::Grey, &copies.samples)
+                }
+            }
+            Pixels::Grey8 => {
+                let copied = copied(&mut copies.bytes, rows(), |row: &[u8; 1]| *row);
+                ImageView::new(width, height, Channels::Grey, copied)
+            }
+            Pixels::Rgb8 | Pixels::Bgr8 | Pixels::Rgba8 | Pixels::Bgra8 => {
+                let to = &mut copies.bytes;
+                let copied = match format {
+                    Pixels::Rgb8 => copied(to, rows(), |rgb: &[u8; 3]| *rgb),
+                    Pixels::Bgr8 => copied(to, rows(), |&[b, g, r]: &[u8; 3]| [r, g, b]),
+                    Pixels::Rgba8 => copied(to, rows(), |&[r, g, b, _]: &[u8; 4]| [r, g, b]),
+                    _ => copied(to, rows(), |&[b, g, r, _]: &[u8; 4]| [r, g, b]),
+                };
+                ImageView::new(width, height, Channels::Rgb, copied)
+            }
+        };
+        Ok(view?)
+    }
+}
+
+/// The pixels of all rows, each turned by `turn`, in memory that is kept.
+fn copied<'a, 'b, const FROM: usize, const TO: usize>(
+    memory: &'a mut Vec<u8>,
+    rows: impl Iterator<Item = &'b [u8]>,
+    turn: impl Fn(&[u8; FROM]) -> [u8; TO],
+) -> &'a [u8] {
+    memory.clear();
+    for row in rows {
+        let pixels = row.as_chunks::<FROM>().0;
+        let start = memory.len();
+        memory.resize(start + pixels.len() * TO, 0);
+        let to = memory[start..].as_chunks_mut::<TO>().0;
+        for (to, pixel) in to.iter_mut().zip(pixels) {
+            *to = turn(pixel);
+        }
+    }
+    memory
+}
+
+fn too_large(image: &Image) -> Failure {
+    let Image { width, height, stride, .. } = image;
+    let got = format!("{width} x {height} pixels, {stride} bytes from row to row");
+    Failure::data(format!("image: expected one that fits into memory, got {got}"))
+}
