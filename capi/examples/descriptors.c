@@ -1,7 +1,7 @@
 /* Localizes by a network's descriptors: descriptors MAP NUMBERS
  *
- * NUMBERS is a file of floats in the machine's order, descriptor by descriptor; it stands in for the
- * network. The state is kept in memory half way, and taken up again as after a restart. */
+ * NUMBERS is a file of floats in the machine's order, descriptor by descriptor; it stands in for
+ * the network. The state is kept in memory half way, and taken up again as after a restart. */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -40,7 +40,8 @@ static int localize(const surefix_map *map, surefix_localizer **localizer, FILE 
       code = failed("push");
     } else {
       printf("%zu,%.17g,%.17g,%.17g\n", fix.place, (double)fix.score, fix.confidence, fix.off_map);
-      if (2 * fix.frame == surefix_map_places(map) && restart(map, localizer) != SUREFIX_STATUS_OK) {
+      const int half_way = 2 * fix.frame == surefix_map_places(map);
+      if (half_way && restart(map, localizer) != SUREFIX_STATUS_OK) {
         code = failed("restart");
       }
     }

@@ -56,8 +56,8 @@ typedef enum surefix_dtype {
 typedef enum surefix_pixels {
   /// One byte: brightness.
   SUREFIX_PIXELS_GREY8 = 0,
-  /// Two bytes in the machine's order, as of a thermal camera. The map says which range of them is
-  /// black to white.
+  /// Two bytes in the machine's order, as of a thermal camera. The map says which range of them
+  /// is black to white.
   SUREFIX_PIXELS_GREY16 = 1,
   /// Three bytes: red, green, blue.
   SUREFIX_PIXELS_RGB8 = 2,
@@ -116,8 +116,8 @@ typedef struct surefix_image {
   int32_t format;
 } surefix_image;
 
-/// Where the robot is, and whether to trust it. Numbers that are not known are NaN, with which every
-/// comparison is false; places that are not known are SIZE_MAX.
+/// Where the robot is, and whether to trust it. Numbers that are not known are NaN, with which
+/// every comparison is false; places that are not known are SIZE_MAX.
 typedef struct surefix_fix {
   /// The number of this query, from 0 since the start or the last reset.
   uint64_t frame;
@@ -146,14 +146,15 @@ typedef struct surefix_fix {
   /// Whether the threshold's promise holds no longer, as scores are not those of its calibration
   /// drive any more; false without one.
   bool alarm;
-  /// The probability that the place is right, by the threshold's calibration; NaN without one, and
-  /// if the fix is not ready.
+  /// The probability that the place is right, by the threshold's calibration; NaN without one,
+  /// and if the fix is not ready.
   double probability;
   /// The speed in places a query: the track's, else the sequence's; NaN without either.
   double speed;
   /// Whether there is a track: the option `motion` is set.
   bool has_track;
-  /// The track's belief that the robot is within `tolerance` places of the place; NaN without one.
+  /// The track's belief that the robot is within `tolerance` places of the place; NaN without
+  /// one.
   double confidence;
   /// The track's belief that the robot is off the map; NaN without one.
   double off_map;
@@ -162,7 +163,8 @@ typedef struct surefix_fix {
   size_t interval_first;
   /// The last place of that interval.
   size_t interval_last;
-  /// Whether there is a sequence: not for the first `sequence_length - 1` queries, nor after a gap.
+  /// Whether there is a sequence: not for the first `sequence_length - 1` queries, nor after a
+  /// gap.
   bool has_sequence;
   /// The sequence's place.
   size_t sequence_place;
@@ -191,7 +193,8 @@ const char *surefix_version(void);
 
 /// Reads a map's file into memory. Free the map with surefix_map_free.
 ///
-/// Errors: SUREFIX_STATUS_FILE if the file cannot be read, SUREFIX_STATUS_FORMAT if it is no map or a damaged one.
+/// Errors: SUREFIX_STATUS_FILE if the file cannot be read, SUREFIX_STATUS_FORMAT if it is no map or
+/// a damaged one.
 enum surefix_status surefix_map_open(const char *path,
                                      struct surefix_map **map,
                                      struct surefix_error *error);
@@ -215,8 +218,8 @@ size_t surefix_map_places(const struct surefix_map *map);
 /// How many numbers a descriptor has that is pushed; 0 for NULL.
 size_t surefix_map_descriptor_size(const struct surefix_map *map);
 
-/// Whether images can be pushed: the map then describes them as its own were. If not, it was made of
-/// descriptors that surefix cannot compute, such as a network's; push those.
+/// Whether images can be pushed: the map then describes them as its own were. If not, it was made
+/// of descriptors that surefix cannot compute, such as a network's; push those.
 bool surefix_map_takes_images(const struct surefix_map *map);
 
 /// The size of the images that the map was made of, in pixels. Queries may have another, if they
@@ -248,8 +251,8 @@ void surefix_options_free(struct surefix_options *options);
 /// Sets an option by its name. The value is text, as on the command line: "5" for sequence_length,
 /// "0.9,1,1.1" for speeds, "steady", "free", "any" or "none" for motion.
 ///
-/// Errors: SUREFIX_STATUS_ARGUMENT for an unknown name or a value of another kind. Ranges that depend
-/// on the map are checked by surefix_localizer_new.
+/// Errors: SUREFIX_STATUS_ARGUMENT for an unknown name or a value of another kind. Ranges that
+/// depend on the map are checked by surefix_localizer_new.
 enum surefix_status surefix_options_set(struct surefix_options *options,
                                         const char *name,
                                         const char *value,
@@ -288,8 +291,8 @@ enum surefix_status surefix_localizer_new(const struct surefix_map *map,
 /// of the snapshot; else they must be the ones that it was taken with, and their threshold judges
 /// from here on.
 ///
-/// Errors: SUREFIX_STATUS_FORMAT if the bytes are damaged, of another map, of other options, or of a
-/// newer version.
+/// Errors: SUREFIX_STATUS_FORMAT if the bytes are damaged, of another map, of other options, or of
+/// a newer version.
 enum surefix_status surefix_localizer_restore(const struct surefix_map *map,
                                               const struct surefix_options *options,
                                               const uint8_t *snapshot,
@@ -303,8 +306,8 @@ void surefix_localizer_free(struct surefix_localizer *localizer);
 /// Localizes by a camera image, described as the map's own were. It allocates nothing after the
 /// first image of the largest size.
 ///
-/// advance: NULL, or the places that the robot has moved since the query before, by odometry: 0 if it
-/// stands still, negative if it reverses. It is metres times places per metre of the map.
+/// advance: NULL, or the places that the robot has moved since the query before, by odometry: 0 if
+/// it stands still, negative if it reverses. It is metres times places per metre of the map.
 ///
 /// Errors: SUREFIX_STATUS_DATA for an image that is none, and if the map takes descriptors;
 /// SUREFIX_STATUS_ARGUMENT for an advance that is not finite. The fix is then left alone.

@@ -111,7 +111,8 @@ fn copy(text: &str, to: &mut [c_char]) {
     let shown = if text.len() <= most {
         [text, ""]
     } else {
-        [&text[..text.floor_char_boundary(most - more.len())], more]
+        let end = (0..=most - more.len()).rev().find(|&end| text.is_char_boundary(end));
+        [&text[..end.unwrap_or(0)], more]
     };
     let bytes = shown.iter().flat_map(|part| part.bytes());
     let mut to = to.iter_mut();

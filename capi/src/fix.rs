@@ -27,8 +27,8 @@ impl Position {
     }
 }
 
-/// Where the robot is, and whether to trust it. Numbers that are not known are NaN, with which every
-/// comparison is false; places that are not known are SIZE_MAX.
+/// Where the robot is, and whether to trust it. Numbers that are not known are NaN, with which
+/// every comparison is false; places that are not known are SIZE_MAX.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
@@ -59,15 +59,16 @@ pub struct Fix {
     /// Whether the threshold's promise holds no longer, as scores are not those of its calibration
     /// drive any more; false without one.
     pub alarm: bool,
-    /// The probability that the place is right, by the threshold's calibration; NaN without one, and
-    /// if the fix is not ready.
+    /// The probability that the place is right, by the threshold's calibration; NaN without one,
+    /// and if the fix is not ready.
     pub probability: f64,
     /// The speed in places a query: the track's, else the sequence's; NaN without either.
     pub speed: f64,
 
     /// Whether there is a track: the option `motion` is set.
     pub has_track: bool,
-    /// The track's belief that the robot is within `tolerance` places of the place; NaN without one.
+    /// The track's belief that the robot is within `tolerance` places of the place; NaN without
+    /// one.
     pub confidence: f64,
     /// The track's belief that the robot is off the map; NaN without one.
     pub off_map: f64,
@@ -77,7 +78,8 @@ pub struct Fix {
     /// The last place of that interval.
     pub interval_last: usize,
 
-    /// Whether there is a sequence: not for the first `sequence_length - 1` queries, nor after a gap.
+    /// Whether there is a sequence: not for the first `sequence_length - 1` queries, nor after a
+    /// gap.
     pub has_sequence: bool,
     /// The sequence's place.
     pub sequence_place: usize,

@@ -7,14 +7,17 @@ use surefix::{Channels, ImageView};
 
 use crate::door::{Failure, numbers};
 
+/// A side that is longer is not meant.
+const MAX_SIDE: usize = 65_535;
+
 /// How a camera lays a pixel out.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pixels {
     /// One byte: brightness.
     Grey8 = 0,
-    /// Two bytes in the machine's order, as of a thermal camera. The map says which range of them is
-    /// black to white.
+    /// Two bytes in the machine's order, as of a thermal camera. The map says which range of them
+    /// is black to white.
     Grey16 = 1,
     /// Three bytes: red, green, blue.
     Rgb8 = 2,
@@ -85,21 +88,23 @@ impl Image {
     ) -> Result<ImageView<'a>, Failure> {
         let &Self { pixels, width, height, stride, format } = self;
         let format = Pixels::of(format)?;
-        if width == 0 || height == 0 {
-            let message = format!("image: expected at least one pixel, got {width} x {height}");
-            return Err(Failure::data(message));
-        }
-        let row = width.checked_mul(format.size());
-        let step = if stride == 0 { row } else { Some(stride) };
-        let (Some(row), Some(step)) = (row, step) else { return Err(too_large(self)) };
-        if step < row {
-            let size = format.size();
+        if ![width, height].iter().all(|side| (1..=MAX_SIDE).contains(side)) {
+            let expected = format!("sides of 1 to {MAX_SIDE} pixels");
             return Err(Failure::data(format!(
-                "image: expected a stride of {row} bytes or more, {width} pixels of {size}, got {step}"
+                "image: expected {expected}, got {width} x {height}"
             )));
         }
+        let row = width * format.size();
+        let step = if stride == 0 { row } else { stride };
+        if step < row {
+            let expected = format!("{row} bytes or more, {width} pixels of {}", format.size());
+            let message = format!("image: expected a stride of {expected}, got {step}");
+            return Err(Failure::data(message));
+        }
         let length = step.checked_mul(height - 1).and_then(|before| before.checked_add(row));
-        let length = length.ok_or_else(|| too_large(self))?;
+        let length = length.ok_or_else(|| {
+            Failure::data(format!("image: expected a stride that fits into memory, got {step}"))
+        })?;
         // SAFETY: the caller's promise.
         let bytes = unsafe { numbers(pixels.cast::<u8>(), length, "image: pixels") }?;
         let rows = || bytes.chunks(step).map(|chunk| &chunk[..row]);
@@ -157,10 +162,4 @@ fn copied<'a, 'b, const FROM: usize, const TO: usize>(
         }
     }
     memory
-}
-
-fn too_large(image: &Image) -> Failure {
-    let Image { width, height, stride, .. } = image;
-    let got = format!("{width} x {height} pixels, {stride} bytes from row to row");
-    Failure::data(format!("image: expected one that fits into memory, got {got}"))
 }

@@ -6,7 +6,11 @@
 //! and answers a second thread instead of sharing a localizer with it. The rest, that a pointer
 //! which is not NULL is good for the length that is said, is the contract of the header.
 #![allow(unsafe_code, reason = "pointers of a caller in C")]
-#![allow(clippy::missing_safety_doc, reason = "the header is the contract")]
+#![allow(
+    clippy::doc_markdown,
+    clippy::missing_safety_doc,
+    reason = "the header has these comments as they stand, and is the contract"
+)]
 
 // In the order of the header.
 pub mod door;

@@ -135,8 +135,8 @@ pub unsafe extern "C" fn surefix_localizer_new(
 /// of the snapshot; else they must be the ones that it was taken with, and their threshold judges
 /// from here on.
 ///
-/// Errors: SUREFIX_STATUS_FORMAT if the bytes are damaged, of another map, of other options, or of a
-/// newer version.
+/// Errors: SUREFIX_STATUS_FORMAT if the bytes are damaged, of another map, of other options, or of
+/// a newer version.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn surefix_localizer_restore(
     map: *const Map,
@@ -188,8 +188,8 @@ pub unsafe extern "C" fn surefix_localizer_free(localizer: *mut Localizer) {
 /// Localizes by a camera image, described as the map's own were. It allocates nothing after the
 /// first image of the largest size.
 ///
-/// advance: NULL, or the places that the robot has moved since the query before, by odometry: 0 if it
-/// stands still, negative if it reverses. It is metres times places per metre of the map.
+/// advance: NULL, or the places that the robot has moved since the query before, by odometry: 0 if
+/// it stands still, negative if it reverses. It is metres times places per metre of the map.
 ///
 /// Errors: SUREFIX_STATUS_DATA for an image that is none, and if the map takes descriptors;
 /// SUREFIX_STATUS_ARGUMENT for an advance that is not finite. The fix is then left alone.

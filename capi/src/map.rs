@@ -33,7 +33,8 @@ impl Map {
 
 /// Reads a map's file into memory. Free the map with surefix_map_free.
 ///
-/// Errors: SUREFIX_STATUS_FILE if the file cannot be read, SUREFIX_STATUS_FORMAT if it is no map or a damaged one.
+/// Errors: SUREFIX_STATUS_FILE if the file cannot be read, SUREFIX_STATUS_FORMAT if it is no map or
+/// a damaged one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn surefix_map_open(
     path: *const c_char,
@@ -85,8 +86,8 @@ pub unsafe extern "C" fn surefix_map_descriptor_size(map: *const Map) -> usize {
     getter(0, || unsafe { map.as_ref() }.map_or(0, |map| map.map.input_dim()))
 }
 
-/// Whether images can be pushed: the map then describes them as its own were. If not, it was made of
-/// descriptors that surefix cannot compute, such as a network's; push those.
+/// Whether images can be pushed: the map then describes them as its own were. If not, it was made
+/// of descriptors that surefix cannot compute, such as a network's; push those.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn surefix_map_takes_images(map: *const Map) -> bool {
     getter(false, || {

@@ -165,8 +165,8 @@ pub unsafe extern "C" fn surefix_options_free(options: *mut Options) {
 /// Sets an option by its name. The value is text, as on the command line: "5" for sequence_length,
 /// "0.9,1,1.1" for speeds, "steady", "free", "any" or "none" for motion.
 ///
-/// Errors: SUREFIX_STATUS_ARGUMENT for an unknown name or a value of another kind. Ranges that depend
-/// on the map are checked by surefix_localizer_new.
+/// Errors: SUREFIX_STATUS_ARGUMENT for an unknown name or a value of another kind. Ranges that
+/// depend on the map are checked by surefix_localizer_new.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn surefix_options_set(
     options: *mut Options,

@@ -196,14 +196,12 @@ pub(crate) fn images() -> Drive {
 
 #[test]
 fn of_images_in_every_format() {
-    let files = Files::new();
-    images().check(&compiled(files.path(), "tests/c/programs/drive.c", &[]), &[]);
+    images().check(&compiled("tests/c/programs/drive.c", &[]), &[]);
 }
 
 #[test]
 fn of_deep_images_and_of_descriptors_of_every_type() {
-    let files = Files::new();
-    let program = compiled(files.path(), "tests/c/programs/drive.c", &[]);
+    let program = compiled("tests/c/programs/drive.c", &[]);
     let (map, frames) = thermal();
     let mut drive = Drive::new(Localizer::new(map, Config::default()).unwrap(), "");
     for (index, frame) in frames.iter().enumerate() {
@@ -265,7 +263,7 @@ fn judged_by_the_settings_of_a_file() {
     settings.threshold = Some(calibrate(&matches, &wrong, &options).unwrap());
 
     let files = Files::new();
-    let program = compiled(files.path(), "tests/c/programs/drive.c", &[]);
+    let program = compiled("tests/c/programs/drive.c", &[]);
     let file = files.path().join("route.toml");
     settings.save(&file).unwrap();
     let localizer = settings.localizer(vec![map]).unwrap();

@@ -3,17 +3,15 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::OnceLock;
-
-use tempfile::TempDir;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 pub(crate) const WARNINGS: &[&str] =
     &["-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"];
 
 /// The folder that the library is installed in.
 pub(crate) fn prefix() -> &'static Path {
-    static INSTALLED: OnceLock<TempDir> = OnceLock::new();
-    INSTALLED.get_or_init(install).path()
+    static INSTALLED: OnceLock<PathBuf> = OnceLock::new();
+    INSTALLED.get_or_init(install)
 }
 
 /// What stands in the source folder.
@@ -22,7 +20,7 @@ pub(crate) fn source(name: &str) -> PathBuf {
 }
 
 /// As `make capi` does, with the profile of this test.
-fn install() -> TempDir {
+fn install() -> PathBuf {
     let exe = std::env::current_exe().unwrap();
     let folder = exe.ancestors().nth(2).unwrap();
     let profile = match folder.file_name().and_then(OsStr::to_str).unwrap() {
@@ -33,20 +31,29 @@ fn install() -> TempDir {
     cargo.args(["build", "--quiet", "--locked", "--package", "surefix-capi", "--profile", profile]);
     cargo.env("CARGO_TARGET_DIR", folder.parent().unwrap());
     done(cargo.current_dir(source("")));
-    let prefix = TempDir::new().unwrap();
-    done(Command::new("sh").arg(source("install.sh")).args([folder, prefix.path()]));
+    let prefix = Path::new(env!("CARGO_TARGET_TMPDIR")).join("capi");
+    if prefix.exists() {
+        std::fs::remove_dir_all(&prefix).unwrap();
+    }
+    done(Command::new("sh").arg(source("install.sh")).args([folder, &prefix]));
     prefix
 }
 
-/// A program of these sources, by the compiler for their language.
-pub(crate) fn compiled(to: &Path, file: &str, options: &[&str]) -> PathBuf {
-    let plus = file.ends_with("cpp");
-    let program = to.join(Path::new(file).file_stem().unwrap());
+/// A program of one file, by the compiler for its language. Each is compiled once.
+pub(crate) fn compiled(file: &str, options: &[&str]) -> PathBuf {
+    static PROGRAMS: Mutex<Vec<(String, PathBuf)>> = Mutex::new(Vec::new());
+    let key = format!("{file} {options:?}");
+    let mut programs = PROGRAMS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, program)) = programs.iter().find(|(known, _)| *known == key) {
+        return program.clone();
+    }
+    let (plus, program) = (file.ends_with("cpp"), prefix().join(programs.len().to_string()));
     let mut compiler = Command::new(if plus { "g++" } else { "gcc" });
     compiler.arg(if plus { "-std=c++11" } else { "-std=c99" }).args(WARNINGS).args(["-g", "-O1"]);
     compiler.arg(source(file)).arg("-o").arg(&program);
     compiler.arg("-I").arg(prefix().join("include")).args(options);
     done(compiler.args(shared()).args(["-lpthread", "-lm"]));
+    programs.push((key, program.clone()));
     program
 }
 

@@ -1,4 +1,4 @@
-//! The installed files are found by the compiler, pkg-config and CMake, and the examples run.
+//! The installed files are found by compilers, `pkg-config` and `cmake`, and the examples run.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -84,15 +84,14 @@ fn network(program: &Path) {
 
 #[test]
 fn the_examples_give_the_fixes_of_rust_to_the_bit() {
-    let files = Files::new();
-    camera(&compiled(files.path(), "examples/camera.cpp", &[]));
-    network(&compiled(files.path(), "examples/descriptors.c", &[]));
+    camera(&compiled("examples/camera.cpp", &[]));
+    network(&compiled("examples/descriptors.c", &[]));
 }
 
 #[test]
 fn an_example_says_what_is_wrong_in_one_line() {
     let files = Files::new();
-    let program = compiled(files.path(), "examples/camera.cpp", &[]);
+    let program = compiled("examples/camera.cpp", &[]);
     let map = files.save("map.safetensors", &image_map());
     let image = files.write("grey.pgm", b"P5 2 2 65535\n........");
     let words = |words: &[&str]| {

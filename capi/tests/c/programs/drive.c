@@ -24,7 +24,9 @@ static void demand(int done, const char *what) {
   }
 }
 
-static void ok(surefix_status status, const char *what) { demand(status == SUREFIX_STATUS_OK, what); }
+static void ok(surefix_status status, const char *what) {
+  demand(status == SUREFIX_STATUS_OK, what);
+}
 
 static void number(double value) {
   uint64_t bits;
@@ -90,7 +92,8 @@ static void push(const char *line) {
   void *bytes;
   const int is_image = sscanf(line, "image %511s %zu %zu %zu %" SCNd32 " %63s", name, &image.width,
                               &image.height, &image.stride, &image.format, advance) == 6;
-  demand(is_image || sscanf(line, "values %511s %zu %d %63s", name, &count, &type, advance) == 4, line);
+  demand(is_image || sscanf(line, "values %511s %zu %d %63s", name, &count, &type, advance) == 4,
+         line);
   moved = atof(advance);
   known = strcmp(advance, "-") == 0 ? NULL : &moved;
   bytes = contents(name);

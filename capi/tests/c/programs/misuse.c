@@ -44,7 +44,8 @@ static void maps(char **words) {
   char name[3000];
   FAILS(surefix_map_open(NULL, &map, &error), ARGUMENT, "path: expected a pointer, got NULL");
   FAILS(surefix_map_open(words[1], NULL, &error), ARGUMENT, "got NULL");
-  FAILS(surefix_map_open("nowhere", &map, &error), SUREFIX_STATUS_FILE, "nowhere: cannot read the map");
+  FAILS(surefix_map_open("nowhere", &map, &error), SUREFIX_STATUS_FILE,
+        "nowhere: cannot read the map");
   FAILS(surefix_map_open_mapped("nowhere", &map, &error), SUREFIX_STATUS_FILE, "nowhere");
   FAILS(surefix_map_open(words[0], &map, &error), FORMAT, "not a usable surefix map");
   FAILS(surefix_map_open_mapped(words[0], &map, &error), FORMAT, "not a usable surefix map");
@@ -68,7 +69,8 @@ static void maps(char **words) {
   DOES(surefix_map_position(map, 3, &at, &error));
   HOLDS(at.axes == 2 && at.metres[0] == 9.0 && at.metres[1] == 3.0 && isnan(at.metres[2]));
   HOLDS(fabs(at.latitude + 27.47) < 1e-3 && fabs(at.longitude - 153.02) < 1e-3);
-  FAILS(surefix_map_position(map, SIZE_MAX, &at, &error), ARGUMENT, "place: expected one from 0 to");
+  FAILS(surefix_map_position(map, SIZE_MAX, &at, &error), ARGUMENT,
+        "place: expected one from 0 to");
   FAILS(surefix_map_position(map, 0, NULL, &error), ARGUMENT, "position: expected a pointer");
   FAILS(surefix_map_position(NULL, 0, &at, &error), ARGUMENT, "map: expected a pointer");
   surefix_map_free(map);
@@ -89,7 +91,8 @@ static void options(const surefix_map *map) {
   FAILS(surefix_options_set(options, NULL, "any", &error), ARGUMENT, "name: expected");
   FAILS(surefix_options_set(options, "motion", NULL, &error), ARGUMENT, "value: expected");
   FAILS(surefix_options_set(options, "\xff", "1", &error), ARGUMENT, "name: expected UTF-8");
-  FAILS(surefix_options_set(options, "speed", "1", &error), ARGUMENT, "speeds, motion, technique");
+  FAILS(surefix_options_set(options, "speed", "1", &error), ARGUMENT,
+        "motion, sequence_length, smoothing, speeds");
   FAILS(surefix_options_set(options, "motion.speed", "1", &error), ARGUMENT, "motion.speeds");
   FAILS(surefix_options_set(options, "motion", "fast", &error), ARGUMENT, "option `motion`: ");
   FAILS(surefix_options_set(options, "motion", "1", &error), ARGUMENT, "steady, free, any");
@@ -108,7 +111,8 @@ static void options(const surefix_map *map) {
   FAILS(surefix_localizer_new(NULL, options, &localizer, &error), ARGUMENT, "map");
   FAILS(surefix_localizer_new(map, options, NULL, &error), ARGUMENT, "out");
   DOES(surefix_options_set_number(options, "sequence_length", 1e9, &error));
-  FAILS(surefix_localizer_new(map, options, &localizer, &error), ARGUMENT, "option `sequence_length`");
+  FAILS(surefix_localizer_new(map, options, &localizer, &error), ARGUMENT,
+        "option `sequence_length`");
   DOES(surefix_options_set(options, "sequence_length", "3", &error));
   DOES(surefix_options_set(options, "threads", "0", &error));
   FAILS(surefix_localizer_new(map, options, &localizer, &error), ARGUMENT, "option `threads`");
@@ -135,7 +139,8 @@ static void images(surefix_localizer *localizer) {
   FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), ARGUMENT, "pixels: expected");
   image.pixels = pixels;
   image.stride = 64 * 3 - 1;
-  FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), DATA, "a stride of 192 bytes or more");
+  FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), DATA,
+        "a stride of 192 bytes or more");
   image.stride = 0;
   image.format = 6;
   FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), ARGUMENT, "0 to 5, got 6");
@@ -145,13 +150,19 @@ static void images(surefix_localizer *localizer) {
   image.height = 0;
   FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), DATA, "64 x 0");
   image.height = SIZE_MAX;
-  FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), DATA, "fits into memory");
-  image.height = SIZE_MAX / 256;
+  FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), DATA,
+        "sides of 1 to 65535 pixels");
+  image.height = 32;
+  image.stride = SIZE_MAX / 31;
+  FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), DATA,
+        "a stride that fits into memory");
+  image.stride = SIZE_MAX / 40;
   FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), ARGUMENT, "fewer");
-  FAILS(surefix_push_descriptor(localizer, pixels, 9, SUREFIX_DTYPE_U8, NULL, &fix, &error), DATA, "9");
+  FAILS(surefix_push_descriptor(localizer, pixels, 9, SUREFIX_DTYPE_U8, NULL, &fix, &error), DATA,
+        "9");
   HOLDS(fix.frame == 77);
   /* After all that it is as it was. */
-  image.height = 32;
+  image.stride = 0;
   DOES(surefix_push_image(localizer, &image, NULL, &fix, &error));
   HOLDS(fix.frame == 0 && fix.blank && !fix.trusted);
 }
@@ -168,14 +179,17 @@ static void descriptors(char **words) {
   DOES(surefix_localizer_new(map, NULL, &localizer, &error));
   surefix_map_free(map);
   FAILS(surefix_push_image(localizer, &image, NULL, &fix, &error), DATA, "ready descriptors");
-  FAILS(surefix_push_descriptor(localizer, NULL, 8, SUREFIX_DTYPE_F32, NULL, &fix, &error), ARGUMENT,
+  FAILS(surefix_push_descriptor(localizer, NULL, 8, SUREFIX_DTYPE_F32, NULL, &fix, &error),
+        ARGUMENT,
         "descriptor: expected a pointer");
   FAILS(surefix_push_descriptor(localizer, values, 7, SUREFIX_DTYPE_F32, NULL, &fix, &error), DATA,
         "expected 8 values, got 7");
-  FAILS(surefix_push_descriptor(localizer, values, 0, SUREFIX_DTYPE_F32, NULL, &fix, &error), DATA, "got 0");
+  FAILS(surefix_push_descriptor(localizer, values, 0, SUREFIX_DTYPE_F32, NULL, &fix, &error),
+        DATA, "got 0");
   FAILS(surefix_push_descriptor(localizer, values, SIZE_MAX, SUREFIX_DTYPE_F32, NULL, &fix, &error),
         ARGUMENT, "fewer");
-  FAILS(surefix_push_descriptor(localizer, values, 8, SUREFIX_DTYPE_I8, NULL, &fix, &error), DATA, "int8");
+  FAILS(surefix_push_descriptor(localizer, values, 8, SUREFIX_DTYPE_I8, NULL, &fix, &error), DATA,
+        "int8");
   FAILS(surefix_push_descriptor(localizer, values, 8, 4, NULL, &fix, &error), ARGUMENT, "got 4");
   FAILS(surefix_push_descriptor(localizer, bytes + 1, 8, SUREFIX_DTYPE_F32, NULL, &fix, &error),
         ARGUMENT, "an address that 4 divides");
@@ -200,14 +214,18 @@ static void snapshots(const surefix_map *map, surefix_localizer *localizer, char
   DOES(surefix_snapshot(localizer, &snapshot, &size, &error));
   FAILS(surefix_localizer_restore(map, NULL, NULL, size, &restored, &error), ARGUMENT, "snapshot");
   FAILS(surefix_localizer_restore(map, NULL, snapshot, 0, &restored, &error), FORMAT, "snapshot");
-  FAILS(surefix_localizer_restore(map, NULL, snapshot, size - 1, &restored, &error), FORMAT, "snapshot");
+  FAILS(surefix_localizer_restore(map, NULL, snapshot, size - 1, &restored, &error), FORMAT,
+        "snapshot");
   DOES(surefix_map_open(words[2], &other, &error));
-  FAILS(surefix_localizer_restore(other, NULL, snapshot, size, &restored, &error), FORMAT, "snapshot");
+  FAILS(surefix_localizer_restore(other, NULL, snapshot, size, &restored, &error), FORMAT,
+        "snapshot");
   DOES(surefix_options_new(&options, &error));
   DOES(surefix_options_set(options, "weight", "0.5", &error));
-  FAILS(surefix_localizer_restore(map, options, snapshot, size, &restored, &error), FORMAT, "weight");
+  FAILS(surefix_localizer_restore(map, options, snapshot, size, &restored, &error), FORMAT,
+        "weight");
   snapshot[size / 2] ^= 1;
-  FAILS(surefix_localizer_restore(map, NULL, snapshot, size, &restored, &error), FORMAT, "snapshot");
+  FAILS(surefix_localizer_restore(map, NULL, snapshot, size, &restored, &error), FORMAT,
+        "snapshot");
   HOLDS(restored == NULL);
   snapshot[size / 2] ^= 1;
   DOES(surefix_localizer_restore(map, NULL, snapshot, size, &restored, &error));

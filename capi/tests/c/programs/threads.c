@@ -79,9 +79,11 @@ int main(int count, char **words) {
     shared[0].localizer = shared[1].localizer = works[3].localizer;
     both(shared);
     failed += shared[0].failed + shared[1].failed;
-    failed += surefix_push_image(works[3].localizer, &image, NULL, &last, NULL) != SUREFIX_STATUS_OK;
+    failed += surefix_push_image(works[3].localizer, &image, NULL, &last,
+                                 NULL) != SUREFIX_STATUS_OK;
     failed += last.frame != (uint64_t)(shared[0].done + shared[1].done);
-    printf("%d pushes, %d refused\n", shared[0].done + shared[1].done, shared[0].busy + shared[1].busy);
+    printf("%d pushes, %d refused\n", shared[0].done + shared[1].done,
+           shared[0].busy + shared[1].busy);
   }
   for (index = 0; index < 4; ++index) {
     surefix_localizer_free(works[index].localizer);
