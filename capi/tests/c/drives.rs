@@ -9,7 +9,7 @@ use std::sync::Arc;
 use surefix::calibration::{Calibrate, calibrate};
 use surefix::evaluate::Match;
 use surefix::{
-    Channels, Config, Dtype, Fix, Given, ImageView, Localizer, Map, MapMark, Metric, Motion,
+    Channels, Config, Dtype, Fix, Given, Image, ImageView, Localizer, Map, MapMark, Metric, Motion,
     Settings, View,
 };
 
@@ -147,6 +147,13 @@ impl Drive {
     }
 }
 
+/// The left part of an image in colour.
+fn narrow(image: &Image, width: usize) -> Image {
+    let rows = image.pixels().chunks_exact(3 * image.width());
+    let pixels = rows.flat_map(|row| &row[..3 * width]).copied().collect();
+    Image::new(width, image.height(), Channels::Rgb, pixels).unwrap()
+}
+
 /// Every format and stride, an advance, gaps, a reset and a restart, with a track.
 pub(crate) fn images() -> Drive {
     let mut config = Config::default();
@@ -157,8 +164,9 @@ pub(crate) fn images() -> Drive {
                    number motion.pace 0.5\nset threads 1\n";
     let localizer = Localizer::new(image_map(), config).unwrap();
     let mut drive = Drive::new(localizer, options);
-    let (width, height) = SIZE;
     for (frame, image) in winter().iter().enumerate() {
+        let (width, height) = (SIZE.0 - frame % 7, SIZE.1);
+        let image = &narrow(image, width);
         let order: &[usize] = match frame % 5 {
             0 => &[0, 1, 2],
             1 => &[2, 1, 0],
