@@ -1,5 +1,5 @@
 //! `include/surefix.h` is what cbindgen makes of the sources. After a change of them,
-//! `UPDATE=1 cargo test -p surefix-capi --test header` writes it anew.
+//! `make header` writes it anew.
 
 use std::path::Path;
 

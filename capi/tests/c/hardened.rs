@@ -67,9 +67,10 @@ fn nothing_leaks_and_nothing_is_read_beyond_its_end() {
 fn threads_share_a_map_and_not_a_localizer() {
     let files = Files::new();
     let map = files.save("map.safetensors", &image_map());
-    for options in [&[][..], MEMORY, &["-fsanitize=thread"]] {
+    let thread = &["-fsanitize=thread"][..];
+    for (options, words) in [(&[][..], &[][..]), (MEMORY, &[]), (thread, &["apart"])] {
         let program = compiled("tests/c/programs/threads.c", options);
-        let output = done(Command::new(program).arg(&map));
+        let output = done(Command::new(program).arg(&map).args(words));
         assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
     }
 }

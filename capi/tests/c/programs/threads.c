@@ -1,4 +1,7 @@
-/* Two threads with a localizer each on one map, then two with one localizer: threads MAP */
+/* Two threads with a localizer each on one map, then two with one localizer: threads MAP [apart]
+ *
+ * With a third word, the second part is left out: ThreadSanitizer sees the library's calls of
+ * memcpy there, but not the atomic flag that keeps them apart: the library is not built with it. */
 
 #include <pthread.h>
 #include <stdio.h>
@@ -13,23 +16,24 @@ static uint8_t frames[FRAMES][WIDTH * HEIGHT];
 struct work {
   surefix_localizer *localizer;
   surefix_fix fixes[FRAMES];
-  int done, busy, failed;
+  int busy, failed;
 };
 
 static void *run(void *given) {
   struct work *work = given;
-  int frame;
-  for (frame = 0; frame < FRAMES; ++frame) {
+  int frame = 0;
+  while (frame < FRAMES) {
     surefix_error error;
     const surefix_image image = {frames[frame], WIDTH, HEIGHT, 0, SUREFIX_PIXELS_GREY8};
     const surefix_status status =
         surefix_push_image(work->localizer, &image, NULL, &work->fixes[frame], &error);
-    work->done += status == SUREFIX_STATUS_OK;
-    work->busy += status == SUREFIX_STATUS_BUSY;
     if (status == SUREFIX_STATUS_BUSY) {
+      /* The other thread has it: again, and again. */
       work->failed += strstr(error.message, "in use by another thread") == NULL;
+      ++work->busy;
     } else {
       work->failed += status != SUREFIX_STATUS_OK;
+      ++frame;
     }
   }
   return NULL;
@@ -48,7 +52,7 @@ int main(int count, char **words) {
   surefix_map *map = NULL;
   int index, failed = 0;
   uint32_t random = 1;
-  if (count != 2 || surefix_map_open(words[1], &map, NULL) != SUREFIX_STATUS_OK) {
+  if (count < 2 || surefix_map_open(words[1], &map, NULL) != SUREFIX_STATUS_OK) {
     return 2;
   }
   for (index = 0; index < FRAMES * WIDTH * HEIGHT; ++index) {
@@ -70,20 +74,20 @@ int main(int count, char **words) {
       failed += together->place != alone->place || together->score != alone->score;
     }
   }
-  failed += works[0].done + works[1].done + works[2].done != 3 * FRAMES;
-  /* One localizer for two threads: each push is done or refused, and none is lost. */
-  {
+  for (index = 0; index < 3; ++index) {
+    failed += works[index].failed + works[index].busy;
+  }
+  if (count == 2) {
     static struct work shared[2];
     surefix_fix last;
     const surefix_image image = {frames[0], WIDTH, HEIGHT, 0, SUREFIX_PIXELS_GREY8};
     shared[0].localizer = shared[1].localizer = works[3].localizer;
     both(shared);
+    /* No push is lost, and none is done twice. */
     failed += shared[0].failed + shared[1].failed;
-    failed += surefix_push_image(works[3].localizer, &image, NULL, &last,
-                                 NULL) != SUREFIX_STATUS_OK;
-    failed += last.frame != (uint64_t)(shared[0].done + shared[1].done);
-    printf("%d pushes, %d refused\n", shared[0].done + shared[1].done,
-           shared[0].busy + shared[1].busy);
+    failed += surefix_push_image(works[3].localizer, &image, NULL, &last, NULL) != 0;
+    failed += last.frame != 2 * FRAMES;
+    printf("%d pushes were refused\n", shared[0].busy + shared[1].busy);
   }
   for (index = 0; index < 4; ++index) {
     surefix_localizer_free(works[index].localizer);
