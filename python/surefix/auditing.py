@@ -1,6 +1,7 @@
 """What techniques are worth on a route, without ground truth."""
 
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -185,6 +186,35 @@ class Audit:
     def __len__(self) -> int:
         """The number of queries."""
         return len(self.right)
+
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+        """Draws the estimates with their intervals: how often the best match is right, and how
+        often a trusted one, of each technique.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default a new figure of ``matplotlib.pyplot``.
+        **options
+            As for ``surefix.plot.estimates``.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If matplotlib is not installed.
+
+        Examples
+        --------
+        >>> audit.plot().figure.savefig("audit.png")  # doctest: +SKIP
+        """
+        return import_module("surefix.plot.objects").of_audit(self, ax=ax, **options)
+
+    def _repr_html_(self) -> str:
+        return str(import_module("surefix._html").of_audit(self))
 
     def __repr__(self) -> str:
         """The estimates in a line."""

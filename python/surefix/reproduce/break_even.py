@@ -174,7 +174,7 @@ def _points(measured: Sequence[BreakEven]) -> list[str]:
     return points
 
 
-def _draw(ax: Axes, one: BreakEven, *, theme: Theme) -> Axes:
+def _draw(one: BreakEven, *, ax: Axes, theme: Theme) -> Axes:
     colour = theme.trusted_right
     ax.fill_between(one.rates, one.lowest, one.highest, color=colour, alpha=0.13, linewidth=0)
     ax.plot(
