@@ -190,6 +190,8 @@ impl Run {
     /// truth : as for ``evaluate``, optional
     /// tolerance : float
     ///     As for ``evaluate``.
+    /// single : bool
+    ///     Draws the best match of each query alone, of which ``trusted`` speaks, in place of the fix.
     /// kind : {"matrix", "confidence"}
     ///     What to draw. "confidence": what the tracker believes along the drive, if there is
     ///     ``motion``.
@@ -214,18 +216,21 @@ impl Run {
     /// --------
     /// >>> run.plot(truth).figure.savefig("run.png")  # doctest: +SKIP
     #[pyo3(
-        signature = (truth=None, *, tolerance=None, kind=None, ax=None, **options),
-        text_signature = "($self, truth=None, *, tolerance=1, kind='matrix', ax=None, **options)"
+        signature = (truth=None, *, tolerance=None, single=None, kind=None, ax=None, **options),
+        text_signature = "($self, truth=None, *, tolerance=1, single=False, kind='matrix', ax=None, **options)"
     )]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
     fn plot<'py>(
         slf: &Bound<'py, Self>,
         truth: Option<&Bound<'py, PyAny>>,
         tolerance: Option<&Bound<'py, PyAny>>,
+        single: Option<&Bound<'py, PyAny>>,
         kind: Option<&Bound<'py, PyAny>>,
         ax: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let given = [("truth", truth), ("tolerance", tolerance), ("kind", kind)];
+        let given =
+            [("truth", truth), ("tolerance", tolerance), ("single", single), ("kind", kind)];
         plotted(slf, "of_run", ax, &given, options)
     }
 

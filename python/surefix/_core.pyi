@@ -2314,6 +2314,7 @@ class Run:
         truth: _Truth | None = None,
         *,
         tolerance: float = 1,
+        single: bool = False,
         kind: Literal["matrix", "confidence"] = "matrix",
         ax: _Axes | None = None,
         **options: Any,
@@ -2326,6 +2327,8 @@ class Run:
         truth : as for ``evaluate``, optional
         tolerance : float
             As for ``evaluate``.
+        single : bool
+            Draws the best match of each query alone, of which ``trusted`` speaks, in place of the fix.
         kind : {"matrix", "confidence"}
             What to draw. "confidence": what the tracker believes along the drive, if there is
             ``motion``.

@@ -23,40 +23,46 @@ __all__ = ["of_alignment", "of_audit", "of_evaluation", "of_map", "of_run", "of_
 PICTURE = 1500
 
 Flags = NDArray[np.bool_]
-Parts = tuple[Flags | None, Flags]
-"""Which fixes are right, if that is known, and which are drawn: both of shape (m,)."""
+Matched = tuple[NDArray[np.int64], Flags | None, Flags]
+"""Places, which of them are right, if that is known, and which are drawn: each of shape (m,)."""
 
 
 def of_run(
-    run: Run, truth: Any = None, tolerance: float = 1, kind: str = "matrix", **options: Any
+    run: Run,
+    truth: Any = None,
+    tolerance: float = 1,
+    single: bool = False,
+    kind: str = "matrix",
+    **options: Any,
 ) -> Axes:
     """As ``Run.plot``."""
+    place = run.single_place if single else run.place
     kinds: dict[str, Callable[..., Axes]] = {"matrix": _matrix, "confidence": _confidence}
     if kind not in kinds:
         raise mismatch("kind", '"matrix" or "confidence"', repr(kind))
-    right, shown = None, run.ready
+    right, shown = None, np.full(len(run), single) | run.ready
     if truth is not None:
-        right, known = judged(run.place, truth, float(tolerance), run.segments)
+        right, known = judged(place, truth, float(tolerance), run.segments)
         shown = shown & known
         if kind == "matrix":
             options.setdefault("truth", true_places(run, truth, tolerance))
-    return kinds[kind](run, (right, shown), **options)
+    return kinds[kind](run, (place, right, shown), **options)
 
 
-def _matrix(run: Run, parts: Parts, **options: Any) -> Axes:
-    right, shown = parts
+def _matrix(run: Run, matched: Matched, **options: Any) -> Axes:
+    place, right, shown = matched
     queries, places = options.get("queries"), options.get("places")
     D, covers = part_of(run.distances, queries, places)
     given: dict[str, Any] = {"judged": shown, "breaks": run.segments.breaks, "covers": covers}
-    return distance_matrix(D, run.place, run.trusted, right, **given | options)
+    return distance_matrix(D, place, run.trusted, right, **given | options)
 
 
-def _confidence(run: Run, parts: Parts, **options: Any) -> Axes:
+def _confidence(run: Run, matched: Matched, **options: Any) -> Axes:
     sure, off = run.confidence, run.off_map
     if sure is None or off is None:
         expected = 'a run with motion, such as motion="any", to draw "confidence"'
         raise mismatch("kind", expected, run)
-    return confidence(sure, off, parts[0], **options)
+    return confidence(sure, off, matched[1], **options)
 
 
 def of_alignment(alignment: Alignment, **options: Any) -> Axes:

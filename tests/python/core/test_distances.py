@@ -156,7 +156,7 @@ def test_a_bad_query_is_named() -> None:
         VECTORS.distances(bad)
     with pytest.raises(SurefixValueError, match=r"each row: expected 16 .*, got 9"):
         VECTORS.distances(SEEN[:, :9])
-    with pytest.raises(SurefixValueError, match="expected 16 .*, got 9"):
+    with pytest.raises(SurefixValueError, match=r"expected 16 .*, got 9"):
         VECTORS.distances(SEEN[0, :9])
     small = surefix.Map.from_descriptors(ROWS[:, :4])
     none = SEEN[:, :4].copy()
