@@ -226,7 +226,9 @@ def finish(ax: Axes, **legend: float) -> Axes:
     """A grid below the lines, and the legend above the axes."""
     ax.grid(linewidth=0.8)
     ax.set_axisbelow(True)
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left", **legend)
+    # On axes that were made elsewhere, as their other words are.
+    look: Any = {"frameon": False, "labelcolor": ax.xaxis.label.get_color()}
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left", **look, **legend)
     return ax
 
 

@@ -141,7 +141,7 @@ def distance_matrix(
         )
     if close:
         if truth is not None:
-            ax.plot(*_path(truth), color=theme.truth, linewidth=1.6, zorder=2)
+            ax.plot(*_path(truth), color=theme.truth, linewidth=1.0, zorder=2)
         if figure is not None:
             shape: Any = {"location": "top", "shrink": 0.6, "aspect": 32, "pad": 0.02}
             bar = figure.colorbar(tones, ax=ax, extend="both", **shape)
@@ -159,7 +159,7 @@ def distance_matrix(
         for outcome in drawn
     ]
     if close and truth is not None:
-        entries.append(Line2D([], [], color=theme.truth, linewidth=1.6, label="true path"))
+        entries.append(Line2D([], [], color=theme.truth, linewidth=1.0, label="true path"))
     place_of: dict[str, Any] = {"ncols": 2 if len(entries) < 5 else 3}
     if close and figure is not None:
         # Above a close-up is its scale; so below, where the axis has its words.
