@@ -126,10 +126,7 @@ pub(crate) fn judged<'py>(
         .map(|(query, place)| truth.judge(query, place))
         .collect();
     let of = |is: fn(&Verdict) -> bool| PyArray1::from_iter(py, verdicts.iter().map(is));
-    Ok((
-        of(|verdict| *verdict == Verdict::Correct),
-        of(|verdict| *verdict != Verdict::Ignored),
-    ))
+    Ok((of(|verdict| *verdict == Verdict::Correct), of(|verdict| *verdict != Verdict::Ignored)))
 }
 
 /// A run's matches, or those of anything that has their arrays.

@@ -17,7 +17,10 @@ use crate::images::with_progress;
 /// are the caller's own.
 enum Given {
     Matrices(Vec<Py<PyAny>>),
-    Queries { maps: Vec<Arc<surefix::Map>>, rows: Vec<Kept> },
+    Queries {
+        maps: Vec<Arc<surefix::Map>>,
+        rows: Vec<Kept>,
+    },
     /// A pickle does not keep them.
     Lost,
 }

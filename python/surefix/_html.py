@@ -113,30 +113,33 @@ def of_evaluation(curve: Evaluation) -> str:
 def of_audit(audit: Any) -> str:
     """An audit: each technique's estimates, with their intervals."""
     several = {f"technique {k}": one for k, one in enumerate(audit.techniques)}
-    rows = [("queries", f"{len(audit):,}")]
-    bars: list[str] = []
+    rows = [("queries", f"{len(audit):,}", "")]
     for name, one in {"fused" if several else "": audit, **several}.items():
         shares = [("recall@1", one.recall_at_1), ("trusted precision", one.trusted_precision)]
         if one.confirmed is not None:
             shares.append(("confirmed", one.confirmed_share))
         for what, share in shares:
             words = f"{name}: {what}" if name else what
-            said = "none to judge" if np.isnan(share) else str(share)
-            rows.append((words, said))
-            if not np.isnan(share):
-                y = 8.0 + 16 * len(bars)
-                low, middle, high = (WIDTH * float(x) for x in (share.low, share, share.high))
-                line = _line(np.array([[low, y], [high, y]]), LIGHT.right, 2.5)
-                bars.append(line + _dots(np.array([[middle, y]]), LIGHT.right, 8.0))
-    size = WIDTH, max(16, 16 * len(bars))
-    frame = _line(np.array([[0, 0], [0, size[1]]]), "currentColor", 1.0)
-    frame += _line(np.array([[WIDTH, 0], [WIDTH, size[1]]]), "currentColor", 1.0)
-    return _whole("Audit", rows, _svg([frame, *bars], "the estimates, from 0 to 1", size))
+            known = not np.isnan(share)
+            said, bar = (str(share), _interval(share)) if known else ("none to judge", "")
+            rows.append((words, said, bar))
+    return _whole("Audit", rows)
+
+
+def _interval(share: Any) -> str:
+    """An estimate with its interval, on a line from 0 to 1."""
+    width, height = 160, 8
+    low, middle, high = (width * float(x) for x in (share.low, share, share.high))
+    y = height / 2
+    ends = [_line(np.array([[x, 0], [x, height]]), "currentColor", 1.0) for x in (0, width)]
+    line = _line(np.array([[low, y], [high, y]]), LIGHT.right, 2.5)
+    dot = _dots(np.array([[middle, y]]), LIGHT.right, 8.0)
+    return _drawn([*ends, line, dot], "the estimate and its interval, from 0 to 1", (width, height))
 
 
 def _share(which: npt.NDArray[np.bool_]) -> str:
     count = int(which.sum())
-    return f"{count:,} ({count / max(1, len(which)):.0%})"
+    return f"{count:,} ({count / max(1, len(which)):.1%})"
 
 
 def _places(
@@ -182,19 +185,26 @@ def _svg(
     parts: Iterable[str], words: str, size: tuple[int, int] = (WIDTH, HEIGHT), key: str = ""
 ) -> str:
     """A drawing with its description, and below it a line in words."""
-    width, height = size
-    view = f'viewBox="-5 -5 {width + 10} {height + 10}" width="{width + 10}"'
-    drawn = f'<svg {view} height="{height + 10}" role="img" aria-label="{escape(words)}">'
     said = f"{escape(words)}{'; ' if key else ''}{key}"
     look = "font-size:smaller;opacity:0.85"
-    return f'{drawn}{"".join(parts)}</svg><div style="{look}">{said}</div>'
+    return f'{_drawn(parts, words, size)}<div style="{look}">{said}</div>'
 
 
-def _whole(title: str, rows: Sequence[tuple[str, str]], drawing: str = "") -> str:
+def _drawn(parts: Iterable[str], words: str, size: tuple[int, int]) -> str:
+    width, height = size
+    view = f'viewBox="-5 -5 {width + 10} {height + 10}" width="{width + 10}"'
+    start = f'<svg {view} height="{height + 10}" role="img" aria-label="{escape(words)}">'
+    return f"{start}{''.join(parts)}</svg>"
+
+
+def _whole(title: str, rows: Sequence[tuple[str, ...]], drawing: str = "") -> str:
+    """The rows, each of a name, a value and perhaps a drawing; and a drawing beside them."""
     cells = "".join(
         f'<tr style="background:none"><td style="{CELL}">{escape(name)}</td>'
-        f'<td style="{CELL}">{escape(value)}</td></tr>'
-        for name, value in rows
+        f'<td style="{CELL}">{escape(value)}</td>'
+        + "".join(f'<td style="{CELL}">{each}</td>' for each in drawn)
+        + "</tr>"
+        for name, value, *drawn in rows
     )
     return (
         '<div class="surefix" style="display:flex;flex-wrap:wrap;gap:8px 24px">'

@@ -138,3 +138,65 @@ fn gathered(
     }
     Ok(all)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Metric;
+    use crate::image::quiet;
+    use crate::localizer::{Input, Localizer};
+    use crate::method::Given;
+
+    fn numbers(seed: u32, count: usize) -> Vec<f32> {
+        let mut state = seed;
+        let next = |_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 1e6
+        };
+        (0..count).map(next).collect()
+    }
+
+    #[test]
+    fn a_drive_has_the_distances_that_a_localizer_sees() -> Result<(), Error> {
+        let (dim, queries) = (12, numbers(2, 12 * 30));
+        let map = |metric| Map::from_descriptors(numbers(1, 12 * 50), dim, metric).map(Arc::new);
+        let (one, other) = (map(Metric::Euclidean)?, map(Metric::Cosine)?);
+        let config = Config::default();
+        let view = View::from(&queries);
+        let alone = drive_distances(&[one.clone()], &[view], &config, &mut quiet)?;
+        assert_eq!(alone, one.distances_of_each(view, &mut quiet)?);
+        let maps = [one, other];
+        let fused = drive_distances(&maps, &[view, view], &config, &mut quiet)?;
+        let mut localizer = Localizer::fused(maps.to_vec(), config.clone())?;
+        for (query, column) in queries.chunks(dim).zip(fused.chunks(50)) {
+            let input = Input::Descriptor(query.into());
+            localizer.push_inputs(&[input, input], Given::default())?;
+            assert_eq!(localizer.distances(), column);
+        }
+        let matrix = |map: &Map| -> Result<_, Error> {
+            let columns = map.distances_of_each(view, &mut quiet)?;
+            let shaped = ndarray::Array2::from_shape_vec((30, 50), columns);
+            Ok(shaped.unwrap_or_default().reversed_axes())
+        };
+        let each = [matrix(&maps[0])?, matrix(&maps[1])?];
+        let views = [each[0].view(), each[1].view()];
+        assert_eq!(fused_distances(&views, &config, &mut quiet)?, fused);
+        Ok(())
+    }
+
+    #[test]
+    fn a_bad_query_is_named_and_a_break_stops() -> Result<(), Error> {
+        let map = Map::from_descriptors(numbers(1, 40), 4, Metric::Cosine)?;
+        let mut queries = numbers(2, 4 * 9);
+        queries[4 * 7..4 * 8].fill(0.0);
+        let refused = map.distances_of_each(&queries, &mut quiet);
+        assert!(matches!(refused, Err(Error::NoDirection { row: Some(7), .. })), "{refused:?}");
+        queries[5] = f32::NAN;
+        let refused = map.distances_of_each(&queries, &mut quiet);
+        assert!(matches!(refused, Err(Error::NotFinite { row: Some(1), index: 1, .. })));
+        let mut stop = |_, _| std::ops::ControlFlow::Break(());
+        let stopped = map.distances_of_each(&numbers(2, 4 * 9), &mut stop);
+        assert!(matches!(stopped, Err(Error::Interrupted { done: 0, total: 9 })));
+        Ok(())
+    }
+}

@@ -121,7 +121,7 @@ def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
     pictures = pictured(
         "break_even",
         cases,
-        lambda ax, case, theme: _draw(ax, of[case], theme=theme),
+        lambda ax, case, theme: _draw(of[case], ax=ax, theme=theme),
         lambda case: (
             f"area by false positive rate from {of[case].areas[0]:.2f} at 0 to "
             f"{of[case].areas[-1]:.2f} at 1; unweighted {of[case].baseline:.2f}; break-even "

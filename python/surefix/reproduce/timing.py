@@ -70,7 +70,7 @@ def execution_time(machine: str, settings: Settings) -> Exhibit:
     alt = f"Time by number of places. {said}"
     picture = multiples(
         [""],
-        lambda ax, _, theme: _draw(ax, rows, theme=theme),
+        lambda ax, _, theme: _draw(rows, ax=ax, theme=theme),
         alt,
         x="places on the map",
         y="median time for a push (microseconds)",

@@ -58,7 +58,7 @@ def test_the_numbers_are_those_of_the_object() -> None:
     run = rows(RUN._repr_html_())
     trusted = int(RUN.trusted.sum())
     assert run["queries"] == "40"
-    assert run["trusted"] == f"{trusted} ({trusted / 40:.0%})"
+    assert run["trusted"] == f"{trusted} ({trusted / 40:.1%})"
     assert points(RUN._repr_html_()) == 40
     assert TRACKED.confidence is not None
     sure = int((TRACKED.confidence >= 0.95).sum())
