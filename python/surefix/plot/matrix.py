@@ -126,9 +126,10 @@ def distance_matrix(
         elif mark.shape != "x":
             paint["edgecolors"] = theme.paper
         width = mark.width * np.sqrt(growth)
-        if close and (mark.hollow or mark.shape == "x"):
+        if mark.hollow or mark.shape == "x":
             # Thin lines are lost on dark tones.
-            paint["path_effects"] = [withStroke(linewidth=width + 1.4, foreground=theme.paper)]
+            halo = width + (1.4 if close else 0.8)
+            paint["path_effects"] = [withStroke(linewidth=halo, foreground=theme.paper)]
         ax.scatter(
             at,
             place[at],
