@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from surefix._core import (
 from surefix.errors import mismatch
 from surefix.matches import Matches
 from surefix.motion import Motion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Audit", "Estimate", "audit"]
 
@@ -187,7 +190,7 @@ class Audit:
         """The number of queries."""
         return len(self.right)
 
-    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, *, ax: "Axes | None" = None, **options: Any) -> "Axes":
         """Draws the estimates with their intervals: how often the best match is right, and how
         often a trusted one, of each technique.
 
@@ -211,7 +214,8 @@ class Audit:
         --------
         >>> audit.plot().figure.savefig("audit.png")  # doctest: +SKIP
         """
-        return import_module("surefix.plot.objects").of_audit(self, ax=ax, **options)
+        drawn: Axes = import_module("surefix.plot.objects").of_audit(self, ax=ax, **options)
+        return drawn
 
     def _repr_html_(self) -> str:
         return str(import_module("surefix._html").of_audit(self))
