@@ -219,7 +219,6 @@ impl Run {
         signature = (truth=None, *, tolerance=None, single=None, kind=None, ax=None, **options),
         text_signature = "($self, truth=None, *, tolerance=1, single=False, kind='matrix', ax=None, **options)"
     )]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
     fn plot<'py>(
         slf: &Bound<'py, Self>,
         truth: Option<&Bound<'py, PyAny>>,
@@ -315,13 +314,13 @@ impl Run {
 
     fn __repr__(&self) -> String {
         let trusted = self.0.fixes.iter().filter(|fix| fix.trusted).count();
-        let mut said = format!("{} queries, {trusted} trusted", self.0.fixes.len());
-        if self.is_tracked() {
-            let sure = |fix: &&surefix::Fix| fix.confidence().is_some_and(|sure| sure > 0.95);
-            let sure = self.0.fixes.iter().filter(sure).count();
-            said.push_str(&format!(", {sure} of confidence above 0.95"));
+        let count = self.0.fixes.len();
+        if !self.is_tracked() {
+            return format!("Run({count} queries, {trusted} trusted)");
         }
-        format!("Run({said})")
+        let sure = |fix: &&surefix::Fix| fix.confidence().is_some_and(|sure| sure > 0.95);
+        let sure = self.0.fixes.iter().filter(sure).count();
+        format!("Run({count} queries, {trusted} trusted, {sure} of confidence above 0.95)")
     }
 }
 

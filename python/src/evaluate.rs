@@ -98,7 +98,8 @@ pub(crate) fn evaluate(
     Ok(Evaluation(curve.or_raise(py)?))
 }
 
-/// Which matches are right, and which the truth judges, as by ``evaluate``: two arrays of bool, (m,).
+/// Which matches are right, and which the truth judges, as by ``evaluate``: a list of two arrays of
+/// bool, (m,).
 #[pyfunction]
 #[pyo3(signature = (place, truth, tolerance, segments))]
 pub(crate) fn judged<'py>(
@@ -107,7 +108,7 @@ pub(crate) fn judged<'py>(
     truth: &Bound<'py, PyAny>,
     tolerance: f64,
     segments: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>)> {
+) -> PyResult<[Bound<'py, PyArray1<bool>>; 2]> {
     let segments = given_segments(Some(segments))?;
     let truth = truth_along(truth, tolerance, segments.as_ref())?;
     if let Some(segments) = segments {
@@ -126,7 +127,7 @@ pub(crate) fn judged<'py>(
         .map(|(query, place)| truth.judge(query, place))
         .collect();
     let of = |is: fn(&Verdict) -> bool| PyArray1::from_iter(py, verdicts.iter().map(is));
-    Ok((of(|verdict| *verdict == Verdict::Correct), of(|verdict| *verdict != Verdict::Ignored)))
+    Ok([of(|it| *it == Verdict::Correct), of(|it| *it != Verdict::Ignored)])
 }
 
 /// A run's matches, or those of anything that has their arrays.

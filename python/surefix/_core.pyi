@@ -3226,8 +3226,10 @@ class Settings:
 
 def judged(
     place: npt.NDArray[np.int64], truth: _Truth, tolerance: float, segments: Segments
-) -> tuple[_Bool, _Bool]:
-    """Which matches are right, and which the truth judges, as by ``evaluate``: two arrays of bool, (m,)."""
+) -> list[_Bool]:
+    """Which matches are right, and which the truth judges, as by ``evaluate``: a list of two arrays of
+    bool, (m,).
+    """
 
 def evaluate(
     matches: Run | _Matches,

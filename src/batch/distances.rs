@@ -163,7 +163,7 @@ mod tests {
         let (one, other) = (map(Metric::Euclidean)?, map(Metric::Cosine)?);
         let config = Config::default();
         let view = View::from(&queries);
-        let alone = drive_distances(&[one.clone()], &[view], &config, &mut quiet)?;
+        let alone = drive_distances(std::slice::from_ref(&one), &[view], &config, &mut quiet)?;
         assert_eq!(alone, one.distances_of_each(view, &mut quiet)?);
         let maps = [one, other];
         let fused = drive_distances(&maps, &[view, view], &config, &mut quiet)?;
