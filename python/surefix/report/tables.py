@@ -205,7 +205,7 @@ def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Tabl
         if rows:
             method = shown.name if name == "mistakes" else "single"
             shows = [(method, query) for query in queries]
-            found.append(Table(name, caption, header, rows, shows))
+            found.append(Table(name, caption, header, rows, shows=shows))
     return found
 
 
