@@ -1,9 +1,108 @@
-"""The optional packages."""
+"""The optional packages, and the extras that install them."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from surefix.errors import SurefixError
+
+__all__ = ["EXTRAS", "Extra", "Package", "drawing", "require"]
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package: the name by which it is imported, that of its distribution, and how it is called
+    in a sentence.
+    """
+
+    module: str
+    distribution: str
+    title: str
+
+    @property
+    def version(self) -> str | None:
+        """That which is installed."""
+        try:
+            return version(self.distribution)
+        except PackageNotFoundError:
+            return None
+
+    @property
+    def problem(self) -> str | None:
+        """Why it cannot be imported, in a few words; it is imported for that."""
+        try:
+            import_module(self.module)
+        # A broken installation may raise anything.
+        except Exception as error:
+            return _why(self.module, error)
+        return None
+
+
+@dataclass(frozen=True)
+class Extra:
+    """An extra of the wheel: what it is for, and its packages."""
+
+    name: str
+    purpose: str
+    packages: tuple[Package, ...]
+
+    @property
+    def command(self) -> str:
+        """That installs it."""
+        return f'pip install "surefix[{self.name}]"'
+
+
+_BOKEH = Package("bokeh", "bokeh", "Bokeh")
+_MATPLOTLIB = Package("matplotlib", "matplotlib", "matplotlib")
+_PILLOW = Package("PIL", "pillow", "Pillow")
+_SAFETENSORS = Package("safetensors", "safetensors", "safetensors")
+
+# As in pyproject.toml, but for ``all`` and those of developers. The most wanted first.
+EXTRAS = {
+    extra.name: extra
+    for extra in (
+        Extra("report", "reports: demo, eval, reproduce", (_BOKEH, _MATPLOTLIB, _PILLOW)),
+        Extra("plot", "figures: surefix.plot", (_MATPLOTLIB, _PILLOW)),
+        Extra("video", "videos", (Package("av", "av", "PyAV"),)),
+        Extra(
+            "bags",
+            "ROS bags and MCAP files",
+            (
+                Package("mcap", "mcap", "mcap"),
+                Package("mcap_protobuf", "mcap-protobuf-support", "mcap-protobuf-support"),
+                Package("rosbags", "rosbags", "rosbags"),
+            ),
+        ),
+        Extra("camera", "cameras", (Package("cv2", "opencv-python-headless", "OpenCV"),)),
+        Extra("live", "the live view", (Package("rerun", "rerun-sdk", "rerun"),)),
+        Extra(
+            "learned",
+            "networks of ONNX files",
+            (Package("onnxruntime", "onnxruntime", "onnxruntime"), _PILLOW, _SAFETENSORS),
+        ),
+        Extra(
+            "torch",
+            "networks by name, and of PyTorch",
+            (
+                Package("torch", "torch", "PyTorch"),
+                Package("torchvision", "torchvision", "torchvision"),
+                _PILLOW,
+            ),
+        ),
+        Extra("gps", "exact latitudes and longitudes", (Package("pyproj", "pyproj", "pyproj"),)),
+        Extra("files", "HDF5 and safetensors", (Package("h5py", "h5py", "h5py"), _SAFETENSORS)),
+        Extra("faiss", "faiss indices", (Package("faiss", "faiss-cpu", "faiss"),)),
+        Extra(
+            "heif",
+            "HEIC and AVIF images",
+            (_PILLOW, Package("pillow_heif", "pillow-heif", "pillow-heif")),
+        ),
+        Extra("eval", "supervised methods", (Package("sklearn", "scikit-learn", "scikit-learn"),)),
+        Extra("dataframe", "data frames", (Package("pandas", "pandas", "pandas"),)),
+    )
+}
 
 
 def require(module: str, what: str, package: str, install: str) -> Any:
@@ -13,7 +112,28 @@ def require(module: str, what: str, package: str, install: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        # A package that is there may still lack a system library: then it says so itself.
-        absent = isinstance(error, ModuleNotFoundError) and error.name == module.partition(".")[0]
-        why = "which is not installed" if absent else f"which cannot be loaded ({error})"
+        why = f"which {_why(module, error)}"
         raise SurefixError(f'{what} takes {package}, {why}: pip install "{install}"') from None
+
+
+def drawing(what: str = "a report") -> None:
+    """Refuses what draws, before anything is computed, if a package that it draws with is missing.
+
+    Raises
+    ------
+    SurefixError
+        It names the package, and the extra that installs it.
+    """
+    for package in EXTRAS["report"].packages:
+        require(package.module, what, package.title, "surefix[report]")
+
+
+def missing(extra: Extra) -> Iterator[Package]:
+    """The packages of an extra that are not installed."""
+    return (package for package in extra.packages if package.version is None)
+
+
+def _why(module: str, error: Exception) -> str:
+    # A package that is there may still lack a system library: then it says so itself.
+    absent = isinstance(error, ModuleNotFoundError) and error.name == module.partition(".")[0]
+    return "is not installed" if absent else f"cannot be loaded ({error})"

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from surefix import SurefixError, SurefixValueError, match_distances
+from surefix._extra import drawing
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.cli import inputs, scenarios
@@ -185,14 +186,12 @@ def eval_(
     moved = not drives and any(METHODS[name].needs == "advance" for name in methods)
     alone = places_per_metre is not None and odometry is None
     refuse(alone, "--places-per-metre: expected --odometry too")
-    try:
-        # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.eval import write_report
-        from surefix.report.figures import MISTAKES
-        from surefix.study import Study, compare
-        from surefix.study.streamed import compare_columns, unstreamed
-    except ModuleNotFoundError as error:
-        raise SurefixError(str(error)) from None
+    drawing()
+    # Not at the top: matplotlib is an extra, and slow to import.
+    from surefix.report.eval import write_report
+    from surefix.report.figures import MISTAKES
+    from surefix.study import Study, compare
+    from surefix.study.streamed import compare_columns, unstreamed
 
     # Open the map or the distances, and the queries.
     D, place_map, network = None, None, None

@@ -12,7 +12,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
-from surefix import SurefixError, SurefixValueError
+from surefix import SurefixValueError
+from surefix._extra import drawing
 from surefix.study.study import Recall
 
 if TYPE_CHECKING:
@@ -73,13 +74,12 @@ def reproduce(
 ) -> None:
     """Make the paper's table and figures again: on your data, or on a generated route."""
     begin = time.perf_counter()
-    try:
-        # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.page import output_folder
-        from surefix.reproduce import Settings, exhibits, read_pairs, read_paper, write_report
-        from surefix.reproduce.report import STEPS
-    except ModuleNotFoundError as error:
-        raise SurefixError(str(error)) from None
+    drawing()
+    # Not at the top: matplotlib is an extra, and slow to import.
+    from surefix.report.page import output_folder
+    from surefix.reproduce import Settings, exhibits, read_pairs, read_paper, write_report
+    from surefix.reproduce.report import STEPS
+
     settings = Settings(recall, quick)
     numbers = None if paper is None else read_paper(paper)
     pairs = read_pairs(pair or [])

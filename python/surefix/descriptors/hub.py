@@ -132,7 +132,7 @@ def from_hub(
     model = HUB_MODELS.get(name)
     if model is None:
         raise mismatch("name", f"one of {', '.join(HUB_MODELS)}", repr(name))
-    library = require("torch", f"the model {name}", "PyTorch", "torch")
+    library = require("torch", f"the model {name}", "PyTorch", "surefix[torch]")
     given = {**model.options, **options}
     if name == _TOLD_DEVICE and device is not None:
         given["device"], device = str(device), None

@@ -23,7 +23,8 @@ from PIL import Image
 from commands import surefix_, surefix_process
 from html_reader import read
 from surefix.cli.demo import WHEELS, legs
-from surefix.report.demo import ACCEPT, FILES
+from surefix.report.demo import FILES
+from surefix.study.demo import ACCEPT
 
 # The fixtures draw whole reports.
 pytestmark = pytest.mark.slow
