@@ -1,6 +1,5 @@
 """The optional packages, and the extras that install them."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -21,23 +20,18 @@ class Package:
     distribution: str
     title: str
 
-    @property
-    def version(self) -> str | None:
-        """That which is installed."""
+    def look(self) -> tuple[str | None, str | None]:
+        """The version, and why it cannot be imported, in a few words; it is imported for that."""
         try:
-            return version(self.distribution)
-        except PackageNotFoundError:
-            return None
-
-    @property
-    def problem(self) -> str | None:
-        """Why it cannot be imported, in a few words; it is imported for that."""
-        try:
-            import_module(self.module)
+            module = import_module(self.module)
         # A broken installation may raise anything.
         except Exception as error:
-            return _why(self.module, error)
-        return None
+            return None, _why(self.module, error)
+        try:
+            return version(self.distribution), None
+        except PackageNotFoundError:
+            # It came from another distribution, such as OpenCV with its windows.
+            return str(getattr(module, "__version__", "unknown")), None
 
 
 @dataclass(frozen=True)
@@ -126,11 +120,6 @@ def drawing(what: str = "a report") -> None:
     """
     for package in EXTRAS["report"].packages:
         require(package.module, what, package.title, "surefix[report]")
-
-
-def missing(extra: Extra) -> Iterator[Package]:
-    """The packages of an extra that are not installed."""
-    return (package for package in extra.packages if package.version is None)
 
 
 def _why(module: str, error: Exception) -> str:

@@ -152,7 +152,7 @@ def open_drive(
         frames = moved = inputs.open_frames(place, **reading, **sampling)
     for file, place_map, network in zip(files, maps, networks, strict=True):
         check_kind(place_map, file, frames, network)
-    names, advances, times, numbers, total = names_and_advances(moved)
+    names, advances, times, numbers, total, _ = names_and_advances(moved)
     advance = None if odometry is None else known(advances)
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
@@ -241,7 +241,8 @@ def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None)
 
 class Listed(NamedTuple):
     """The name, the advance and the time of each frame; the last two are empty if unknown. Of a
-    recording the row of each among all of its frames, and how many these are.
+    recording the row of each among all of its frames, and how many these are; and the frames that
+    come after a gap.
     """
 
     names: list[str]
@@ -249,6 +250,7 @@ class Listed(NamedTuple):
     times: list[float | None]
     numbers: list[int]
     total: int
+    breaks: Sequence[int] = ()
 
 
 def names_and_advances(frames: Frames) -> Listed:
@@ -258,10 +260,11 @@ def names_and_advances(frames: Frames) -> Listed:
         # Files may be named by their times.
         times = [time_in(Path(name).name) for name in names]
         return Listed(names, [], [] if None in times else times, [*range(len(names))], len(names))
-    listed = Listed([], [], [], [], 0)
+    listed, breaks = Listed([], [], [], [], 0), []
     bar = Bar(terminal_bar("Counting"), None, frames.estimate)
     with closing(frames.shots()) as shots:
         for shot in shots:
+            breaks += [len(listed.names)] if shot.gap or shot.dropped else []
             listed.numbers.append(len(listed.names) if shot.number is None else shot.number)
             listed.names.append(shot.name)
             listed.advances.append(shot.advance)
@@ -271,7 +274,7 @@ def names_and_advances(frames: Frames) -> Listed:
     if not listed.names:
         raise mismatch(frames.files[0], "frames", "none")
     last = listed.numbers[-1] + 1
-    return listed._replace(total=max(last, len(listed.names), frames.total or 0))
+    return listed._replace(total=max(last, len(listed.names), frames.total or 0), breaks=breaks)
 
 
 def known(advance: Sequence[float | None]) -> Float64:

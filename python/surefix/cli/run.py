@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TextIO
 import numpy as np
 import typer
 
-from surefix import Localizer, Settings, SurefixValueError, frames
+from surefix import Localizer, SurefixValueError, frames
 from surefix._words import plural
 from surefix.cli.drives import check_kind, networks_of, open_map, others_of
 from surefix.cli.fixes import (
@@ -23,7 +23,7 @@ from surefix.cli.fixes import (
     json_writer,
     row_of,
 )
-from surefix.cli.flags import documented, with_options
+from surefix.cli.flags import SELDOM, documented, settings_of, with_options
 from surefix.cli.info import NO_DEGREES
 from surefix.cli.inputs import (
     NO_SCALE,
@@ -65,7 +65,7 @@ def run(
     config: Annotated[Path | None, typer.Option("--config", "-c")] = None,
     accept: float | None = None,
     fuse: list[Path] | None = None,
-    screen: Literal["i8"] | None = None,
+    screen: Annotated[Literal["i8"] | None, SELDOM] = None,
     model: Path | None = None,
     follow: Annotated[bool, F] = False,
     idle: Annotated[float | None, typer.Option(min=0, rich_help_panel=F)] = None,
@@ -77,7 +77,7 @@ def run(
     spacing: Annotated[float | None, F] = None,
     places_per_metre: Annotated[float | None, F] = None,
     gap: Annotated[float | None, F] = None,
-    newest: Annotated[bool | None, F] = None,
+    newest: Annotated[bool | None, SELDOM] = None,
     order: Annotated[Order, typer.Option(rich_help_panel=F)] = "name",
     strict: Annotated[bool, F] = False,
     crop: Annotated[bool, F] = False,
@@ -136,7 +136,7 @@ def run(
     by = {"--metres": metres, "--spacing": spacing, "--places-per-metre": places_per_metre}
     for option, value in by.items():
         refuse(value is not None and odometry is None, f"{option}: expected --odometry too")
-    settings = _settings(config, options)
+    settings = settings_of(config, options)
     motion = settings.options["motion"]
     refuse(accept is not None and settings.threshold is not None, BOTH)
     if accept is not None:
@@ -221,19 +221,6 @@ def run(
                 print("; ".join(notes), file=sys.stderr)
             if isinstance(source, Advances):
                 print(_said(source, of, motion), file=sys.stderr)
-
-
-def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
-    """The settings of the file, if there is one, and the options that are given."""
-    try:
-        known = None if config is None else Settings.open(config)
-    except SurefixValueError as error:
-        raise typer.BadParameter(f"--config: {error}") from None
-    try:
-        given = Settings(config=known, **options)
-    except SurefixValueError as error:
-        raise typer.BadParameter(str(error)) from None
-    return given
 
 
 def localize(
