@@ -16,7 +16,7 @@ from surefix.cli.demo import demo
 from surefix.cli.doctor import doctor
 from surefix.cli.edit import cut, join, thin, traverse
 from surefix.cli.eval import eval_
-from surefix.cli.flags import documented
+from surefix.cli.flags import documented, in_flags
 from surefix.cli.info import info
 from surefix.cli.loops import loops
 from surefix.cli.map import append, build
@@ -50,6 +50,14 @@ class Ordered(TyperGroup):
         self.commands = {**known, **self.commands}
         for name, command in known.items():
             command.rich_help_panel = named[name]
+
+    def invoke(self, ctx: Any) -> Any:
+        """Runs the command; an option that is refused has its flag's name in the error."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = in_flags(error.message, error.ctx)
+            raise
 
 
 app = typer.Typer(

@@ -27,6 +27,8 @@ MOTION: Final = "any"
 SPACING = 3.0
 # The places of a town, at most.
 TOWN = 300
+# The terminal's columns for lines that are not broken.
+WIDE = 110
 
 
 def legs(places: int) -> list[tuple[str, int]]:
@@ -173,7 +175,12 @@ def _localize(
     distances = np.empty((len(known), len(revisit)), np.float32, order="F")
     latency = np.empty(len(revisit))
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
-    with TerminalView(known, total=len(revisit), references=reference, console=console) as view:
+    # For the lines that follow.
+    spare = 12 if console.width < WIDE else 8
+    view = TerminalView(
+        known, total=len(revisit), references=reference, console=console, spare=spare
+    )
+    with view:
         for query in range(len(revisit)):
             image = revisit[query]
             start = time.perf_counter()

@@ -136,6 +136,19 @@ def settings_of(config: Path | None, options: dict[str, Any]) -> Settings:
     return given
 
 
+def in_flags(message: str, context: Any) -> str:
+    """The message with the flag of the command in place of an option of Python's."""
+    known = {} if context is None else {each.name: each for each in context.command.params}
+
+    def flag(found: re.Match[str]) -> str:
+        # Of the two tolerances of such a command, that of the method.
+        own = found[1] == "tolerance" and "agreement" in known
+        name = "agreement" if own else found[1]
+        return f"--{name.replace('_', '-')}" if name in known else found[0]
+
+    return re.sub(r"option `(\w+)`", flag, message)
+
+
 def _parameter(option: Option, name: str, default: Any, hidden: bool = False) -> inspect.Parameter:
     """The option as a parameter that typer reads."""
     kind: Any = option.type

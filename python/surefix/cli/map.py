@@ -1,5 +1,6 @@
 """``surefix map build`` and ``append``: make a map of a route, or make it longer."""
 
+import math
 import time
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,15 +11,15 @@ from surefix import Map, Sad, SurefixValueError
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.drives import check_kind
-from surefix.cli.flags import documented
+from surefix.cli.flags import SELDOM, documented
 from surefix.cli.info import look, repeated, said_blank, said_repeated, size_of
 from surefix.cli.inputs import refuse
 from surefix.cli.roads import (
     Breaks,
-    Closed,
     NoBreaks,
     Wanted,
     breaks_without_blank,
+    closable,
     closed_without_blank,
     noted,
     sampled_by_metres,
@@ -69,6 +70,7 @@ def _check_sad(references: str, metric: Metric | None, post: str | None) -> None
 
 
 @documented
+@closable
 def build(
     references: inputs.Place,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.safetensors"),
@@ -85,6 +87,7 @@ def build(
     post: str | None = None,
     cache: inputs.Cache = None,
     positions: Path | None = None,
+    plane: Annotated[str | None, SELDOM] = None,
     skip_blank: bool = False,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
@@ -98,7 +101,7 @@ def build(
     thumbnails: bool = False,
     breaks: Breaks = None,
     no_breaks: NoBreaks = False,
-    closed: Closed = None,
+    closed: bool | None = None,
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready
     descriptors.
@@ -124,6 +127,8 @@ def build(
     positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres, or latitude and
         longitude; or with a column time, at times of their own; or a folder of images named
         @east@north@.
+    plane: The plane that positions in metres lie on: the latitude and longitude of its origin, such
+        as -27.47,153.02, or its name, such as "UTM 56S".
     skip_blank: Leave out the places that show nothing: black, covered, or equal to many others.
     levels: Images of more than 8 bits: the samples LOW and HIGH that are black and white, for the
         map and all its queries; by default measured on the images.
@@ -160,7 +165,7 @@ def build(
     inputs.check_not_read(out, [*frames.files, model, cache, positions, odometry])
     read = None if positions is None else positions_of_frames(positions, frames)
     where = None if read is None else read.values
-    plane = {"origin": _plane(read, frames)}
+    on_plane: dict[str, Any] = {"origin": _plane(read, frames, plane)}
     frames = noted(frames)
     with naming(positions):
         if frames.ready is not None:
@@ -170,19 +175,19 @@ def build(
             refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
             refuse(thumbnails, f"--thumbnails: {got}")
             by = metric or metric_of(references) or "cosine"
-            route = Map.from_descriptors(frames.ready, by, positions=where, post=steps, **plane)
+            route = Map.from_descriptors(frames.ready, by, positions=where, post=steps, **on_plane)
         elif network is not None:
             how: dict[str, Any] = {
                 "levels": range_,
                 "skip_bad": not strict,
                 "thumbnails": thumbnails,
             }
-            how |= plane
+            how |= on_plane
             route = map_of_images(frames, network, metric or "cosine", where, steps, cache, **how)
         else:
             _check_sad(references, metric, post)
             sad = _sad(size, patch, dtype, range_)
-            how = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails} | plane
+            how = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails} | on_plane
             if isinstance(frames, ImageFrames):
                 _check_breaks(asked, len(frames))
                 how["skip_bad"] = not strict
@@ -216,20 +221,34 @@ def _check_breaks(asked: Wanted, places: int) -> None:
     refuse(bool(beyond), f"{expected}, got {beyond[-1] if beyond else 0}")
 
 
-def _plane(read: Positions | None, frames: Frames) -> Any:
-    """The plane of the positions that were given, or of the odometry: the origin of a local one,
-    or the name of another.
+def _plane(read: Positions | None, frames: Frames, given: str | None) -> Any:
+    """The plane of the positions, or of the odometry, as they or ``--plane`` say: the origin of a
+    local one, or the name of another.
     """
+    moved = sampled_by_metres(frames)
+    known: tuple[float, float] | str | None = None if moved is None else moved.odometry.origin
     if read is not None:
-        return read.origin or (f"{UTM}{read.zone}" if read.zone else None)
-    found = sampled_by_metres(frames)
-    return None if found is None else found.odometry.origin
+        known = read.origin or (f"{UTM}{read.zone}" if read.zone else None)
+    if given is None:
+        return known
+    refuse(read is None and moved is None, "--plane: expected --positions too, in metres")
+    got = f"got those of {known if isinstance(known, str) else f'the origin {known}'}"
+    refuse(known is not None, f"--plane: expected positions in metres that name no plane, {got}")
+    try:
+        latitude, longitude = map(float, given.split(","))
+    except ValueError:
+        refuse(not given.strip(), "--plane: expected a name, or LATITUDE,LONGITUDE, got none")
+        return given
+    bad = not (abs(latitude) <= 90 and math.isfinite(longitude))
+    refuse(bad, f"--plane: expected a latitude from -90 to 90 and a longitude, got {given}")
+    return latitude, longitude
 
 
 MATCHED = "nothing is matched to them (--skip-blank leaves them out)"
 
 
 @documented
+@closable
 def append(
     file: Path,
     references: inputs.Place,
@@ -247,7 +266,7 @@ def append(
     new_segment: bool = False,
     breaks: Breaks = None,
     no_breaks: NoBreaks = False,
-    closed: Closed = None,
+    closed: bool | None = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.

@@ -35,7 +35,7 @@ from surefix.cli.inputs import (
     refuse,
     scale_of,
 )
-from surefix.cli.views import open_views
+from surefix.cli.views import leave_room, open_views
 from surefix.errors import refusal
 from surefix.frames import Advances, Frame, Frames, in_8_bits
 from surefix.frames.levels import Clipping
@@ -210,17 +210,16 @@ def run(
             if not source.live:
                 raise
         finally:
+            said = [summary.text(out)]
+            if out is None and sys.stdout.isatty() and summary.latencies:
+                said.append("not kept: add -o fixes.csv")
+            said += [] if clipping.warning is None else [clipping.warning]
+            said += ["; ".join(notes)] if (notes := notes_on(source)) else []
+            said += [_said(source, of, motion)] if isinstance(source, Advances) else []
+            leave_room(views, said)
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
-            print(summary.text(out), file=sys.stderr)
-            if out is None and sys.stdout.isatty() and summary.latencies:
-                print("not kept: add -o fixes.csv", file=sys.stderr)
-            if clipping.warning is not None:
-                print(clipping.warning, file=sys.stderr)
-            if notes := notes_on(source):
-                print("; ".join(notes), file=sys.stderr)
-            if isinstance(source, Advances):
-                print(_said(source, of, motion), file=sys.stderr)
+            print(*said, sep="\n", file=sys.stderr)
 
 
 def localize(
