@@ -40,17 +40,18 @@ def reproduce(
     pair: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="DATASET=REFERENCE/QUERY",
+            metavar="SET=REFERENCE/QUERY",
             help="Of a data set in --data only this pair of traverses, as "
-            "gardens_point=day_left/night_right. May be given again.",
+            "nordland=summer/winter. May be given again.",
         ),
     ] = None,
     matrix: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=FILE.npy[,TRUTH.npy]",
-            help="Ready distances of any technique, a row a place and a column a query; NAME as "
-            "DATASET/TECHNIQUE. May be given again.",
+            metavar="NAME=FILE[,TRUTH]",
+            help="Ready distances of any technique, a .npy with a row a place and a column a "
+            "query, and the truth, if it is not the identity; NAME as DATASET/TECHNIQUE. May be "
+            "given again.",
         ),
     ] = None,
     similarity: Annotated[
@@ -63,7 +64,7 @@ def reproduce(
         Path | None,
         typer.Option(
             help="Other numbers for the table than the paper's own: a CSV with "
-            "dataset,technique,baseline,weighted; dataset as the table names it, or "
+            "the columns dataset, technique, baseline, weighted; dataset as the table names it, or "
             "gardens_point, nordland, four_seasons, robotcar."
         ),
     ] = None,

@@ -110,8 +110,8 @@ def run(
     every: Take a frame every this many seconds.
     metres: Take a frame every this many metres, by --odometry.
     odometry: How far the robot moves: a .csv with the columns time and x,y[,z] or distance; a
-        trajectory of TUM, KITTI or EuRoC; or a topic of the bag: Odometry, PoseStamped,
-        PoseWithCovarianceStamped, TransformStamped or NavSatFix.
+        trajectory of TUM, KITTI or EuRoC; or a topic of the bag: of odometry, poses, transforms or
+        GPS fixes.
     spacing: With --odometry: the metres from one place of the map to the next; by default by the
         map's positions.
     places_per_metre: The same the other way round; below 0 if the robot's forward is the route's
