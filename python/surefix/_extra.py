@@ -7,7 +7,11 @@ from typing import Any
 
 from surefix.errors import SurefixError
 
-__all__ = ["EXTRAS", "Extra", "Package", "drawing", "require"]
+__all__ = ["ABSENT", "EXTRAS", "Extra", "Package", "drawing", "require"]
+
+
+# Why a package cannot be imported that is not there.
+ABSENT = "is not installed"
 
 
 @dataclass(frozen=True)
@@ -57,12 +61,12 @@ _SAFETENSORS = Package("safetensors", "safetensors", "safetensors")
 EXTRAS = {
     extra.name: extra
     for extra in (
-        Extra("report", "reports: demo, eval, reproduce", (_BOKEH, _MATPLOTLIB, _PILLOW)),
+        Extra("report", "reports", (_BOKEH, _MATPLOTLIB, _PILLOW)),
         Extra("plot", "figures: surefix.plot", (_MATPLOTLIB, _PILLOW)),
         Extra("video", "videos", (Package("av", "av", "PyAV"),)),
         Extra(
             "bags",
-            "ROS bags and MCAP files",
+            "ROS bags, MCAP files",
             (
                 Package("mcap", "mcap", "mcap"),
                 Package("mcap_protobuf", "mcap-protobuf-support", "mcap-protobuf-support"),
@@ -73,24 +77,24 @@ EXTRAS = {
         Extra("live", "the live view", (Package("rerun", "rerun-sdk", "rerun"),)),
         Extra(
             "learned",
-            "networks of ONNX files",
+            "ONNX networks",
             (Package("onnxruntime", "onnxruntime", "onnxruntime"), _PILLOW, _SAFETENSORS),
         ),
         Extra(
             "torch",
-            "networks by name, and of PyTorch",
+            "networks by name",
             (
                 Package("torch", "torch", "PyTorch"),
                 Package("torchvision", "torchvision", "torchvision"),
                 _PILLOW,
             ),
         ),
-        Extra("gps", "exact latitudes and longitudes", (Package("pyproj", "pyproj", "pyproj"),)),
+        Extra("gps", "exact projections", (Package("pyproj", "pyproj", "pyproj"),)),
         Extra("files", "HDF5 and safetensors", (Package("h5py", "h5py", "h5py"), _SAFETENSORS)),
         Extra("faiss", "faiss indices", (Package("faiss", "faiss-cpu", "faiss"),)),
         Extra(
             "heif",
-            "HEIC and AVIF images",
+            "HEIC, AVIF",
             (_PILLOW, Package("pillow_heif", "pillow-heif", "pillow-heif")),
         ),
         Extra("eval", "supervised methods", (Package("sklearn", "scikit-learn", "scikit-learn"),)),
@@ -125,4 +129,4 @@ def drawing(what: str = "a report") -> None:
 def _why(module: str, error: Exception) -> str:
     # A package that is there may still lack a system library: then it says so itself.
     absent = isinstance(error, ModuleNotFoundError) and error.name == module.partition(".")[0]
-    return "is not installed" if absent else f"cannot be loaded ({error})"
+    return ABSENT if absent else f"cannot be loaded ({error})"

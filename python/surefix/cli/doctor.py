@@ -16,7 +16,7 @@ from rich.text import Text
 
 from surefix import Map, SurefixError, __version__, match
 from surefix._core import instruction_set
-from surefix._extra import EXTRAS
+from surefix._extra import ABSENT, EXTRAS
 from surefix._words import plural
 from surefix.cli.flags import documented
 from surefix.descriptors import HUB_MODELS
@@ -25,7 +25,6 @@ from surefix.machine import in_gb, limits_left, processor
 
 # The self-check's places, and the noise of its queries, in grey levels.
 PLACES, NOISE = 16, 20
-WIDE = 10_000
 
 
 @documented
@@ -135,12 +134,16 @@ def _display() -> str | None:
 
 
 def _print(facts: dict[str, Any]) -> None:
-    """The facts as a table."""
+    """The facts as a table, in a pipe without its margins."""
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
+    terminal = sys.stdout.isatty()
 
-    def row(name: str, said: str, style: str = "") -> None:
-        table.add_row(Text(name), Text(said, style))
+    def row(name: str = "", said: str = "", style: str = "") -> None:
+        if terminal:
+            table.add_row(Text(name), Text(said, style))
+        else:
+            print(f"{name:<13}{said}".rstrip())
 
     wrong = facts["check"]
     cores = plural(facts["cores"], "core")
@@ -157,16 +160,23 @@ def _print(facts: dict[str, Any]) -> None:
         found = facts[name]
         row(name, f"none found: {lost}" if found is None else found, _style(found is not None))
     row("models", f"{', '.join(facts['models'])}: with surefix[torch]")
-    table.add_row()
+    row()
     for name, extra in facts["extras"].items():
         if extra["problems"]:
-            said = f"{'; '.join(extra['problems'])}: {extra['install']} ({extra['for']})"
+            said = f"{_lacking(extra)}: {extra['install']} ({extra['for']})"
         else:
             said = ", ".join(f"{title} {which}" for title, which in extra["packages"].items())
         row(f"[{name}]", said, _style(not extra["problems"]))
-    # A pipe has lines of any length.
-    width = None if sys.stdout.isatty() else WIDE
-    Console(highlight=False, soft_wrap=True, width=width).print(table)
+    if terminal:
+        Console(highlight=False).print(table)
+
+
+def _lacking(extra: dict[str, Any]) -> str:
+    """The problems of an extra, short if none of its packages is there."""
+    absent = [f"{title} {ABSENT}" for title in extra["packages"]]
+    return (
+        ABSENT.removeprefix("is ") if extra["problems"] == absent else "; ".join(extra["problems"])
+    )
 
 
 def _style(good: bool, bad: str = "yellow") -> str:
