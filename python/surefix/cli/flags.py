@@ -18,9 +18,17 @@ Command = Callable[..., None]
 # The word for an option that is None.
 NONE = "none"
 # The headings in the help of options that several commands have, unless a command has its own.
-FRAMES, TRUTH, SELDOM = "Frames", "The truth", "Seldom needed"
-OF_FRAMES = "topic stride every metres odometry spacing places_per_metre gap order strict crop"
-HEADINGS = dict.fromkeys(OF_FRAMES.split(), FRAMES) | {"position_gap": TRUTH}
+FRAMES, SEGMENTS, TRUTH, SELDOM = "Frames", "Segments", "The truth", "Seldom needed"
+HEADINGS = {
+    name: heading
+    for heading, names in {
+        FRAMES: "topic stride every metres odometry spacing places_per_metre gap order strict crop",
+        SEGMENTS: "breaks no_breaks closed not_closed new_segment",
+        TRUTH: "position_gap",
+        SELDOM: "key patch output mean std batch levels mixed_sizes",
+    }.items()
+    for name in names.split()
+}
 
 
 def documented(command: Command) -> Command:
