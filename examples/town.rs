@@ -2,12 +2,23 @@
 //!
 //! `cargo run --release --example town`
 
+use std::process::ExitCode;
 use std::sync::Arc;
 
 use surefix::{Config, Localizer, Map, Motion, Sad, Segments, quiet};
 use surefix_simulate::{Conditions, Route, RouteConfig};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> ExitCode {
+    match drive() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn drive() -> Result<(), surefix::Error> {
     // Three generated roads replace your recordings: a map of each.
     let (width, height) = (96, 48);
     let road = |places, seed| {

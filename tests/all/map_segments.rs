@@ -1,7 +1,7 @@
 //! Maps of several segments: joined, cut, thinned and made longer, in memory and in files.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::cases::{cases, numbers, sealed};
@@ -343,7 +343,7 @@ fn length_of(file: &[u8]) -> usize {
 
 #[cfg(all(feature = "mmap", target_endian = "little"))]
 #[allow(unsafe_code, reason = "only these tests touch their files")]
-fn mapped(path: &Path) -> Map {
+fn mapped(path: &std::path::Path) -> Map {
     // SAFETY: the file is replaced, never changed in place.
     unsafe { Map::open_mapped(path) }.unwrap()
 }

@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use serde_json::{Value, json};
 use surefix::{
-    Config, Drive, Dtype, Error, Isa, Localizer, Map, Metric, Motion, Post, Step, Values, View,
-    align_descriptors, match_descriptors, quiet,
+    Config, Drive, Dtype, Error, Isa, Localizer, Map, Metric, Post, Step, Values, View,
+    match_descriptors, quiet,
 };
 use tempfile::tempdir;
 
@@ -353,6 +353,7 @@ fn hostile_files_are_refused() {
 #[cfg(feature = "rayon")]
 #[test]
 fn two_drives_know_a_third_better_than_one() {
+    use surefix::{Motion, align_descriptors};
     use surefix_simulate::{Conditions, Route, RouteConfig};
     let (mut alone, mut other, mut both) = (0.0, 0.0, 0.0);
     for seed in [1, 2, 3] {

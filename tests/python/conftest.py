@@ -1,8 +1,22 @@
-"""Pages for tests that are not about their pictures."""
+"""A cache of their own for all tests, and pages for tests that are not about their pictures."""
 
 import io
+import os
+from collections.abc import Iterator
 
 import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The files of networks that the tests use are not noted in the user's own folder."""
+    before = os.environ.get("SUREFIX_CACHE")
+    os.environ["SUREFIX_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+    yield
+    if before is None:
+        del os.environ["SUREFIX_CACHE"]
+    else:
+        os.environ["SUREFIX_CACHE"] = before
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ from surefix.cli.flags import documented, in_flags
 from surefix.cli.info import info
 from surefix.cli.loops import loops
 from surefix.cli.map import append, build
+from surefix.cli.models import models
 from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
 from surefix.cli.tune import tune_
@@ -96,7 +97,8 @@ maps.command(
 )(traverse)
 app.add_typer(maps, name="map")
 app.command(
-    epilog="Example: surefix run route.safetensors todays_photos/ -o fixes.csv\n\n"
+    epilog="Example: surefix run monday/ tuesday/ --model megaloc\n\n"
+    "Example: surefix run route.safetensors todays_photos/ -o fixes.csv\n\n"
     "Example: surefix run route.safetensors drive.mp4 --every 0.5 --gap 2\n\n"
     "Example: surefix run route.safetensors drive.bag --topic /camera/image --metres 3 "
     "--odometry /odom"
@@ -115,7 +117,7 @@ app.command(
 )(loops)
 app.command(
     "audit",
-    epilog="Example: surefix audit route.safetensors todays_photos/ --motion steady\n\n"
+    epilog="Example: surefix audit monday/ tuesday/ --motion steady\n\n"
     "Example: surefix audit sad.npy --fuse netvlad.npy --accept 0.95",
     short_help="Estimate how often techniques are right, without a truth.",
 )(audit_)
@@ -129,11 +131,16 @@ app.command(
 )(tune_)
 app.command(
     "eval",
-    epilog="Example: surefix eval route.safetensors todays_photos/ --truth identity -o report/\n\n"
+    epilog="Example: surefix eval monday/ tuesday/ --truth identity -o report/\n\n"
     "Example: surefix eval route.safetensors drive.mp4 --every 0.5 --query-positions gps.csv "
     "--tolerance 10",
     short_help="Compare methods on a drive whose truth is known, in a report.",
 )(eval_)
+app.command(
+    epilog="Example: surefix models\n\n"
+    "Example: surefix map build photos/ --model megaloc -o route.safetensors",
+    short_help="List the networks that --model takes by name.",
+)(models)
 app.command(
     epilog="Example: surefix reproduce --data data/ -o report/",
     short_help="Make the paper's table and figures again, on your data.",

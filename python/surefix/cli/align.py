@@ -15,9 +15,11 @@ from surefix._extra import drawing
 from surefix._progress import terminal_bar
 from surefix._words import plural
 from surefix.cli import inputs
-from surefix.cli.drives import Drive, open_drive
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read, refuse
+from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.recorded import Drive, open_drive
+from surefix.cli.route import SaveMap
 
 T = TypeVar("T")
 
@@ -33,7 +35,9 @@ def align_(
     least: Annotated[float, typer.Option(min=0, max=1)] = 0.5,
     fuse: list[str] | None = None,
     similarity: bool = False,
-    model: Path | None = None,
+    model: Model = None,
+    weights: Weights = None,
+    save_map: SaveMap = None,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
     every: inputs.Every = None,
@@ -49,7 +53,8 @@ def align_(
 
     Parameters
     ----------
-    route: The map, from `surefix map build`; or a .npy of distances, (places, queries).
+    route: The map, from `surefix map build`; or images as QUERIES, of which one is made in memory;
+        or a .npy of distances, (places, queries).
     queries: A folder of images, a pattern, a .npy of images or of descriptors, a video or a bag;
         none with distances.
     out: The .csv to write: query,reference and the confidence of each; and positions, if the map
@@ -62,17 +67,16 @@ def align_(
     fuse: Another technique's map of the same places, or .npy of distances, once each: their
         evidence is fused.
     similarity: The .npy holds similarities s: the distances are 1 - s.
-    model: A map of `surefix map build --model`, of --fuse too: the ONNX file, to describe the
-        images.
     """
     refuse(out.suffix != ".csv", f"--out: expected a name that ends in .csv, got {out}")
-    check_not_read(out, [route, queries, *(fuse or ()), model, odometry])
+    named = ModelOptions(model, weights)
+    check_not_read(out, [route, queries, *(fuse or ()), *named.files, odometry])
     write_report = None if report is None else _writer(report)
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
-    drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
+    drive = open_drive(route, queries, fuse or (), similarity, named, save_map, **scale, **sampling)
     given: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
     given["progress"] = terminal_bar("Aligning")
     alignment = refusing_options(align, *drive.given, **given)

@@ -1,7 +1,6 @@
 """``surefix audit``: what techniques are worth on a route, without ground truth."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -12,8 +11,10 @@ from surefix._progress import terminal_bar
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
-from surefix.cli.drives import open_drive
 from surefix.cli.flags import documented
+from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.recorded import open_drive
+from surefix.cli.route import SaveMap
 
 # Below this mean confidence of the alignment, an audit is not worth much.
 DOUBTFUL = 0.7
@@ -33,7 +34,9 @@ def audit_(
     accept: Annotated[float | None, typer.Option(min=0, max=1)] = None,
     fuse: list[str] | None = None,
     similarity: bool = False,
-    model: Path | None = None,
+    model: Model = None,
+    weights: Weights = None,
+    save_map: SaveMap = None,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
     every: inputs.Every = None,
@@ -49,7 +52,8 @@ def audit_(
 
     Parameters
     ----------
-    route: The map, from `surefix map build`; or a .npy of distances, (places, queries).
+    route: The map, from `surefix map build`; or images as QUERIES, of which one is made in memory;
+        or a .npy of distances, (places, queries).
     queries: A folder of images, a pattern, a .npy of images or of descriptors, a video or a bag;
         none with distances.
     motion: steady if both drives took frames at the same distances, free for 0 to 2 places a
@@ -59,14 +63,13 @@ def audit_(
     fuse: Another technique's map of the same places, or .npy of distances, once each: which
         technique is best here?
     similarity: The .npy holds similarities s: the distances are 1 - s.
-    model: A map of `surefix map build --model`, of --fuse too: the ONNX file, to describe the
-        images.
     """
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
-    drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
+    named = ModelOptions(model, weights)
+    drive = open_drive(route, queries, fuse or (), similarity, named, save_map, **scale, **sampling)
     how: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
     if drive.maps:
         run = refusing_options(match, *drive.given, **how, progress=terminal_bar("Matching"))

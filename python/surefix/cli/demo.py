@@ -12,6 +12,9 @@ from rich.console import Console
 from surefix import Localizer, Map, Sad, SurefixError, match_distances
 from surefix._extra import drawing
 from surefix.baselines import Context
+from surefix.cli.inputs import refuse
+from surefix.cli.save_drives import Form
+from surefix.cli.save_drives import save_drives as written
 from surefix.live import TerminalView
 from surefix.simulate import Route, Traverse
 from surefix.study import UPTO, Study
@@ -71,9 +74,26 @@ def demo(
             "--town", help="Three roads with a ring and junctions, mapped in two seasons, instead."
         ),
     ] = False,
+    save_drives: Annotated[
+        Path | None,
+        typer.Option(
+            "--save-drives", help="Write two drives along the route to this folder, and end."
+        ),
+    ] = None,
+    form: Annotated[
+        Form | None,
+        typer.Option("--as", help="--save-drives: as images (by default), videos or ROS 2 bags."),
+    ] = None,
 ) -> None:
     """See it work, without any data: drive a generated route twice, localize live, get a report."""
     begin = time.perf_counter()
+    refuse(form is not None and save_drives is None, "--as: expected --save-drives too")
+    refuse(town and save_drives is not None, "--save-drives: expected no --town, got both")
+    if save_drives is not None:
+        _save_drives(
+            save_drives, form or "images", Route(places=places, size=(width, height), seed=seed)
+        )
+        return
     undrawn = _prepare(out)
     if town:
         _town(out, min(places, TOWN), (width, height), seed, undrawn)
@@ -122,6 +142,11 @@ def demo(
         report = write_report(demo_, out, command, seconds)
     took = time.perf_counter() - begin
     print(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
+
+
+def _save_drives(folder: Path, form: Form, road: Route) -> None:
+    summer, winter = written(folder, form, road)
+    print(f"Made {summer} and {winter}; try: surefix run {summer} {winter}")
 
 
 def _prepare(out: Path) -> str | None:

@@ -1,9 +1,8 @@
-"""The maps or distances of a command, and the whole drive that goes with them."""
+"""The frames of a drive and the maps that they are described for."""
 
 import sys
 from collections.abc import Collection, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,170 +14,19 @@ from surefix._progress import Bar, terminal_bar
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.inputs import refuse
-from surefix.descriptors import Onnx
+from surefix.cli.networks import ModelOptions, Network, network_of
 from surefix.descriptors.extraction import described
 from surefix.descriptors.mapping import sad_map
 from surefix.errors import mismatch
 from surefix.frames import BagFrames, Frames, ImageFrames
-from surefix.frames import open as open_frames
 from surefix.frames.advances import time_in
 from surefix.frames.levels import FULL, Clipping
 from surefix.frames.sampling import Derived
 from surefix.frames.shape import other_shape
 from surefix.tables.columns import Columns
-from surefix.tables.matrices import read_matrix
-from surefix.tables.vectors import ENDINGS
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """A whole drive as ``surefix.align`` and ``surefix.audit`` take it.
-
-    Attributes
-    ----------
-    names : list of str
-        The technique of each map or matrix, by its file.
-    maps : list of Map
-        None of distances.
-    rows : list of arrays
-        The queries' descriptors for each map, (m, dim); or the distances, (n, m).
-    advance : array of float64, shape (m,), or None
-        By the odometry, in places.
-    queries : list of str, or None
-        The name of each query.
-    seen : list of str
-        The same, with the images that could not be read; of arrays none.
-    times : sequence of float or None
-        When each of these was taken, in seconds; empty if unknown.
-    bad : tuple of int
-        The images that could not be read and are no queries, by their index.
-    bag : BagFrames, or None
-        The bag that the queries are in.
-    numbers, total : sequence of int, int
-        The row of each query, bad images among them, among the frames of its recording, and their
-        number.
-    files : sequence of str
-        The files that the queries are read from.
-    """
-
-    names: list[str]
-    maps: list[Map]
-    rows: list[npt.NDArray[Any]]
-    advance: Float64 | None = None
-    queries: list[str] | None = None
-    seen: Sequence[str] = ()
-    times: Sequence[float | None] = ()
-    bad: tuple[int, ...] = ()
-    bag: BagFrames | None = None
-    numbers: Sequence[int] = ()
-    total: int = 0
-    files: Sequence[str] = ()
-
-    @property
-    def given(self) -> tuple[Any, ...]:
-        """The arguments of ``surefix.align``."""
-        if not self.maps:
-            return (self.rows,)
-        return self.maps, self.rows if len(self.maps) > 1 else self.rows[0]
-
-    @property
-    def places(self) -> int:
-        """The number of places of the map."""
-        return len(self.maps[0] if self.maps else self.rows[0])
-
-    def distances(self, technique: int, queries: npt.NDArray[np.int64]) -> Float32:
-        """Between each place and some of the queries, in order."""
-        if not self.maps:
-            return np.asarray(self.rows[technique][:, queries])
-        return distances_of(self.maps[technique], self.rows[technique], queries)
-
-
-def open_drive(
-    route: str,
-    queries: str | None,
-    fuse: Sequence[str],
-    similarity: bool,
-    model: Path | None,
-    spacing: float | None = None,
-    places_per_metre: float | None = None,
-    order: str = "name",
-    strict: bool = False,
-    crop: bool = False,
-    **sampling: Any,
-) -> Drive:
-    """Distances; or maps and queries, described for each map, with their advances by odometry."""
-    files = [route, *fuse]
-    matrices = [Path(file).suffix == ".npy" for file in files]
-    matrix = matrices[0]
-    refuse(similarity and not matrix, "--similarity: expected a .npy of similarities, got a map")
-    kind = "a .npy of distances" if matrix else "a map"
-    for file, other in zip(files, matrices, strict=True):
-        refuse(other != matrix, f"--fuse {file}: expected {kind}, as {route} is one")
-    if matrix:
-        refuse(queries is not None, f"QUERIES: expected none with distances, got {queries}")
-        refuse(model is not None, f"--model: expected a map, got the distances {route}")
-        inputs.check_sampling(f"the distances {route}", **sampling)
-        refuse(order != "name" or crop, f"--order, --crop: expected images, got {route}")
-        read = [read_matrix(file, similarity) for file in files]
-        for file, each in zip(files, read, strict=True):
-            if each.shape != read[0].shape:
-                raise mismatch(f"--fuse {file}", f"the shape {read[0].shape}", each.shape)
-        return Drive(_named(files), [], [*read])
-    refuse(queries is None, "QUERIES: expected images or descriptors, got none")
-    first = open_map(route)
-    maps = [first, *others_of(first, fuse)]
-    networks = networks_of(maps, files, model)
-    odometry = sampling.get("odometry")
-    scaled = spacing is not None or places_per_metre is not None
-    refuse(scaled and odometry is None, "--spacing, --places-per-metre: expected --odometry too")
-    scale, of = None, ""
-    if odometry is not None:
-        scale, of = inputs.scale_of(maps[0].positions, spacing, places_per_metre)
-        refuse(scale is None, inputs.NO_SCALE)
-        sampling["places_per_metre"] = scale
-    place = str(queries)
-    reading: dict[str, Any] = {"order": order, "strict": strict}
-    reading["crop"] = inputs.crop_of(first, crop)
-    if odometry is not None and Path(place).suffix.lower() in ENDINGS:
-        # Rows of an array, a row of the odometry each.
-        how = {"odometry": sampling.pop("odometry"), "places_per_metre": scale}
-        del sampling["places_per_metre"]
-        frames = inputs.open_frames(place, **reading, **sampling)
-        moved = open_frames(place, **how)
-    else:
-        frames = moved = inputs.open_frames(place, **reading, **sampling)
-    for file, place_map, network in zip(files, maps, networks, strict=True):
-        check_kind(place_map, file, frames, network)
-    names, advances, times, numbers, total, _ = names_and_advances(moved)
-    advance = None if odometry is None else known(advances)
-    if advance is not None:
-        print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
-    look_at(first, frames, crop)
-    bad: set[int] = set()
-    rows = []
-    for place_map, network in zip(maps, networks, strict=True):
-        rows.append(describe(place_map, frames, network, bad=None if strict else bad))
-        if len(rows) == 1:
-            frames = without(frames, bad)
-    seen = [] if frames.ready is not None else names
-    names = [name for index, name in enumerate(names) if index not in bad]
-    named = None if frames.ready is not None else names
-    if advance is not None:
-        advance = advance_without(advance, bad)
-    if notes := inputs.notes_on(moved, names):
-        print("; ".join(notes), file=sys.stderr)
-    lost, bag = tuple(sorted(bad)), bag_of(frames)
-    rest = numbers, total, moved.files
-    return Drive(_named(files), maps, rows, advance, named, seen, times, lost, bag, *rest)
-
-
-def _named(files: Sequence[str]) -> list[str]:
-    """The files' stems, or the whole paths if these are not all different."""
-    stems = [Path(file).stem for file in files]
-    return stems if len({*stems}) == len(stems) else [*files]
 
 
 def bag_of(frames: Frames | None) -> BagFrames | None:
@@ -206,37 +54,44 @@ def open_map(route: str) -> Map:
 
 
 def networks_of(
-    maps: Sequence[Map], names: Sequence[object], model: Path | None
-) -> list[Onnx | None]:
-    """The network of each map, of the model's file: of several maps, those of learned descriptors
-    are the model's.
+    maps: Sequence[Map],
+    names: Sequence[object],
+    wanted: ModelOptions,
+    frames: Frames | None = None,
+    argument: str = "QUERIES",
+    *,
+    made: Network | None = None,
+) -> list[Network | None]:
+    """The network that describes the frames (by default images) for each map: none for SAD, or if
+    they are ready descriptors. Of several maps, ``--model`` is that of those of learned
+    descriptors; the network that the first was ``made`` with here is at hand. Refuses frames that
+    a map cannot take.
     """
-    alone = len(maps) == 1
-    return [
-        inputs.network_of(each, name, model)
-        if model and (alone or each.descriptor is None)
-        else None
-        for each, name in zip(maps, names, strict=True)
-    ]
-
-
-def check_kind(place_map: Map, route: str, frames: Frames, network: Onnx | None) -> None:
-    """Refuses queries that the map cannot take."""
     source: Any = frames
     while not isinstance(source, ImageFrames) and isinstance(source, Derived):
         source = source.source
-    if source.ready is not None:
+    if frames is not None and source.ready is not None:
         got = f"got the ready descriptors {frames.files[0]}"
-        refuse(network is not None, f"--model: expected images, {got}")
-    elif network is None and place_map.descriptor is None:
-        name = None if place_map.recipe is None else str(place_map.recipe.get("name"))
-        if name is not None and name.startswith("onnx:"):
-            raise inputs.no_model(name, route)
-        holds = f"is by {name!r}, which is no ONNX file"
-        why = f"as this map {'holds ready descriptors' if name is None else holds}"
-        raise SurefixValueError(
-            f"QUERIES: expected descriptors, a .npy (m, dim), {why}; got images"
-        )
+        refuse(wanted.model is not None, f"--model: expected images, {got}")
+        return [None] * len(maps)
+    networks: list[Network | None] = [] if made is None else [made]
+    for each, name in list(zip(maps, names, strict=True))[len(networks) :]:
+        by_network = each.descriptor is None or len(maps) == 1
+        network = network_of(each, str(name), wanted) if by_network else None
+        if network is None and each.descriptor is None:
+            raise _no_images(each, argument)
+        networks.append(network)
+    return networks
+
+
+def _no_images(place_map: Map, argument: str) -> SurefixValueError:
+    """The refusal of images for a map of descriptors that cannot be made of them here."""
+    name = None if place_map.recipe is None else place_map.recipe.get("name")
+    own = f"is by {str(name)!r}, neither an ONNX file nor a model of `surefix models`"
+    why = f"as this map {'holds ready descriptors' if name is None else own}"
+    return SurefixValueError(
+        f"{argument}: expected descriptors, a .npy (m, dim), {why}; got images"
+    )
 
 
 class Listed(NamedTuple):
@@ -288,7 +143,7 @@ def known(advance: Sequence[float | None]) -> Float64:
 def describe(
     place_map: Map,
     frames: Frames,
-    network: Onnx | None,
+    network: Network | None,
     cache: Path | None = None,
     bad: set[int] | None = None,
 ) -> npt.NDArray[Any]:

@@ -15,10 +15,11 @@ from surefix._progress import terminal_bar
 from surefix._words import plural, verb
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
-from surefix.cli.drives import open_drive
 from surefix.cli.flags import documented
 from surefix.cli.info import look, repeated, said_repeated, size_of
 from surefix.cli.inputs import refuse
+from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.recorded import open_drive
 from surefix.cli.roads import closable, closed_by_positions
 from surefix.errors import check_folder
 from surefix.tables.junctions import found_links
@@ -144,7 +145,8 @@ def traverse(
     label: str | None = None,
     motion: Literal["steady", "free", "any"] = "any",
     least: Annotated[float, typer.Option(min=0, max=1)] = 0.9,
-    model: inputs.Model = None,
+    model: Model = None,
+    weights: Weights = None,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
     every: inputs.Every = None,
@@ -182,12 +184,14 @@ def traverse(
     if drive is None:
         raise typer.BadParameter("DRIVE: expected another drive of the road, or --remove")
     inputs.refuse_map("DRIVE", drive)
-    inputs.check_not_read(to, [drive, model, odometry])
+    look(file)
+    named = ModelOptions(model, weights)
+    inputs.check_not_read(to, [drive, *named.files, odometry])
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
-    driven = open_drive(str(file), drive, (), False, model, **scale, **sampling)
+    driven = open_drive(str(file), drive, (), False, named, **scale, **sampling)
     inputs.check_not_read(to, driven.files)
     given: dict[str, Any] = {"motion": motion, "advance": driven.advance}
     given["progress"] = terminal_bar("Aligning")

@@ -21,20 +21,21 @@ from surefix.cli.drives import (
     MapColumns,
     advance_without,
     bag_of,
-    check_kind,
     describe,
     distances_of,
     known,
     look_at,
     names_and_advances,
-    open_map,
+    networks_of,
     truth_without,
     without,
 )
 from surefix.cli.flags import SELDOM, TRUTH, documented, settings_of, with_options
 from surefix.cli.inputs import refuse
+from surefix.cli.networks import Model, ModelOptions, Weights
 from surefix.cli.pictures import pictures_of, reference_images
 from surefix.cli.results import print_results, warn_of_fit, warn_of_similarities
+from surefix.cli.route import Route, SaveMap, is_matrix, open_route
 from surefix.cli.techniques import Technique
 from surefix.cli.where import GAP, Places, PositionGap, Queries, by_positions, by_truth
 from surefix.errors import mismatch, refusal
@@ -69,7 +70,9 @@ def eval_(
             f"{', '.join(scenarios.METHODS_OF_DRIVES)}."
         ),
     ] = None,
-    model: inputs.Model = None,
+    model: Model = None,
+    weights: Weights = None,
+    save_map: SaveMap = None,
     cache: inputs.Cache = None,
     truth: Annotated[str | None, TRUTH] = None,
     positions: Annotated[Path | None, TRUTH] = None,
@@ -110,7 +113,8 @@ def eval_(
 
     Parameters
     ----------
-    route: The map, from `surefix map build`; or a .npy of distances, (places, queries).
+    route: The map, from `surefix map build`; or images as QUERIES, of which one is made in memory;
+        or a .npy of distances, (places, queries).
     queries: A folder of images, a pattern, a .npy of images, a video or a bag; or ready
         descriptors, as for `surefix map build`. With a .npy of distances: the images of its
         queries, if any, for the pictures.
@@ -129,7 +133,8 @@ def eval_(
     recall: The queries that recall is a share of.
     similarity: The .npy holds similarities s: the distances are 1 - s.
     references: The images of the places, for the pictures: a folder, a pattern, a .npy, or the
-        video or bag that the map was made of; by default the map's thumbnails.
+        video or bag that the map was made of; by default ROUTE's, if that is images, or the map's
+        thumbnails.
     fuse: Another technique's map of the same places, or .npy of distances, once each: for the
         method fused.
     config: The options of `surefix tune`'s settings, and its motion for the method track; the
@@ -150,7 +155,8 @@ def eval_(
     odometry_noise: The deviation of a step of the odometry, as a share of it.
     """
     begin = time.perf_counter()
-    is_matrix, by_position = Path(route).suffix == ".npy", query_positions is not None
+    by_matrix, by_position = is_matrix(route), query_positions is not None
+    chosen = ModelOptions(model, weights)
     drives = scenarios.chosen(scenario or (), speed_profile)
     usual = scenarios.METHODS_OF_DRIVES if drives else DEFAULT_METHODS
     if odometry is not None and metres is None and not drives:
@@ -168,11 +174,10 @@ def eval_(
         refuse(name not in METHODS, expected)
     context = Context(calibration_tolerance=calibration_tolerance, **settings)
     expected = "--similarity: expected a .npy of similarities to read, got a map, which has none"
-    refuse(similarity and not is_matrix and not taught, expected)
-    refuse(cache is not None and model is None, "--cache: expected --model too, got none")
+    refuse(similarity and not by_matrix and not taught, expected)
     if queries is None:
         inputs.check_sampling("none", **sampling)
-        refuse(not is_matrix, "QUERIES: expected the drive's images or descriptors, got none")
+        refuse(not by_matrix, "QUERIES: expected the drive's images or descriptors, got none")
     both = truth is not None and (by_position or positions is not None)
     refuse(both, "--truth: expected it or positions, got both")
     expected = (
@@ -207,25 +212,28 @@ def eval_(
 
     # Open the map or the distances, and the queries.
     D, place_map, network = None, None, None
+    known_route: Route | None = None
     columns: Columns | None = None
-    if is_matrix:
-        expected = f"--model: expected a map made with one, got the distances {route}"
-        refuse(model is not None, expected)
+    reading: dict[str, Any] = {"order": order, "strict": strict}
+    if by_matrix:
+        named_too = model is not None or save_map is not None
+        refuse(
+            named_too, f"--model, --save-map: expected a map or images, got the distances {route}"
+        )
         columns = large_matrix(route, similarity)
         if columns is None:
             D = read_matrix(route, similarity)
     else:
-        place_map = open_map(route)
-        # Of several maps, those of learned descriptors are the model's.
-        of_model = model is not None and not (fuse and place_map.descriptor is not None)
-        network = inputs.network_of(place_map, route, model) if model and of_model else None
+        read = [truth, positions, query_positions, *(fuse or ())]
+        known_route = open_route(route, chosen, save_map, read, queries, **reading, **sampling)
+        place_map = known_route.map
     if moved:
         of_map = None if place_map is None else place_map.positions
         sampling["places_per_metre"], _ = inputs.scale_of(of_map, spacing, places_per_metre)
         refuse(sampling["places_per_metre"] is None, inputs.NO_SCALE)
     refuse(crop and place_map is None, "--crop: expected a map, got distances")
     shape = None if place_map is None else inputs.crop_of(place_map, crop)
-    reading: dict[str, Any] = {"order": order, "strict": strict, "crop": shape}
+    reading["crop"] = shape
     frames = None if queries is None else inputs.open_frames(queries, **reading, **sampling)
     listed = Listed([], [], [], [], 0) if frames is None else names_and_advances(frames)
     names, advance, times = listed.names, listed.advances, listed.times
@@ -242,7 +250,13 @@ def eval_(
         assert place_map is not None
         assert frames is not None
         places, count = len(place_map), len(names)
-        check_kind(place_map, route, frames, network)
+        # Of several maps, those of learned descriptors are the model's.
+        mine = chosen if not fuse or place_map.descriptor is None else ModelOptions()
+        assert known_route is not None
+        made_with = known_route.network
+        (network,) = networks_of([place_map], [route], mine, frames, made=made_with)
+    expected = "--cache: expected images for a network, as --model is"
+    refuse(cache is not None and network is None, expected)
 
     # All distances are held if they are few, or if a method or a scenario needs them at once.
     whole = [*unstreamed(methods), *(f"--scenario {name}" for name in drives)]
@@ -250,13 +264,13 @@ def eval_(
     if not is_held(places, count) and whole:
         size = f"{places} x {count} distances, for {whole[0]} all at once"
         room_for(3 * 4 * places * count, size)
-        D, columns = read_matrix(route, similarity) if is_matrix else None, None
+        D, columns = read_matrix(route, similarity) if by_matrix else None, None
 
     # Read the truth.
     where = None if place_map is None else place_map.positions
     mapped = Places(places) if place_map is None else Places.of(place_map)
     named = [] if frames is None or frames.ready is not None else names
-    recorded = () if is_matrix else (listed.numbers, listed.total)
+    recorded = () if by_matrix else (listed.numbers, listed.total)
     driven = Queries(count, named, times, bag_of(frames), *recorded)
     if truth is not None:
         judged = by_truth(truth, mapped, driven, tolerance)
@@ -279,12 +293,16 @@ def eval_(
         context = replace(context, calibration=(learned, lesson))
     if moved:
         context = replace(context, advance=known(advance))
-    others = [Technique.open(file, places, count, frames, model, similarity) for file in fuse or ()]
+    others = [
+        Technique.open(file, places, count, frames, chosen, similarity) for file in fuse or ()
+    ]
     speeds = None if speed_profile is None else scenarios.read_speeds(speed_profile)
     levels = None if place_map is None else place_map.levels
-    pictures: Any = None if place_map is None else thumbnails_of(place_map)
+    pictures: Any = None if known_route is None else known_route.pictures
     if references is not None:
-        pictures = reference_images(references, places, place_map)
+        pictures = reference_images(references, places, place_map, topic)
+    elif pictures is None and place_map is not None:
+        pictures = thumbnails_of(place_map)
     if isinstance(pictures, Images):
         pictures = ShownImages(pictures, levels)
     context = replace(context, gaps=listed.breaks)

@@ -2,7 +2,8 @@
 
 import glob
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,8 +13,6 @@ import typer
 
 from surefix import Map, SurefixError, SurefixValueError, find_images, frames
 from surefix._words import plural
-from surefix.descriptors import Onnx
-from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD
 from surefix.frames.opening import is_recording
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.metres import places_per_metre
@@ -83,10 +82,6 @@ PlacesPerMetre = Annotated[
 
 NO_SCALE = "--odometry: expected a map with positions, --spacing or --places-per-metre"
 
-Model = Annotated[
-    Path | None,
-    typer.Option(help="The ONNX file that the map was made with: describe the images by it."),
-]
 Cache = Annotated[
     Path | None,
     typer.Option(
@@ -128,13 +123,37 @@ def open_frames(
         more: dict[str, Any] = {"order": order, "skip_bad": not strict, "crop": crop}
         return frames.open(place, **sampling, **more)
     check_sampling(place, **(sampling | {"stride": 1}))
-    images = frames.ImageFrames(listed(place), key, order=order)
+    with naming_folders(place):
+        images = frames.ImageFrames(listed(place), key, order=order)
     if stride != 1:
         images = images.taken(range(0, len(images), stride))
     if crop is None or images.ready is not None:
         return images
     cut = frames.Crop(images, crop)
     return cut if strict else frames.SkipBad(cut)
+
+
+@contextmanager
+def naming_folders(place: str) -> Iterator[None]:
+    """Names the folders with images that lie in a folder without any, in its refusal."""
+    try:
+        yield
+    except SurefixValueError as error:
+        path = Path(place)
+        if not (str(error).startswith(f"{place}: ") and path.is_dir()):
+            raise
+        inside = [each for each in sorted(path.iterdir()) if each.is_dir() and _has_images(each)]
+        if not inside or _has_images(path):
+            raise
+        named = ", ".join(map(str, inside[:5])) + (" and more" if len(inside) > 5 else "")
+        raise SurefixValueError(f"{error}; folders in it have some: {named}") from None
+
+
+def _has_images(folder: Path) -> bool:
+    try:
+        return bool(find_images(folder))
+    except SurefixError:
+        return False
 
 
 def one_place(given: Sequence[str] | None) -> str | None:
@@ -162,7 +181,8 @@ def one_place(given: Sequence[str] | None) -> str | None:
         return place
     expected = "expected a folder, a file, a pattern, or images of one folder"
     raise typer.BadParameter(
-        f"{expected}, got {', '.join(given[:3])} and so on, {len(given)} names"
+        f"{expected}, got {', '.join(given[:3])} and so on, {len(given)} names; a pattern as ROUTE "
+        "must be quoted"
     )
 
 
@@ -259,53 +279,11 @@ def refuse_map(argument: str, place: str) -> None:
     refuse(True, f"{expected}, got {place}, which is a map: use surefix map join")
 
 
-def check_not_read(out: Path, files: Iterable[Path | str | None]) -> None:
+def check_not_read(out: Path, files: Iterable[Path | str | None], option: str = "--out") -> None:
     """Refuses to write a file that is read."""
     given = [Path(file) for file in files if file is not None]
     same = out.exists() and any(file.exists() and out.samefile(file) for file in given)
-    refuse(same, f"--out: {out} is what is read here; name another file")
-
-
-def open_network(
-    model: Path,
-    output: str | None,
-    size: tuple[int, int] | None,
-    mean: str | None,
-    std: str | None,
-    batch: int,
-) -> Onnx:
-    """The network of the options; ``mean`` and ``std`` are three numbers with commas, or "none"."""
-    means = IMAGENET_MEAN if mean is None else _three("--mean", mean)
-    spreads = IMAGENET_STD if std is None else _three("--std", std)
-    try:
-        return Onnx(model, output, size, means, spreads, batch)
-    except SurefixValueError as error:
-        # An output or a size that the model does not have is a mistake of the command line's.
-        said = str(error).replace("output=NAME", "--output NAME")
-        raise typer.BadParameter(said) from None
-
-
-def network_of(known: Map, route: object, model: Path) -> Onnx:
-    """The network that made a map, from the model's file; ``route`` is the map's name."""
-    recipe = known.recipe
-    expected = "--model: expected a map made with one"
-    if recipe is None:
-        raise typer.BadParameter(f"{expected}, got {route}, which names none")
-    by_onnx = str(recipe.get("name", "")).startswith("onnx:")
-    whole = {"output", "size", "mean", "std"} <= set(recipe)
-    refuse(not (by_onnx and whole), f"{expected}, got a map by {recipe.get('name')!r}")
-    numbers = (recipe[key] for key in ("size", "mean", "std"))
-    size, mean, std = (None if value is None else tuple(value) for value in numbers)
-    network = Onnx(model, recipe["output"], size, mean, std)
-    expected = f"--model: expected {recipe.get('file')} as it was when the map was made"
-    refuse(network.recipe["sha256"] != recipe.get("sha256"), f"{expected}, got another model")
-    return network
-
-
-def no_model(name: str, route: object) -> typer.BadParameter:
-    """The refusal of images for a network's map without the network."""
-    wanted = f"--model with {name}, which {route} was made with"
-    return typer.BadParameter(f"expected {wanted}, got none: add --model FILE")
+    refuse(same, f"{option}: {out} is what is read here; name another file")
 
 
 def steps_of(text: str) -> list[Step]:
@@ -329,14 +307,3 @@ def steps_of(text: str) -> list[Step]:
             known = "standardize, standardize:running, pca:N, projection:N and normalize"
             raise typer.BadParameter(f"--post: expected {known}, with commas, got {part!r}")
     return steps
-
-
-def _three(option: str, text: str) -> tuple[float, ...] | None:
-    if text == "none":
-        return None
-    try:
-        red, green, blue = (float(value) for value in text.split(","))
-    except ValueError:
-        expected = 'three numbers with commas, or "none"'
-        raise typer.BadParameter(f"{option}: expected {expected}, got {text!r}") from None
-    return red, green, blue

@@ -15,7 +15,7 @@ from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
 from surefix.cli.inputs import Place, check_not_read, listed, notes_on, refuse, scale_of
-from surefix.descriptors import Onnx
+from surefix.cli.networks import Model, ModelOptions, Weights, open_network
 from surefix.errors import refusal
 
 COLUMNS = ("frame", "place", "confidence", "frame_name", "place_name")
@@ -32,7 +32,8 @@ def loops(
     lasting: Annotated[int, typer.Option(min=1)] = 10,
     tolerance: Annotated[int, typer.Option(min=0)] = 3,
     motion: MOTIONS = "loops",
-    model: Path | None = None,
+    model: Model = None,
+    weights: Weights = None,
     output: str | None = None,
     memory: Annotated[float | None, typer.Option(min=1)] = None,
     folder: Path | None = None,
@@ -59,8 +60,7 @@ def loops(
     lasting: The frames in a row that must be as sure.
     tolerance: Confidence is the belief within this many places.
     motion: How the robot moves along the earlier places.
-    model: Describe the images by this ONNX file; by default by SAD.
-    output: The output of the model, if it has several.
+    output: --model FILE: which of its outputs, if it has several.
     memory: The most memory in MB: before it is passed, places go to a file.
     folder: The folder of that file; by default the system's for temporary files.
     spacing: With --odometry: the metres from one frame to the next; by default those of --metres.
@@ -78,6 +78,7 @@ def loops(
         by = metres if spacing is None and places_per_metre is None else spacing
         scale, _ = scale_of(None, by, places_per_metre)
         refuse(scale is None, NO_SCALE)
+    named = ModelOptions(model, weights)
     refuse(output is not None and model is None, "--output: expected --model too")
     inputs.refuse_map("DRIVE", drive)
     source = frames.open(
@@ -92,7 +93,7 @@ def loops(
         order=order,
         skip_bad=not strict,
     )
-    network = None if model is None else Onnx(model, output)
+    network = open_network(named, output)
     try:
         closer = LoopCloser(
             network,
@@ -107,7 +108,7 @@ def loops(
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     if out is not None:
-        check_not_read(out, [*source.files, odometry, model])
+        check_not_read(out, [*source.files, odometry, *named.files])
     sure = _close(closer, source, out)
     if out is not None and out.suffix == ".g2o":
         closer.to_g2o(out)

@@ -1,6 +1,5 @@
 """``surefix map build`` and ``append``: make a map of a route, or make it longer."""
 
-import math
 import time
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,30 +9,27 @@ import typer
 from surefix import Map, Sad, SurefixValueError
 from surefix._words import plural
 from surefix.cli import inputs
-from surefix.cli.drives import check_kind
+from surefix.cli.drives import networks_of
 from surefix.cli.flags import SELDOM, documented
-from surefix.cli.info import look, repeated, said_blank, said_repeated, size_of
+from surefix.cli.info import look, said_blank, size_of
 from surefix.cli.inputs import refuse
+from surefix.cli.making import Making, check_breaks, make
+from surefix.cli.networks import Model, ModelOptions, Weights, open_network
 from surefix.cli.roads import (
     Breaks,
     NoBreaks,
-    Wanted,
-    breaks_without_blank,
     closable,
-    closed_without_blank,
     noted,
     sampled_by_metres,
     wanted,
     with_roads,
 )
-from surefix.cli.where import DEGREES, UTM, naming, positions_of_frames
-from surefix.descriptors import metric_of
-from surefix.descriptors.mapping import map_of_images, sad_map
+from surefix.cli.where import DEGREES, naming, positions_of_frames
+from surefix.descriptors.mapping import sad_map
 from surefix.errors import check_folder, mismatch
 from surefix.frames import Frames, ImageFrames
 from surefix.frames.levels import Levels, checked_levels
 from surefix.tables.breaks import said_breaks
-from surefix.tables.positions import Positions
 
 Metric = Literal["cosine", "euclidean", "manhattan"]
 # How SAD descriptors are kept.
@@ -79,11 +75,12 @@ def build(
     dtype: Dtype = "u8",
     metric: Annotated[Metric | None, typer.Option(show_default=False)] = None,
     key: str | None = None,
-    model: Path | None = None,
+    model: Model = None,
+    weights: Weights = None,
     output: str | None = None,
     mean: str | None = None,
     std: str | None = None,
-    batch: Annotated[int, typer.Option(min=1)] = 8,
+    batch: Annotated[int | None, typer.Option(min=1)] = None,
     post: str | None = None,
     cache: inputs.Cache = None,
     positions: Path | None = None,
@@ -117,11 +114,10 @@ def build(
     dtype: SAD: how descriptors are kept.
     metric: Ready descriptors and --model: the metric; by default a faiss index's own, else cosine.
     key: Ready descriptors: which array of the file, if it has several.
-    model: An ONNX file: describe the images by this network.
-    output: --model: which of its outputs, if it has several.
-    mean: --model: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet's by default.
-    std: --model: as --mean, the standard deviation.
-    batch: --model: images at a time.
+    output: --model FILE: which of its outputs, if it has several.
+    mean: --model FILE: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet's by default.
+    std: --model FILE: as --mean, the standard deviation.
+    batch: --model: images at a time, 8 by default.
     post: Ready descriptors and --model: steps for them, and for queries later, with commas:
         standardize, or standardize:running by the queries so far, pca:N, projection:N, normalize.
     positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres, or latitude and
@@ -140,14 +136,14 @@ def build(
     range_ = None if levels is None else _levels(levels)
     check_folder(out, "cannot write the map")
     steps = None if post is None else inputs.steps_of(post)
-    network = None
+    network, named = None, ModelOptions(model, weights)
     if model is not None:
         of_sad = (patch, dtype) != (8, "u8")
         refuse(of_sad, "--patch, --dtype: expected images for SAD, got --model")
         sides = None if size is None else _size(size)
-        network = inputs.open_network(model, output, sides, mean, std, batch)
-    elif (output, mean, std, batch, cache) != (None, None, None, 8, None):
-        options = "--output, --mean, --std, --batch, --cache"
+        network = open_network(named, output, sides, mean, std, batch)
+    elif (weights, output, mean, std, batch, cache) != (None,) * 6:
+        options = "--weights, --output, --mean, --std, --batch, --cache"
         raise typer.BadParameter(f"{options}: expected --model too, got none")
     if key is None:
         inputs.refuse_map("REFERENCES", references)
@@ -162,89 +158,33 @@ def build(
         metres=metres,
         odometry=odometry,
     )
-    inputs.check_not_read(out, [*frames.files, model, cache, positions, odometry])
-    read = None if positions is None else positions_of_frames(positions, frames)
-    where = None if read is None else read.values
-    on_plane: dict[str, Any] = {"origin": _plane(read, frames, plane)}
-    frames = noted(frames)
-    with naming(positions):
-        if frames.ready is not None:
-            got = f"expected images, got the ready descriptors {references}"
-            refuse(network is not None, f"--model: {got}")
-            refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
-            refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
-            refuse(thumbnails, f"--thumbnails: {got}")
-            by = metric or metric_of(references) or "cosine"
-            route = Map.from_descriptors(frames.ready, by, positions=where, post=steps, **on_plane)
-        elif network is not None:
-            how: dict[str, Any] = {
-                "levels": range_,
-                "skip_bad": not strict,
-                "thumbnails": thumbnails,
-            }
-            how |= on_plane
-            route = map_of_images(frames, network, metric or "cosine", where, steps, cache, **how)
-        else:
-            _check_sad(references, metric, post)
-            sad = _sad(size, patch, dtype, range_)
-            how = {"mixed_sizes": mixed_sizes, "thumbnails": thumbnails} | on_plane
-            if isinstance(frames, ImageFrames):
-                _check_breaks(asked, len(frames))
-                how["skip_bad"] = not strict
-                Map.build(out, frames.source, sad, positions=where, **how)
-                route = look(out)
-            else:
-                route = sad_map(frames, sad, where, **how)
-    made, found, notes = with_roads(route, frames, asked, file=out)
-    kept = None if frames.ready is not None else made.names
-    blank = said_blank(made.blank.tolist(), made.names, "left out" if skip_blank else MATCHED)
-    if skip_blank and len(made.blank):
-        whole, made = made, made.without_blank()
-        # Of the map that is written, in its own numbers.
-        found = breaks_without_blank(found, whole, made)
-        notes = closed_without_blank(whole, made, asked, out)
-    notes = [*said_breaks(found), *notes, *blank]
-    if stretches := repeated(made.names):
-        notes.append(f"warning: {said_repeated(stretches)}")
-    in_file = isinstance(frames, ImageFrames) and frames.ready is None and network is None
-    if not (in_file and made is route):
-        made.save(out)
-    del made, route
+    inputs.check_not_read(out, [*frames.files, *named.files, cache, positions, odometry])
+    if frames.ready is not None:
+        got = f"expected images, got the ready descriptors {references}"
+        refuse(network is not None, f"--model: {got}")
+        refuse((size, patch, dtype) != (None, 8, "u8"), f"--size, --patch, --dtype: {got}")
+        refuse(range_ is not None or mixed_sizes, f"--levels, --mixed-sizes: {got}")
+        refuse(thumbnails, f"--thumbnails: {got}")
+    elif network is None:
+        _check_sad(references, metric, post)
+    by_sad = frames.ready is None and network is None
+    how = Making(
+        roads=asked,
+        network=network,
+        sad=_sad(size, patch, dtype, range_) if by_sad else Sad(),
+        metric=metric,
+        post=steps,
+        cache=cache,
+        levels=range_,
+        strict=strict,
+        mixed_sizes=mixed_sizes,
+        thumbnails=thumbnails,
+        skip_blank=skip_blank,
+        plane=plane,
+    )
+    notes = make(references, frames, how, positions, out).notes
     said = f"Made {out}: {size_of(out)}, in {time.perf_counter() - start:.1f} s"
-    print("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))
-
-
-def _check_breaks(asked: Wanted, places: int) -> None:
-    """Refuses breaks beyond the images before any is read."""
-    beyond = [place for place in asked.breaks if place >= places]
-    expected = f"--break: expected places from 1 to {places - 1}"
-    refuse(bool(beyond), f"{expected}, got {beyond[-1] if beyond else 0}")
-
-
-def _plane(read: Positions | None, frames: Frames, given: str | None) -> Any:
-    """The plane of the positions, or of the odometry, as they or ``--plane`` say: the origin of a
-    local one, or the name of another.
-    """
-    moved = sampled_by_metres(frames)
-    known: tuple[float, float] | str | None = None if moved is None else moved.odometry.origin
-    if read is not None:
-        known = read.origin or (f"{UTM}{read.zone}" if read.zone else None)
-    if given is None:
-        return known
-    refuse(read is None and moved is None, "--plane: expected --positions too, in metres")
-    got = f"got those of {known if isinstance(known, str) else f'the origin {known}'}"
-    refuse(known is not None, f"--plane: expected positions in metres that name no plane, {got}")
-    try:
-        latitude, longitude = map(float, given.split(","))
-    except ValueError:
-        refuse(not given.strip(), "--plane: expected a name, or LATITUDE,LONGITUDE, got none")
-        return given
-    bad = not (abs(latitude) <= 90 and math.isfinite(longitude))
-    refuse(bad, f"--plane: expected a latitude from -90 to 90 and a longitude, got {given}")
-    return latitude, longitude
-
-
-MATCHED = "nothing is matched to them (--skip-blank leaves them out)"
+    print("; ".join([said, *notes]))
 
 
 @documented
@@ -253,7 +193,8 @@ def append(
     file: Path,
     references: inputs.Place,
     positions: Path | None = None,
-    model: inputs.Model = None,
+    model: Model = None,
+    weights: Weights = None,
     cache: inputs.Cache = None,
     order: inputs.Order = "name",
     strict: inputs.Strict = False,
@@ -307,17 +248,12 @@ def append(
     where = None if read is None else read.values
     _bring_odometry(frames, old, where is not None)
     if isinstance(frames, ImageFrames):
-        _check_breaks(asked, len(old) + len(frames))
+        check_breaks(asked, len(old) + len(frames))
     frames = noted(frames)
     more: dict[str, Any]
-    network = None
-    if model is not None:
-        network = inputs.network_of(old, file, model)
-        got = f"expected images, got the ready descriptors {references}"
-        refuse(frames.ready is not None, f"--model: {got}")
-    refuse(cache is not None and model is None, "--cache: expected --model too, got none")
-    if model is None and frames.ready is None and old.recipe is not None:
-        raise inputs.no_model(old.recipe["name"], file)
+    (network,) = networks_of([old], [file], ModelOptions(model, weights), frames, "REFERENCES")
+    none = cache is not None and network is None
+    refuse(none, "--cache: expected images for a network, as --model is")
     # A closed segment has no end to go on from.
     begins = new_segment or old.segments[-1].closed
     joined: dict[str, Any] = {"new_segment": begins}
@@ -336,9 +272,8 @@ def append(
         elif isinstance(frames, ImageFrames):
             more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
             Map.append(file, frames.source, **more, **joined)
-        elif old.descriptor is None:
-            check_kind(old, str(file), frames, None)
         else:
+            assert old.descriptor is not None
             small = old.thumbnail(0)
             how: dict[str, Any] = {"mixed_sizes": mixed_sizes} | plane
             how["thumbnails"] = False if small is None else small.shape[::-1]

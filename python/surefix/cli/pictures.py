@@ -14,6 +14,7 @@ from surefix.frames.by_name import UInt8, images_by_name
 from surefix.frames.images import Images, ShownImages, open_images
 from surefix.frames.levels import in_8_bits
 from surefix.frames.opening import is_recording
+from surefix.frames.recording import is_bag
 
 Pictures: TypeAlias = Sequence[UInt8] | Mapping[int, UInt8]
 
@@ -30,17 +31,34 @@ def pictures_of(
         return {index: in_8_bits(shot.read(), levels) for index, shot in chosen}
 
 
-def reference_images(place: str, places: int, known: Map | None) -> Images | dict[int, UInt8]:
-    """An image for each place."""
+def reference_images(
+    place: str, places: int, known: Map | None, topic: str | None = None
+) -> Images | dict[int, UInt8]:
+    """An image for each place, of whatever the map was made of: by the names of its places, if they
+    have names that the images have too, else by their order.
+    """
+    option, names = f"--references {place}", None if known is None else known.names
     if is_recording(place):
-        names = None if known is None else known.names
-        frames = inputs.open_frames(place)
-        found = images_by_name(frames, names, places, f"--references {place}")
+        frames = inputs.open_frames(place, topic=topic if is_bag(place) else None)
+        found = images_by_name(frames, names, places, option)
         if len(found) != places:
-            raise mismatch(f"--references {place}", f"images of {places} places", len(found))
+            raise mismatch(option, f"images of {places} places", len(found))
         return found
     images = open_images(Path(place))
+    rows = _by_name(images.names, names or ())
+    if len(rows) == places:
+        return images.take(rows)
     if len(images) != places:
-        expected = f"an image for each of {places} places"
-        raise mismatch(f"--references {place}", expected, len(images))
+        raise mismatch(option, f"an image for each of {places} places", len(images))
     return images
+
+
+def _by_name(images: Sequence[str], names: Sequence[str]) -> list[int]:
+    """The index of the image of each place, those of one name in turn; none if a place lacks it."""
+    of: dict[str, list[int]] = {}
+    for index, name in reversed([*enumerate(images)]):
+        of.setdefault(name, []).append(index)
+    try:
+        return [of[name].pop() for name in names]
+    except (KeyError, IndexError):
+        return []

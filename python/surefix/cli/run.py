@@ -13,7 +13,7 @@ import typer
 
 from surefix import Localizer, SurefixValueError, frames
 from surefix._words import plural
-from surefix.cli.drives import check_kind, networks_of, open_map, others_of
+from surefix.cli.drives import networks_of, others_of
 from surefix.cli.fixes import (
     ALARM,
     Summary,
@@ -31,10 +31,13 @@ from surefix.cli.inputs import (
     check_not_read,
     crop_of,
     listed,
+    naming_folders,
     notes_on,
     refuse,
     scale_of,
 )
+from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.route import SaveMap, open_route
 from surefix.cli.views import leave_room, open_views
 from surefix.errors import refusal
 from surefix.frames import Advances, Frame, Frames, in_8_bits
@@ -56,7 +59,7 @@ Size = tuple[int, ...]
 @documented
 @with_options(motion="any", names={"tolerance": "agreement"})
 def run(
-    route: Path,
+    route: str,
     queries: Place,
     out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
     form: Annotated[Format | None, typer.Option("--format")] = None,
@@ -66,7 +69,9 @@ def run(
     accept: float | None = None,
     fuse: list[Path] | None = None,
     screen: Annotated[Literal["i8"] | None, SELDOM] = None,
-    model: Path | None = None,
+    model: Model = None,
+    weights: Weights = None,
+    save_map: SaveMap = None,
     follow: Annotated[bool, F] = False,
     idle: Annotated[float | None, typer.Option(min=0, rich_help_panel=F)] = None,
     topic: Annotated[str | None, F] = None,
@@ -89,7 +94,7 @@ def run(
 
     Parameters
     ----------
-    route: The map, from `surefix map build`.
+    route: The map, from `surefix map build`; or images as QUERIES, of which one is made in memory.
     queries: A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's number or
         URL, or a .npy of images or of descriptors.
     out: Write the fixes to this file.
@@ -101,8 +106,6 @@ def run(
     fuse: Another technique's map of the same places, once each: their evidence is fused.
     screen: With --motion none: scan a copy of float32 descriptors in bytes: faster on a large map,
         the same answers.
-    model: A map of `surefix map build --model`, of --fuse too: the ONNX file, to describe the
-        images.
     follow: A folder: go on with what comes, until Ctrl-C.
     idle: With --follow: end when none has come for this many seconds.
     topic: A bag: the topic of the images, if there are several.
@@ -128,7 +131,6 @@ def run(
     references: The map's images, to be shown beside the queries in place of its thumbnails: a
         folder, a .npy, or the video or bag that the map was made of.
     """
-    places = open_map(str(route))
     above_0 = {"--every": every, "--metres": metres, "--gap": gap, "--spacing": spacing}
     for option, value in above_0.items():
         low = value is not None and not value > 0
@@ -143,30 +145,32 @@ def run(
         refuse(motion is None, "--accept: expected --motion other than none")
         out_of_range = f"--accept: expected a confidence from 0 to 1, got {accept:g}"
         refuse(not 0 <= accept <= 1, out_of_range)
+    named = ModelOptions(model, weights)
+    reading: dict[str, Any] = {"stride": stride, "every": every, "metres": metres}
+    reading |= {"odometry": odometry, "order": order}
+    given = None if follow else queries
+    rest = {"topic": topic, "strict": strict}
+    known = open_route(route, named, save_map, fuse or (), given, **reading, **rest)
+    places = known.map
     # For --metres alone there is nothing to say of advances.
     where = None if odometry is None or (metres and not motion) else places.positions
     scale, of = scale_of(where, spacing, places_per_metre)
     refuse(odometry is not None and scale is None and metres is None, NO_SCALE)
-    source = frames.open(
-        listed(queries),
-        topic=topic,
-        follow=follow,
-        idle=idle,
-        gap=gap,
-        stride=stride,
-        every=every,
-        metres=metres,
-        odometry=odometry,
-        places_per_metre=scale,
-        newest=newest,
-        order=order,
-        skip_bad=not strict,
-        crop=crop_of(places, crop),
-    )
+    with naming_folders(queries):
+        source = frames.open(
+            listed(queries),
+            topic=topic,
+            follow=follow,
+            idle=idle,
+            gap=gap,
+            places_per_metre=scale,
+            newest=newest,
+            skip_bad=not strict,
+            crop=crop_of(places, crop),
+            **reading,
+        )
     names, maps = [route, *(fuse or ())], [places, *others_of(places, fuse or ())]
-    networks = networks_of(maps, names, model)
-    for name, each, network in zip(names, maps, networks, strict=True):
-        check_kind(each, str(name), source, network)
+    networks = networks_of(maps, names, named, source, made=known.network)
     try:
         scanned = [each.with_screen(screen) if screen else each for each in maps]
         localizer = Localizer(scanned, descriptor=networks, config=settings)
@@ -179,8 +183,8 @@ def run(
     elif screen and len(places.blank):
         why = f"{plural(len(places.blank), 'place')} of the map that show nothing"
         print(f"--screen: unused, for the sake of {why}", file=sys.stderr)
-    others = [*source.files, odometry, config, model]
-    read = [*names, *(Path(each) for each in others if each is not None)]
+    others = [*names, *known.files, *source.files, odometry, config, save_map, *named.files]
+    read = [Path(each) for each in others if each is not None]
     if out is not None:
         check_not_read(out, read)
         read.append(out)
@@ -197,7 +201,7 @@ def run(
         print(f"--config {config}: {settings.threshold.promise}", file=sys.stderr)
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
-        pairs = None if references is None else (references, topic)
+        pairs = known.pictures if references is None else (references, topic)
         seen = open_views(places, source.estimate, live=live, save=save, references=pairs)
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(_create(out))

@@ -2,14 +2,13 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from surefix import Map
-from surefix.cli import inputs
-from surefix.cli.drives import Float32, check_kind, describe, distances_of, open_map
-from surefix.descriptors import Onnx
+from surefix.cli.drives import Float32, describe, distances_of, networks_of, open_map
+from surefix.cli.networks import ModelOptions, Network
+from surefix.cli.route import is_matrix
 from surefix.errors import mismatch
 from surefix.frames import Frames
 from surefix.tables.matrices import read_matrix
@@ -21,7 +20,7 @@ class Technique:
 
     ready: Float32 | None
     place_map: Map | None = None
-    network: Onnx | None = None
+    network: Network | None = None
 
     @classmethod
     def open(
@@ -30,10 +29,10 @@ class Technique:
         places: int,
         count: int,
         frames: Frames | None,
-        model: Path | None,
+        model: ModelOptions,
         similarity: bool,
     ) -> "Technique":
-        if Path(file).suffix == ".npy":
+        if is_matrix(file):
             ready = read_matrix(file, similarity)
             if ready.shape != (places, count):
                 raise mismatch(f"--fuse {file}", f"the shape {(places, count)}", ready.shape)
@@ -45,10 +44,9 @@ class Technique:
             raise mismatch(
                 f"--fuse {file}", "a .npy of distances, as there are no QUERIES", "a map"
             )
-        learned = model is not None and place_map.descriptor is None
-        network = inputs.network_of(place_map, file, model) if model and learned else None
-        check_kind(place_map, file, frames, network)
-        return cls(None, place_map, network)
+        # Of several maps, those of learned descriptors are the model's.
+        named = model if place_map.descriptor is None else ModelOptions()
+        return cls(None, place_map, *networks_of([place_map], [file], named, frames))
 
     def distances(self, frames: Frames | None, bad: Collection[int] = ()) -> Float32:
         """Those to the queries, of which the ``bad`` ones are left out, in ``frames`` too."""

@@ -11,9 +11,12 @@ from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
 from surefix.cli.audit import print_columns
-from surefix.cli.drives import Drive, open_drive, truth_without
+from surefix.cli.drives import truth_without
 from surefix.cli.flags import TRUTH, documented
 from surefix.cli.inputs import check_not_read, refuse
+from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.recorded import Drive, open_drive
+from surefix.cli.route import SaveMap
 from surefix.cli.where import GAP, Places, PositionGap, Queries, Where, by_positions, by_truth
 from surefix.errors import check_folder
 
@@ -33,7 +36,9 @@ def tune_(
     motion: Literal["steady", "free", "any"] = "any",
     fuse: list[str] | None = None,
     similarity: bool = False,
-    model: Path | None = None,
+    model: Model = None,
+    weights: Weights = None,
+    save_map: SaveMap = None,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
     every: inputs.Every = None,
@@ -49,7 +54,8 @@ def tune_(
 
     Parameters
     ----------
-    route: The map, from `surefix map build`; or a .npy of distances, (places, queries).
+    route: The map, from `surefix map build`; or images as QUERIES, of which one is made in memory;
+        or a .npy of distances, (places, queries).
     queries: A folder of images, a pattern, a .npy of images or of descriptors, a video or a bag;
         none with distances.
     out: The .toml to write, for `surefix run --config`.
@@ -66,8 +72,6 @@ def tune_(
     fuse: Another technique's map of the same places, or .npy of distances, once each: their
         evidence is fused, and weighted.
     similarity: The .npy holds similarities s: the distances are 1 - s.
-    model: A map of `surefix map build --model`, of --fuse too: the ONNX file, to describe the
-        images.
     """
     refuse(out.suffix != ".toml", f"--out: expected a name that ends in .toml, got {out}")
     by_position = query_positions is not None
@@ -80,14 +84,15 @@ def tune_(
     part = not by_position and tolerance is not None and not tolerance.is_integer()
     part = part and not str(truth).lower().endswith(".npz")
     refuse(part, f"--tolerance: expected a whole number of places, got {tolerance}")
-    read = [route, queries, truth, positions, query_positions, odometry, model, *(fuse or ())]
-    check_not_read(out, read)
+    named = ModelOptions(model, weights)
+    read = [route, queries, truth, positions, query_positions, odometry, *(fuse or ())]
+    check_not_read(out, [*read, *named.files])
     check_folder(out, "cannot write the settings")
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
-    drive = open_drive(route, queries, fuse or (), similarity, model, **scale, **sampling)
+    drive = open_drive(route, queries, fuse or (), similarity, named, save_map, **scale, **sampling)
 
     count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
     first = drive.maps[0] if drive.maps else None

@@ -4,12 +4,14 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
 from surefix import Map
 from surefix.frames import open as open_frames
 from surefix.frames.by_name import UInt8, images_by_name
+from surefix.frames.images import Images
 from surefix.frames.opening import is_recording
 from surefix.frames.recording import is_bag
 from surefix.live import RerunView, TerminalView, View
@@ -36,13 +38,14 @@ def open_views(
     *,
     live: bool,
     save: Path | None,
-    references: tuple[str, str | None] | None,
+    references: tuple[str, str | None] | Images | None,
 ) -> Iterator[list[View]]:
     """The views that were asked for, and that of the terminal; closed in the end, whatever comes.
 
     A terminal gets its view if standard output is one. With ``live`` it is enough that standard
     error is one, so that fixes can go into a pipe. If rerun's viewer cannot be opened, a line
-    says so, and the terminal has to do. ``references`` are what the map was made of, and its topic.
+    says so, and the terminal has to do. ``references`` are what the map was made of, and its topic;
+    or the images of its places.
 
     Raises
     ------
@@ -58,7 +61,9 @@ def open_views(
     with ExitStack() as open_:
         views: list[View] = []
         wanted = spawn or save is not None or terminal is not None
-        shown = None if references is None else _references(route, *references, wanted)
+        shown: Any = references
+        if isinstance(references, tuple):
+            shown = _references(route, *references, wanted)
         if spawn or save is not None:
             rerun = RerunView(route, save, spawn=spawn, references=shown)
             views.append(open_.enter_context(closing(rerun)))

@@ -217,9 +217,12 @@ class ImageFrames(Frames):
 
     @property
     def source(self) -> list[str] | Images | npt.NDArray[Any]:
-        """As ``Map.from_images`` takes them, to be read in parallel: the files, or the array."""
+        """As ``Map.from_images`` takes them, to be read in parallel: the files, or the array. Some
+        of an array keep its numbers as their names.
+        """
         if self._array is not None:
-            return self._array
+            all_ = self.images.names == [str(index) for index in range(len(self.images))]
+            return self._array if all_ else self.images
         return self.images if self.images.paths is None else self.files
 
     def taken(self, indices: Iterable[int]) -> "ImageFrames":

@@ -189,7 +189,8 @@ MISTAKES = {
     "a spacing alone": (["route.safetensors", "q.npy", "--spacing", "2"], 2, "--odometry too"),
     "no scale": (["route.safetensors", "q.npy", "--odometry", "o.csv"], 2, "--spacing or"),
     "images for descriptors": (["route.safetensors", "i.npy"], 1, "holds ready descriptors"),
-    "a folder for a map": (["folder", "q.npy"], 1, "make a map of it"),
+    "a folder without images": (["folder", "q.npy"], 1, "folder: expected images (png"),
+    "a model for distances": (["D.npy", "--model", "megaloc"], 2, "expected a map or images"),
 }
 
 

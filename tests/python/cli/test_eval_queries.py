@@ -62,6 +62,9 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     surefix.Map.from_descriptors(rows, recipe={"name": "strips"}).save(
         folder / "strips.safetensors"
     )
+    gone = {"name": "onnx:gone/map", "file": "gone.onnx", "sha256": 64 * "0"}
+    recipe = dict(network(folder).recipe) | gone
+    surefix.Map.from_descriptors(rows, recipe=recipe).save(folder / "lost.safetensors")
     np.save(folder / "D.npy", np.random.default_rng(3).random((PLACES, PLACES)).astype(np.float32))
     return folder
 
@@ -191,15 +194,15 @@ def test_a_recording_has_the_pictures_of_ready_distances(tmp_path: Path, run: Ru
 
 MODEL = ("--model", "tiny.onnx")
 MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
-    "no model": (
-        ("own.safetensors", "winter"),
+    "a model that is lost": (
+        ("lost.safetensors", "winter"),
         2,
-        "onnx:tiny/map, which own.safetensors was made with",
+        "expected the ONNX file gone.onnx, which lost.safetensors was made with; it lies neither",
     ),
-    "no model, a video": (
-        ("own.safetensors", "winter.mkv"),
+    "a model that is lost, a video": (
+        ("lost.safetensors", "winter.mkv"),
         2,
-        "expected --model with onnx:tiny/map",
+        "add --model FILE",
     ),
     "a model of no use": (
         ("sad.safetensors", "winter", *MODEL),
@@ -214,7 +217,7 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
     "a model and distances": (
         ("D.npy", *MODEL),
         2,
-        "--model: expected a map made with one, got the distances D.npy",
+        "--model, --save-map: expected a map or images, got the distances D.npy",
     ),
     "another network": (("strips.safetensors", "winter", *MODEL), 2, "got a map by 'strips'"),
     "no file": (
@@ -223,9 +226,9 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
         "no.onnx: cannot read the model",
     ),
     "a cache alone": (
-        ("own.safetensors", "winter", "--cache", "c"),
+        ("sad.safetensors", "winter", "--cache", "c"),
         2,
-        "--cache: expected --model too, got none",
+        "--cache: expected images for a network, as --model is",
     ),
     "images for descriptors": (
         ("ready.safetensors", "winter"),
@@ -235,7 +238,7 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
     "images for strips": (
         ("strips.safetensors", "winter"),
         1,
-        "by 'strips', which is no ONNX file; got images",
+        "by 'strips', neither an ONNX file nor a model of `surefix models`; got images",
     ),
     "ticks of images without times": (
         ("sad.safetensors", "winter", "--every", 2),

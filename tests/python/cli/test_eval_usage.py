@@ -100,10 +100,14 @@ MISTAKES: dict[str, tuple[list[str], int, str]] = {
     "no matrix": (["nowhere.npy", "--truth", "identity"], 1, "nowhere.npy: cannot read the matrix"),
     "images for distances": (
         ["winter.npy", "--truth", "identity"],
-        1,
-        "winter.npy: expected a matrix of numbers",
+        2,
+        "QUERIES: expected the drive's images or descriptors, got none",
     ),
-    "a folder for a map": ([".", "winter.npy", "--truth", "identity"], 1, "surefix map build"),
+    "a folder without images": (
+        [".", "winter.npy", "--truth", "identity"],
+        1,
+        ".: expected images (png, jpeg",
+    ),
     "no truth file": (["D.npy", "--truth", "gone.csv"], 1, "gone.csv: cannot read"),
     "a truth of words": (
         ["D.npy", "--truth", "yes"],

@@ -198,8 +198,8 @@ def test_a_damaged_bag_is_localized_as_far_as_it_goes(drive: Path, tmp_path: Pat
 
 
 MISTAKES = {
-    "a folder for a map": (
-        ["run", "@images", "@drive.mkv"],
+    "a folder for a technique's map": (
+        ["run", "@images", "@drive.mkv", "--fuse", "@images"],
         1,
         "images: expected a map, got a folder of images; make a map of it: surefix map build @images",
     ),

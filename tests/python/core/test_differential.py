@@ -5,6 +5,7 @@ All are equal bit for bit, scores too: the sums are defined down to the order of
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -17,6 +18,8 @@ import surefix
 from oracle import Array, Options, Road
 
 SEEDS = range(20)
+# On roads: with make test-long as many.
+ROADS = SEEDS if "LONG" in os.environ else range(5)
 CASES_PER_SEED = 500
 CASES_RUN: dict[int, int] = {}
 
@@ -263,7 +266,7 @@ def test_stream_and_batch_equal_the_oracle(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "seed", [seed if seed < 1 else pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS]
+    "seed", [seed if seed < 1 else pytest.param(seed, marks=pytest.mark.slow) for seed in ROADS]
 )
 def test_segments_and_closed_ones_equal_the_oracle(seed: int) -> None:
     """1.14: the same on routes of segments, short and long, open and closed."""

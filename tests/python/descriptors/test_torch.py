@@ -14,6 +14,7 @@ from PIL import Image
 import surefix
 import tiny_network
 from surefix.descriptors import HUB_MODELS, Descriptor, Torch, extract, from_hub
+from surefix.descriptors.descriptor import same_vectors
 
 torch = pytest.importorskip("torch")
 RNG = np.random.default_rng(8)
@@ -173,12 +174,12 @@ def offline(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
         monkeypatch.setenv(variable, f"http://127.0.0.1:{port}")
     for variable in ("no_proxy", "NO_PROXY"):
         monkeypatch.delenv(variable, raising=False)
-    before, modules = torch.hub.get_dir(), set(sys.modules)
-    torch.hub.set_dir(str(tmp_path / "hub"))
+    modules = set(sys.modules)
+    # What `torch.hub.set_dir` sets; it cannot be unset by it.
+    monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path / "hub"))
     yield tmp_path / "hub"
-    torch.hub.set_dir(before)
     for name in set(sys.modules) - modules:
-        if name == "hubconf":
+        if name in ("hubconf", "backbone_code"):
             del sys.modules[name]
 
 
@@ -224,3 +225,142 @@ def test_offline_a_model_in_the_hubs_folder_is_loaded(name: str, offline: Path) 
         assert model.size[0] % 14 == model.size[1] % 14 == 0
     small = from_hub(name, size=(28, 14))
     assert small.describe(image).shape == (1, 3 * 28 * 14)
+
+
+# A published model as torch.hub keeps it: a linear layer on the means of the channels, its weights
+# from the release of its own repository, and its backbone's from another.
+PUBLISHED = """
+import torch
+import backbone_code
+
+print("Returning the trained model")
+
+def get_trained_model(scale=1):
+    model = backbone_code.Means(scale)
+    model.load_state_dict(
+        torch.hub.load_state_dict_from_url(
+            "https://github.com/gmberton/MegaLoc/releases/download/v1.0/megaloc.torch",
+            map_location=torch.device("cpu"),
+        )
+    )
+    return model
+"""
+BACKBONE = """
+import torch
+
+class Means(torch.nn.Module):
+    def __init__(self, scale):
+        super().__init__()
+        self.scale, self.linear = scale, torch.nn.Linear(3, 4)
+
+    def forward(self, planes):
+        return self.scale * self.linear(planes.mean(dim=(2, 3)))
+"""
+
+
+def publish(folder: Path, code: str = PUBLISHED) -> Path:
+    """The code of ``megaloc`` in a hub's folder."""
+    made = folder / "gmberton_MegaLoc_main"
+    made.mkdir(parents=True)
+    (made / "hubconf.py").write_text(code)
+    (made / "backbone_code.py").write_text(BACKBONE)
+    return made
+
+
+def weights_file(path: Path, seed: int) -> tuple[Path, Any]:
+    """A state of that model in a file, and its matrix."""
+    torch.manual_seed(seed)
+    state = torch.nn.Linear(3, 4).state_dict()
+    torch.save({f"linear.{name}": value for name, value in state.items()}, path)
+    return path, state["weight"].numpy()
+
+
+def test_offline_weights_come_from_a_file(
+    offline: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    publish(offline)
+    with pytest.raises(surefix.SurefixError, match="megaloc: cannot load get_trained_model"):
+        from_hub("megaloc")
+    first, matrix = weights_file(tmp_path / "mine.pth", 1)
+    usual = torch.hub.load_state_dict_from_url
+    network = from_hub("megaloc", weights=first)
+    assert torch.hub.load_state_dict_from_url is usual
+    np.testing.assert_array_equal(network.module.linear.weight.detach().numpy(), matrix)
+    # What the code prints is no fix.
+    said = capsys.readouterr()
+    assert (said.out, "Returning the trained model" in said.err) == ("", True)
+    recipe = network.recipe
+    assert json.loads(json.dumps(dict(recipe))) == recipe
+    kept: Any = recipe["weights"]
+    assert (kept["file"], len(kept["sha256"])) == ("mine.pth", 64)
+    # The file that weights came from makes no other descriptor; other weights do.
+    copy = tmp_path / "copy.pth"
+    copy.write_bytes(first.read_bytes())
+    assert same_vectors(recipe, from_hub("megaloc", weights=copy).recipe)
+    other, _ = weights_file(tmp_path / "other.pth", 2)
+    assert not same_vectors(recipe, from_hub("megaloc", weights=other).recipe)
+
+
+def test_weights_are_given_to_the_models_own_download_alone(offline: Path, tmp_path: Path) -> None:
+    code = PUBLISHED.replace("gmberton/MegaLoc/releases", "facebookresearch/dinov2/releases")
+    publish(offline, code)
+    file, _ = weights_file(tmp_path / "mine.pth", 1)
+    # Another repository's weights are still downloaded, which fails without a network.
+    with pytest.raises(surefix.SurefixError, match="megaloc: cannot load get_trained_model"):
+        from_hub("megaloc", weights=file)
+    # By its published name it is known, whatever the address.
+    named = tmp_path / "megaloc.torch"
+    named.write_bytes(file.read_bytes())
+    assert from_hub("megaloc", weights=named).module.linear.weight.shape == (4, 3)
+    code = "import torch\ndef get_trained_model():\n    return torch.nn.Identity()\n"
+    (offline / "gmberton_MegaLoc_main" / "hubconf.py").write_text(code)
+    with pytest.raises(surefix.SurefixValueError, match="got a file that it did not ask for"):
+        from_hub("megaloc", weights=file)
+
+
+def test_weights_from_hugging_face_come_from_a_file(
+    offline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = (
+        "import torch, backbone_code\n"
+        "def get_trained_model(scale=1):\n"
+        "    from huggingface_hub import hf_hub_download\n"
+        "    from safetensors.torch import load_file\n"
+        "    model = backbone_code.Means(scale)\n"
+        "    file = hf_hub_download(repo_id='gberton/MegaLoc', filename='model.safetensors')\n"
+        "    model.load_state_dict(load_file(file))\n"
+        "    return model\n"
+    )
+    publish(offline, code)
+
+    def refuse(**_: Any) -> None:
+        raise OSError("no network")
+
+    library = type(sys)("huggingface_hub")
+    library.hf_hub_download = refuse  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "huggingface_hub", library)
+    _, matrix = weights_file(tmp_path / "mine.pth", 3)
+    kept = pytest.importorskip("safetensors.torch")
+    file = tmp_path / "any.safetensors"
+    kept.save_file(torch.load(tmp_path / "mine.pth"), file)
+    network = from_hub("megaloc", weights=file)
+    np.testing.assert_array_equal(network.module.linear.weight.detach().numpy(), matrix)
+    with pytest.raises(surefix.SurefixError, match="no network"):
+        from_hub("megaloc")
+
+
+def test_a_file_of_other_weights_is_refused(offline: Path, tmp_path: Path) -> None:
+    publish(offline)
+    text, other = tmp_path / "text.pth", tmp_path / "other.pth"
+    text.write_text("no weights")
+    torch.save(torch.nn.Linear(2, 2).state_dict(), other)
+    with pytest.raises(
+        surefix.SurefixFileError, match=r"none\.pth: cannot read the model: No such"
+    ):
+        from_hub("megaloc", weights=tmp_path / "none.pth")
+    with pytest.raises(surefix.SurefixError, match=r"^.*text\.pth: not the weights of a model: "):
+        from_hub("megaloc", weights=text)
+    with pytest.raises(
+        surefix.SurefixValueError, match=r"other\.pth: not the weights of megaloc: .*Missing key"
+    ):
+        from_hub("megaloc", weights=other)
