@@ -66,7 +66,7 @@ app = typer.Typer(
     cls=Ordered,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    epilog="Start with: surefix demo",
+    epilog="Start with: surefix demo\n\nExample: surefix run monday/ tuesday/",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 maps = typer.Typer(

@@ -159,7 +159,7 @@ def _print(facts: dict[str, Any]) -> None:
     for name, lost in (("browser", "pages are not opened"), ("display", "no window opens")):
         found = facts[name]
         row(name, f"none found: {lost}" if found is None else found, _style(found is not None))
-    row("models", f"{', '.join(facts['models'])}: with surefix[torch]")
+    row("models", f"{', '.join(facts['models'])}: see surefix models")
     row()
     for name, extra in facts["extras"].items():
         if extra["problems"]:
