@@ -61,8 +61,8 @@ _SAFETENSORS = Package("safetensors", "safetensors", "safetensors")
 EXTRAS = {
     extra.name: extra
     for extra in (
-        Extra("report", "reports", (_BOKEH, _MATPLOTLIB, _PILLOW)),
-        Extra("plot", "figures: surefix.plot", (_MATPLOTLIB, _PILLOW)),
+        Extra("report", "reports", (_BOKEH, _PILLOW, _MATPLOTLIB)),
+        Extra("plot", "figures: surefix.plot", (_PILLOW, _MATPLOTLIB)),
         Extra("video", "videos", (Package("av", "av", "PyAV"),)),
         Extra(
             "bags",

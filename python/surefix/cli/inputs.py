@@ -256,7 +256,8 @@ def scale_of(
 
 def check_sampling(got: object, stride: int = 1, **sampling: Any) -> None:
     """Refuses sampling if there is no recording."""
-    options = "--topic, --stride, --every, --metres, --odometry, --gap"
+    options = "--topic, --stride, --every, --metres, --odometry"
+    options += ", --gap" if "gap" in sampling else ""
     given = stride != 1 or any(value is not None for value in sampling.values())
     refuse(given, f"{options}: expected a video or a bag, got {got}")
 
