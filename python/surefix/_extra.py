@@ -89,7 +89,7 @@ EXTRAS = {
                 _PILLOW,
             ),
         ),
-        Extra("gps", "exact projections", (Package("pyproj", "pyproj", "pyproj"),)),
+        Extra("gps", "degrees of UTM zones", (Package("pyproj", "pyproj", "pyproj"),)),
         Extra("files", "HDF5 and safetensors", (Package("h5py", "h5py", "h5py"), _SAFETENSORS)),
         Extra("faiss", "faiss indices", (Package("faiss", "faiss-cpu", "faiss"),)),
         Extra(

@@ -1,9 +1,9 @@
 """The paper's methods on ready distances: single frames and sequences, with or without trust."""
 
 from collections.abc import Sequence
-from typing import Unpack
+from typing import Any, Unpack
 
-from surefix._core import match_distances
+from surefix._core import Segments, match_distances
 from surefix.baselines.distances import Distances, Flags, nearest
 from surefix.baselines.rivals import enhance_contrast
 from surefix.matches import Matches
@@ -108,6 +108,7 @@ def plain_sequence(
     sequence_length: int = 2,
     contrast: int | None = None,
     speeds: Sequence[float] = (1.0,),
+    segments: Segments | None = None,
 ) -> Matches:
     """The diagonal of least mean distance (Eqs. 5 and 6 with weight 0): the paper's baseline,
     SeqSLAM-like.
@@ -127,6 +128,9 @@ def plain_sequence(
         stay as they are.
     speeds : sequence of float
         Slopes to search, in places a query.
+    segments : Segments, optional
+        How the places follow each other: no line crosses a break. (The neighbourhoods of
+        ``contrast`` do, as published.)
 
     Returns
     -------
@@ -144,7 +148,9 @@ def plain_sequence(
     array([False, False,  True,  True,  True])
     """
     D = D if contrast is None else enhance_contrast(D, contrast)
-    return weighted_sequence(D, sequence_length=sequence_length, weight=0.0, speeds=list(speeds))
+    how: Any = {} if segments is None else {"segments": segments}
+    how |= {"sequence_length": sequence_length, "weight": 0.0, "speeds": list(speeds)}
+    return weighted_sequence(D, **how)
 
 
 def weighted_sequence(

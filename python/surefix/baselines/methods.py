@@ -62,7 +62,8 @@ class Context:
     techniques : sequence of array of float32, shape (n, m), optional
         Distances of other techniques between the same places and queries, for ``fused``.
     segments : Segments, optional
-        How the places follow each other, for surefix's own methods: by default one after the other.
+        How the places follow each other, by default one after the other: for all methods but the
+        published filter, ``topological``, which has no notion of it.
     gaps : sequence of int
         Queries before which the robot may have moved on unseen, for surefix's own methods, as for
         ``surefix.match``.
@@ -188,7 +189,8 @@ def _weighted(D: Distances, c: Context) -> Matches:
 
 def _seqslam(D: Distances, c: Context) -> Matches:
     speeds = SEQSLAM_SPEEDS if c.speeds is None else c.speeds
-    return plain_sequence(D, sequence_length=c.sequence_length, contrast=c.contrast, speeds=speeds)
+    how: dict[str, Any] = {"contrast": c.contrast, "speeds": speeds, "segments": c.segments}
+    return plain_sequence(D, sequence_length=c.sequence_length, **how)
 
 
 def _longer(length: int) -> Callable[[Distances, Context], Matches]:

@@ -16,10 +16,11 @@ from surefix._progress import terminal_bar
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
-from surefix.cli.inputs import check_not_read, refuse
+from surefix.cli.inputs import check_not_read
 from surefix.cli.networks import Model, ModelOptions, Weights
 from surefix.cli.recorded import Drive, open_drive
 from surefix.cli.route import SaveMap
+from surefix.tables.fix_files import check_form, created, form_of, open_writer, rows_of
 
 T = TypeVar("T")
 
@@ -57,8 +58,9 @@ def align_(
         or a .npy of distances, (places, queries).
     queries: A folder of images, a pattern, a .npy of images or of descriptors, a video or a bag;
         none with distances.
-    out: The .csv to write: query,reference and the confidence of each; and positions, if the map
-        has them.
+    out: The .csv to write: query,reference and the confidence of each; segments and positions, if
+        the map has them. Or another file of these, by its ending, as `surefix run` writes them:
+        .json, .geojson, .tum, .kitti or .mcap.
     report: A folder for a page with the track over the distances, and where it is doubtful.
     motion: steady if both drives took frames at the same distances, free for 0 to 2 places a
         query, any for 0 to 5.
@@ -68,7 +70,10 @@ def align_(
         evidence is fused.
     similarity: The .npy holds similarities s: the distances are 1 - s.
     """
-    refuse(out.suffix != ".csv", f"--out: expected a name that ends in .csv, got {out}")
+    try:
+        form = form_of(out, None, "--out")
+    except SurefixValueError as error:
+        raise typer.BadParameter(str(error)) from None
     named = ModelOptions(model, weights)
     check_not_read(out, [route, queries, *(fuse or ()), *named.files, odometry])
     write_report = None if report is None else _writer(report)
@@ -79,8 +84,18 @@ def align_(
     drive = open_drive(route, queries, fuse or (), similarity, named, save_map, **scale, **sampling)
     given: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
     given["progress"] = terminal_bar("Aligning")
+    known = drive.maps[0] if drive.maps else None
+    kept = [time for index, time in enumerate(drive.times) if index not in drive.bad]
+    times = np.array(kept, np.float64)
+    timed = len(times) > 0 and bool(np.isfinite(times).all())
+    try:
+        check_form(form, known, timed)
+    except SurefixValueError as error:
+        raise typer.BadParameter(str(error)) from None
     alignment = refusing_options(align, *drive.given, **given)
-    alignment.to_csv(out, least)
+    with created(out, form) as file, open_writer(file, form, known) as write:
+        for row in rows_of(alignment, known, times if timed else None, least):
+            write(row)
     found = int((alignment.confidence >= least).sum())
     away = int((alignment.off_map >= 0.5).sum())
     where = str(out)

@@ -37,7 +37,15 @@ from surefix.cli.pictures import pictures_of, reference_images
 from surefix.cli.results import print_results, warn_of_fit, warn_of_similarities
 from surefix.cli.route import Route, SaveMap, is_matrix, open_route
 from surefix.cli.techniques import Technique
-from surefix.cli.where import GAP, Places, PositionGap, Queries, by_positions, by_truth
+from surefix.cli.where import (
+    GAP,
+    Places,
+    PositionGap,
+    Queries,
+    by_positions,
+    by_truth,
+    gps_of,
+)
 from surefix.errors import mismatch, refusal
 from surefix.frames import ImageFrames
 from surefix.frames.by_name import thumbnails_of
@@ -126,7 +134,8 @@ def eval_(
         @east@north@. The map's by default.
     query_positions: In place of --truth: those of each query, as for --positions; or at times of
         their own, in a column time or a topic of the queries' bag, if the queries have times. Those
-        that are empty or nan are not known, and left out.
+        that are empty or nan are not known, and left out. By default --odometry, if that is a topic
+        of NavSatFix.
     tolerance: The greatest distance from the truth of a right match: in places, 1 by default; with
         positions in metres.
     out: The folder to write; an earlier report in it is replaced.
@@ -155,6 +164,10 @@ def eval_(
     odometry_noise: The deviation of a step of the odometry, as a share of it.
     """
     begin = time.perf_counter()
+    if truth is None and query_positions is None:
+        query_positions = gps_of(odometry, queries)
+        if query_positions is not None:
+            print(f"--query-positions: {query_positions}, as --odometry", file=sys.stderr)
     by_matrix, by_position = is_matrix(route), query_positions is not None
     chosen = ModelOptions(model, weights)
     drives = scenarios.chosen(scenario or (), speed_profile)
@@ -333,6 +346,8 @@ def eval_(
         some = D if columns is None else columns.block(0, min(columns.width, count))
         assert some is not None
         warn_of_similarities(some, context)
+    # Now, as some of the frames are read once more for their pictures.
+    notes = [] if given is None else inputs.notes_on(given, names)
     if others:
         techniques = [other.distances(frames, bad) for other in others]
         context = replace(context, techniques=techniques)
@@ -388,7 +403,7 @@ def eval_(
     print(
         f"Made {report}: {plural(len(study.results), 'method')} compared, with pictures and tables "
         f"beside it, in {time.perf_counter() - begin:.1f} s"
-        + "".join(f"; {note}" for note in ([] if given is None else inputs.notes_on(given, names)))
+        + "".join(f"; {note}" for note in notes)
     )
 
 

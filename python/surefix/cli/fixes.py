@@ -1,20 +1,16 @@
-"""The fixes of ``surefix run``: as CSV, JSON lines or GeoJSON, and in sum."""
+"""The fixes of ``surefix run``: as rows, and in sum."""
 
-import csv
-import json
 from array import array
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TextIO
 
 import numpy as np
+import numpy.typing as npt
 
 from surefix import Fix
 from surefix._words import plural
 from surefix.cli.tracked import Tracked
 from surefix.frames import Frame
-from surefix.tables.geojson import point
+from surefix.tables.fix_files import Row
 
 ALARM = (
     "warning: from frame {} on, scores are worse than on the calibration drive: what is promised "
@@ -24,11 +20,6 @@ ALARM = (
 FROZEN = "warning: the camera is frozen: {} repeat the one before, {} to {}{}"
 # A camera at rest has noise: it never sees the same this many times.
 FROZEN_FROM = 10
-# A fix of this belief to be off the map has no point.
-OFF = 0.5
-
-Row = dict[str, Any]
-Writer = Callable[[Row], None]
 
 
 def row_of(
@@ -38,9 +29,11 @@ def row_of(
     latency: float,
     timed: bool,
     accept: float | None = None,
+    degrees: npt.NDArray[np.float64] | None = None,
 ) -> Row:
     """The columns of a fix, None for an empty one; those of the track, of a bar to ``accept``, of
-    the position, and times and drops (``timed``) only if there are any.
+    the position, and times and drops (``timed``) only if there are any. ``degrees`` are those of
+    all places.
     """
     sequence, track = fix.sequence, fix.track
     row: Row = {
@@ -77,55 +70,10 @@ def row_of(
     row |= {"segment": fix.segment, "segment_place": fix.segment_place}
     if (at := fix.position) is not None:
         row |= {name: round(metres, 4) for name, metres in zip("xyz", at.metres, strict=False)}
-        if at.degrees is not None:
-            row["latitude"], row["longitude"] = (round(each, 9) for each in at.degrees)
+        if degrees is not None:
+            where = degrees[fix.place].tolist()
+            row["latitude"], row["longitude"] = (round(each, 9) for each in where)
     return row
-
-
-def csv_writer(file: TextIO) -> Writer:
-    """Writes a line of names, then a line a fix, with booleans in lower case."""
-    writer: csv.DictWriter[str] | None = None
-
-    def write(row: Row) -> None:
-        nonlocal writer
-        if writer is None:
-            writer = csv.DictWriter(file, list(row), lineterminator="\n")
-            writer.writeheader()
-        writer.writerow({k: str(v).lower() if isinstance(v, bool) else v for k, v in row.items()})
-        file.flush()
-
-    return write
-
-
-def json_writer(file: TextIO) -> Writer:
-    """Writes a JSON object a line."""
-
-    def write(row: Row) -> None:
-        file.write(json.dumps(row) + "\n")
-        file.flush()
-
-    return write
-
-
-@contextmanager
-def geojson_writer(file: TextIO) -> Iterator[Writer]:
-    """Writes a point a fix, without a place if it is probably off the map."""
-    between = ""
-
-    def write(row: Row) -> None:
-        nonlocal between
-        at = row["latitude"], row["longitude"]
-        lost = row.get("off_map", 0.0) >= OFF
-        file.write(between + json.dumps(point(None if lost else at, row)))
-        between = ",\n"
-        file.flush()
-
-    file.write('{"type": "FeatureCollection", "features": [\n')
-    try:
-        yield write
-    finally:
-        # After an error too, what was written can be read.
-        file.write("\n]}\n")
 
 
 class Repeats:

@@ -18,15 +18,13 @@ from surefix.cli.drives import open_map
 from surefix.cli.flags import documented
 from surefix.cli.inputs import refuse
 from surefix.errors import check_folder, refusal
+from surefix.tables.fix_files import NO_DEGREES
 from surefix.tables.geojson import roads
+from surefix.tables.utm import map_degrees
 
 # Blank places, segments and links that are named.
 NAMED = 5
 WIDE = 10_000
-NO_DEGREES = (
-    "expected a map that knows its latitudes and longitudes, got {}: build it with --positions or "
-    "--odometry of degrees"
-)
 
 
 @documented
@@ -242,7 +240,7 @@ def _descriptor_of(route: Map) -> str:
 
 
 def _write_geojson(route: Map, file: Path, out: Path) -> None:
-    degrees = route.degrees
+    degrees = map_degrees(route, asked=True)
     if degrees is None:
         kind = "none" if route.positions is None else "metres only"
         raise typer.BadParameter(f"--geojson: {NO_DEGREES.format(kind)}")

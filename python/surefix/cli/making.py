@@ -18,7 +18,7 @@ from surefix.cli.roads import (
     sampled_by_metres,
     with_roads,
 )
-from surefix.cli.where import UTM, naming, positions_of_frames
+from surefix.cli.where import naming, positions_of_frames
 from surefix.descriptors import metric_of
 from surefix.descriptors.mapping import map_of_images, sad_map
 from surefix.frames import Frames, ImageFrames
@@ -26,6 +26,7 @@ from surefix.frames.levels import Levels
 from surefix.post import Step
 from surefix.tables.breaks import said_breaks
 from surefix.tables.positions import Positions
+from surefix.tables.utm import UTM
 
 MATCHED = "nothing is matched to them (--skip-blank leaves them out)"
 

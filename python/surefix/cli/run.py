@@ -5,26 +5,18 @@ import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, TextIO
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
 
-from surefix import Localizer, SurefixValueError, frames
+from surefix import Localizer, Map, SurefixValueError, frames
 from surefix._words import plural
 from surefix.cli.drives import networks_of, others_of
-from surefix.cli.fixes import (
-    ALARM,
-    Summary,
-    Writer,
-    csv_writer,
-    geojson_writer,
-    json_writer,
-    row_of,
-)
+from surefix.cli.fixes import ALARM, Summary, row_of
 from surefix.cli.flags import SELDOM, documented, settings_of, with_options
-from surefix.cli.info import NO_DEGREES
 from surefix.cli.inputs import (
     NO_SCALE,
     Place,
@@ -39,11 +31,14 @@ from surefix.cli.inputs import (
 from surefix.cli.networks import Model, ModelOptions, Weights
 from surefix.cli.route import SaveMap, open_route
 from surefix.cli.views import leave_room, open_views
-from surefix.errors import refusal
-from surefix.frames import Advances, Frame, Frames, in_8_bits
+from surefix.frames import Advances, Frame, Frames, ImageFrames, in_8_bits
+from surefix.frames.advances import time_in
 from surefix.frames.levels import Clipping
+from surefix.frames.sampling import Derived
 from surefix.frames.shape import other_shape
 from surefix.live import View
+from surefix.tables.fix_files import Format, Writer, check_form, created, form_of, open_writer
+from surefix.tables.utm import map_degrees
 
 # The headings in the help, of the options about frames and about seeing them.
 F = "Frames"
@@ -51,7 +46,6 @@ S = "Seeing it"
 
 
 BOTH = "--accept: expected none beside a --config that has a threshold"
-Format = Literal["csv", "json", "geojson"]
 Order = Literal["name", "decimals", "whole", "time", "exif"]
 Size = tuple[int, ...]
 
@@ -98,8 +92,9 @@ def run(
     queries: A folder of images, a pattern, a video, a ROS bag or MCAP file, a camera's number or
         URL, or a .npy of images or of descriptors.
     out: Write the fixes to this file.
-    form: A line a fix, as CSV or JSON, or a point a fix, as GeoJSON; by the file's ending, else
-        CSV.
+    form: CSV or JSON, a line for each fix; GeoJSON, a point for each; the trajectories of TUM or
+        KITTI, with the route's heading; or poses as MCAP, to be played beside a bag. By the file's
+        ending, else CSV.
     config: The settings of this route, as `surefix tune` writes them: options, which flags cannot
         change beside a threshold, and the threshold of accepted fixes, with an alarm.
     accept: Mark a fix as accepted if its confidence is at least this, such as 0.95.
@@ -188,10 +183,13 @@ def run(
     if out is not None:
         check_not_read(out, read)
         read.append(out)
-    form = _form(form, out)
-    if form == "geojson" and places.origin is None:
-        kind = "none" if places.positions is None else "metres only"
-        raise typer.BadParameter(f"GeoJSON: {NO_DEGREES.format(kind)}")
+    try:
+        form = form_of(out or Path(), form, "--out", "--format")
+        by_name = _named_by_time(source)
+        check_form(form, places, source.timed or source.live or by_name)
+    except SurefixValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    refuse(form == "mcap" and out is None, "--format mcap: expected --out FILE, got none")
     if save is not None:
         _check_save(save, read)
     clipping = Clipping(places.levels)
@@ -204,10 +202,10 @@ def run(
         pairs = known.pictures if references is None else (references, topic)
         seen = open_views(places, source.estimate, live=live, save=save, references=pairs)
         views = opened.enter_context(seen)
-        file = None if out is None else opened.enter_context(_create(out))
+        file = None if out is None else opened.enter_context(created(out, form))
         try:
-            with _writer(file, form) as write:
-                localize(localizer, source, write, summary, views, clipping)
+            with _writer(file, form, places) as write:
+                localize(localizer, source, write, summary, views, clipping, by_name)
             summary.ended = True
         except KeyboardInterrupt:
             # This is the way to end live frames.
@@ -233,9 +231,13 @@ def localize(
     summary: Summary,
     views: Sequence[View] = (),
     clipping: Clipping | None = None,
+    by_name: bool = False,
 ) -> None:
-    """Push each frame, write and count each fix, and show it in the views."""
+    """Push each frame, write and count each fix, and show it in the views. Frames have the times of
+    their own, or ``by_name``.
+    """
     names, levels = localizer.map.names, localizer.map.levels
+    degrees = map_degrees(localizer.map)
     before: Size | None = None
     with closing(source.frames()) as queries:
         for frame in queries:
@@ -260,13 +262,22 @@ def localize(
             alarm = localizer.alarm
             if alarm and summary.alarm is None and not views:
                 print(ALARM.format(fix.frame), file=sys.stderr)
-            row = row_of(frame, fix, place_name, latency, timed, summary.track.accept)
+            row = row_of(frame, fix, place_name, latency, timed, summary.track.accept, degrees)
             row |= {} if fix.accepted is None else {"alarm": alarm}
+            row |= {"time": time_in(frame.name)} if by_name else {}
             if write is not None:
-                write(row)
+                write(row, partial(getattr, localizer, "belief"))
             summary.add(frame, fix, latency, alarm)
             for view in views:
                 view.update(frame, fix, localizer, latency)
+
+
+def _named_by_time(source: Frames) -> bool:
+    """Whether all images of a folder are named by their times."""
+    while isinstance(source, Derived):
+        source = source.source
+    names = source.images.names if isinstance(source, ImageFrames) else []
+    return bool(names) and all(time_in(Path(name).name) is not None for name in names)
 
 
 def _said(source: Advances, of: str, motion: object) -> str:
@@ -297,32 +308,7 @@ def _check_save(save: Path, others: list[Path]) -> None:
     refuse(used, f"--save: {save} is read or written here for something else; name another file")
 
 
-def _create(out: Path) -> TextIO:
-    try:
-        return out.open("w", encoding="utf-8", newline="")
-    except OSError as error:
-        raise refusal(out, "cannot write the fixes", error) from None
-
-
-def _form(form: Format | None, out: Path | None) -> Format:
-    """The format, by the file's ending if it is not given."""
-    if form is not None or out is None:
-        return form or "csv"
-    if out.suffix == ".geojson":
-        return "geojson"
-    if out.suffix in (".json", ".jsonl", ".ndjson"):
-        return "json"
-    known = ("", ".csv", ".txt")
-    expected = "--out: expected a name that ends in .csv, .json, .jsonl, .ndjson or .geojson"
-    refuse(out.suffix.lower() not in known, f"{expected}, or --format; got {out}")
-    return "csv"
-
-
-def _writer(file: TextIO | None, form: Format) -> AbstractContextManager[Writer | None]:
+def _writer(file: Any, form: Format, route: Map) -> AbstractContextManager[Writer | None]:
     """None if the fixes would run over the view on the terminal."""
     to = file or (None if sys.stdout.isatty() else sys.stdout)
-    if to is None:
-        return nullcontext()
-    if form == "geojson":
-        return geojson_writer(to)
-    return nullcontext(json_writer(to) if form == "json" else csv_writer(to))
+    return nullcontext() if to is None else open_writer(to, form, route)

@@ -19,7 +19,8 @@ from surefix.cli.drives import names_and_advances
 from surefix.cli.inputs import refuse
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames import BagFrames, Frames, ImageFrames, Odometry
-from surefix.frames.recording import is_bag
+from surefix.frames.odometry import NAV_SAT_FIX
+from surefix.frames.recording import is_bag, open_recording
 from surefix.tables.overlap import ALL, MANY, check_overlap
 from surefix.tables.positions import (
     Positions,
@@ -31,11 +32,10 @@ from surefix.tables.positions import (
     read_positions,
 )
 from surefix.tables.truth import read_position_truth, read_truth
+from surefix.tables.utm import utm_metres, zone_of
 
 # What is expected if the map's positions came as degrees.
 DEGREES = "latitude,longitude, as the map's positions"
-# A map's plane is this and the zone.
-UTM = "UTM "
 Float64: TypeAlias = npt.NDArray[np.float64]
 Times: TypeAlias = Sequence[float | None]
 
@@ -107,12 +107,6 @@ class Places:
         """Those of a map."""
         zone = zone_of(route)
         return cls(len(route), route.positions, route.names, route.origin, zone)
-
-
-def zone_of(route: Map) -> str | None:
-    """The UTM zone of a map's positions, if it is known."""
-    plane = route.plane
-    return plane.removeprefix(UTM) if plane is not None and plane.startswith(UTM) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +237,9 @@ def positions_of_frames(positions: Path, frames: Frames, old: Map | None = None)
         read = _of_queries(positions, read, queries, GAP, "--positions")
     origin = None if old is None else old.origin
     if old is not None and old.positions is not None:
+        if read.degrees and (zone := zone_of(old)) is not None:
+            metres = utm_metres(read.values, zone)
+            read = replace(read, values=metres, degrees=False, zone=zone)
         if read.degrees and origin is None:
             raise mismatch(read.source, "metres, as the map's, which has no origin", "degrees")
         if not read.degrees and origin is not None:
@@ -280,6 +277,17 @@ def _say_unknown(source: object, count: int, queries: int) -> None:
     if count:
         said = f"{plural(count, 'query', 'queries')} of {queries} without a known place"
         print(f"{source}: {said}, left out of all figures", file=sys.stderr)
+
+
+def gps_of(odometry: str | None, queries: str | None) -> str | None:
+    """The odometry itself, if it is a topic of NavSatFix in the queries' bag: such positions are on
+    the map's own plane, as those of no other odometry are.
+    """
+    if odometry is None or queries is None or not is_bag(queries):
+        return None
+    with open_recording(queries, skip_bad=True) as bag:
+        topic = bag.topics.get(odometry)
+    return odometry if topic is not None and topic.kind == NAV_SAT_FIX else None
 
 
 def _of_places(positions: Path | None, places: Places) -> Positions:

@@ -27,6 +27,7 @@ from surefix.datasets.robotcar import ROBOTCAR, drives, robotcar
 from surefix.errors import mismatch
 from surefix.frames.bayer import demosaic
 from surefix.frames.images import BayerFiles, ImageArray, ImageFiles, Images
+from surefix.tables.fix_files import write_track
 from surefix.tables.metres import local_metres, pair_by_position, places_per_metre, subsample
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "robotcar",
     "subsample",
     "traverses",
+    "write_track",
 ]
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from surefix import Fix
 
-__all__ = ["Bins", "Columns"]
+__all__ = ["Bins", "Columns", "ticks"]
 
 
 class Bins:
@@ -62,44 +62,56 @@ class Bins:
 
 
 class Columns:
-    """The distances of the newest queries, the newest in the last column, and the matched cells.
+    """The distances of the newest queries as a picture: the first place at the bottom, the newest
+    query at the right; and the matched cells in it. The first few queries fill it in wide columns.
 
     Parameters
     ----------
     places : int
         Of the map.
     count : int
-        Columns kept; those that are not there yet are infinitely far.
+        Columns kept.
     rows : int
         The most rows.
     """
 
     def __init__(self, places: int, count: int, rows: int) -> None:
         self.bins = Bins(places, rows)
-        self.count = count
-        self.values = np.full((len(self.bins), count), np.inf, np.float32)
+        self.count, self.rows = count, len(self.bins)
+        self.values: deque[NDArray[np.float32]] = deque(maxlen=count)
         self.matched: deque[tuple[int, bool]] = deque(maxlen=count)
 
     def add(self, distances: NDArray[np.float32], fix: Fix) -> None:
         """Take the distances of the newest query, shape (places,), and its fix."""
-        self.values[:, :-1] = self.values[:, 1:]
-        self.values[:, -1] = self.bins.smallest(distances)
+        self.values.append(self.bins.smallest(distances))
         self.matched.append((self.bins.of(fix.single.place), fix.trusted))
 
     def levels(self) -> NDArray[np.uint8]:
-        """A picture (rows, count): 255 is the smallest distance in it, 1 the largest, 0 is none."""
-        levels = np.zeros(self.values.shape, np.uint8)
-        known = np.isfinite(self.values)
-        if known.any():
-            near, far = self.values[known].min(), self.values[known].max()
-            span = far - near if far > near else np.float32(1)
-            levels[known] = np.rint(255 - 254 * ((self.values[known] - near) / span))
-        return levels
+        """A picture (rows, count): 255 is the smallest distance in it, 0 the largest."""
+        values = np.array(self.values).T[::-1]
+        near, far = values.min(), values.max()
+        span = far - near if far > near else np.float32(1)
+        levels = np.rint(255 - 255 * ((values - near) / span))
+        wide = levels[:, np.arange(self.count) * len(self.values) // self.count]
+        return np.asarray(wide, np.uint8)
 
     def cells(self, trusted: bool) -> NDArray[np.float32]:
         """The middles of the matched cells, trusted or other: (n, 2), x right and y down."""
-        first = self.count - len(self.matched)
+        wide = self.count / len(self.matched)
         cells = [
-            (first + k, row) for k, (row, trust) in enumerate(self.matched) if trust == trusted
+            ((k + 0.5) * wide, self.height(row))
+            for k, (row, trust) in enumerate(self.matched)
+            if trust == trusted
         ]
-        return np.array(cells, np.float32).reshape(-1, 2) + np.float32(0.5)
+        return np.array(cells, np.float32).reshape(-1, 2)
+
+    def height(self, row: int) -> float:
+        """The middle of a row, from the top."""
+        return self.rows - row - 0.5
+
+
+def ticks(places: int, most: int = 6) -> list[int]:
+    """Round numbers of places, evenly apart, the first 0."""
+    steps = (10**power * digit for power in range(10) for digit in (1, 2, 5))
+    step = next(step for step in steps if step * most >= places)
+    return list(range(0, places, step))

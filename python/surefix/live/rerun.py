@@ -1,6 +1,5 @@
 """A drive in rerun: its viewer, a recording to open later, or both."""
 
-import io
 import os
 import sys
 from pathlib import Path
@@ -10,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Fix, Localizer, Map, SurefixError, SurefixFileError, Track
-from surefix.live.binning import Bins, Columns
+from surefix.live.binning import Bins
+from surefix.live.ground import Ground
+from surefix.live.matrix import MARKS, Matrix, encoded
 from surefix.live.view import (
     FAINT,
     HERE,
@@ -23,6 +24,8 @@ from surefix.live.view import (
     Images,
     References,
     Seen,
+    pillow,
+    rgb,
 )
 from surefix.live.viewer import layout, load_rerun, open_viewer
 
@@ -30,16 +33,6 @@ __all__ = ["RerunView"]
 
 # Times from here on, 2001, count from the epoch; smaller ones from the start of a video.
 EPOCH = 1e9
-
-# Names, colours and sizes of the matched places and cells.
-MARKS = ("untrusted", UNTRUSTED, 1.5), ("trusted", TRUSTED, 3.0)
-
-# A tone for each level of ``Columns.levels``: the viewer's dark for none, then from far to near.
-_STOPS = (1, 150, 225, 255)
-_TONES = ((22, 42, 120, 255), (27, 82, 170, 250), (36, 118, 190, 225))
-PALETTE = np.stack([np.interp(np.arange(256), _STOPS, tones) for tones in _TONES], axis=1)
-PALETTE = PALETTE.round().astype(np.uint8)
-PALETTE[0] = 13, 16, 20
 
 
 class RerunView(Closing):
@@ -92,8 +85,6 @@ class RerunView(Closing):
     """
 
     WIDEST = 480
-    ROWS = 160
-    PLACES_ON_ROUTE = 20_000
 
     def __init__(
         self,
@@ -107,14 +98,12 @@ class RerunView(Closing):
         columns: int | None = None,
         places_drawn: int = 1000,
     ) -> None:
-        self.positions = map.positions
-        self.origin = np.zeros(3) if self.positions is None else self.positions[0]
         self.save = None if save is None else Path(save)
         self.references = References(map, references)
-        rows = min(len(map), self.ROWS)
-        self.columns = Columns(len(map), columns or max(60, 3 * rows // 2), rows)
         self.bins = Bins(len(map), places_drawn)
         self.rr = load_rerun()
+        self.matrix = Matrix(self.rr, map, columns)
+        self.ground = None if map.positions is None else Ground(self.rr, map)
         self.recording = self.rr.RecordingStream("surefix")
         if not self.rr.is_enabled(self.recording):
             raise SurefixError(
@@ -151,7 +140,7 @@ class RerunView(Closing):
         self._log_images(seen, fix)
         distances = localizer.distances
         self._log_distances(distances, fix)
-        self._log_matrix(distances, fix)
+        self.matrix.update(self.recording.log, distances, fix)
         self._log_track(fix)
         self._log_belief(localizer, fix)
         self._log_numbers(seen, fix, latency_us)
@@ -180,22 +169,24 @@ class RerunView(Closing):
         """Log the layout, the styles and the route, which stay for the whole drive."""
         rr, log = self.rr, self.recording.log
         images = seen.image is not None, bool(self.references)
-        dimensions = 0 if self.positions is None else self.positions.shape[1]
-        drawn = layout(*images, dimensions, self.columns.values.shape, tracked)
+        kind, zoom = (self.ground.kind, self.ground.zoom) if self.ground else (None, None)
+        drawn = layout(*images, kind, zoom, self.matrix.shape, tracked)
         self.recording.send_blueprint(drawn)
         for name, colour, size in MARKS:
             style = {"markers": "circle", "marker_sizes": size}
-            series = rr.SeriesPoints(colors=_rgb(colour), names=name, **style)
+            series = rr.SeriesPoints(colors=rgb(colour), names=name, **style)
             log(f"place/{name}", series, static=True)
-        lines = [("score", "score", MINIMUM), ("latency_us", "push, microseconds", PEAK)]
+        lines = [("score", "score", UNTRUSTED), ("latency_us", "push, microseconds", UNTRUSTED)]
         if tracked:
-            lines += [("sure/confidence", "confidence", TRUSTED), ("sure/off_map", "off map", PEAK)]
+            lines += [("sure/confidence", "confidence", TRUSTED), ("sure/off_map", "off map", HERE)]
         for entity, name, colour in lines:
-            series = rr.SeriesLines(colors=_rgb(colour), names=name, widths=1.5)
+            series = rr.SeriesLines(colors=rgb(colour), names=name, widths=1.5)
             log(entity, series, static=True)
-        if self.positions is not None:
-            step = -(-len(self.positions) // self.PLACES_ON_ROUTE)
-            log("route/places", self._points(self.positions[::step], FAINT, 1.5), static=True)
+        if self.ground is not None:
+            log("route/places", self.ground.lines(FAINT, 1.5), static=True)
+            if (starts := self.ground.starts(UNTRUSTED, 3.5)) is not None:
+                log("route/starts", starts, static=True)
+        self.matrix.axes(log)
 
     def _log_images(self, seen: Seen, fix: Fix) -> None:
         if seen.image is not None:
@@ -207,46 +198,36 @@ class RerunView(Closing):
             self.recording.log("matched", clear if reference is None else self._jpeg(reference))
 
     def _jpeg(self, image: Image) -> Any:
-        picture = _pillow(image)
+        picture = pillow(image)
         # Means of whole blocks: a finer resize takes longer than the rest of a view.
         picture = picture.reduce(max(1, -(-max(picture.size) // self.WIDEST)))
-        return self._encoded(picture, "jpeg", quality=85)
-
-    def _encoded(self, picture: Any, kind: str, **options: int) -> Any:
-        file = io.BytesIO()
-        picture.save(file, kind, **options)
-        return self.rr.EncodedImage(contents=file.getvalue(), media_type=f"image/{kind}")
+        return encoded(self.rr, picture, "jpeg", quality=85)
 
     def _log_distances(self, distances: NDArray[np.float32], fix: Fix) -> None:
-        """All distances as bars, those of the minimum and of the gradient peak in colours."""
+        """All distances less their median as bars, so that the least one shows as a dip; those of
+        the minimum and of the gradient peak in colours.
+        """
         chart, log = self.rr.BarChart, self.recording.log
-        log("distances/all", self._bars(self.bins.smallest(distances), UNTRUSTED))
+        base = np.float32(np.median(distances))
+        log("distances/all", self._bars(self.bins.smallest(distances) - base, UNTRUSTED))
         # On a long route, one bar would be too thin to see.
         thick = max(float(self.bins.width), len(distances) / 150)
-        peak = "gradient_peak", fix.gradient.place, PEAK
-        for name, place, colour in (("minimum", fix.single.place, MINIMUM), peak):
-            at = {"abscissa": [float(place)], "widths": [thick]}
-            log(f"distances/{name}", chart(distances[[place]], color=_rgb(colour), **at))
-
-    def _log_matrix(self, distances: NDArray[np.float32], fix: Fix) -> None:
-        rr = self.rr
-        self.columns.add(distances, fix)
-        levels = _pillow(self.columns.levels())
-        levels.putpalette(PALETTE.tobytes())
-        self.recording.log("matrix/distances", self._encoded(levels, "png", compress_level=1))
-        for name, colour, size in MARKS:
-            cells = self.columns.cells(name == "trusted")
-            points = rr.Points2D(cells, colors=_rgb(colour), radii=rr.Radius.ui_points(size))
-            self.recording.log(f"matrix/{name}", points)
+        marks = ("minimum", fix.single.place, MINIMUM, thick), (
+            "gradient_peak", fix.gradient.place, PEAK, thick / 2,
+        )  # fmt: skip
+        for name, place, colour, wide in marks:
+            at = {"abscissa": [float(place)], "widths": [wide]}
+            value = distances[[place]] - base
+            log(f"distances/{name}", chart(value, color=rgb(colour), **at))
 
     def _log_track(self, fix: Fix) -> None:
         marks = ("trusted", TRUSTED, 5.0), ("untrusted", UNTRUSTED, 2.0)
         name, colour, size = marks[0] if fix.trusted else marks[1]
         self.recording.log(f"place/{name}", self.rr.Scalars(fix.place))
-        if self.positions is not None:
-            at = self.positions[[fix.place]]
-            self.recording.log(f"route/{name}", self._points(at, colour, size))
-            self.recording.log("route/here", self._points(at, HERE, 8.0 if fix.trusted else 4.0))
+        if self.ground is not None:
+            self.recording.log(f"route/{name}", self.ground.points([fix.place], colour, size))
+            here = self.ground.points([fix.place], HERE, 8.0 if fix.trusted else 4.0)
+            self.recording.log("route/here", here)
 
     def _log_belief(self, localizer: Localizer, fix: Fix) -> None:
         """The square root of the belief in each bin of places, so that a spread one is visible."""
@@ -262,16 +243,7 @@ class RerunView(Closing):
         """A bar for each bin, as wide as its places."""
         wide = float(self.bins.width)
         middles, widths = self.bins.first + (wide - 1) / 2, np.full(len(values), wide)
-        return self.rr.BarChart(values, abscissa=middles, widths=widths, color=_rgb(colour))
-
-    def _points(self, at: NDArray[np.float64], colour: str, size: float) -> Any:
-        """Positions as points from the first place's; of two coordinates, the second upwards."""
-        drawn = (at - self.origin).astype(np.float32)
-        kind = self.rr.Points3D
-        if drawn.shape[1] == 2:
-            drawn[:, 1] *= -1
-            kind = self.rr.Points2D
-        return kind(drawn, colors=_rgb(colour), radii=self.rr.Radius.ui_points(size))
+        return self.rr.BarChart(values, abscissa=middles, widths=widths, color=rgb(colour))
 
     def _log_numbers(self, seen: Seen, fix: Fix, latency_us: float) -> None:
         rr, log, sequence, track = self.rr, self.recording.log, fix.sequence, fix.track
@@ -301,13 +273,3 @@ def _numbers(track: Track) -> dict[str, float]:
     low, high = track.interval
     sure = {"confidence": track.confidence, "off_map": track.off_map}
     return sure | {"place_low": low, "place_high": high}
-
-
-def _rgb(colour: str) -> list[int]:
-    return list(bytes.fromhex(colour[1:]))
-
-
-def _pillow(image: Image) -> Any:
-    from PIL import Image as Pillow
-
-    return Pillow.fromarray(np.ascontiguousarray(image))

@@ -9,18 +9,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Fix, Localizer, Map, SurefixError, read_image
+from surefix._colours import DARK
 from surefix.errors import mismatch
 from surefix.frames.by_name import thumbnails_of
 from surefix.frames.levels import in_8_bits
 
-__all__ = ["Closing", "Image", "Images", "References", "Seen", "View"]
+__all__ = ["Closing", "Image", "Images", "References", "Seen", "View", "pillow", "rgb"]
 
 Image = NDArray[np.uint8]
 
-# Hue says what a mark is, and its shape or place says it again.
-TRUSTED, UNTRUSTED = "#2fbf95", "#8a96a3"
-MINIMUM, PEAK = "#56b4e9", "#e69f00"
+# Hue says what a mark is, and its shape or place says it again. The views are dark.
+TRUSTED, UNTRUSTED = DARK.trusted, DARK.untrusted
+MINIMUM, PEAK = DARK.nearest, DARK.peak
 FAINT, HERE = "#5b6672", "#f4f7fa"
+
+
+def rgb(colour: str) -> list[int]:
+    """The parts of a colour such as ``#56b4e9``."""
+    return list(bytes.fromhex(colour[1:]))
+
+
+def pillow(image: Image) -> Any:
+    """The image as Pillow's, which comes with rerun."""
+    from PIL import Image as Pillow
+
+    return Pillow.fromarray(np.ascontiguousarray(image))
 
 
 class Images(Protocol):

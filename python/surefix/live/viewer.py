@@ -10,6 +10,7 @@ from typing import Any
 
 from surefix import SurefixError
 from surefix._extra import require
+from surefix.live.ground import Kind
 
 __all__ = ["layout", "load_rerun", "open_viewer", "viewer_obstacle"]
 
@@ -77,11 +78,16 @@ def open_viewer(recording: Any, port: int, memory: str) -> None:
 
 
 def layout(
-    camera: bool, references: bool, dimensions: int, matrix: tuple[int, int], tracked: bool
+    camera: bool,
+    references: bool,
+    ground: Kind | None,
+    zoom: float | None,
+    matrix: tuple[int, int],
+    tracked: bool,
 ) -> Any:
     """The blueprint of a drive: with images of the queries and of the map's places or without, for
-    positions of 2 or 3 ``dimensions``, 0 for none, for a matrix of these rows and columns, and with
-    the belief and the confidence in place of the score, or without.
+    the ground that the route lies on and the zoom of a map, for a matrix of these rows and columns,
+    and with the belief and the confidence in place of the score, or without.
     """
     import rerun as rr
     import rerun.blueprint as rrb
@@ -89,35 +95,40 @@ def layout(
     images = [rrb.Spatial2DView(origin="camera", name="Camera")] if camera else []
     if references:
         images.append(rrb.Spatial2DView(origin="matched", name="Matched place"))
-    ground = []
-    if dimensions:
+    grounds = []
+    if ground is not None:
         # The trail stays, up to the cursor; of all else there is only the newest.
         start, now = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
         so_far = rrb.VisibleTimeRanges(
             [rrb.VisibleTimeRange(name, start=start, end=now) for name in ("frame", "time")]
         )
-        flat: Any = rrb.Spatial2DView, rr.Points2D
-        view, points = flat if dimensions == 2 else (rrb.Spatial3DView, rr.Points3D)
+        views_of: Any = {
+            "map": (rrb.MapView, rr.GeoPoints),
+            "plan": (rrb.Spatial2DView, rr.Points2D),
+            "space": (rrb.Spatial3DView, rr.Points3D),
+        }
+        view, points = views_of[ground]
         names = "route/trusted", "route/untrusted"
         trail: Any = {name: [so_far, points.from_fields()] for name in names}
-        ground.append(view(origin="route", name="Route", overrides=trail))
-    legend = rrb.PlotLegend(rrb.Corner2D.LeftBottom)
-    distances = rrb.BarChartView(
-        origin="distances", name="Distances to all places", plot_legend=legend
-    )
-    rows, columns = matrix
-    bounds = rrb.VisualBounds2D(x_range=(0, columns), y_range=(0, rows))
-    newest = rrb.Spatial2DView(
-        origin="matrix", name="Newest columns of the matrix", visual_bounds=bounds
-    )
+        more = {} if zoom is None else {"zoom": zoom}
+        grounds.append(view(origin="route", name="Route", overrides=trail, **more))
     bare = rrb.PlotLegend(visible=False)
-    sure = ("sure", "Confidence, off the map", rrb.PlotLegend(rrb.Corner2D.LeftTop))
+    name = "Distances less their median: least (yellow), gradient peak (pink)"
+    distances = rrb.BarChartView(origin="distances", name=name, plot_legend=bare)
+    rows, columns = matrix
+    # With room for the numbers at two of its sides.
+    bounds = rrb.VisualBounds2D(x_range=(-columns / 8, columns), y_range=(0, rows * 1.08))
+    newest = rrb.Spatial2DView(
+        origin="matrix", name="Distances of the newest queries", visual_bounds=bounds
+    )
+    # The colours are named in the titles: a legend would lie over what it explains.
+    sure = ("sure", "Confidence, off map (white)")
     place, score, latency = (
-        rrb.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
-        for origin, name, legend in (
-            ("place", "Place", rrb.PlotLegend(rrb.Corner2D.LeftTop)),
-            sure if tracked else ("score", "Score", bare),
-            ("latency_us", "Latency, microseconds", bare),
+        rrb.TimeSeriesView(origin=origin, name=name, plot_legend=bare)
+        for origin, name in (
+            ("place", "Place: trusted (blue), untrusted (grey)"),
+            sure if tracked else ("score", "Score"),
+            ("latency_us", "Latency, us"),
         )
     )
     views = [rrb.Vertical(*images)] if images else []
@@ -125,7 +136,9 @@ def layout(
     strip = [rrb.BarChartView(origin="belief", name=name, plot_legend=bare)] if tracked else []
     heights = [1.0, 2.0, 2.0] if tracked else [2.0, 2.0]
     views.append(rrb.Vertical(*strip, distances, newest, row_shares=heights))
-    views.append(rrb.Vertical(*ground, place, rrb.Horizontal(score, latency)))
+    views.append(
+        rrb.Vertical(*grounds, place, rrb.Horizontal(score, latency, column_shares=[1.4, 1.0]))
+    )
     shares = [1.3, 2.0, 2.0] if images else [2.0, 2.0]
     return rrb.Blueprint(
         rrb.Horizontal(*views, column_shares=shares),

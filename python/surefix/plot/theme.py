@@ -15,6 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+from surefix import _colours
+from surefix._colours import Colours
 from surefix.errors import SurefixValueError
 from surefix.plot.outcome import Outcome
 
@@ -45,22 +47,8 @@ MARKS = {
 
 
 @dataclass(frozen=True)
-class Theme:
-    """The colours of a picture. Those of outcomes, and two more for lines, are from the Okabe-Ito
-    set, or near it.
-    """
-
-    paper: str
-    ink: str
-    muted: str
-    grid: str
-    near: str
-    trusted_right: str
-    trusted_wrong: str
-    untrusted_right: str
-    untrusted_wrong: str
-    fifth: str
-    sixth: str
+class Theme(Colours):
+    """The colours of a picture, as every other view has them, and matplotlib's settings."""
 
     def colour(self, outcome: Outcome) -> str:
         """The colour of an outcome."""
@@ -91,33 +79,7 @@ class Theme:
         }
 
 
-LIGHT = Theme(
-    paper="#ffffff",
-    ink="#1c2127",
-    muted="#5a646e",
-    grid="#e2e6ea",
-    near="#30363d",
-    trusted_right="#0072b2",
-    trusted_wrong="#d55e00",
-    untrusted_right="#56b4e9",
-    untrusted_wrong="#e69f00",
-    fifth="#009e73",
-    sixth="#a8548a",
-)
-
-DARK = Theme(
-    paper="#161b21",
-    ink="#e8edf2",
-    muted="#9ba7b3",
-    grid="#2c343d",
-    near="#cfd7df",
-    trusted_right="#56b4e9",
-    trusted_wrong="#ff7a2f",
-    untrusted_right="#3484b5",
-    untrusted_wrong="#b58117",
-    fifth="#2fbf95",
-    sixth="#cc79a7",
-)
+LIGHT, DARK = Theme(**vars(_colours.LIGHT)), Theme(**vars(_colours.DARK))
 
 
 @dataclass(frozen=True)
@@ -156,8 +118,8 @@ def looks(theme: Theme, count: int) -> list[Look]:
         (theme.trusted_wrong, (0, (5, 2)), 1.7, ""),
         (theme.ink, (0, (1, 1.5)), 1.7, ""),
         (theme.muted, "-.", 1.7, ""),
-        (theme.fifth, "-", 1.5, "o"),
-        (theme.sixth, (0, (5, 2)), 1.5, "s"),
+        (theme.truth, "-", 1.5, "o"),
+        (theme.peak, (0, (5, 2)), 1.5, "s"),
         (theme.untrusted_right, (0, (1, 1.5)), 1.5, "^"),
         (theme.untrusted_wrong, "-.", 1.5, "D"),
     ]

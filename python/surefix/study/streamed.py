@@ -269,7 +269,7 @@ def _stream(name: str, places: int, context: Context, options: dict[str, Any]) -
         changed: dict[str, Any] = {"weight": 0.0, "floor": "running"}
         changed |= {} if length is None else {"sequence_length": min(length, places)}
         if name == "seqslam":
-            changed |= {"segments": None, "gaps": ()}
+            changed["gaps"] = ()
             changed |= {} if context.speeds else {"speeds": list(SEQSLAM_SPEEDS)}
         return Fixes(places, **options | changed)
     if METHODS[name].needs == "truth":

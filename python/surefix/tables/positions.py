@@ -16,6 +16,7 @@ from surefix.tables.headings import heading, is_time, number, seconds, stamps
 from surefix.tables.metres import centre, interpolate, local_metres
 from surefix.tables.npy import read_npy
 from surefix.tables.rows import cells_of, is_number, read_text
+from surefix.tables.utm import utm_metres
 
 Float64 = npt.NDArray[np.float64]
 Role = Literal["places", "queries"]
@@ -146,9 +147,12 @@ def planar(read: Positions, origin: tuple[float, float] | None = None) -> Positi
 
 
 def on_one_plane(references: Positions, queries: Positions) -> tuple[Float64, Float64]:
-    """Both in metres; degrees become metres about the origin of the references, by default their
-    middle. If only one has heights, they are left out.
+    """Both in metres; degrees become metres of the references' UTM zone, or about their origin, by
+    default their middle. If only one has heights, they are left out.
     """
+    if queries.degrees and not references.degrees and references.zone is not None:
+        metres = utm_metres(queries.values, references.zone)
+        queries = replace(queries, values=metres, degrees=False, zone=references.zone)
     if queries.degrees and references.origin is not None:
         queries = planar(queries, references.origin)
     if references.degrees != queries.degrees:
@@ -285,7 +289,10 @@ def _gpx(path: Path) -> Positions:
 def _by_header(
     path: Path, header: list[str], table: list[tuple[int, list[str]]], whole: bool
 ) -> Positions:
-    degrees = not {"x", "y"} <= set(header) and {"lat", "lon"} <= set(header)
+    named = {cell.strip().lower() for cell in table[0][1]}
+    # The plane of columns named x,y is not known; that of easting,northing is.
+    planar_ = {"x", "y"} <= set(header) and not {"x", "y"} <= named
+    degrees = {"lat", "lon"} <= set(header) and not planar_
     chosen = ["lat", "lon"] if degrees else ["x", "y"]
     if not set(chosen) <= set(header):
         got = ",".join(table[0][1])

@@ -13,8 +13,8 @@ from surefix.errors import mismatch
 from surefix.frames import image_of
 from surefix.frames.bag import stamp_of
 from surefix.motion import PERHAPS_OFF
+from surefix.tables.route_poses import Pose, RoutePoses
 from surefix_ros.parameters import checked, localizer_of, settings_of
-from surefix_ros.poses import Pose, RoutePoses
 from surefix_ros.travel import Mark, Travel
 
 # The levels of diagnostic_msgs/DiagnosticStatus.
@@ -124,7 +124,9 @@ class Localization:
             accepted = self._is_accepted(fix)
             pose = None
             if self.poses is not None:
-                pose = self.poses.pose(fix, self.localizer.belief, accepted)
+                belief = self.localizer.belief
+                lost = not accepted if belief is None else fix.off_map > PERHAPS_OFF
+                pose = self.poses.pose(fix.place, belief, lost)
             name = self.names[fix.place] if self.names else ''
             latency = clock.perf_counter() - began
             self._latencies.append(latency)

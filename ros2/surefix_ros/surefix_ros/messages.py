@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import math
 from typing import Any
 
+from surefix.tables.route_poses import Pose, quaternion, RoutePoses
 from surefix_ros.localization import Answer, Status
-from surefix_ros.poses import Pose, RoutePoses
 
 Make = Callable[..., Any]
 # NavSatStatus and NavSatFix.
@@ -111,8 +111,7 @@ def diagnostics(make: Make, head: Any, name: str, status: Status, level: Any) ->
 
 def _pose(make: Make, position: Sequence[float], yaw: float) -> Any:
     x, y, z = position
-    half = yaw / 2
-    turn = {'x': 0.0, 'y': 0.0, 'z': math.sin(half), 'w': math.cos(half)}
+    turn = dict(zip('xyzw', quaternion(yaw), strict=True))
     return make(
         'geometry_msgs/msg/Pose',
         position=make('geometry_msgs/msg/Point', x=x, y=y, z=z),

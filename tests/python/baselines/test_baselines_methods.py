@@ -1,5 +1,6 @@
 """Every method by its name, as the command line chooses them."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -202,3 +203,18 @@ def test_the_gaps_of_a_drive_reach_each_of_surefixs_methods() -> None:
         assert np.array_equal(found.place, expected.place)
         np.testing.assert_array_equal(found.ready, expected.ready)
         assert not np.array_equal(found.score, run_method(name, D).score)
+
+
+def test_no_line_of_seqslam_crosses_a_break() -> None:
+    D = np.random.default_rng(2).random((40, 30), np.float32) + 1
+    # A line from the end of the first road into the second, which no robot can drive.
+    D[np.arange(5, 15), np.arange(10)] = 0
+    segments = surefix.Segments(40, breaks=[10])
+    context = Context(sequence_length=6, speeds=(1.0,), segments=segments)
+    found = run_method("seqslam", D, context)
+    assert run_method("seqslam", D, replace(context, segments=None)).place[7] == 12
+    assert found.place[7] != 12
+    enhanced = baselines.enhance_contrast(D, 10)
+    how: Any = {"sequence_length": 6, "weight": 0.0}
+    expected = surefix.match_distances(enhanced, segments=segments, **how)
+    np.testing.assert_array_equal(found.place, expected.place)

@@ -16,6 +16,7 @@ import surefix
 from commands import surefix_
 from recordings import Bag
 from surefix.simulate import Route
+from surefix.tables.geojson import roads
 
 N = 40
 UInt8 = npt.NDArray[np.uint8]
@@ -253,3 +254,29 @@ def test_the_plane_of_metres_is_named_by_hand(road: Path, tmp_path: Path) -> Non
     ):
         said = surefix_(*given, *wrong, code=2).stderr
         assert why in " ".join(said.replace("│", " ").split())
+
+
+def test_lines_across_180_degrees_are_cut() -> None:
+    """As RFC 7946, 3.1.9, has them."""
+    longitude = [179.998, 179.999, -179.999, -179.998, 179.997]
+    degrees_ = np.stack([np.arange(5) / 100, longitude], axis=1)
+    segments = surefix.Segments(5)
+    (line,) = roads(degrees_, segments)["features"]
+    assert line["geometry"] == {
+        "type": "MultiLineString",
+        "coordinates": [
+            [[179.998, 0.0], [179.999, 0.01], [180.0, 0.015]],
+            [[-180.0, 0.015], [-179.999, 0.02], [-179.998, 0.03], [-180.0, 0.034]],
+            [[180.0, 0.034], [179.997, 0.04]],
+        ],
+    }
+    # A place on the meridian itself belongs to both pieces.
+    degrees_ = np.array([[0.0, 179.999], [0.01, -180.0], [0.02, -179.999]])
+    (line,) = roads(degrees_, surefix.Segments(3))["features"]
+    assert line["geometry"]["coordinates"] == [
+        [[179.999, 0.0], [180.0, 0.01]],
+        [[-180.0, 0.01], [-179.999, 0.02]],
+    ]
+    (line,) = roads(np.array([[0.0, 180.0], [0.02, -179.999]]), surefix.Segments(2))["features"]
+    coordinates = [[-180.0, 0.0], [-179.999, 0.02]]
+    assert line["geometry"] == {"type": "LineString", "coordinates": coordinates}

@@ -23,12 +23,13 @@ from PIL import Image
 import surefix
 from commands import surefix_, surefix_process
 from recordings import Bag, write_video
-from surefix.cli.fixes import Summary, json_writer
+from surefix.cli.fixes import Summary
 from surefix.cli.run import localize
 from surefix.descriptors import mapping
 from surefix.frames import Frame, Frames, KeepNewest, Shot
 from surefix.frames import open as frames_open
 from surefix.simulate import Route
+from surefix.tables.fix_files import json_writer
 
 PLACES = 40
 PLAIN = "frame query place place_name score trusted blank ready anchors speed single_place single_distance gradient_place"

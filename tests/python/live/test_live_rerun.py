@@ -21,7 +21,8 @@ from commands import surefix_
 from rerun_reader import Recording
 from surefix.frames import Frame
 from surefix.live import RerunView
-from surefix.live.rerun import PALETTE
+from surefix.live.ground import Ground
+from surefix.live.matrix import PALETTE
 from surefix.simulate import Route
 
 pytest.importorskip("rerun", reason='rerun is not installed: pip install "surefix[live]"')
@@ -125,7 +126,9 @@ def test_bars_are_the_distances_and_the_marks_stand_at_minimum_and_gradient_peak
     drive: Drive,
 ) -> None:
     bars = drive.recording.bars
-    for fix, distances in zip(drive.fixes, drive.distances, strict=True):
+    for fix, column in zip(drive.fixes, drive.distances, strict=True):
+        # Less their median, so that the least is a dip.
+        distances = column - np.median(column)
         np.testing.assert_array_equal(bars("distances/all", fix.frame), distances)
         np.testing.assert_array_equal(
             bars("distances/all", fix.frame, "abscissa"), np.arange(PLACES)
@@ -133,36 +136,83 @@ def test_bars_are_the_distances_and_the_marks_stand_at_minimum_and_gradient_peak
         for name, place in (("minimum", fix.single.place), ("gradient_peak", fix.gradient.place)):
             assert bars(f"distances/{name}", fix.frame).tolist() == [distances[place]]
             assert bars(f"distances/{name}", fix.frame, "abscissa").tolist() == [place]
-    assert bars("distances/minimum", 7)[0] == drive.fixes[7].single.distance
+        assert bars("distances/minimum", fix.frame)[0] == distances.min() < 0
 
 
 def test_the_matrix_has_the_newest_columns_with_the_matched_cells_marked(drive: Drive) -> None:
     matrix = np.array(drive.distances).T
     for frame in (0, 5, 19, 20, 59):
-        newest = matrix[:, max(0, frame - 19) : frame + 1]
+        first = max(0, frame - 19)
+        newest = matrix[:, first : frame + 1]
         near, far = newest.min(), newest.max()
-        levels = np.zeros((PLACES, 20))
-        levels[:, 20 - newest.shape[1] :] = 255 - 254 * (newest - near) / (far - near)
-        picture = drive.recording.picture("matrix/distances", frame)
-        np.testing.assert_allclose(np.asarray(picture), levels, atol=0.51)
-        np.testing.assert_array_equal(
-            np.array(picture.getpalette(), np.uint8).reshape(-1, 3), PALETTE
-        )
+        # The first place is at the bottom, as in the reports; the first queries fill it.
+        levels = (255 - 255 * (newest - near) / (far - near))[::-1]
+        count = frame + 1 - first
+        picture = np.asarray(drive.recording.picture("matrix/distances", frame))
+        wide = levels[:, [column * count // 20 for column in range(20)]]
+        np.testing.assert_allclose(picture, wide, atol=0.51)
+        palette = drive.recording.picture("matrix/distances", frame).getpalette()
+        np.testing.assert_array_equal(np.array(palette, np.uint8).reshape(-1, 3), PALETTE)
         for name, trusted in (("trusted", True), ("untrusted", False)):
             cells = [
-                (fix.frame - frame + 19.5, fix.single.place + 0.5)
-                for fix in drive.fixes[max(0, frame - 19) : frame + 1]
+                ((fix.frame - first + 0.5) * 20 / count, PLACES - fix.single.place - 0.5)
+                for fix in drive.fixes[first : frame + 1]
                 if fix.trusted == trusted
             ]
             got = drive.recording.points(f"matrix/{name}", frame).reshape(-1, 2)
-            np.testing.assert_array_equal(got, np.reshape(cells, (-1, 2)))
+            np.testing.assert_allclose(got, np.reshape(cells, (-1, 2)), rtol=1e-6)
+        (begin, end) = drive.recording.logged["matrix/queries"][frame]["Points2D:labels"]
+        assert (begin, end) == (f"query {first}", str(frame))
+
+
+def test_the_matrix_has_axes_and_the_breaks_of_the_route(drive: Drive, tmp_path: Path) -> None:
+    places = drive.recording.static["matrix/places"]
+    assert places["Points2D:labels"] == ["place 0", "10", "20", "30", "40", "50"]
+    heights = [y for _, y in places["Points2D:positions"]]
+    expected = np.array([PLACES - place - 0.5 for place in (0, 10, 20, 30, 40, 50)])
+    np.testing.assert_allclose(heights, expected - 0.045 * PLACES, rtol=1e-6)
+    assert not {"matrix/breaks", "route/starts"} & set(drive.recording.static), "one segment"
+    segments = surefix.Segments(PLACES, breaks=[20, 45])
+    record(tmp_path / "a.rrd", drive.route.with_segments(segments), drive.queries[:3])
+    static = Recording(tmp_path / "a.rrd").static
+    lines = static["matrix/breaks"]["LineStrips2D:strips"]
+    # Between place 19 and place 20, counted from the bottom.
+    assert [[y for _, y in line] for line in lines] == [[40, 40], [15, 15]]
+    roads = static["route/places"]["LineStrips2D:strips"]
+    assert [len(road) for road in roads] == [20, 25, 15]
+    assert len(static["route/starts"]["Points2D:positions"]) == 3
+
+
+def test_a_map_of_degrees_is_drawn_on_the_world(drive: Drive, tmp_path: Path) -> None:
+    positions = np.c_[3.0 * np.arange(PLACES), np.zeros(PLACES)]
+    segments = surefix.Segments(PLACES, breaks=[20], closed=[0])
+    route = drive.route.with_positions(positions, origin=(48.0, 179.999)).with_segments(segments)
+    fixes, _ = record(tmp_path / "a.rrd", route, drive.queries[:5])
+    recording, degrees = Recording(tmp_path / "a.rrd"), route.degrees
+    assert degrees is not None
+    assert degrees[:, 1].min() < -179
+    # The first road is closed; the second goes over the meridian of 180 degrees, and is cut there.
+    lines = recording.static["route/places"]["GeoLineStrings:line_strings"]
+    assert [len(line) for line in lines] == [21, 6, 36]
+    np.testing.assert_allclose(lines[0], degrees[[*range(20), 0]], atol=1e-7)
+    np.testing.assert_allclose(lines[1][:-1], degrees[20:25], atol=1e-7)
+    np.testing.assert_allclose(lines[2][1:], degrees[25:], atol=1e-7)
+    np.testing.assert_allclose([lines[1][-1], lines[2][0]], [[48, 180], [48, -180]])
+    for fix in fixes:
+        at = np.array(recording.logged["route/here"][fix.frame]["GeoPoints:positions"])
+        np.testing.assert_allclose(at, degrees[[fix.place]])
+    assert "MapView" in repr(recording.layout) or "'Map'" in repr(recording.layout)
+    # 180 m at 48 degrees over 380 points.
+    zoom = Ground(None, route).zoom
+    assert zoom is not None
+    assert 156_543 * np.cos(np.radians(48)) / 2**zoom * 380 == pytest.approx(177, rel=0.01)
 
 
 def test_the_track_lies_on_the_positions_of_the_map(drive: Drive) -> None:
     assert drive.route.positions is not None
     ground = (drive.route.positions - drive.route.positions[0]) * [1, -1]
     np.testing.assert_allclose(
-        drive.recording.static["route/places"]["Points2D:positions"], ground, rtol=1e-6
+        drive.recording.static["route/places"]["LineStrips2D:strips"], [ground], rtol=1e-6
     )
     for fix in drive.fixes:
         for name in ("here", "trusted" if fix.trusted else "untrusted"):
@@ -245,7 +295,8 @@ def test_of_a_long_route_every_minimum_is_kept_and_a_row_does_not_grow(tmp_path:
         tmp_path / "long.rrd", route, [rows[place] + np.float32(1e-3) for place in asked]
     )
     recording = Recording(tmp_path / "long.rrd")
-    for fix, column in zip(fixes, distances, strict=True):
+    for fix, given in zip(fixes, distances, strict=True):
+        column = given - np.median(given)
         values = recording.bars("distances/all", fix.frame)
         groups = [column[start : start + 101] for start in range(0, places, 101)]
         np.testing.assert_array_equal(values, [group.min() for group in groups])

@@ -93,7 +93,7 @@ def test_off_the_map_the_pose_says_that_it_knows_nothing(drive: Drive) -> None:
 
 
 def test_headings_do_not_cross_a_break_and_go_round_a_ring(tmp_path: Path) -> None:
-    from surefix_ros.poses import headings
+    from surefix.tables.route_poses import headings
 
     angle = np.arange(8) / 8 * 2 * math.pi
     ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)

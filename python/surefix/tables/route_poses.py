@@ -1,10 +1,9 @@
-"""
-From a fix to a pose with a covariance, by the positions in the map.
+"""From a place to a pose with a covariance, by the positions in the map.
 
 With a motion the covariance is that of the belief on the map: the second moment of the places'
-positions about the published one, and the spread of the route's headings. If the robot is perhaps
-off the map, its standard deviation is at least the extent of the whole route. Without a motion, an
-accepted fix is right within a place, and another one may be anywhere along the route.
+positions about the given one, and the spread of the route's headings. If the robot is lost, its
+standard deviation is at least the extent of the whole route. Without a motion, a fix is right
+within a place, unless the robot is lost.
 """
 
 import math
@@ -12,8 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from surefix import Fix, Map, Segments
-from surefix.motion import PERHAPS_OFF
+
+from surefix._core import Map, Segments
+from surefix.errors import mismatch
+
+Float64 = npt.NDArray[np.float64]
 
 # The variance of a coordinate that is not measured, in square metres.
 UNKNOWN = 1e6
@@ -24,28 +26,34 @@ HEADING = 0.2
 
 
 class Pose(NamedTuple):
-    """
-    A position in metres, a heading in radians, and the covariance: 6 x 6, row by row.
+    """A position in metres, a heading in radians, and the covariance: 6 x 6, row by row.
 
     Its rows are x, y, z and the rotations about them, as in geometry_msgs/PoseWithCovariance.
     """
 
     position: tuple[float, float, float]
     yaw: float
-    covariance: npt.NDArray[np.float64]
+    covariance: Float64
 
 
 class RoutePoses:
-    """
-    The poses along a map with positions, in metres.
+    """The poses along a map with positions, in metres; z is 0 if the map has no heights.
 
     ``backwards`` if the robot's forward axis points against the route.
+
+    Raises
+    ------
+    SurefixValueError
+        If the map has no positions.
     """
 
     def __init__(self, route: Map, backwards: bool = False) -> None:
-        flat = route.positions.shape[1] == 2
-        self.height_known = not flat
-        self.positions = np.pad(route.positions, ((0, 0), (0, int(flat))))
+        where = route.positions
+        if where is None:
+            got = "none: build it with --positions or --odometry"
+            raise mismatch("the map", "one with positions", got)
+        self.height_known = where.shape[1] == 3
+        self.positions: Float64 = np.pad(where, ((0, 0), (0, 3 - where.shape[1])))
         self.yaws = headings(self.positions, route.segments) + math.pi * backwards
         self.ahead = np.stack([np.cos(self.yaws), np.sin(self.yaws)], axis=1)
         steps = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
@@ -54,10 +62,8 @@ class RoutePoses:
         # The variance of a robot that may be anywhere.
         self.anywhere = max(extent, self.spacing) ** 2
 
-    def pose(self, fix: Fix, belief: npt.NDArray[np.float64] | None, accepted: bool) -> Pose:
-        """Return the pose of a fix; ``belief`` is the localizer's after it."""
-        place = fix.place
-        lost = not accepted if belief is None else fix.off_map > PERHAPS_OFF
+    def pose(self, place: int, belief: Float64 | None, lost: bool) -> Pose:
+        """The pose of a place; ``belief`` is the localizer's, in all places, if it has one."""
         moment = np.eye(3) * (self.anywhere if lost else 0.0)
         turned = ANY_ANGLE if lost else 0.0
         if belief is not None:
@@ -77,13 +83,23 @@ class RoutePoses:
         x, y, z = self.positions[place].tolist()
         return Pose((x, y, z), float(self.yaws[place]), covariance.ravel())
 
+    def matrix(self, place: int) -> Float64:
+        """The pose as KITTI has it: rotation and position, (3, 4)."""
+        cos, sin = self.ahead[place]
+        turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+        return np.column_stack([turn, self.positions[place]])
 
-def headings(positions: npt.NDArray[np.float64], segments: Segments) -> npt.NDArray[np.float64]:
-    """
-    Return the route's heading at each place in radians, shape (n,).
 
-    It is the direction from the place before to the one after, in the same segment; if the
-    robot stood still, that of the place before.
+def quaternion(yaw: float) -> tuple[float, float, float, float]:
+    """A heading as (x, y, z, w)."""
+    return 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
+
+
+def headings(positions: Float64, segments: Segments) -> Float64:
+    """The route's heading at each place in radians from x to y, shape (n,).
+
+    It is the direction from the place before to the one after, in the same segment; if the robot
+    stood still, that of the place before.
     """
     yaws = np.zeros(len(positions))
     for segment in segments:
