@@ -14,8 +14,8 @@ import surefix
 
 # The command line has a reference of its own; the others serve it.
 NOT_FOR_USERS = {
-    *("auditing", "cli", "contradicting", "errors", "machine", "matches", "motion", "options"),
-    *("settings_search", "tables", "tuning"),
+    *("auditing", "cli", "comparing", "comparison", "contradicting", "errors", "judged"),
+    *("machine", "matches", "motion", "options", "settings_search", "tables", "tuning"),
 }
 
 

@@ -45,6 +45,8 @@ from surefix._core import (
     recall_at,
 )
 from surefix.auditing import Audit, Estimate, audit
+from surefix.comparing import compare
+from surefix.comparison import Compared, Comparison
 from surefix.contradicting import Contradiction, contradictions
 from surefix.errors import SurefixError, SurefixFileError, SurefixValueError
 from surefix.matches import Matches
@@ -55,6 +57,8 @@ __all__ = [
     "Alarm",
     "Alignment",
     "Audit",
+    "Compared",
+    "Comparison",
     "Contradiction",
     "Estimate",
     "Evaluation",
@@ -89,6 +93,7 @@ __all__ = [
     "align",
     "audit",
     "calibrate",
+    "compare",
     "contradictions",
     "evaluate",
     "evaluate_trust",

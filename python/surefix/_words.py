@@ -1,5 +1,6 @@
 """Counts and places in sentences."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -14,6 +15,13 @@ def plural(count: int, one: str, more: str = "") -> str:
 def verb(count: int) -> str:
     """The verb after a count."""
     return "is" if count == 1 else "are"
+
+
+def columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table in plain columns."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    padded = ([c.ljust(w) for c, w in zip(row, widths, strict=True)] for row in rows)
+    return ["  ".join(cells).rstrip() for cells in padded]
 
 
 def place_in(segments: "Segments | None", place: int) -> str:

@@ -208,11 +208,17 @@ def redrawn_sums(rows: Float64, block: int) -> Float64:
     (the first follows on the last), as neighbours err together: shape (k, ``SAMPLES``). All rows
     are redrawn alike.
     """
-    m = rows.shape[1]
-    starts = np.random.default_rng(0).integers(m, size=(SAMPLES, -(-m // block)))
-    lengths = np.minimum(block, m - block * np.arange(starts.shape[1]))
+    starts, lengths = drawn_blocks(rows.shape[1], block, SAMPLES)
     along = np.cumsum(np.hstack([np.zeros((len(rows), 1)), rows, rows[:, :block]]), axis=1)
     return np.asarray((along[:, starts + lengths] - along[:, starts]).sum(-1))
+
+
+def drawn_blocks(m: int, block: int, samples: int) -> tuple[Places, Places]:
+    """The first query of each block of each sample, and the queries of each block: the last one of
+    a sample is shorter if ``m`` is no multiple of it.
+    """
+    starts = np.random.default_rng(0).integers(m, size=(samples, -(-m // block)))
+    return starts, np.minimum(block, m - block * np.arange(starts.shape[1]))
 
 
 def audit(

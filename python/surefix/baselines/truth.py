@@ -9,7 +9,7 @@ from surefix.baselines.distances import Flags, Places, number, whole
 from surefix.contradicting import known_queries
 from surefix.errors import mismatch
 
-__all__ = ["Truth", "by_metres", "part_of", "right_matches"]
+__all__ = ["Truth", "by_metres", "first_true_places", "part_of", "right_matches"]
 
 Truth: TypeAlias = npt.NDArray[Any] | list[int] | tuple[npt.ArrayLike, npt.ArrayLike]
 
@@ -50,6 +50,24 @@ def right_matches(
 def by_metres(truth: Truth) -> TypeGuard[tuple[npt.ArrayLike, npt.ArrayLike]]:
     """Whether the truth is a pair of positions; two numbers are the places of two queries."""
     return isinstance(truth, tuple) and len(truth) == 2 and np.ndim(truth[0]) > 0
+
+
+def first_true_places(truth: Truth, tolerance: float) -> Places:
+    """A true place of each query, (m,): the nearest or first of several, -1 for none, and if it is
+    not known.
+    """
+    if by_metres(truth):
+        places, queries = (np.asarray(positions, np.float64) for positions in truth)
+        found = np.full(len(queries), -1, np.int64)
+        for query, here in enumerate(queries):
+            apart = np.sqrt(((places - here) ** 2).sum(axis=1))
+            if apart.min() <= tolerance:
+                found[query] = np.argmin(apart)
+        return found
+    array = np.asarray(truth)
+    if array.ndim == 2:
+        array = np.where((array == 1).any(axis=0), np.argmax(array == 1, axis=0), -1)
+    return np.where(np.isnan(array), -1, array).astype(np.int64)
 
 
 def part_of(truth: Truth, start: int, stop: int) -> Truth:

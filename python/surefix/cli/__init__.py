@@ -12,6 +12,7 @@ from surefix import SurefixError, __version__
 from surefix.cli.align import align_
 from surefix.cli.audit import audit_
 from surefix.cli.bench import bench
+from surefix.cli.compare import compare_
 from surefix.cli.demo import demo
 from surefix.cli.doctor import doctor
 from surefix.cli.edit import cut, join, thin, traverse
@@ -141,6 +142,13 @@ app.command(
     "Example: surefix map build photos/ --model megaloc -o route.safetensors",
     short_help="List the networks that --model takes by name.",
 )(models)
+app.command(
+    "compare",
+    epilog="Example: surefix compare monday_report/ tuesday_report/ -o compared.html\n\n"
+    "Example: surefix compare sad.safetensors netvlad.safetensors --queries todays_photos/ "
+    "--truth identity",
+    short_help="Compare reports, runs, methods or descriptors in one table.",
+)(compare_)
 app.command(
     epilog="Example: surefix reproduce --data data/ -o report/",
     short_help="Make the paper's table and figures again, on your data.",

@@ -8,7 +8,7 @@ import typer
 
 from surefix import Audit, audit, match, match_distances
 from surefix._progress import terminal_bar
-from surefix._words import plural
+from surefix._words import columns, plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
 from surefix.cli.flags import documented
@@ -161,7 +161,4 @@ def _print_thresholds(found: Audit) -> None:
 
 def print_columns(rows: Sequence[Sequence[str]]) -> None:
     """A table in plain columns, its header first."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        print("  ".join(cells).rstrip())
+    print("\n".join(columns(rows)))

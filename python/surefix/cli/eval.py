@@ -55,6 +55,7 @@ from surefix.study.scenarios import RECORDED
 from surefix.study.study import Recall
 from surefix.tables.columns import Columns, is_held
 from surefix.tables.matrices import large_matrix, read_matrix
+from surefix.tables.reports import drive_of
 from surefix.tables.truth import read_truth
 
 if TYPE_CHECKING:
@@ -395,6 +396,7 @@ def eval_(
                 place_names=pictures.names if isinstance(pictures, Images) else place_names,
                 along=along,
                 scenarios=made,
+                drive=drive_of(given.files) if given is not None and given.ready is None else None,
             )
     except SurefixError:
         raise

@@ -60,6 +60,7 @@ def write_report(
     place_names: Sequence[str] | None = None,
     along: NDArray[np.float64] | None = None,
     scenarios: Sequence[Study] = (),
+    drive: str | None = None,
 ) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page.
 
@@ -76,6 +77,8 @@ def write_report(
         The way along the drive at which each query was taken, in metres, ascending.
     scenarios : sequence of Study
         The same methods on drives made of this one.
+    drive : str, optional
+        Its mark (``surefix.tables.reports.drive_of``), for ``surefix compare``.
     """
     says = any(result.matches.confidence is not None for result in study.results)
     drives = [study, *scenarios] if says or scenarios else []
@@ -106,7 +109,7 @@ def write_report(
     )
 
     def write_all(inside: Path) -> None:
-        write_tables(study, inside, query_names)
+        write_tables(study, inside, query_names, drive)
         if drives:
             write_drives(drives, inside)
 

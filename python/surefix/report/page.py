@@ -4,6 +4,7 @@ import base64
 import errno
 import io
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ __all__ = [
     "Table",
     "Tile",
     "drawn",
+    "few_colours",
     "output_folder",
     "page",
     "photograph",
@@ -37,6 +39,7 @@ __all__ = [
 ]
 
 PAGE = "report.html"
+NARROW, DARKER = "(max-width: 640px)", "(prefers-color-scheme: dark)"
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,8 @@ class Picture:
         Takes the page's whole width.
     textured : bool
         Embedded as JPEG, at a fraction of its size.
+    narrow : function of a ``Theme``, optional
+        Gives the PNG for a page of a phone's width.
     """
 
     paint: Callable[[Theme], bytes]
@@ -69,6 +74,7 @@ class Picture:
     caption: str = ""
     wide: bool = False
     textured: bool = False
+    narrow: Callable[[Theme], bytes] | None = None
 
     @cached_property
     def light(self) -> bytes:
@@ -82,8 +88,8 @@ class Picture:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in pixels, from the header of the PNG."""
-        return int.from_bytes(self.light[16:20]), int.from_bytes(self.light[20:24])
+        """Width and height in pixels."""
+        return _size(self.light)
 
 
 def drawn(
@@ -103,14 +109,17 @@ def drawn(
 
     def paint(theme: Theme) -> bytes:
         picture = png(lambda ax, theme: draw(ax, *data, theme=theme, **options), size, theme)
-        if not small:
-            return picture
-        file = io.BytesIO()
-        image = Image.open(io.BytesIO(picture)).convert("RGB")
-        image.quantize(128, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
-        return file.getvalue()
+        return few_colours(picture) if small else picture
 
     return Picture(paint, alt, caption, wide=size[0] > 8, textured=textured)
+
+
+def few_colours(picture: bytes) -> bytes:
+    """A PNG of 128 colours, a third of the bytes."""
+    file = io.BytesIO()
+    image = Image.open(io.BytesIO(picture)).convert("RGB")
+    image.quantize(128, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
+    return file.getvalue()
 
 
 def photograph(image: NDArray[np.uint8], alt: str, caption: str) -> Picture:
@@ -122,12 +131,15 @@ def photograph(image: NDArray[np.uint8], alt: str, caption: str) -> Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers with a heading a column; a row's first cell names it. ``name`` becomes the id."""
+    """Numbers with a heading a column; a row's first cell names it. ``name`` becomes the id. If it
+    ``sorts``, a press on a heading sorts the rows by that column.
+    """
 
     name: str
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    sorts: bool = False
 
 
 @dataclass(frozen=True)
@@ -150,9 +162,15 @@ def page(
     hero: Sequence[Picture],
     tiles: Sequence[Tile],
     sections: Sequence[Section],
+    contents: bool = False,
 ) -> str:
-    """The page as text. All strings are plain text; they are escaped here."""
-    style = files("surefix.report").joinpath("page.css").read_text(encoding="utf-8")
+    """The page as text. All strings are plain text; they are escaped here. With ``contents``, links
+    to the sections come first.
+    """
+    style = _part("page.css") + (_part("contents.css") if contents else "")
+    parts = "".join(_section(each, contents) for each in sections)
+    sorting = any(table.sorts for section in sections for table in section.tables)
+    script = f"<script>\n{_part('sort.js')}</script>\n" if sorting else ""
     paragraphs = "\n".join(f'<p class="lead">{escape(text)}</p>' for text in lead)
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -173,10 +191,26 @@ def page(
 {_pictures(hero, "hero") if hero else ""}
 <dl class="tiles">
 {"".join(map(_tile, tiles))}</dl>
-{"".join(map(_section, sections))}</main>
-</body>
+{_contents(sections) if contents else ""}{parts}</main>
+{script}</body>
 </html>
 """
+
+
+def _part(name: str) -> str:
+    return files("surefix.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _contents(sections: Sequence[Section]) -> str:
+    links = "".join(
+        f'<li><a href="#{_id(each)}">{escape(each.title)}</a></li>\n' for each in sections
+    )
+    return f'<nav aria-label="Contents">\n<ol>\n{links}</ol>\n</nav>\n'
+
+
+def _id(section: Section) -> str:
+    """The section's element, by its title."""
+    return "section-" + re.sub(r"[^a-z0-9]+", "-", section.title.lower()).strip("-")
 
 
 def _tile(tile: Tile) -> str:
@@ -188,7 +222,7 @@ def _tile(tile: Tile) -> str:
     )
 
 
-def _section(section: Section) -> str:
+def _section(section: Section, linked: bool) -> str:
     paragraphs = "\n".join(f"<p>{escape(text)}</p>" for text in section.paragraphs)
     pictures = _pictures(section.pictures.values(), "pictures") if section.pictures else ""
     points = "".join(f"<li>{escape(text)}</li>\n" for text in section.points)
@@ -197,7 +231,9 @@ def _section(section: Section) -> str:
     if section.facts:
         tables += f"<table>\n{_body(section.facts)}</table>\n"
     title = escape(section.title)
-    return f"<section>\n<h2>{title}</h2>\n{paragraphs}\n{points}{pictures}{tables}</section>\n"
+    inside = f"<h2>{title}</h2>\n{paragraphs}\n{points}{pictures}{tables}"
+    at = f' id="{_id(section)}"' if linked else ""
+    return f"<section{at}>\n{inside}</section>\n"
 
 
 def _pictures(pictures: Iterable[Picture], kind: str) -> str:
@@ -207,16 +243,32 @@ def _pictures(pictures: Iterable[Picture], kind: str) -> str:
 def _picture(picture: Picture) -> str:
     caption = f"<figcaption>{escape(picture.caption)}</figcaption>" if picture.caption else ""
     width, height = picture.size
-    dark = ""
+    sources = ""
+    if picture.narrow is not None:
+        light, dark = picture.narrow(LIGHT), picture.narrow(DARK)
+        sources += _source(dark, picture.textured, f"{NARROW} and {DARKER}")
+        sources += _source(light, picture.textured, NARROW)
     if picture.dark != picture.light:
-        source = _embedded(picture.dark, picture.textured)
-        dark = f'<source media="(prefers-color-scheme: dark)" srcset="{source}">'
+        sources += _source(picture.dark, picture.textured, DARKER)
     source = _embedded(picture.light, picture.textured)
     image = f'<img src="{source}" alt="{escape(picture.alt)}" width="{width}" height="{height}">'
+    kind = "wide" if picture.wide else "plain"
+    kind += " fits" if picture.narrow is not None else ""
     return (
-        f'<figure class="{"wide" if picture.wide else "plain"}"><div class="frame">'
-        f"<picture>{dark}{image}</picture></div>{caption}</figure>\n"
+        f'<figure class="{kind}"><div class="frame">'
+        f"<picture>{sources}{image}</picture></div>{caption}</figure>\n"
     )
+
+
+def _source(image: bytes, textured: bool, media: str) -> str:
+    width, height = _size(image)
+    at = f'srcset="{_embedded(image, textured)}" width="{width}" height="{height}"'
+    return f'<source media="{media}" {at}>'
+
+
+def _size(image: bytes) -> tuple[int, int]:
+    """Width and height in the header of a PNG."""
+    return int.from_bytes(image[16:20]), int.from_bytes(image[20:24])
 
 
 def _body(rows: Sequence[Sequence[str]]) -> str:
@@ -231,9 +283,10 @@ def _body(rows: Sequence[Sequence[str]]) -> str:
 
 
 def _table(table: Table) -> str:
+    kind = ' class="sorts"' if table.sorts else ""
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
     return (
-        f'<div class="numbers"><table id="{escape(table.name)}">\n'
+        f'<div class="numbers"><table id="{escape(table.name)}"{kind}>\n'
         f"<caption>{escape(table.caption)}</caption>\n"
         f"<thead>\n<tr>{header}</tr>\n</thead>\n{_body(table.rows)}</table></div>\n"
     )
@@ -257,6 +310,7 @@ def write(
     sections: Sequence[Section],
     tables: Callable[[Path], object],
     old: Iterable[str] = (),
+    contents: bool = False,
 ) -> Path:
     """Writes a page, its pictures on light paper, and its tables; returns the path of the page.
 
@@ -267,7 +321,7 @@ def write(
     Parameters
     ----------
     folder : Path
-    title, lead, hero, tiles, sections
+    title, lead, hero, tiles, sections, contents
         As for ``page``.
     tables : function of a folder
         Writes the other files into it.
@@ -279,7 +333,7 @@ def write(
     SurefixFileError
         If a file cannot be written.
     """
-    text = page(title, lead, hero, tiles, sections)
+    text = page(title, lead, hero, tiles, sections, contents)
     try:
         inside = Path(mkdtemp(prefix=".surefix-", dir=folder))
         try:

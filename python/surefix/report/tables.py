@@ -39,7 +39,10 @@ DRIVE_COLUMNS = (
     "scenario,method,area,recall_at_full_precision,right,calibration_error,off_map_roc,"
     "frames_to_notice,noticed,left,frames_to_relocalise,relocalised,lost"
 )
-FIX_COLUMNS = "method,query,name,place,score,ready,accepted,judged,right,true_place,trusted"
+FIX_COLUMNS = (
+    "method,query,name,place,score,ready,accepted,judged,right,true_place,trusted,single_right,"
+    "confidence,off_map"
+)
 
 
 def methods(study: Study) -> Table:
@@ -206,8 +209,8 @@ def named(index: int, names: Names) -> str:
     return f"{index}{name}"
 
 
-def write_tables(study: Study, folder: Path, names: Names) -> None:
-    """Writes methods.csv, drive.csv, curves.csv and fixes.csv."""
+def write_tables(study: Study, folder: Path, names: Names, drive: str | None = None) -> None:
+    """Writes methods.csv, drive.csv, curves.csv and fixes.csv; ``drive`` is its mark."""
     write_csv(folder / "methods.csv", METHOD_COLUMNS, map(_numbers, study.results))
     t = study.trust
     quantities = {f"recall_at_{k}": at for k, at in zip(KS, study.recalls_at, strict=False)} | {
@@ -219,7 +222,8 @@ def write_tables(study: Study, folder: Path, names: Names) -> None:
         "trust_recall": t.recall,
         "share_trusted": t.share_trusted,
     }
-    write_csv(folder / "drive.csv", "quantity,value", quantities.items())
+    marked: dict[str, object] = {} if drive is None else {"drive": drive}
+    write_csv(folder / "drive.csv", "quantity,value", (quantities | marked).items())
     points: list[Sequence[object]] = []
     for result in study.results:
         c = result.curve
@@ -256,7 +260,11 @@ def _fixes(result: Result, names: Names) -> Iterable[Sequence[object]]:
         *four, trusted = ("true" if flag is not None and flag[query] else "false" for flag in flags)
         name = None if names is None else names[query]
         found = query, name, matches.place[query], matches.score[query]
-        yield result.name, *found, *four, study.true_place[query], trusted
+        single = None
+        if study.single_judged[query]:
+            single = "true" if study.single_right[query] else "false"
+        said = (None if p is None else p[query] for p in (matches.confidence, matches.off_map))
+        yield result.name, *found, *four, study.true_place[query], trusted, single, *said
 
 
 def write_csv(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:

@@ -11,9 +11,9 @@ from surefix.baselines import noisy_predictor
 from surefix.baselines.distances import Floats
 from surefix.plot.curves import finish, star
 from surefix.plot.theme import Theme
-from surefix.report.page import Picture, Table
+from surefix.report.page import Table
 from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
-from surefix.reproduce.exhibit import Cell, Exhibit, pictured, shown
+from surefix.reproduce.exhibit import Cell, Exhibit, listed, pictured, shown
 from surefix.study import UPTO
 
 __all__ = ["BreakEven", "break_even", "crossing", "measure"]
@@ -100,7 +100,7 @@ def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
     measured = [measure(case, settings) for case in cases]
     rows: list[Sequence[Cell]] = []
     lines: list[Sequence[str]] = []
-    pictures: dict[str, Picture] = {}
+    evens: dict[Case, str] = {}
     for one in measured:
         names, trust = (one.case.dataset, one.case.technique), one.trust
         recall, fpr = trust.recall, trust.false_positive_rate
@@ -116,11 +116,20 @@ def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
         )
         trusted = shown(recall), shown(fpr), even, shown(trust.precision), precision
         lines.append((*names, *trusted, shown(baseline), shown(consensus)))
-        alt = (
-            f"Area by false positive rate for {one.case.name}: from {one.areas[0]:.2f} at 0 to "
-            f"{one.areas[-1]:.2f} at 1; unweighted {baseline:.2f}; break-even {even}."
-        )
-        pictures |= pictured("break_even", one.case, alt, _draw, one)
+        evens[one.case] = even
+    of = {one.case: one for one in measured}
+    pictures = pictured(
+        "break_even",
+        cases,
+        lambda ax, case, theme: _draw(ax, of[case], theme=theme),
+        lambda case: (
+            f"area by false positive rate from {of[case].areas[0]:.2f} at 0 to "
+            f"{of[case].areas[-1]:.2f} at 1; unweighted {of[case].baseline:.2f}; break-even "
+            f"{evens[case]}"
+        ),
+        x="false positive rate (share of the wrong single matches that are trusted)",
+        y=f"area up to recall {UPTO:g}",
+    )
     header = (
         "data set", "technique", "trusted, of the right", "trusted, of the wrong", "break-even",
         "right, of the trusted", "at break-even", "unweighted", "consensus",
@@ -139,31 +148,30 @@ def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
             "alike, and a drawn predictor errs anywhere.",
         ),
         pictures,
-        tables=(Table("break-even", caption, header, lines),),
-        points=[_said(one) for one in measured],
+        tables=(Table("break-even", caption, header, lines, sorts=True),),
+        points=_points(measured),
         name="break_even",
         header="dataset,technique,what,true_positive_rate,false_positive_rate,auc,lowest,highest",
         rows=rows,
     )
 
 
-def _said(one: BreakEven) -> str:
-    name, fpr = one.case.name, one.trust.false_positive_rate
-    change = f"the area goes from {one.baseline:.3f} to {one.consensus:.3f} with it"
-    if one.rate is None:
-        return (
-            f"{name}: no break-even, trusting every wrong match beside as many right ones still "
-            f"gains; {change}."
+def _points(measured: Sequence[BreakEven]) -> list[str]:
+    """The cases in which weighting by the consensus costs, or has no break-even."""
+    costs = [
+        f"{one.case.name} ({one.consensus - one.baseline:+.3f})"
+        for one in measured
+        if one.consensus < one.baseline
+    ]
+    never = [one.case.name for one in measured if one.rate is None]
+    points = []
+    if costs:
+        points.append(
+            f"The consensus costs in {len(costs)} of {len(measured)} cases: {listed(costs)}."
         )
-    if one.rate == 0:
-        return f"{name}: weighting costs even if no wrong match is trusted; {change}."
-    side = "below" if fpr < one.rate else "above"
-    agrees = (one.consensus >= one.baseline) == (fpr < one.rate)
-    luck = "" if agrees else ", the other way round: its errors are not like drawn ones"
-    return (
-        f"{name}: break-even at {one.rate:.3f} of the wrong matches trusted. The consensus trusts "
-        f"{fpr:.3f} of them, {side} it; {change}{luck}."
-    )
+    if never:
+        points.append(f"Trusting every wrong match still gains: {listed(never)}.")
+    return points
 
 
 def _draw(ax: Axes, one: BreakEven, *, theme: Theme) -> Axes:
@@ -177,20 +185,16 @@ def _draw(ax: Axes, one: BreakEven, *, theme: Theme) -> Axes:
         marker="o",
         markersize=4,
         clip_on=False,
-        label=f"drawn predictors that trust {one.trust.recall:.2f} of the right matches "
-        "(mean, worst to best)",
+        label="drawn predictors (mean, worst to best)",
     )
     dashes = (0, (4, 3))
     label = "unweighted sequence"
     ax.axhline(one.baseline, color=theme.muted, linestyle=dashes, linewidth=1.4, label=label)
     if one.rate is not None:
-        label = f"break-even, {one.rate:.3f}"
+        label = "break-even"
         ax.axvline(one.rate, color=theme.muted, linestyle=":", linewidth=1.2, label=label)
-    fpr = one.trust.false_positive_rate
-    label = f"the consensus: trusts {fpr:.3f} of the wrong matches"
-    star(ax, (fpr, one.consensus), theme.trusted_wrong, label, theme)
+    at = one.trust.false_positive_rate, one.consensus
+    star(ax, at, theme.trusted_wrong, "the consensus", theme)
     ax.set_xlim(0, 1)
     ax.set_ylim(0, 1)
-    ax.set_xlabel("false positive rate (share of the wrong single matches that are trusted)")
-    ax.set_ylabel(f"area under the precision-recall curve up to recall {UPTO:g}")
     return finish(ax)

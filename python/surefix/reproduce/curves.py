@@ -1,6 +1,7 @@
 """Precision-recall curves: sequences, single frames, and against the perfect prediction."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from surefix.baselines import (
 from surefix.baselines.truth import Truth, by_metres
 from surefix.errors import SurefixError
 from surefix.matches import Matches
-from surefix.report.page import Picture
+from surefix.report.page import Table
 from surefix.reproduce.case import Case, Settings
 from surefix.reproduce.exhibit import Cell, Exhibit, pictured
 from surefix.study import UPTO
@@ -50,7 +51,7 @@ def sequences(cases: Sequence[Case], settings: Settings) -> Exhibit:
 def single_frames(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """Single frames: by the distance, by the gradient, and masked by the two predictions."""
     curves: dict[Case, Curves] = {}
-    points = []
+    points: list[str] = []
     for case in cases:
         begin = case.D.shape[1] // 3
         methods = {
@@ -66,7 +67,6 @@ def single_frames(cases: Sequence[Case], settings: Settings) -> Exhibit:
             name: _evaluate_from(case, begin, matches, settings)
             for name, matches in methods.items()
         }
-        points.append(f"{case.name}: {_ranked(curves[case])}.")
     return _exhibit(
         "single_frame",
         "Single frames",
@@ -92,8 +92,8 @@ def perfect_prediction(cases: Sequence[Case], settings: Settings) -> Exhibit:
         plain, weighted = study.results
         curves[case] = {
             "weighted by the prediction": weighted.curve,
-            "weighted by a perfect prediction": study["perfect-weighted"].curve,
             "unweighted": plain.curve,
+            "weighted by a perfect prediction": study["perfect-weighted"].curve,
         }
     return _exhibit(
         "perfect_prediction",
@@ -105,7 +105,7 @@ def perfect_prediction(cases: Sequence[Case], settings: Settings) -> Exhibit:
         ),
         curves,
         settings,
-        [f"{case.name}: {_ranked(named)}." for case, named in curves.items()],
+        (),
     )
 
 
@@ -154,16 +154,37 @@ def _exhibit(
     points: Sequence[str],
 ) -> Exhibit:
     rows: list[Sequence[Cell]] = []
-    pictures: dict[str, Picture] = {}
+    methods: dict[str, None] = {}
     for case, named in curves.items():
+        methods |= dict.fromkeys(named)
         for method, curve in named.items():
             columns = (curve.recall, curve.precision, curve.thresholds, curve.false_positives)
             numbers = zip(*(column.tolist() for column in columns), strict=True)
             rows += [(case.dataset, case.technique, method, *point) for point in numbers]
-        alt = (
-            f"Precision-recall curves of {case.name}. Area up to recall {UPTO:g}: {_ranked(named)}."
-        )
-        options = {"upto": UPTO, "recall": settings.recall}
-        pictures |= pictured(name, case, alt, plot.precision_recall, named, **options)
+    options: Any = {"upto": UPTO, "recall": settings.recall}
+    pictures = pictured(
+        name,
+        list(curves),
+        lambda ax, case, theme: plot.precision_recall(ax, curves[case], theme=theme, **options),
+        lambda case: f"area up to recall {UPTO:g}: {_ranked(curves[case])}",
+        x=f"recall (\u201c{settings.recall}\u201d)",
+        y="precision",
+    )
+    lines = [
+        (case.name, *(_area(named[method]) if method in named else "\u2013" for method in methods))
+        for case, named in curves.items()
+    ]
+    caption = f"Area up to recall {UPTO:g}"
+    table = Table(name.replace("_", "-"), caption, ("case", *methods), lines, sorts=True)
     header = "dataset,technique,curve,recall,precision,threshold,false_positives"
-    return Exhibit(title, paragraphs, pictures, points=points, name=name, header=header, rows=rows)
+    return Exhibit(
+        title,
+        paragraphs,
+        pictures,
+        # Table I has those of the sequences.
+        tables=() if name == "precision_recall" else (table,),
+        points=points,
+        name=name,
+        header=header,
+        rows=rows,
+    )

@@ -1,11 +1,14 @@
 """An exhibit, a table or figure of the paper: rows for a CSV file, pictures, sentences."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from surefix.report.page import Picture, Section, drawn
+from matplotlib.axes import Axes
+
+from surefix.plot.theme import Theme
+from surefix.report.multiples import multiples
+from surefix.report.page import Picture, Section
 from surefix.reproduce.case import Case
 
 __all__ = ["Cell", "Exhibit", "listed", "pictured", "shown", "stem"]
@@ -15,7 +18,7 @@ Cell = str | int | float | None
 
 @dataclass(frozen=True, kw_only=True)
 class Exhibit(Section):
-    """One table or figure of the paper, made again; its points are a sentence a case.
+    """One table or figure of the paper, made again.
 
     Attributes
     ----------
@@ -31,12 +34,22 @@ class Exhibit(Section):
 
 
 def pictured(
-    name: str, case: Case, alt: str, draw: Any, *data: Any, **options: Any
+    name: str,
+    cases: Sequence[Case],
+    draw: Callable[[Axes, Case, Theme], object],
+    said: Callable[[Case], str],
+    x: str,
+    y: str,
 ) -> dict[str, Picture]:
-    """A picture of one case, as by ``drawn``, by the name of its file."""
-    file = f"{stem(name, case.dataset, case.technique)}.png"
-    picture = drawn((6.4, 4.9), alt, draw, *data, caption=case.name, small=True, **options)
-    return {file: picture}
+    """A picture with a panel for each case, by the name of its file; ``said`` is a case in words,
+    for readers who cannot see it.
+    """
+
+    def panel(ax: Axes, index: int, theme: Theme) -> None:
+        draw(ax, cases[index], theme)
+
+    alt = " ".join(f"{case.name}: {said(case)}." for case in cases)
+    return {f"{name}.png": multiples([case.name for case in cases], panel, alt, x=x, y=y)}
 
 
 def shown(value: float | None, digits: int = 3) -> str:

@@ -69,6 +69,7 @@ def write_report(
         _tiles(made[0], len(cases)),
         [*made, _data(cases, settings, problems), _made(settings, command)],
         tables,
+        contents=True,
     )
 
 

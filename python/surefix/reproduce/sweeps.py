@@ -7,7 +7,7 @@ import numpy as np
 from surefix import plot
 from surefix.baselines import noisy_predictor
 from surefix.baselines.distances import Flags, Floats
-from surefix.report.page import Picture, Table
+from surefix.report.page import Table
 from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
 from surefix.reproduce.exhibit import Cell, Exhibit, listed, pictured, shown
 from surefix.study import UPTO, Study
@@ -28,25 +28,34 @@ def weight_sweep(cases: Sequence[Case], settings: Settings) -> Exhibit:
     # With the paper's own weight among them.
     weights = np.union1d(np.linspace(0, 1, 5 if settings.quick else 21), [WEIGHT])
     rows: list[Sequence[Cell]] = []
-    pictures: dict[str, Picture] = {}
-    points = []
-    for case in cases:
-        bands = _bands(case.study(settings), weights, settings)
+    lines = []
+    swept = {case: _bands(case.study(settings), weights, settings) for case in cases}
+    at = int(np.flatnonzero(weights == WEIGHT)[0])
+    for case, bands in swept.items():
         for name, band in bands.items():
             numbers = zip(*(column.tolist() for column in (weights, *band)), strict=True)
             rows += [(case.dataset, case.technique, name, *point) for point in numbers]
-        ends = ", ".join(
-            f"{name} {area[0]:.2f} to {area[-1]:.2f}" for name, (area, *_) in bands.items()
-        )
-        alt = (
-            f"Area up to recall {UPTO:g} by weight, for {case.name}; from weight 0 to weight 1: "
-            f"{ends}."
-        )
-        pictures |= pictured("weight_sweep", case, alt, plot.weight_sweep, weights, bands)
-        said = "; ".join(_said(name, weights, band[0]) for name, band in bands.items())
-        points.append(
-            f"{case.name}: {bands['perfect'][0][0]:.3f} unweighted. At weight {WEIGHT:g}: {said}."
-        )
+        area = bands["consensus"][0]
+        spans = (_spans(weights, which) for which in (area > area[0], area < area[0]))
+        start = shown(bands["perfect"][0][0])
+        areas = (shown(band[0][at]) for band in bands.values())
+        lines.append((case.name, start, *areas, *(span or "\u2013" for span in spans)))
+    pictures = pictured(
+        "weight_sweep",
+        cases,
+        lambda ax, case, theme: plot.weight_sweep(ax, weights, swept[case], theme=theme),
+        lambda case: (
+            "area from weight 0 to weight 1: "
+            + ", ".join(
+                f"{name} {area[0]:.2f} to {area[-1]:.2f}"
+                for name, (area, *_) in swept[case].items()
+            )
+        ),
+        x="weight w (0: unweighted, 1: a trusted match is drawn down to the floor)",
+        y=f"area up to recall {UPTO:g}",
+    )
+    header = ("case", "unweighted", *next(iter(swept.values())), "gains at", "costs at")
+    caption = f"Area at weight {WEIGHT:g}, and the weights at which the consensus gains and costs"
     return Exhibit(
         "How far to draw trusted matches: the weight from 0 to 1",
         (
@@ -60,7 +69,7 @@ def weight_sweep(cases: Sequence[Case], settings: Settings) -> Exhibit:
             "Break-even is the weight at which a line crosses the height that it has at weight 0.",
         ),
         pictures,
-        points=points,
+        tables=(Table("weight-sweep", caption, header, lines, sorts=True),),
         name="weight_sweep",
         header="dataset,technique,predictor,weight,auc,low,high",
         rows=rows,
@@ -94,16 +103,6 @@ def _band(study: Study, weights: Floats, flags: Sequence[Flags | None], settings
     return auc, low, high
 
 
-def _said(name: str, weights: Floats, areas: Floats) -> str:
-    """A predictor's sweep in words."""
-    start, paper = areas[0], areas[np.flatnonzero(weights == WEIGHT)[0]]
-    gains, costs = _spans(weights, areas > start), _spans(weights, areas < start)
-    effect = "no weight costs" if gains else "no weight gains" if costs else "no weight changes it"
-    if gains and costs:
-        effect = f"gains at {gains}, costs at {costs}"
-    return f"{name} {paper:.3f} ({effect})"
-
-
 def _spans(weights: Floats, mask: Flags) -> str:
     """The weights that are set, as ranges."""
     turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])))).reshape(-1, 2)
@@ -119,40 +118,51 @@ def _rates(rates: tuple[float, float]) -> str:
 def ablation(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """Every length of every case."""
     rows: list[Sequence[Cell]] = []
-    pictures: dict[str, Picture] = {}
-    lines, losses = [], []
+    lines: list[Sequence[str]] = []
+    areas: dict[Case, dict[str, list[float]]] = {}
+    apart: dict[str, list[str]] = {"larger": [], "smaller": [], "wins": [], "loses": []}
     for case in cases:
-        areas: dict[str, list[float]] = {"weighted": [], "unweighted": []}
+        own = areas[case] = {"weighted": [], "unweighted": []}
         for length in LENGTHS:
             plain, weighted = case.study(settings).at(sequence_length=length).results
             before, after = plain.curve.auc(UPTO), weighted.curve.auc(UPTO)
-            difference, low, high = weighted.difference
-            areas["weighted"].append(after)
-            areas["unweighted"].append(before)
-            rows.append(
-                (case.dataset, case.technique, length, before, after, difference, low, high)
-            )
-            if after < before:
-                change = f"{before:.3f} to {after:.3f}, interval {low:+.3f} to {high:+.3f}"
-                losses.append(f"{case.name}, L = {length} ({change})")
-        lines += [(case.name, name, *map(shown, values)) for name, values in areas.items()]
-        text = "; ".join(f"{name} {', '.join(map(shown, each))}" for name, each in areas.items())
-        span = f"L from {LENGTHS[0]} to {LENGTHS[-1]}"
-        alt = f"Area by sequence length for {case.name}, {span}: {text}."
-        pictures |= pictured("ablation", case, alt, plot.ablation, LENGTHS, areas)
+            own["weighted"].append(after)
+            own["unweighted"].append(before)
+            rows.append((case.dataset, case.technique, length, before, after, *weighted.difference))
+            said = f"{case.name}, L = {length} ({after - before:+.3f})"
+            if after != before:
+                apart["larger" if after > before else "smaller"].append(said)
+            if weighted.outcome != "level":
+                apart[weighted.outcome].append(said)
+        lines += [(case.name, name, *map(shown, values)) for name, values in own.items()]
+    pictures = pictured(
+        "ablation",
+        cases,
+        lambda ax, case, theme: plot.ablation(ax, LENGTHS, areas[case], theme=theme),
+        lambda case: "; ".join(
+            f"{name} {', '.join(map(shown, each))}" for name, each in areas[case].items()
+        ),
+        x="sequence length L (queries)",
+        y=f"area up to recall {UPTO:g}",
+    )
     total = len(cases) * len(LENGTHS)
     header = ("case", "sequence", *(f"L = {k}" for k in LENGTHS))
-    said = f"In {len(losses)} of the {total} cases and lengths the weighted area is the smaller"
+    wins, loses = apart["wins"], apart["loses"]
+    points = [
+        f"Of the {total} cases and lengths the weighted area is larger in {len(apart['larger'])} "
+        f"and smaller in {len(apart['smaller'])}. Its interval is above 0 in {len(wins)}, below 0 "
+        f"in {len(loses)}{': ' + listed(loses) if loses else ''}."
+    ]
     return Exhibit(
         "The length of the sequence",
         (
             f"The area up to recall {UPTO:g} for L from {LENGTHS[0]} to {LENGTHS[-1]} queries, "
             f"unweighted and weighted with w = {WEIGHT:g}. A longer sequence waits longer for its "
             "first answer, and asks more of a robot to move as the first drive did.",
-            f"{said}{': ' + listed(losses) if losses else ''}.",
         ),
         pictures,
-        tables=(Table("ablation", f"Area up to recall {UPTO:g}", header, lines),),
+        tables=(Table("ablation", f"Area up to recall {UPTO:g}", header, lines, sorts=True),),
+        points=points,
         name="ablation",
         header="dataset,technique,length,unweighted,weighted,difference,low,high",
         rows=rows,

@@ -1,12 +1,10 @@
 """Table I: the areas up to 20 % recall and their difference; the false positives behind it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from textwrap import fill
-from typing import Any
 
-from surefix import plot
-from surefix.report.page import Picture, Table, drawn
+from surefix.report.multiples import Interval, forest
+from surefix.report.page import Table
 from surefix.report.tables import count
 from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
 from surefix.reproduce.exhibit import Cell, Exhibit, listed, shown
@@ -19,8 +17,6 @@ __all__ = ["false_positives", "table_1"]
 TRACKERS = ("track_steady", "track_free", "track_any", "track_odometry", "fused")
 # The errors of the odometry that is made of the truth: its scale, and a step's deviation.
 ODOMETRY = {"scale_error": 0.03, "noise": 0.1}
-# Letters in a line of a label: a longer one leaves the picture no room.
-LABEL = 48
 
 
 def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: Settings) -> Exhibit:
@@ -62,25 +58,30 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
         "any, techniques fused",
     )  # fmt: skip
     caption = f"Area up to recall {UPTO:g}, L = {LENGTH}, w = {WEIGHT:g}"
-    pictures = _pictures(
-        "table_1",
-        cases,
-        settings,
-        plot.auc_intervals,
-        lambda result: result.area,
-        lambda part: (
-            f"Areas with their intervals: {'; '.join(_said(case, settings) for case in part)}."
-        ),
-        "Each area with its own interval. Whether two of a pair differ is told by the interval of "
-        "their difference.",
+    areas_of = {
+        case.name: {name: result.area for name, result in _named(case, settings).items()}
+        for case in cases
+    }
+    picture = forest(
+        areas_of,
+        f"Areas with their intervals: {'; '.join(_said(case, settings) for case in cases)}.",
+        x=f"area up to recall {UPTO:g}, and its 95 % interval",
+        caption="Each area with its own interval. Whether two of a pair differ is told by the "
+        "interval of their difference, in the table.",
     )
     return Exhibit(
         "Table I: the area up to 20 % recall",
         _paragraphs(cases, paper, absent, settings),
-        pictures,
+        {"table_1.png": picture},
         tables=(
-            Table("table-1", caption, header, lines),
-            Table("table-1-tracker", f"The tracker: area up to recall {UPTO:g}", trackers, tracked),
+            Table("table-1", caption, header, lines, sorts=True),
+            Table(
+                "table-1-tracker",
+                f"The tracker: area up to recall {UPTO:g}",
+                trackers,
+                tracked,
+                sorts=True,
+            ),
         ),
         points=_points(cases, settings),
         name="table_1",
@@ -90,30 +91,6 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
         "paper_baseline,paper_weighted",
         rows=rows,
     )
-
-
-def _pictures(
-    name: str,
-    cases: Sequence[Case],
-    settings: Settings,
-    draw: Any,
-    of: Callable[[Result], Any],
-    alt: Callable[[Sequence[Case]], str],
-    caption: str = "",
-) -> dict[str, Picture]:
-    """A number of each result, eight cases in a picture: more rows cannot be read."""
-    pictures = {}
-    for start in range(0, len(cases), 8):
-        part = cases[start : start + 8]
-        values = {
-            fill(f"{case.name}: {which}", LABEL): of(result)
-            for case in part
-            for which, result in _named(case, settings).items()
-        }
-        size, number = (8.6, 1.0 + 0.36 * len(values)), f"_{start // 8 + 1}" if start else ""
-        picture = drawn(size, alt(part), draw, values, caption=caption, small=True)
-        pictures[f"{name}{number}.png"] = picture
-    return pictures
 
 
 def _pair(own: PaperRow | None) -> str:
@@ -184,7 +161,8 @@ def _points(cases: Sequence[Case], settings: Settings) -> Sequence[str]:
         ("Level, the interval holds 0, in", "level"),
     ):
         which = [case for case, result in weighted.items() if result.outcome == outcome]
-        some = f": {listed([_said(case, settings) for case in which])}" if which else ""
+        names = [f"{case.name} ({weighted[case].difference[0]:+.3f})" for case in which]
+        some = f": {listed(names)}" if which and outcome != "level" else ""
         points.append(f"{words} {len(which)} of {len(cases)} rows{some}.")
     short = [
         f"{case.name} ({name}, ends at recall {curve.max_recall:.3f})"
@@ -214,8 +192,8 @@ def _said(case: Case, settings: Settings) -> str:
 
 def false_positives(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """The wrong matches that are accepted by 20 % recall, behind each row of Table I."""
-    rows: list[Sequence[Cell]] = []
-    points = []
+    rows: list[tuple[str, str, int | None, int | None, int, int]] = []
+    counts: dict[str, dict[str, Interval]] = {}
     fewer = more = same = 0
     for case in cases:
         plain, weighted = (result.curve for result in case.study(settings).results)
@@ -225,20 +203,24 @@ def false_positives(cases: Sequence[Case], settings: Settings) -> Exhibit:
             same += after == before
         correct = plain.correct, weighted.correct
         rows.append((case.dataset, case.technique, before, after, *correct))
-        points.append(f"{case.name}: {count(before)} unweighted, {count(after)} weighted.")
+        counts[case.name] = {
+            name: (number, None, None)
+            for name, number in (("unweighted", before), ("weighted", after))
+        }
     rest = len(cases) - fewer - more - same
 
-    def alt(part: Sequence[Case]) -> str:
-        text = ", ".join(
-            f"{case.name}: {name} {count(result.curve.false_positives_at(UPTO))}"
-            for case in part
-            for name, result in _named(case, settings).items()
-        )
-        return f"Wrong matches accepted by recall {UPTO:g}: {text}."
-
-    def false(result: Result) -> int | None:
-        return result.curve.false_positives_at(UPTO)
-
+    words = {f"{row[0]}, {row[1]}": [count(row[2]), count(row[3])] for row in rows}
+    text = "; ".join(f"{name}: {both[0]}, {both[1]} weighted" for name, both in words.items())
+    picture = forest(
+        counts,
+        f"Wrong matches accepted by recall {UPTO:g}, unweighted and weighted: {text}.",
+        x=f"false positives at recall {UPTO:g} (wrong matches accepted)",
+        limits=(0, None),
+        none="never there",
+    )
+    lines = [(name, *both) for name, both in words.items()]
+    header = ("case", "unweighted", "weighted")
+    caption = f"Wrong matches accepted by recall {UPTO:g}"
     return Exhibit(
         "False positives at 20 % recall",
         (
@@ -247,8 +229,8 @@ def false_positives(cases: Sequence[Case], settings: Settings) -> Exhibit:
             f"in {fewer}, more in {more} and leaves their number in {same} of {len(cases)} rows; "
             f"in {rest} a curve ends before that recall.",
         ),
-        _pictures("false_positives", cases, settings, plot.false_positives, false, alt),
-        points=points,
+        {"false_positives.png": picture},
+        tables=(Table("false-positives", caption, header, lines, sorts=True),),
         name="false_positives",
         header="dataset,technique,unweighted,weighted,correct_unweighted,correct_weighted",
         rows=rows,

@@ -11,7 +11,8 @@ from surefix import plot
 from surefix._core import Matcher
 from surefix.baselines.distances import Floats
 from surefix.plot.theme import Theme
-from surefix.report.page import Table, drawn
+from surefix.report.multiples import multiples
+from surefix.report.page import Table
 from surefix.reproduce.case import LENGTH, WEIGHT, Settings
 from surefix.reproduce.exhibit import Exhibit, shown
 
@@ -67,6 +68,14 @@ def execution_time(machine: str, settings: Settings) -> Exhibit:
         )
     said = _said(rows)
     alt = f"Time by number of places. {said}"
+    picture = multiples(
+        [""],
+        lambda ax, _, theme: _draw(ax, rows, theme=theme),
+        alt,
+        x="places on the map",
+        y="median time for a push (microseconds)",
+        heights=(3.6, 3.0),
+    )
     header = (
         "places", "mean: prediction", "mean: weighted sequence", "mean: whole",
         "median: prediction", "median: weighted sequence", "median: whole",
@@ -86,8 +95,8 @@ def execution_time(machine: str, settings: Settings) -> Exhibit:
             "a call from Python, it has no point in the picture.",
             said,
         ),
-        {"execution_time.png": drawn((6.4, 4.9), alt, _draw, rows, small=True)},
-        tables=(Table("execution-time", "Microseconds for a push", header, lines),),
+        {"execution_time.png": picture},
+        tables=(Table("execution-time", "Microseconds for a push", header, lines, sorts=True),),
         name="execution_time",
         header="places,pushes,prediction_median_us,whole_median_us,sequence_us,prediction_mean_us,"
         "whole_mean_us,sequence_mean_us",
@@ -113,6 +122,4 @@ def _draw(ax: Axes, rows: Sequence[Sequence[float]], *, theme: Theme) -> Axes:
         "prediction (gradient and consensus)": table[:, 2],
         "weighted sequence (the difference)": sequence,
     }
-    plot.execution_time(ax, table[:, 0], times, theme=theme)
-    ax.set_ylabel("median time for a push (microseconds)")
-    return ax
+    return plot.execution_time(ax, table[:, 0], times, theme=theme)

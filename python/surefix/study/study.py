@@ -18,7 +18,7 @@ from surefix._core import (
 )
 from surefix.baselines import Context, run_method
 from surefix.baselines.distances import Distances, Flags, Floats, Places
-from surefix.baselines.truth import Truth, by_metres, right_matches
+from surefix.baselines.truth import Truth, by_metres, first_true_places, right_matches
 from surefix.contradicting import known_queries
 from surefix.matches import Matches
 from surefix.study.confidence import (
@@ -299,18 +299,7 @@ class Study:
         """A true place of each query, (m,): the nearest or first of several, -1 for none, and if it
         is not known.
         """
-        if by_metres(self.truth):
-            places, queries = self._positions
-            found = np.full(len(queries), -1, np.int64)
-            for query, here in enumerate(queries):
-                apart = np.sqrt(((places - here) ** 2).sum(axis=1))
-                if apart.min() <= self.tolerance:
-                    found[query] = np.argmin(apart)
-            return found
-        truth = np.asarray(self.truth)
-        if truth.ndim == 2:
-            truth = np.where((truth == 1).any(axis=0), np.argmax(truth == 1, axis=0), -1)
-        return np.where(np.isnan(truth), -1, truth).astype(np.int64)
+        return first_true_places(self.truth, self.tolerance)
 
     def off(self, query: int, place: int) -> str:
         """The distance of a match from the truth, in words."""

@@ -112,8 +112,11 @@ def test_the_page_is_whole_and_says_that_it_is_generated_and_whose_numbers_are_t
     folder, _ = report
     reader = read((folder / "report.html").read_text(encoding="utf-8"))
     assert reader.language == "en"
-    assert all(link.startswith("data:image/") for link in reader.links)
-    assert not reader.tags & {"script", "link", "iframe"}
+    # Links stay on the page, or are the pictures themselves.
+    inside = [link for link in reader.links if not link.startswith("data:image/")]
+    assert len(inside) == len(NAMES) + 2
+    assert all(link.startswith("#") and link[1:] in reader.ids for link in inside)
+    assert not reader.tags & {"link", "iframe"}
     assert all(image["alt"] for image in reader.images)
     for words in (
         "on a generated route",
@@ -124,7 +127,9 @@ def test_the_page_is_whole_and_says_that_it_is_generated_and_whose_numbers_are_t
         "Made with --quick",
     ):
         assert words in reader.text
-    assert len(reader.images) == len(list(folder.glob("*.png")))
+    # A picture for each exhibit, however many cases there are.
+    assert {path.stem for path in folder.glob("*.png")} == NAMES
+    assert len(reader.images) == len(NAMES)
 
 
 @pytest.mark.slow
@@ -662,7 +667,12 @@ def test_the_ten_published_techniques_of_the_corridor_fill_their_rows() -> None:
     assert len(cases) == 11
     comparison = table_1(cases, [], QUICK)
     assert [row[1] for row in comparison.rows] == [case.technique for case in cases]
+    assert [row[1] for row in comparison.tables[0].rows] == [case.technique for case in cases]
+    # Words are for what wins or loses; the others are in the table and in the picture.
     said = " ".join(comparison.points)
-    assert all(case.name in said for case in cases)
+    for case, row in zip(cases, comparison.tables[0].rows, strict=True):
+        assert (case.name in said) == (row[7] != "level")
+    (picture,) = comparison.pictures.values()
+    assert all(case.name in picture.alt for case in cases)
     lengths = ablation(cases[:1], QUICK).rows
     assert [row[2] for row in lengths] == list(range(2, 10))
