@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 
 __all__ = ["Reader", "read"]
 
-VOID = {"meta", "img", "source", "br", "link"}
+VOID = {"meta", "img", "source", "br", "link", "input"}
 
 
 @dataclass
@@ -45,6 +45,8 @@ class Reader(HTMLParser):
         self.within = None
 
     def handle_data(self, text: str) -> None:
+        if self.open and self.open[-1] == "script":
+            return
         self.text += text
         if self.within is not None:
             self.ids[self.within] += text

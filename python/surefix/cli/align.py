@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -18,6 +19,7 @@ from surefix.cli import inputs
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read
 from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.pages import Open, show, title_of
 from surefix.cli.recorded import Drive, open_drive
 from surefix.cli.route import SaveMap
 from surefix.tables.fix_files import check_form, created, form_of, open_writer, rows_of
@@ -49,6 +51,7 @@ def align_(
     order: inputs.Order = "name",
     strict: inputs.Strict = False,
     crop: inputs.Crop = False,
+    open_: Open = False,
 ) -> None:
     """Align a recorded drive with a route, without any label: a truth for `surefix eval`.
 
@@ -76,6 +79,8 @@ def align_(
         raise typer.BadParameter(str(error)) from None
     named = ModelOptions(model, weights)
     check_not_read(out, [route, queries, *(fuse or ()), *named.files, odometry])
+    if report is None and open_:
+        report = Path(tempfile.mkdtemp(prefix="surefix-"))
     write_report = None if report is None else _writer(report)
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
@@ -98,7 +103,7 @@ def align_(
             write(row)
     found = int((alignment.confidence >= least).sum())
     away = int((alignment.off_map >= 0.5).sum())
-    where = str(out)
+    where, page = str(out), None
     if write_report is not None:
         command, how = shlex.join(["surefix", *sys.argv[1:]]), {"motion": motion}
         page = write_report(
@@ -109,6 +114,7 @@ def align_(
             places=drive.places,
             breaks=drive.maps[0].segments.breaks.tolist() if drive.maps else (),
             query_names=drive.queries,
+            title=title_of(queries, route),
             **how,
         )
         where += f", and a report, {page}"
@@ -117,6 +123,8 @@ def align_(
         f"{least:g} or more, {away} probably off the map, in {where}",
         file=sys.stderr,
     )
+    if page is not None:
+        show(page, open_)
 
 
 def _writer(folder: Path) -> Callable[..., Path]:

@@ -13,6 +13,7 @@ from surefix import Localizer, Map, Sad, SurefixError, match_distances
 from surefix._extra import drawing
 from surefix.baselines import Context
 from surefix.cli.inputs import refuse
+from surefix.cli.pages import Open, show
 from surefix.cli.save_drives import Form
 from surefix.cli.save_drives import save_drives as written
 from surefix.live import TerminalView
@@ -84,6 +85,7 @@ def demo(
         Form | None,
         typer.Option("--as", help="--save-drives: as images (by default), videos or ROS 2 bags."),
     ] = None,
+    open_: Open = False,
 ) -> None:
     """See it work, without any data: drive a generated route twice, localize live, get a report."""
     begin = time.perf_counter()
@@ -96,7 +98,9 @@ def demo(
         return
     undrawn = _prepare(out)
     if town:
-        _town(out, min(places, TOWN), (width, height), seed, undrawn)
+        page = _town(out, min(places, TOWN), (width, height), seed, undrawn)
+        if page is not None:
+            show(page, open_)
         return
     route = Route(places=places, size=(width, height), spacing=SPACING, seed=seed)
     reference, revisit = route.reference(), route.revisit(legs=legs(places))
@@ -142,6 +146,7 @@ def demo(
         report = write_report(demo_, out, command, seconds)
     took = time.perf_counter() - begin
     print(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
+    show(report, open_)
 
 
 def _save_drives(folder: Path, form: Form, road: Route) -> None:
@@ -161,7 +166,9 @@ def _prepare(out: Path) -> str | None:
     return None
 
 
-def _town(out: Path, places: int, size: tuple[int, int], seed: int, undrawn: str | None) -> None:
+def _town(
+    out: Path, places: int, size: tuple[int, int], seed: int, undrawn: str | None
+) -> Path | None:
     begin = time.perf_counter()
     made = drive_through(places, size, seed)
     m, roads = len(made.drive), made.town.segments
@@ -179,7 +186,7 @@ def _town(out: Path, places: int, size: tuple[int, int], seed: int, undrawn: str
         )
     if undrawn is not None:
         print(undrawn)
-        return
+        return None
     command = (
         f"surefix demo --town --places {places} --width {size[0]} --height {size[1]} --seed {seed}"
     )
@@ -189,6 +196,7 @@ def _town(out: Path, places: int, size: tuple[int, int], seed: int, undrawn: str
         report = write_town(made, out, command, time.perf_counter() - begin)
     took = time.perf_counter() - begin
     print(f"Made {report}, with its pictures, the map and the fixes beside it, in {took:.1f} s")
+    return report
 
 
 def _localize(

@@ -33,6 +33,7 @@ from surefix.cli.drives import (
 from surefix.cli.flags import SELDOM, TRUTH, documented, settings_of, with_options
 from surefix.cli.inputs import refuse
 from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.pages import Open, show, title_of
 from surefix.cli.pictures import pictures_of, reference_images
 from surefix.cli.results import print_results, warn_of_fit, warn_of_similarities
 from surefix.cli.route import Route, SaveMap, is_matrix, open_route
@@ -116,6 +117,7 @@ def eval_(
     order: inputs.Order = "name",
     strict: inputs.Strict = False,
     crop: inputs.Crop = False,
+    open_: Open = False,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
     report.
@@ -386,11 +388,16 @@ def eval_(
     try:
         with console.status("Drawing the report"):
             mistakes = {*study.mistakes(MISTAKES), *study.trusted_mistakes(MISTAKES)}
+            images, album = (
+                pictures_of(frames, mistakes, levels) if frames is not None else (None, None)
+            )
             report = write_report(
                 study,
                 out,
                 shlex.join(["surefix", *sys.argv[1:]]),
-                queries=None if frames is None else pictures_of(frames, mistakes, levels),
+                title=title_of(queries, route),
+                queries=images,
+                album=album,
                 references=pictures,
                 query_names=None if frames is None or frames.ready is not None else names,
                 place_names=pictures.names if isinstance(pictures, Images) else place_names,
@@ -407,6 +414,7 @@ def eval_(
         f"beside it, in {time.perf_counter() - begin:.1f} s"
         + "".join(f"; {note}" for note in notes)
     )
+    show(report, open_)
 
 
 def _check_before(places: int, options: dict[str, Any], out: Path) -> None:

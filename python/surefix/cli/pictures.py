@@ -2,9 +2,8 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
-from itertools import islice
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from surefix import Map
 from surefix.cli import inputs
@@ -16,19 +15,32 @@ from surefix.frames.levels import in_8_bits
 from surefix.frames.opening import is_recording
 from surefix.frames.recording import is_bag
 
+if TYPE_CHECKING:
+    from surefix.report.album import Album
+
 Pictures: TypeAlias = Sequence[UInt8] | Mapping[int, UInt8]
 
 
 def pictures_of(
     frames: Frames, wanted: Collection[int], levels: tuple[int, int] | None
-) -> Pictures | None:
-    """The images of these frames at least; a recording is read again, up to the last of them."""
+) -> tuple[Pictures | None, "Album | None"]:
+    """The images of these frames at least, and of a recording, which is read again, small copies
+    of all.
+    """
+    from surefix.report.album import Album
+
     if isinstance(frames, ImageFrames):
-        return None if frames.ready is not None else ShownImages(frames.images, levels)
+        return None if frames.ready is not None else ShownImages(frames.images, levels), None
+    chosen, album = {}, Album()
     with closing(frames.shots()) as shots:
-        until = islice(shots, max(wanted, default=-1) + 1)
-        chosen = ((index, shot) for index, shot in enumerate(until) if index in wanted)
-        return {index: in_8_bits(shot.read(), levels) for index, shot in chosen}
+        for index, shot in enumerate(shots):
+            if index not in wanted and not album.wants(index):
+                continue
+            image = in_8_bits(shot.read(), levels)
+            album.add(index, image)
+            if index in wanted:
+                chosen[index] = image
+    return chosen, album
 
 
 def reference_images(

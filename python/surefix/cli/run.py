@@ -29,6 +29,7 @@ from surefix.cli.inputs import (
     scale_of,
 )
 from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.pages import Open, RunPage, page_of, show, title_of
 from surefix.cli.route import SaveMap, open_route
 from surefix.cli.views import leave_room, open_views
 from surefix.frames import Advances, Frame, Frames, ImageFrames, in_8_bits
@@ -83,6 +84,8 @@ def run(
     live: Annotated[bool, S] = False,
     save: Annotated[Path | None, S] = None,
     references: Annotated[str | None, S] = None,
+    report: Annotated[Path | None, S] = None,
+    open_: Open = False,
 ) -> None:
     """Localize along a route: a fix for each query, as it comes.
 
@@ -125,6 +128,8 @@ def run(
     save: Write a recording, to be opened by rerun FILE.rrd.
     references: The map's images, to be shown beside the queries in place of its thumbnails: a
         folder, a .npy, or the video or bag that the map was made of.
+    report: Write an interactive page, PAGE.html: each query beside its match, the distances, trust
+        and confidence.
     """
     above_0 = {"--every": every, "--metres": metres, "--gap": gap, "--spacing": spacing}
     for option, value in above_0.items():
@@ -192,6 +197,8 @@ def run(
     refuse(form == "mcap" and out is None, "--format mcap: expected --out FILE, got none")
     if save is not None:
         _check_save(save, read)
+    if (page := page_of(report, open_)) is not None:
+        check_not_read(page, read)
     clipping = Clipping(places.levels)
     kind = options.get("motion") or (motion and "of the settings")
     summary = Summary(kind, accept, settings.options["tolerance"])
@@ -200,7 +207,9 @@ def run(
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
         pairs = known.pictures if references is None else (references, topic)
-        seen = open_views(places, source.estimate, live=live, save=save, references=pairs)
+        shown: Any = {"live": live, "save": save, "references": pairs}
+        shown["report"] = None if page is None else (page, title_of(queries, route))
+        seen = open_views(places, source.estimate, **shown)
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(created(out, form))
         try:
@@ -215,6 +224,7 @@ def run(
             said = [summary.text(out)]
             if out is None and sys.stdout.isatty() and summary.latencies:
                 said.append("not kept: add -o fixes.csv")
+            said += [f"Made {page}"] if page is not None and summary.latencies else []
             said += [] if clipping.warning is None else [clipping.warning]
             said += ["; ".join(notes)] if (notes := notes_on(source)) else []
             said += [_said(source, of, motion)] if isinstance(source, Advances) else []
@@ -222,6 +232,8 @@ def run(
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
             print(*said, sep="\n", file=sys.stderr)
+            if page is not None and summary.latencies:
+                show(page, open_)
 
 
 def localize(
@@ -260,7 +272,7 @@ def localize(
             place_name = names[fix.place] if names else None
             timed = source.timed or source.live
             alarm = localizer.alarm
-            if alarm and summary.alarm is None and not views:
+            if alarm and summary.alarm is None and all(isinstance(v, RunPage) for v in views):
                 print(ALARM.format(fix.frame), file=sys.stderr)
             row = row_of(frame, fix, place_name, latency, timed, summary.track.accept, degrees)
             row |= {} if fix.accepted is None else {"alarm": alarm}

@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from surefix import Map
+from surefix.cli.pages import RunPage
 from surefix.frames import open as open_frames
 from surefix.frames.by_name import UInt8, images_by_name
 from surefix.frames.images import Images
@@ -39,13 +40,14 @@ def open_views(
     live: bool,
     save: Path | None,
     references: tuple[str, str | None] | Images | None,
+    report: tuple[Path, str] | None = None,
 ) -> Iterator[list[View]]:
     """The views that were asked for, and that of the terminal; closed in the end, whatever comes.
 
     A terminal gets its view if standard output is one. With ``live`` it is enough that standard
     error is one, so that fixes can go into a pipe. If rerun's viewer cannot be opened, a line
     says so, and the terminal has to do. ``references`` are what the map was made of, and its topic;
-    or the images of its places.
+    or the images of its places; ``report`` is a page to write, and its title.
 
     Raises
     ------
@@ -60,13 +62,15 @@ def open_views(
     )
     with ExitStack() as open_:
         views: list[View] = []
-        wanted = spawn or save is not None or terminal is not None
+        wanted = spawn or any(each is not None for each in (save, terminal, report))
         shown: Any = references
         if isinstance(references, tuple):
             shown = _references(route, *references, wanted)
         if spawn or save is not None:
             rerun = RerunView(route, save, spawn=spawn, references=shown)
             views.append(open_.enter_context(closing(rerun)))
+        if report is not None:
+            views.append(open_.enter_context(closing(RunPage(*report, route, shown))))
         if obstacle:
             instead = "on the terminal instead"
             if terminal is None:

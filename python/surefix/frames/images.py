@@ -144,14 +144,14 @@ class ImageArray(Images):
 
 
 class ShownImages(Images):
-    """Images in 8 bits, by the levels of a map."""
+    """Images in 8 bits, by the levels of a map; ``given`` are the images as they are."""
 
     def __init__(self, images: Images, levels: tuple[int, int] | None) -> None:
         super().__init__(range(len(images)), images.names)
-        self._images, self._levels = images, levels
+        self.given, self._levels = images, levels
 
     def _load(self, item: int) -> UInt8:
-        return in_8_bits(self._images[item], self._levels)
+        return in_8_bits(self.given[item], self._levels)
 
 
 class ImageFrames(Frames):

@@ -85,6 +85,7 @@ def write_report(
     places: int,
     breaks: Sequence[int] = (),
     query_names: Sequence[str] | None = None,
+    title: str = "An alignment",
 ) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page.
 
@@ -102,6 +103,8 @@ def write_report(
     breaks : sequence of int
         The places at which a segment begins.
     query_names : sequence of str, optional
+    title : str
+        The drive and its map.
     """
     m = len(alignment)
     D = distances(np.arange(0, m, -(-m // SHOWN)))
@@ -166,7 +169,7 @@ def write_report(
 
     return write(
         folder,
-        "Where was each query?",
+        title,
         lead,
         (),
         tiles,
@@ -191,10 +194,12 @@ def write_report(
                 {"confidence.png": along},
             ),
             _table(doubtful, query_names),
-            sections.made(*FILES.items(), command=command),
+            sections.made(*FILES.items()),
         ),
         write_tables,
         FILES,
+        identity=sections.identity("Where was each query?"),
+        command=command,
     )
 
 

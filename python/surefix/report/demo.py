@@ -2,7 +2,8 @@
 without weights, and the drive in pictures.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from surefix.plot.belief import confidence
 from surefix.plot.images import Column, Pair, montage, montage_height, spread
 from surefix.plot.outcome import Outcome, longest_gap, outcomes
 from surefix.report import figures, sections
+from surefix.report.explore import explorer, scripts
 from surefix.report.page import Picture, Section, Tile, drawn, photograph, write
+from surefix.report.scene import of_study
 from surefix.report.tables import write_csv
 from surefix.study import UPTO
 from surefix.study.demo import ACCEPT, Demo
@@ -23,7 +26,7 @@ from surefix.study.demo import ACCEPT, Demo
 __all__ = ["FILES", "write_report"]
 
 FILES = {
-    "report.html": "this page, with its pictures inside",
+    "report.html": "this page; it needs no other file",
     "confidence.png": "how sure the tracker was, frame by frame",
     "distance_matrix.png": "the matrix with every match",
     "close_up.png": "a part of it, cell by cell",
@@ -38,6 +41,8 @@ FILES = {
 }
 
 LABEL = "distance (mean difference, in standard deviations of a patch)"
+# The star's fixes, if the curves leave some out.
+WHOLE = "the trusted fixes of full windows alone"
 PAIRS = 3
 
 
@@ -72,8 +77,12 @@ def write_report(
         lead,
         _hero(demo),
         _tiles(demo),
-        [*_sections(demo), _made(demo, command, seconds)],
+        [*_sections(demo), _made(demo, seconds)],
         lambda inside: _write_tables(demo, inside),
+        files=_files(demo),
+        identity=sections.identity("surefix demo"),
+        command=command,
+        scripts=scripts(),
     )
 
 
@@ -139,19 +148,14 @@ def _sections(demo: Demo) -> Sequence[Section]:
     study, run, m = demo.study, demo.run, len(demo.study)
     _, bad, held_right, held = _counts(demo).values()
     trusted, single_right = int(run.trusted.sum()), int(study.single_right.sum())
-    matrix = sections.matrix(
-        study,
-        figures.matrix(study, every=True, label=LABEL, result=demo.tracker),
+    said = (
         "The true path runs from corner to corner, level while the drive stands still, with a gap "
         "for the detour; season, dusk and traffic have all but wiped it out, and many other places "
         f"look just as near. By the nearest place alone, {single_right} of {m} frames "
-        f"{verb(single_right)} right.",
-        result=demo.tracker,
+        f"{verb(single_right)} right."
     )
-    bands = (
-        ("weighted, trusted fixes only", study.shown.right, run.trusted),
-        ("track_odometry, sure fixes only", demo.right, demo.sure),
-    )
+    scene = of_study(study, queries=demo.revisit, references=demo.reference)
+    first = explorer(replace(scene, chosen="track_odometry", positions=None), said)
     sure_wrong = int((demo.sure & ~demo.right).sum())
     modest, gap = int((demo.right & ~demo.sure).sum()), len(longest_gap(demo.sure & demo.right))
     route = Section(
@@ -165,7 +169,6 @@ def _sections(demo: Demo) -> Sequence[Section]:
             f"longest stretch without a fix that is both sure and right is {plural(gap, 'frame')}. "
             "Odometry alone has to bridge it.",
         ),
-        {"route.png": figures.strip(study, more=bands)},
     )
     see = Section(
         "See for yourself",
@@ -201,7 +204,24 @@ def _sections(demo: Demo) -> Sequence[Section]:
             "own route can tell.",
         ),
     )
-    return _confidence(demo), matrix, route, _curves(demo), *sections.methods(study), see, meaning
+    table, words = sections.methods(study)
+    table = replace(table, paragraphs=[*table.paragraphs, *_curves(demo)])
+    return first, _confidence(demo), route, table, words, see, meaning
+
+
+def _files(demo: Demo) -> Mapping[str, Picture]:
+    """The pictures that are no part of the page."""
+    study = demo.study
+    bands = (
+        ("weighted, trusted fixes only", study.shown.right, demo.run.trusted),
+        ("track_odometry, sure fixes only", demo.right, demo.sure),
+    )
+    star = "the trusted fixes alone" if study.run.ready.all() else WHOLE
+    return (
+        figures.matrix(study, every=True, label=LABEL, result=demo.tracker)
+        | {"route.png": figures.strip(study, more=bands)}
+        | figures.curves(study, demo.trusted_point, star)
+    )
 
 
 def _confidence(demo: Demo) -> Section:
@@ -246,7 +266,8 @@ def _confidence(demo: Demo) -> Section:
     )
 
 
-def _curves(demo: Demo) -> Section:
+def _curves(demo: Demo) -> Sequence[str]:
+    """Words about the curves."""
     weighted, plain = demo.study.shown.curve, demo.study.baseline.curve
     false = [
         plural(count, "wrong match", "wrong matches") if count else "no wrong matches"
@@ -260,16 +281,15 @@ def _curves(demo: Demo) -> Section:
         f"unweighted one {false[1]}. With no wrong match at all, the one gets to recall "
         f"{flawless[0]:.3f}, the other to {flawless[1]:.3f}."
     ]
-    early, star = ~demo.study.run.ready, "the trusted fixes alone"
+    early = ~demo.study.run.ready
     if early.any():
-        star = "the trusted fixes of full windows alone"
         trusted = early & demo.study.run.trusted
         more.append(
-            f"Curves and star leave out {plural(int(early.sum()), 'fix', 'fixes')} at the start, "
+            f"Curves leave out {plural(int(early.sum()), 'fix', 'fixes')} at the start, "
             f"whose window is not full yet: {int(trusted.sum())} trusted, "
             f"{int((trusted & ~demo.study.shown.right).sum())} trusted and wrong."
         )
-    return sections.curves(demo.study, figures.curves(demo.study, demo.trusted_point, star), *more)
+    return more
 
 
 def _montage(demo: Demo) -> Picture:
@@ -298,7 +318,7 @@ def _montage(demo: Demo) -> Picture:
     )
 
 
-def _made(demo: Demo, command: str, seconds: Sequence[tuple[str, float]]) -> Section:
+def _made(demo: Demo, seconds: Sequence[tuple[str, float]]) -> Section:
     n, m = demo.study.distances.shape
     c = demo.study.context
     median, p99, slowest = np.quantile(demo.latency, (0.5, 0.99, 1.0)) * 1000
@@ -322,5 +342,4 @@ def _made(demo: Demo, command: str, seconds: Sequence[tuple[str, float]]) -> Sec
         ("On", machine()),
         ("Took", ", ".join(f"{name} {duration:.1f} s" for name, duration in seconds)),
         *FILES.items(),
-        command=command,
     )

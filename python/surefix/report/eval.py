@@ -8,17 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix._words import plural
-from surefix.baselines import METHODS
 from surefix.report import figures, sections
+from surefix.report.album import Album
+from surefix.report.explore import explorer, scripts
 from surefix.report.figures import Images
-from surefix.report.page import write
+from surefix.report.page import output_folder, write
+from surefix.report.scene import of_study
 from surefix.report.tables import write_drives, write_tables
 from surefix.study import Study
 
 __all__ = ["FILES", "write_report"]
 
 FILES = {
-    "report.html": "this page, with its pictures inside",
+    "report.html": "this page; it needs no other file",
     "precision_recall.png": "the curves",
     "auc.png": "the areas with their intervals",
     "false_positives.png": "wrong matches accepted by recall 0.2",
@@ -52,10 +54,12 @@ def _blocks(study: Study) -> str:
 def write_report(
     study: Study,
     folder: Path,
-    command: str,
+    command: str = "",
     *,
+    title: str = "",
     queries: Images = None,
     references: Images = None,
+    album: Album | None = None,
     query_names: Sequence[str] | None = None,
     place_names: Sequence[str] | None = None,
     along: NDArray[np.float64] | None = None,
@@ -70,8 +74,12 @@ def write_report(
     folder : Path
     command : str
         The command that makes this report again.
-    queries, references : sequences of uint8 images, or those of the mistakes by number, optional
-        For the pictures side by side.
+    title : str
+        The drive and its map, by default how many queries and places they have.
+    queries, references : sequences of uint8 images, or some of them by number, optional
+        Small copies of them are kept on the page; the worst mistakes are drawn as they are.
+    album : Album, optional
+        Small copies of the queries, if ``queries`` are those of the mistakes alone.
     query_names, place_names : sequences of str, optional
     along : array of float64, shape (m,), optional
         The way along the drive at which each query was taken, in metres, ascending.
@@ -79,7 +87,26 @@ def write_report(
         The same methods on drives made of this one.
     drive : str, optional
         Its mark (``surefix.tables.reports.drive_of``), for ``surefix compare``.
+
+    Raises
+    ------
+    SurefixFileError
+        If a file cannot be written; an earlier report is whole then.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from surefix.baselines import Context
+    >>> from surefix.report import write_report
+    >>> from surefix.study import Study
+    >>> study = Study(1 - np.eye(30, dtype=np.float32), Context(truth=np.arange(30)))
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> write_report(study, folder, title="winter on summer").name
+    'report.html'
     """
+    output_folder(folder)
     says = any(result.matches.confidence is not None for result in study.results)
     drives = [study, *scenarios] if says or scenarios else []
     diagrams = figures.reliability(drives)
@@ -103,9 +130,7 @@ def write_report(
             f"95 %, {study.samples} samples of blocks as long as errors last, "
             f"{_blocks(study)}, seed 0",
         ),
-        *((name, METHODS[name].description) for name in study.names),
         *(FILES | extra).items(),
-        command=command,
     )
 
     def write_all(inside: Path) -> None:
@@ -114,23 +139,35 @@ def write_report(
             write_drives(drives, inside)
 
     # Left beside the new files, those of an earlier report would look new.
-    old = filter(MORE.fullmatch, (path.name for path in folder.glob("*")))
+    old = [path.name for path in folder.glob("*") if MORE.fullmatch(path.name)]
+    scene = of_study(
+        study,
+        queries=queries if album is None else album,
+        references=references,
+        query_names=query_names,
+        place_names=place_names,
+    )
+    files = figures.numbers(study) | curves | mistakes | figures.matrix(study)
+    files |= {"trust.png": figures.trust(study), "route.png": figures.strip(study, along)}
     return write(
         folder,
-        "How well does it know where it is?",
+        title or f"{plural(m, 'query', 'queries')} on {plural(n, 'place')}",
         (*sections.lead(study), *([sections.on_average(drives)] if scenarios else ())),
         (),
         sections.tiles(study),
         (
-            *sections.methods(study, figures.numbers(study)),
+            explorer(scene),
+            *sections.methods(study, study.shown),
             *(sections.drives(drives, diagrams) if drives else ()),
-            sections.curves(study, curves),
             sections.trust(study),
-            sections.matrix(study, figures.matrix(study)),
-            sections.route(study, figures.strip(study, along)),
-            sections.mistakes(study, mistakes, query_names, place_names),
+            sections.route(study),
+            sections.mistakes(study, query_names, place_names),
             made,
         ),
         write_all,
         {*FILES, "mistakes.png", "trusted_mistakes.png", *old},
+        files=files,
+        identity=sections.identity("How well does it know where it is?"),
+        command=command,
+        scripts=scripts(),
     )

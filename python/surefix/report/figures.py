@@ -15,7 +15,7 @@ from surefix.plot.matrix import busiest_window, distance_matrix
 from surefix.plot.outcome import longest_gap
 from surefix.plot.theme import LOOKS
 from surefix.report.page import Picture, drawn
-from surefix.report.tables import stem
+from surefix.report.tables import MISTAKES, stem
 from surefix.study import SCENARIOS, UPTO, Result, Study
 from surefix.study.scenarios import RECORDED
 
@@ -33,8 +33,6 @@ __all__ = [
 
 # By their numbers; those of the mistakes are enough.
 Images = Sequence[Image] | Mapping[int, Image] | None
-
-MISTAKES = 6
 
 
 def curves(

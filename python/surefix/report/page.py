@@ -40,6 +40,7 @@ __all__ = [
 
 PAGE = "report.html"
 NARROW, DARKER = "(max-width: 640px)", "(prefers-color-scheme: dark)"
+THEME = '<button type="button" id="explorer-theme">Light or dark</button>'
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,8 @@ def photograph(image: NDArray[np.uint8], alt: str, caption: str) -> Picture:
 @dataclass(frozen=True)
 class Table:
     """Numbers with a heading a column; a row's first cell names it. ``name`` becomes the id. If it
-    ``sorts``, a press on a heading sorts the rows by that column.
+    ``sorts``, a press on a heading sorts the rows by that column. ``shows`` has the method and the
+    query of each row, for a button that shows them on the page.
     """
 
     name: str
@@ -140,12 +142,13 @@ class Table:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     sorts: bool = False
+    shows: Sequence[tuple[str, int]] = ()
 
 
 @dataclass(frozen=True)
 class Section:
     """A heading, some paragraphs, pictures below them, side by side if there is room, and tables.
-    The pictures go by the names of their files.
+    The pictures go by the names of their files. ``html`` is markup, all others are plain text.
     """
 
     title: str
@@ -154,6 +157,7 @@ class Section:
     facts: Sequence[tuple[str, str]] = ()
     tables: Sequence[Table] = ()
     points: Sequence[str] = ()
+    html: str = ""
 
 
 def page(
@@ -162,15 +166,20 @@ def page(
     hero: Sequence[Picture],
     tiles: Sequence[Tile],
     sections: Sequence[Section],
+    *,
     contents: bool = False,
+    identity: str = "",
+    command: str = "",
+    scripts: str = "",
 ) -> str:
-    """The page as text. All strings are plain text; they are escaped here. With ``contents``, links
-    to the sections come first.
+    """The page as text. All strings are plain text; they are escaped here, except ``scripts``, the
+    elements at its end. With ``contents``, links to the sections come first. ``identity`` is the
+    line above the title, ``command`` made the page.
     """
     style = _part("page.css") + (_part("contents.css") if contents else "")
     parts = "".join(_section(each, contents) for each in sections)
     sorting = any(table.sorts for section in sections for table in section.tables)
-    script = f"<script>\n{_part('sort.js')}</script>\n" if sorting else ""
+    scripts += f"<script>\n{_part('sort.js')}</script>\n" if sorting else ""
     paragraphs = "\n".join(f'<p class="lead">{escape(text)}</p>' for text in lead)
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -178,21 +187,23 @@ def page(
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
-<title>{escape(title)}</title>
+<title>{escape(f"{title} - {identity}" if identity else title)}</title>
 <style>
 {style}</style>
 </head>
 <body>
 <main>
 <header>
+{THEME if scripts else ""}
+{f'<p class="identity">{escape(identity)}</p>' if identity else ""}
 <h1>{escape(title)}</h1>
+{f'<p class="command"><code>{escape(command)}</code></p>' if command else ""}
 {paragraphs}
 </header>
 {_pictures(hero, "hero") if hero else ""}
-<dl class="tiles">
-{"".join(map(_tile, tiles))}</dl>
+{f'<dl class="tiles">{"".join(map(_tile, tiles))}</dl>' if tiles else ""}
 {_contents(sections) if contents else ""}{parts}</main>
-{script}</body>
+{scripts}</body>
 </html>
 """
 
@@ -231,7 +242,7 @@ def _section(section: Section, linked: bool) -> str:
     if section.facts:
         tables += f"<table>\n{_body(section.facts)}</table>\n"
     title = escape(section.title)
-    inside = f"<h2>{title}</h2>\n{paragraphs}\n{points}{pictures}{tables}"
+    inside = f"<h2>{title}</h2>\n{paragraphs}\n{points}{section.html}{pictures}{tables}"
     at = f' id="{_id(section)}"' if linked else ""
     return f"<section{at}>\n{inside}</section>\n"
 
@@ -271,12 +282,16 @@ def _size(image: bytes) -> tuple[int, int]:
     return int.from_bytes(image[16:20]), int.from_bytes(image[20:24])
 
 
-def _body(rows: Sequence[Sequence[str]]) -> str:
+def _body(rows: Sequence[Sequence[str]], shows: Sequence[tuple[str, int]] = ()) -> str:
     """The rows of a table; the first cell names its row."""
+    buttons = [
+        f' <button type="button" data-method="{escape(method)}" data-query="{query}">show</button>'
+        for method, query in shows
+    ] or [""] * len(rows)
     cells = (
-        f'<th scope="row">{escape(name)}</th>'
+        f'<th scope="row">{escape(name)}{button}</th>'
         + "".join(f"<td>{escape(cell)}</td>" for cell in others)
-        for name, *others in rows
+        for (name, *others), button in zip(rows, buttons, strict=True)
     )
     lines = "".join(f"<tr>{row}</tr>\n" for row in cells)
     return f"<tbody>\n{lines}</tbody>\n"
@@ -287,8 +302,8 @@ def _table(table: Table) -> str:
     header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
     return (
         f'<div class="numbers"><table id="{escape(table.name)}"{kind}>\n'
-        f"<caption>{escape(table.caption)}</caption>\n"
-        f"<thead>\n<tr>{header}</tr>\n</thead>\n{_body(table.rows)}</table></div>\n"
+        f"<caption><span>{escape(table.caption)}</span></caption>\n"
+        f"<thead>\n<tr>{header}</tr>\n</thead>\n{_body(table.rows, table.shows)}</table></div>\n"
     )
 
 
@@ -310,7 +325,9 @@ def write(
     sections: Sequence[Section],
     tables: Callable[[Path], object],
     old: Iterable[str] = (),
-    contents: bool = False,
+    *,
+    files: Mapping[str, Picture] | None = None,
+    **more: Any,
 ) -> Path:
     """Writes a page, its pictures on light paper, and its tables; returns the path of the page.
 
@@ -321,26 +338,34 @@ def write(
     Parameters
     ----------
     folder : Path
-    title, lead, hero, tiles, sections, contents
+    title, lead, hero, tiles, sections
         As for ``page``.
     tables : function of a folder
         Writes the other files into it.
     old : iterable of str
         Names of files that an earlier report may have and this one lacks. All others stay.
+    files : dict of Picture
+        Pictures that are files alone, and not on the page.
+    more
+        As for ``page``.
 
     Raises
     ------
     SurefixFileError
         If a file cannot be written.
     """
-    text = page(title, lead, hero, tiles, sections, contents)
+    text = page(title, lead, hero, tiles, sections, **more)
+    pictures = dict(files or {})
+    for section in sections:
+        pictures |= section.pictures
+    # They are drawn before anything is written.
+    drawings = {name: picture.light for name, picture in pictures.items()}
     try:
         inside = Path(mkdtemp(prefix=".surefix-", dir=folder))
         try:
             tables(inside)
-            for section in sections:
-                for name, picture in section.pictures.items():
-                    (inside / name).write_bytes(picture.light)
+            for name, drawing in drawings.items():
+                (inside / name).write_bytes(drawing)
             (inside / PAGE).write_text(text, encoding="utf-8")
             _move(inside, folder, old)
         finally:

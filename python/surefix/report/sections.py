@@ -1,6 +1,7 @@
 """The sections of a study's page: plain words about each part, with its numbers."""
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 
 import numpy as np
 
@@ -8,17 +9,16 @@ from surefix import __version__
 from surefix._words import plural
 from surefix.baselines.distances import Places
 from surefix.plot.outcome import longest_gap
-from surefix.report import figures, tables
-from surefix.report.page import Picture, Section, Tile
+from surefix.report import tables
+from surefix.report.page import Picture, Section, Table, Tile
 from surefix.study import KS, UPTO, Result, Study, verdict
 from surefix.study.confidence import ALARM, HOLD, SURE
 
 __all__ = [
-    "curves",
     "drives",
+    "identity",
     "lead",
     "made",
-    "matrix",
     "methods",
     "mistakes",
     "on_average",
@@ -78,8 +78,8 @@ def tiles(study: Study) -> Sequence[Tile]:
     )
 
 
-def methods(study: Study, pictures: Mapping[str, Picture] | None = None) -> Sequence[Section]:
-    """The table of all methods, and a sentence or two for each."""
+def methods(study: Study, said: Result | None = None) -> Sequence[Section]:
+    """The table of all methods, and a sentence or two for each but the one that was ``said``."""
     table = Section(
         "Every method",
         (
@@ -87,12 +87,20 @@ def methods(study: Study, pictures: Mapping[str, Picture] | None = None) -> Sequ
             "Its interval, and that of the difference, come from a bootstrap over blocks of "
             "consecutive queries, as neighbours are not independent. If the interval of a "
             "difference holds 0, the two are level: the drive does not tell which is better.",
+            "Precision is the share of the accepted matches that is correct. Recall, the "
+            f'convention "{study.recall}", is {RECALLS[study.recall]}. Published numbers differ in '
+            "this convention: compare only like with like.",
         ),
-        pictures or {},
         tables=(tables.methods(study),),
     )
-    words = ("Which methods win, which lose and which are level on this drive.",)
-    return table, Section("In words", words, points=[verdict(each) for each in study.results])
+    others = [verdict(each) for each in study.results if each is not said]
+    return table, Section("In words", (), points=others)
+
+
+def identity(question: str) -> str:
+    """The line above a title: what the page answers, when, and by which version."""
+    now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M")
+    return f"{question} \u00b7 {now} \u00b7 surefix {__version__}"
 
 
 def on_average(studies: Sequence[Study]) -> str:
@@ -140,26 +148,15 @@ def drives(studies: Sequence[Study], pictures: Mapping[str, Picture]) -> Sequenc
     return (table, honest) if pictures else (table,)
 
 
-def curves(study: Study, pictures: Mapping[str, Picture], *more: str) -> Section:
-    """The precision-recall curves."""
-    return Section(
-        "Precision and recall",
-        (
-            "Every score of the drive is a threshold once. Precision is the share of the accepted "
-            f'matches that is correct. Recall, the convention "{study.recall}", is '
-            f"{RECALLS[study.recall]}. Published numbers differ in this convention: compare only "
-            "like with like.",
-            *more,
-        ),
-        pictures,
-    )
-
-
 def trust(study: Study) -> Section:
     """The trust flag."""
     t = study.trust
     wrong = t.false_positives + t.true_negatives
     passed = f"{t.false_positives} of the {wrong} wrong ones" if wrong else "there is no wrong one"
+    rows = (
+        ("trusted", str(t.true_positives), str(t.false_positives)),
+        ("not trusted", str(t.false_negatives), str(t.true_negatives)),
+    )
     return Section(
         "May its answers be trusted?",
         (
@@ -168,40 +165,21 @@ def trust(study: Study) -> Section:
             f"It lets pass {t.true_positives} of the {t.true_positives + t.false_negatives} right "
             f"matches, and {passed}.",
         ),
-        {"trust.png": figures.trust(study)},
+        tables=[Table("trust", "Single matches.", ("", "right", "wrong"), rows)],
     )
 
 
-def matrix(
-    study: Study, pictures: Mapping[str, Picture], *more: str, result: Result | None = None
-) -> Section:
-    """The distance matrix, with the matches of a result or the shown method."""
-    return Section(
-        "The distances, and the answers",
-        (
-            "Each column is a query, each row a place of the map, and a strong tone means that the "
-            f"two look alike. A mark is the match of {(result or study.shown).name}: round is "
-            "right, a cross is wrong; bold is trusted, thin is not.",
-            *more,
-        ),
-        pictures,
-    )
-
-
-def route(study: Study, strip: Picture) -> Section:
+def route(study: Study) -> Section:
     """Right and wrong along the route."""
     gap = longest_gap(study.single_right & study.run.trusted & study.single_judged)
     words = (
-        "There is none: every query's single match is trusted and right."
+        "none, every query's is."
         if len(gap) == 0
-        else f"It has 1 query, {gap.start}."
+        else f"1 query, {gap.start}."
         if len(gap) == 1
-        else f"It has {len(gap)} queries, from {gap.start} to {gap.stop - 1}."
+        else f"{len(gap)} queries, from {gap.start} to {gap.stop - 1}."
     )
-    paragraphs = [
-        "The bracket marks the longest stretch without a single match that is trusted and right. "
-        f"{words}"
-    ]
+    paragraphs = [f"The longest stretch without a single match that is trusted and right: {words}"]
     shown, plain = study.shown, study.baseline
     if shown is not plain:
         both = shown.judged & shown.accepted & plain.judged
@@ -212,14 +190,12 @@ def route(study: Study, strip: Picture) -> Section:
         paragraphs.append(
             f"Queries that {shown.name} repairs: {repaired}. Queries that it spoils: {spoiled}."
         )
-    return Section("Where along the route it fails", paragraphs, {"route.png": strip})
+    return Section("Where along the route it fails", paragraphs)
 
 
-def mistakes(
-    study: Study, pictures: Mapping[str, Picture], names: tables.Names, places: tables.Names
-) -> Section:
+def mistakes(study: Study, names: tables.Names, places: tables.Names) -> Section:
     """The worst mistakes."""
-    found = tables.worst(study, names, places, figures.MISTAKES)
+    found = tables.worst(study, names, places, tables.MISTAKES)
     says = [
         f"Wrong, with the best scores of all: {study.shown.name} would accept them first. Then the "
         "single matches that the consensus trusts though they are wrong."
@@ -227,16 +203,12 @@ def mistakes(
         else f"None: every judged match of {study.shown.name} is right, and no trusted one is "
         "wrong."
     ]
-    if found and not pictures:
-        says.append(
-            "Give the images of both drives (QUERIES and --references) to see them side by side."
-        )
-    return Section("The worst confident mistakes", says, pictures, tables=found)
+    return Section("The worst confident mistakes", says, tables=found)
 
 
-def made(*rows: tuple[str, str], command: str) -> Section:
-    """The command, and anything else that it takes to do it again."""
-    first = "Made with", f"surefix {__version__}: {command}"
+def made(*rows: tuple[str, str], command: str = "") -> Section:
+    """The command, if it is not above, and anything else that it takes to do it again."""
+    first = "Made with", f"surefix {__version__}{command and f': {command}'}"
     words = ("So that it can be checked, and done again.",)
     return Section("How this was made", words, facts=(first, *rows))
 

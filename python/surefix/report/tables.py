@@ -14,6 +14,7 @@ from surefix.report.page import Table
 from surefix.study import BASELINE, KS, SCENARIOS, UPTO, Result, Study
 
 __all__ = [
+    "MISTAKES",
     "Names",
     "areas",
     "count",
@@ -26,6 +27,9 @@ __all__ = [
     "write_drives",
     "write_tables",
 ]
+
+# How many of the worst mistakes of each kind are shown.
+MISTAKES = 6
 
 Names = Sequence[str] | None
 Events: TypeAlias = tuple[float | None, int | None, int | None]
@@ -199,7 +203,9 @@ def worst(study: Study, names: Names, places: Names, most: int) -> Sequence[Tabl
             for query in queries
         ]
         if rows:
-            found.append(Table(name, caption, header, rows))
+            method = shown.name if name == "mistakes" else "single"
+            shows = [(method, query) for query in queries]
+            found.append(Table(name, caption, header, rows, shows=shows))
     return found
 
 

@@ -53,8 +53,10 @@ def write_town(demo: TownDemo, folder: Path, command: str, seconds: float) -> Pa
         lead,
         _hero(demo),
         _tiles(demo),
-        [_from_above(demo), _through(demo), _matrix(demo), _made(demo, command, seconds)],
+        [_from_above(demo), _through(demo), _matrix(demo), _made(demo, seconds)],
         lambda inside: _write_tables(demo, inside),
+        identity=sections.identity("surefix demo --town"),
+        command=command,
     )
 
 
@@ -203,7 +205,7 @@ def _matrix(demo: TownDemo) -> Section:
     )
 
 
-def _made(demo: TownDemo, command: str, seconds: float) -> Section:
+def _made(demo: TownDemo, seconds: float) -> Section:
     height, width = demo.drive.images[0].shape[:2]
     return sections.made(
         ("Town", f"generated; {len(demo.known)} places, one every 3 m"),
@@ -214,5 +216,4 @@ def _made(demo: TownDemo, command: str, seconds: float) -> Section:
         ("On", machine()),
         ("Took", f"{seconds:.1f} s"),
         *FILES.items(),
-        command=command,
     )

@@ -16,6 +16,7 @@ from surefix.frames import BagFrames, SkipBad, Stride, VideoFrames
 from surefix.simulate import Route
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 N, LOST = 40, 17
 DAY = 86_400

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 from commands import surefix_
 from html_reader import read

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 from surefix import cli
 

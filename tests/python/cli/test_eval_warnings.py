@@ -14,6 +14,7 @@ from surefix.frames.levels import Clipping
 from surefix.simulate import Route
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 N = 40
 TRUTH = ("--truth", "identity")

@@ -8,6 +8,7 @@ import pytest
 HEAVY = {
     "PIL",
     "av",
+    "bokeh",
     "cv2",
     "faiss",
     "h5py",

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 from html_reader import Reader, read
 from real_data import folder as real_data

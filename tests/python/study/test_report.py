@@ -11,6 +11,7 @@ import surefix
 from surefix.simulate import Route, Traverse
 
 pytest.importorskip("matplotlib")
+pytest.importorskip("bokeh")
 
 from matplotlib.axes import Axes
 
@@ -137,7 +138,7 @@ def test_star_and_page_say_which_fixes_they_count(
     )
     assert labels[-1].startswith(star)
     says = (
-        "Curves and star leave out 1 fix at the start, whose window is not full yet: 1 trusted, "
+        "Curves leave out 1 fix at the start, whose window is not full yet: 1 trusted, "
         "1 trusted and wrong."
     )
     assert (says in text) == (length == 2)
