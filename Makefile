@@ -21,7 +21,7 @@ TOOLS := .tools/bin
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
 .PHONY: demo test test-long quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
-.PHONY: rivals-quick stubs clean help
+.PHONY: rivals-quick stubs clean help capi capi-check header
 .PHONY: sdist release-check check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
@@ -33,6 +33,8 @@ help:
 	@echo "make docs    the documentation, in out/docs/index.html"
 	@echo "make figures              the pictures of the documentation's pages, made anew"
 	@echo "make bench   how fast it is here: in Rust, and from Python beside its rivals, which are installed for it"
+	@echo "make capi    the library for C and C++, its headers, CMake package and pkg-config file, in PREFIX (out/capi)"
+	@echo "make header  the C header, made anew of capi/src"
 	@echo "make performance          the tables of docs/performance.md, made anew"
 	@echo "make instructions-accept  the instruction counts that make test guards, made anew"
 	@echo "make wheel   the Python wheel for any Linux of this processor, in dist"
@@ -62,7 +64,7 @@ stubs: $(VENV)/installed $(VENV)/dev
 	$(BIN)/python packaging/stubs.py python/surefix/_core.pyi
 	$(BIN)/ruff format --quiet python/surefix/_core.pyi
 
-test: lint rust instructions python examples docs rivals-quick
+test: lint rust capi-check instructions python examples docs rivals-quick
 	$(BIN)/surefix demo --out out/demo
 	@echo; echo "== summaries"
 	@grep -h '^test result' $(LOG).rust
@@ -100,6 +102,22 @@ examples: $(VENV)/installed
 	$(BIN)/python examples/stream.py
 	$(BIN)/python examples/batch.py
 	$(BIN)/python examples/town.py
+
+# The library for C and C++, with its headers and what CMake and pkg-config ask for, in PREFIX.
+PREFIX ?= out/capi
+PROFILE ?= release
+capi:
+	cargo build --locked --package surefix-capi --profile $(PROFILE)
+	sh capi/install.sh $${CARGO_TARGET_DIR:-target}/$(PROFILE) $(PREFIX)
+
+# Programs in C and C++ against it: their fixes are Rust's to the bit, under sanitizers too. What writes the header runs
+# for a moment, and is not worth optimising.
+CAPI_TEST := $(CARGO_TEST) --package surefix-capi --config 'profile.test-release.package.cbindgen.opt-level=0'
+capi-check:
+	$(CAPI_TEST)
+
+header:
+	UPDATE=1 $(CAPI_TEST) --test header
 
 # Instructions of the hot kernels, under valgrind: none may rise by more than 2 %. Skipped, with a word, without valgrind.
 instructions:

@@ -21,6 +21,7 @@ extensions = [
     "sphinx_copybutton",
     "class_reference",
     "command_reference",
+    "dark_figures",
     "every_name",
 ]
 exclude_patterns = ["_ext", "README.md"]

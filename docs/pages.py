@@ -6,8 +6,8 @@ of a ``console`` block is run by the shell, and the lines after it are its outpu
 matches any text. Blocks of ``sh``, such as installations, are not run; cargo runs those of
 ``rust``. Code in a comment of a page draws its pictures, and is not shown.
 
-A ``NAME.png`` that the examples of ``a/page.md`` write is the picture ``images/page-NAME.png``. As
-a program, this module draws all of them again.
+A ``NAME.png`` that the examples of ``a/page.md`` write is the picture ``images/page-NAME.png``, and
+on dark paper ``images/page-NAME-dark.png``. As a program, this module draws all of them again.
 """
 
 import contextlib
@@ -20,12 +20,14 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import product, zip_longest
 from pathlib import Path
 
 from PIL import Image
 
-__all__ = ["DOCS", "IMAGES", "PAGES", "Block", "blocks", "run"]
+from surefix.plot import DARK, LIGHT
+
+__all__ = ["DOCS", "IMAGES", "PAGES", "Block", "blocks", "dark_paper", "run"]
 
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
@@ -92,6 +94,19 @@ def run(page: str, folder: Path) -> dict[str, bytes]:
     }
 
 
+@contextlib.contextmanager
+def dark_paper() -> Iterator[None]:
+    """Examples draw on dark paper: ``LIGHT``, the theme of every figure, has the colours of
+    ``DARK`` meanwhile.
+    """
+    light = dict(vars(LIGHT))
+    vars(LIGHT).update(vars(DARK))
+    try:
+        yield
+    finally:
+        vars(LIGHT).update(light)
+
+
 def _with_output(found: list[Block]) -> Iterator[tuple[Block, str | None]]:
     for block, after in zip_longest(found, found[1:]):
         yield block, after.text if after is not None and after.language == "text" else None
@@ -130,13 +145,14 @@ def _compare(where: str, expected: str, got: str) -> None:
 
 
 if __name__ == "__main__":
-    for page in PAGES:
-        if any(".png" in block.text for block in blocks(page)):
-            with tempfile.TemporaryDirectory() as folder:
-                for name, drawn in run(page, Path(folder)).items():
-                    # 256 colours, rare ones included, are enough, and halve the bytes.
-                    picture = Image.open(io.BytesIO(drawn)).convert("RGB")
-                    picture.quantize(256, Image.Quantize.MAXCOVERAGE).save(
-                        IMAGES / name, optimize=True
-                    )
-                    print(f"{IMAGES / name}: {(IMAGES / name).stat().st_size / 1000:.0f} kB")
+    chosen = sys.argv[1:] or PAGES
+    drawing = [page for page in chosen if any(".png" in block.text for block in blocks(page))]
+    for page, ending in product(drawing, ("", "-dark")):
+        paper = dark_paper() if ending else contextlib.nullcontext()
+        with paper, tempfile.TemporaryDirectory() as folder:
+            for name, drawn in run(page, Path(folder)).items():
+                file = IMAGES / f"{Path(name).stem}{ending}.png"
+                # 256 colours, rare ones included, are enough, and halve the bytes.
+                picture = Image.open(io.BytesIO(drawn)).convert("RGB")
+                picture.quantize(256, Image.Quantize.MAXCOVERAGE).save(file, optimize=True)
+                print(f"{file}: {file.stat().st_size / 1000:.0f} kB")

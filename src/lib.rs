@@ -90,8 +90,8 @@ pub use crate::image::{
 #[cfg(feature = "image")]
 pub use crate::image::{ImageFiles, Order, decode_image, read_image};
 pub use batch::{
-    Alignment, Drive, Run, align_descriptors, align_distances, match_descriptors, match_distances,
-    match_fused, match_fused_distances,
+    Alignment, Drive, Run, align_descriptors, align_distances, drive_distances, fused_distances,
+    match_descriptors, match_distances, match_fused, match_fused_distances,
 };
 pub use config::{Config, Floor, Gradient};
 pub use descriptor::{Describer, Sad, describe_all};

@@ -14,10 +14,12 @@ use crate::batch::{Rows, matrices, views};
 use crate::error::{OrRaise as _, value};
 use crate::images::{progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
+use crate::kept::Distances;
 use crate::map::Map;
 use crate::options::config;
 use crate::pickle::pickled;
-use crate::segments::given_segments;
+use crate::pictures::{html, plotted};
+use crate::segments::{Segments, given_segments};
 
 /// Where each query of a drive was, by all of its queries: arrays of the shape (m,).
 ///
@@ -28,9 +30,9 @@ use crate::segments::given_segments;
 /// ``single_right`` the belief that it is right. ``right``, (k, m), is what is believed of the
 /// places that ``align`` was asked about with ``at``.
 #[pyclass(frozen, module = "surefix")]
-pub(crate) struct Alignment(pub(crate) surefix::Alignment);
+pub(crate) struct Alignment(pub(crate) surefix::Alignment, Distances);
 
-pickled!(Alignment);
+pickled!(Alignment, |alignment| Self(alignment, Distances::lost()));
 
 impl Alignment {
     fn column<'py, T: Element>(
@@ -95,12 +97,74 @@ impl Alignment {
     /// (k, m).
     #[getter]
     fn right<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let Alignment(surefix::Alignment { right, queries, .. }) = self;
+        let surefix::Alignment { right, queries, .. } = &self.0;
         if right.is_empty() {
             return Ok(PyArray2::zeros(py, [0, queries.len()], false));
         }
         Ok(PyArray2::from_vec2(py, right)?)
     }
+
+    /// How the route's places follow each other.
+    #[getter]
+    fn segments(&self) -> Segments {
+        Segments(self.0.segments.clone())
+    }
+
+    /// The distances that were aligned: float32, (n, m), as ``Run.distances``.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     If the alignment comes from a pickle, or the memory does not suffice.
+    #[getter]
+    fn distances<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.1.array(py, "alignment")
+    }
+
+    /// Draws the distances (n, m) as tones, dark if a query looks like a place, and on them the place
+    /// of each query; stretches without a sure place are shaded.
+    ///
+    /// Parameters
+    /// ----------
+    /// ax : matplotlib.axes.Axes, optional
+    ///     Where to draw; by default a new figure of ``matplotlib.pyplot``.
+    /// **options
+    ///     As for ``surefix.plot.aligned_track``, such as ``least``.
+    ///
+    /// Returns
+    /// -------
+    /// matplotlib.axes.Axes
+    ///
+    /// Raises
+    /// ------
+    /// ModuleNotFoundError
+    ///     If matplotlib is not installed.
+    ///
+    /// Examples
+    /// --------
+    /// >>> alignment.plot().figure.savefig("alignment.png")  # doctest: +SKIP
+    #[pyo3(signature = (*, ax=None, **options))]
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        ax: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        plotted(slf, "of_alignment", ax, &[], options)
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        html(slf, "of_alignment")
+    }
+
+    // It never changes: a copy is the alignment itself.
+    fn __copy__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
+        slf
+    }
+
+    fn __deepcopy__<'py>(slf: Bound<'py, Self>, _memo: &Bound<'py, PyAny>) -> Bound<'py, Self> {
+        slf
+    }
+
     /// Writes a CSV file: a line of names, then a line a query. If the map has positions, that of
     /// ``place`` is in the columns ``x``, ``y`` and ``z``.
     ///
@@ -234,7 +298,8 @@ pub(crate) fn align(
         let alignment = with_progress(py, callback.as_ref(), |progress| {
             Ok(py.detach(|| align_distances(&views, &config, drive, &at, progress)))
         });
-        return Ok(Alignment(alignment?));
+        let given = matrices.iter().map(|matrix| matrix.as_any().clone());
+        return Ok(Alignment(alignment?, Distances::of_matrices(given, config)));
     };
     let maps = maps(map)?;
     let descriptors = descriptors(descriptor, &maps)?;
@@ -243,8 +308,9 @@ pub(crate) fn align(
     let callback = progress_callback(py, progress, "Aligning")?;
     let alignment = with_progress(py, callback.as_ref(), |progress| {
         Ok(py.detach(|| align_descriptors(&maps, &views, &config, drive, &at, progress)))
-    });
-    Ok(Alignment(alignment?))
+    })?;
+    drop(views);
+    Ok(Alignment(alignment, Distances::of_queries(maps, rows, config)))
 }
 
 /// Lists of places, one a query in each.

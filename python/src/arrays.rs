@@ -46,7 +46,7 @@ pub(crate) fn as_array<'py>(
 }
 
 /// Whether it is a `PIL.Image.Image`, or of a class made from it, such as the images of pillow-heif.
-fn is_of_pillow(object: &Bound<'_, PyAny>) -> bool {
+pub(crate) fn is_of_pillow(object: &Bound<'_, PyAny>) -> bool {
     let classes = object.get_type().mro();
     classes.iter().any(|class| {
         class.getattr("__module__").is_ok_and(|name| name.eq("PIL.Image").unwrap_or(false))

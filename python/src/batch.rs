@@ -20,9 +20,11 @@ use crate::error::{OrRaise as _, refused, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
+use crate::kept::Distances;
 use crate::learned;
 use crate::options::config;
 use crate::pickle::pickled;
+use crate::pictures::{html, plotted};
 use crate::segments::{Segments, given_segments};
 use crate::simulate::Traverse;
 
@@ -41,9 +43,9 @@ use crate::simulate::Traverse;
 /// >>> run[3]
 /// Fix(frame=3, place=3, score=0, trusted=True)
 #[pyclass(frozen, sequence, module = "surefix")]
-pub(crate) struct Run(pub(crate) surefix::Run);
+pub(crate) struct Run(pub(crate) surefix::Run, Distances);
 
-pickled!(Run);
+pickled!(Run, |run| Self(run, Distances::lost()));
 
 impl Run {
     fn column<'py, T: Element>(
@@ -154,6 +156,96 @@ impl Run {
         self.column(py, |fix| fix.gradient.value)
     }
 
+    /// The distances that the method saw, to the last bit: float32, (n, m), ``distances[i, j]``
+    /// between place ``i`` and query ``j``; of several techniques the fused ones, which have no unit.
+    ///
+    /// Of ``match`` they are computed when they are first asked for, and then kept: ``4 n m`` bytes.
+    /// Until then a run keeps its map, which is shared, and the queries' descriptors: those that were
+    /// given, without a copy, or those of images (2 kB an image by default). Of ``match_distances``
+    /// they are the array that was given, not a copy. Arrays that were given must not change. A
+    /// pickle keeps the fixes alone.
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     If the run comes from a pickle, or the memory does not suffice.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> rows = np.random.default_rng(0).normal(size=(30, 9)).astype(np.float32)
+    /// >>> run = surefix.match(surefix.Map.from_descriptors(rows), rows[5:])
+    /// >>> run.distances.shape, bool((run.distances.min(0) == run.single_distance).all())
+    /// ((30, 25), True)
+    #[getter]
+    fn distances<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.1.array(py, "run")
+    }
+
+    /// Draws the run: the distances (n, m) as tones, dark if a query looks like a place, and on them
+    /// the place of each query. With the truth the marks say right or wrong, too.
+    ///
+    /// Parameters
+    /// ----------
+    /// truth : as for ``evaluate``, optional
+    /// tolerance : float
+    ///     As for ``evaluate``.
+    /// single : bool
+    ///     Draws the best match of each query alone, of which ``trusted`` speaks, in place of the fix.
+    /// kind : {"matrix", "confidence"}
+    ///     What to draw. "confidence": what the tracker believes along the drive, if there is
+    ///     ``motion``.
+    /// ax : matplotlib.axes.Axes, optional
+    ///     Where to draw; by default a new figure of ``matplotlib.pyplot``.
+    /// **options
+    ///     As for ``surefix.plot.distance_matrix`` or ``confidence``: such as ``queries`` and
+    ///     ``places`` for a close-up.
+    ///
+    /// Returns
+    /// -------
+    /// matplotlib.axes.Axes
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     For a kind of picture that the run has no data for, or a truth as ``evaluate`` refuses it.
+    /// ModuleNotFoundError
+    ///     If matplotlib is not installed.
+    ///
+    /// Examples
+    /// --------
+    /// >>> run.plot(truth).figure.savefig("run.png")  # doctest: +SKIP
+    #[pyo3(
+        signature = (truth=None, *, tolerance=None, single=None, kind=None, ax=None, **options),
+        text_signature = "($self, truth=None, *, tolerance=1, single=False, kind='matrix', ax=None, **options)"
+    )]
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        truth: Option<&Bound<'py, PyAny>>,
+        tolerance: Option<&Bound<'py, PyAny>>,
+        single: Option<&Bound<'py, PyAny>>,
+        kind: Option<&Bound<'py, PyAny>>,
+        ax: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let given =
+            [("truth", truth), ("tolerance", tolerance), ("single", single), ("kind", kind)];
+        plotted(slf, "of_run", ax, &given, options)
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        html(slf, "of_run")
+    }
+
+    // It never changes: a copy is the run itself.
+    fn __copy__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
+        slf
+    }
+
+    fn __deepcopy__<'py>(slf: Bound<'py, Self>, _memo: &Bound<'py, PyAny>) -> Bound<'py, Self> {
+        slf
+    }
+
     /// Writes a CSV file: a line of names, then a line a query.
     ///
     /// Raises
@@ -222,7 +314,13 @@ impl Run {
 
     fn __repr__(&self) -> String {
         let trusted = self.0.fixes.iter().filter(|fix| fix.trusted).count();
-        format!("Run({} queries, {trusted} trusted)", self.0.fixes.len())
+        let count = self.0.fixes.len();
+        if !self.is_tracked() {
+            return format!("Run({count} queries, {trusted} trusted)");
+        }
+        let sure = |fix: &&surefix::Fix| fix.confidence().is_some_and(|sure| sure > 0.95);
+        let sure = self.0.fixes.iter().filter(sure).count();
+        format!("Run({count} queries, {trusted} trusted, {sure} of confidence above 0.95)")
     }
 }
 
@@ -295,7 +393,9 @@ pub(crate) fn match_distances(
         [view] => surefix::match_distances(view, &config, drive),
         _ => surefix::match_fused_distances(&views, &config, drive),
     });
-    Ok(Run(run.or_raise(py)?))
+    let run = run.or_raise(py)?;
+    let given = matrices.iter().map(|matrix| matrix.as_any().clone());
+    Ok(Run(run, Distances::of_matrices(given, config)))
 }
 
 /// Matches all queries against a map, in parallel: the answers are those of a ``Localizer`` that is
@@ -375,8 +475,9 @@ pub(crate) fn match_(
             ([map], [queries]) => match_descriptors(map, *queries, &config, drive, progress),
             _ => surefix::match_fused(&maps, &views, &config, drive, progress),
         }))
-    });
-    Ok(Run(run?))
+    })?;
+    drop(views);
+    Ok(Run(run, Distances::of_queries(maps, rows, config)))
 }
 
 /// The queries' descriptors for each map, (m, dim): images are described, ready ones are as given.

@@ -2,14 +2,16 @@
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use surefix::Error;
-use surefix::evaluate::{Bootstrap, Curve, Match, Point, Recall};
+use surefix::evaluate::{Bootstrap, Curve, Match, Point, Recall, Verdict};
 
 use crate::arrays::{flags, floats, matrix, whole_numbers};
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::options::whole;
 use crate::pickle::pickled;
+use crate::pictures::{html, plotted};
 use crate::segments::given_segments;
 use crate::truth::{truth_along, warn_of_units};
 
@@ -94,6 +96,38 @@ pub(crate) fn evaluate(
     warn_of_units(given, &truth, tolerance)?;
     let curve = py.detach(|| surefix::evaluate::evaluate(&matches, &truth, recall));
     Ok(Evaluation(curve.or_raise(py)?))
+}
+
+/// Which matches are right, and which the truth judges, as by ``evaluate``: a list of two arrays of
+/// bool, (m,).
+#[pyfunction]
+#[pyo3(signature = (place, truth, tolerance, segments))]
+pub(crate) fn judged<'py>(
+    py: Python<'py>,
+    place: &Bound<'py, PyAny>,
+    truth: &Bound<'py, PyAny>,
+    tolerance: f64,
+    segments: &Bound<'py, PyAny>,
+) -> PyResult<[Bound<'py, PyArray1<bool>>; 2]> {
+    let segments = given_segments(Some(segments))?;
+    let truth = truth_along(truth, tolerance, segments.as_ref())?;
+    if let Some(segments) = segments {
+        truth.check_places(segments.places()).or_raise(py)?;
+    }
+    let places = whole_numbers(place, "place")?;
+    if truth.len() != places.len() {
+        let (what, expected, got) = ("truth", places.len(), truth.len());
+        return Err(Error::Length { what, expected, got }).or_raise(py);
+    }
+    let place = |&place: &i64| usize::try_from(place).unwrap_or(usize::MAX);
+    let verdicts: Vec<_> = places
+        .iter()
+        .map(place)
+        .enumerate()
+        .map(|(query, place)| truth.judge(query, place))
+        .collect();
+    let of = |is: fn(&Verdict) -> bool| PyArray1::from_iter(py, verdicts.iter().map(is));
+    Ok([of(|it| *it == Verdict::Correct), of(|it| *it != Verdict::Ignored)])
 }
 
 /// A run's matches, or those of anything that has their arrays.
@@ -336,6 +370,49 @@ impl Evaluation {
     fn correct(&self) -> usize {
         self.0.correct()
     }
+
+    /// Draws the curve, from the best score to the worst. Another curve goes onto the same axes, in
+    /// the next colour: ``ax = weighted.plot(name="weighted")``, ``plain.plot(ax=ax, name="plain")``.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str
+    ///     Of the curve, in the legend.
+    /// ax : matplotlib.axes.Axes, optional
+    ///     Where to draw; by default a new figure of ``matplotlib.pyplot``.
+    /// **options
+    ///     As for ``surefix.plot.precision_recall``, such as ``upto``, the recall up to which the
+    ///     area counts.
+    ///
+    /// Returns
+    /// -------
+    /// matplotlib.axes.Axes
+    ///
+    /// Raises
+    /// ------
+    /// ModuleNotFoundError
+    ///     If matplotlib is not installed.
+    ///
+    /// Examples
+    /// --------
+    /// >>> curve.plot(name="weighted").figure.savefig("curve.png")  # doctest: +SKIP
+    #[pyo3(
+        signature = (*, name=None, ax=None, **options),
+        text_signature = "($self, *, name='', ax=None, **options)"
+    )]
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        name: Option<&Bound<'py, PyAny>>,
+        ax: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        plotted(slf, "of_evaluation", ax, &[("name", name)], options)
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        html(slf, "of_evaluation")
+    }
+
     fn __repr__(&self) -> String {
         let (auc, max) = (self.0.auc(0.2), self.0.max_recall());
         format!(

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 use std::sync::Arc;
 
-use crate::arrays::{Numbers, as_array, query};
+use crate::arrays::{Numbers, as_array, is_of_pillow, query};
 use crate::error::value;
 use crate::images::{Pixels, path_of, read_image};
 use crate::learned;
@@ -41,6 +41,39 @@ impl<'py> Input<'py> {
         Ok(match self {
             Self::Image(pixels) => surefix::Input::Image(pixels.view(py)?),
             Self::Descriptor(numbers) => surefix::Input::Descriptor(numbers.view()?),
+        })
+    }
+}
+
+/// Whether queries are one or many.
+pub(crate) enum One<'py> {
+    Descriptor(Bound<'py, PyUntypedArray>),
+    Image,
+    Many,
+}
+
+impl<'py> One<'py> {
+    /// One descriptor has one axis. One image is a file, an image of Pillow, an array of three axes
+    /// of which the last is colours, or, if images are `described`, one of two axes that is not as
+    /// wide as `dim`.
+    pub(crate) fn of(given: &Bound<'py, PyAny>, dim: usize, described: bool) -> PyResult<Self> {
+        if let Some(path) = path_of(given) {
+            return Ok(if path.is_file() { Self::Image } else { Self::Many });
+        }
+        if is_of_pillow(given) {
+            return Ok(Self::Image);
+        }
+        if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
+            let number = given.get_item(0).is_ok_and(|first| first.extract::<f64>().is_ok());
+            let array = number.then(|| as_array(given, "descriptor")).transpose()?;
+            return Ok(array.map_or(Self::Many, Self::Descriptor));
+        }
+        let Ok(array) = as_array(given, "queries") else { return Ok(Self::Many) };
+        Ok(match array.shape() {
+            [_] => Self::Descriptor(array),
+            [_, width] if described && *width != dim => Self::Image,
+            [_, _, 1 | 3 | 4] => Self::Image,
+            _ => Self::Many,
         })
     }
 }

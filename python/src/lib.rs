@@ -12,6 +12,7 @@ mod evaluate;
 mod fix;
 mod images;
 mod inputs;
+mod kept;
 mod learned;
 mod localizer;
 mod loops;
@@ -23,6 +24,7 @@ mod map_places;
 mod matcher;
 mod options;
 mod pickle;
+mod pictures;
 mod places;
 mod position;
 mod post;
@@ -53,7 +55,7 @@ mod _core {
     #[pymodule_export]
     use crate::calibrate::{Threshold, block_length, calibrate};
     #[pymodule_export]
-    use crate::evaluate::{Evaluation, evaluate, recall_at};
+    use crate::evaluate::{Evaluation, evaluate, judged, recall_at};
     #[pymodule_export]
     use crate::fix::{Fix, Peak, Sequence, Single, Track};
     #[pymodule_export]

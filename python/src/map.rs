@@ -5,12 +5,17 @@ use std::sync::Arc;
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBool, PyBytes, PyDict, PyList};
 use surefix::{Dtype, Recipe};
 
-use crate::arrays::{as_array, check_axes, query, rows_to_py};
+use crate::arrays::{query, rows_to_py};
+use crate::batch::Rows;
 use crate::error::OrRaise as _;
+use crate::images::{progress_callback, with_progress};
+use crate::inputs::{One, descriptors};
+use crate::kept::as_matrix;
 use crate::learned;
+use crate::pictures::{html, plotted};
 use crate::post::Post;
 use crate::sad::Sad;
 
@@ -201,35 +206,117 @@ impl Map {
         py.detach(|| self.0.verify()).or_raise(py)
     }
 
-    /// The distances from a descriptor to every place. A place that shows nothing (``blank``) has
-    /// the mean of the others' distances; a descriptor that shows nothing has one distance to all.
+    /// The distances from a query to every place, or from many. A place that shows nothing
+    /// (``blank``) has the mean of the others' distances; a query that shows nothing has one distance
+    /// to all.
     ///
     /// Parameters
     /// ----------
-    /// descriptor : array, shape (input_dim,)
-    ///     Of the map's own type, or of float32 on a map of ready descriptors.
-    ///     As it is before post-processing, if the map has any.
+    /// queries : descriptor, (input_dim,), or image; or several: (m, input_dim), images as for ``match``
+    ///     Descriptors are of the map's own type, or of float32 on a map of ready descriptors, and as
+    ///     they are before post-processing, if the map has any. Each is taken alone: statistics that
+    ///     run along a drive are those of a ``Localizer``, ``match`` and ``Run.distances``. An array
+    ///     of two axes is descriptors if its rows are as long as one.
+    /// descriptor : surefix.descriptors.Descriptor, optional
+    ///     On a map of learned descriptors: what describes the images.
+    /// progress : callable, optional
+    ///     As for ``Map.from_images``.
     ///
     /// Returns
     /// -------
-    /// array of float32, shape (n,)
+    /// array of float32, shape (n,) for one query, (n, m) for several
     ///     SAD distances are in units of ``z``, whatever the type that the map keeps.
     ///
     /// Raises
     /// ------
     /// SurefixValueError
-    ///     For another length or type, a NaN or an infinity, or up to 8 zeros under the cosine.
+    ///     For another length or type, a NaN or an infinity, or up to 8 zeros under the cosine; of
+    ///     several queries, the error says which.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, surefix
+    /// >>> road = surefix.simulate.Route(places=20, seed=1)
+    /// >>> route = surefix.Map.from_images(road.reference())
+    /// >>> route.distances(road.revisit()).shape, route.distances(road.revisit()[3]).shape
+    /// ((20, 20), (20,))
+    #[pyo3(signature = (queries, *, descriptor=None, progress=None))]
     fn distances<'py>(
         &self,
         py: Python<'py>,
-        descriptor: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let array = as_array(descriptor, "descriptor")?;
-        check_axes(&array, "descriptor", 1)?;
-        let numbers = query(&array, "descriptor", &self.0)?;
-        let view = numbers.view()?;
-        let distances = py.detach(|| self.0.distances(view)).or_raise(py)?;
-        Ok(PyArray1::from_vec(py, distances))
+        queries: &Bound<'py, PyAny>,
+        descriptor: Option<&Bound<'py, PyAny>>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let described = descriptor.is_some() || self.0.recipe() != Recipe::Ready;
+        let one = One::of(queries, self.0.input_dim(), described)?;
+        if let One::Descriptor(array) = &one {
+            let numbers = query(array, "descriptor", &self.0)?;
+            let view = numbers.view()?;
+            let distances = py.detach(|| self.0.distances(view)).or_raise(py)?;
+            return Ok(PyArray1::from_vec(py, distances).into_any());
+        }
+        let maps = [self.0.clone()];
+        let descriptors = descriptors(descriptor, &maps)?;
+        let silent = PyBool::new(py, false).to_owned().into_any();
+        let alone = PyList::new(py, [queries])?.into_any();
+        let is_one = matches!(one, One::Image);
+        let (queries, progress) =
+            if is_one { (&alone, Some(&silent)) } else { (queries, progress) };
+        let rows = Rows::of_each(queries, &maps, &descriptors, progress)?;
+        let callback = match rows.first() {
+            // Describing has shown its own progress.
+            Some(Rows::Described(_)) => None,
+            _ => progress_callback(py, progress, "Comparing")?,
+        };
+        let views = rows.iter().map(Rows::view).collect::<PyResult<Vec<_>>>()?;
+        let distances = with_progress(py, callback.as_ref(), |progress| {
+            let each = views.iter().try_fold(Vec::new(), |_, view| {
+                py.detach(|| self.0.distances_of_each(*view, progress))
+            });
+            Ok(each)
+        })?;
+        if is_one {
+            return Ok(PyArray1::from_vec(py, distances).into_any());
+        }
+        as_matrix(py, distances, self.0.places())
+    }
+
+    /// Draws the route from above, by the map's positions.
+    ///
+    /// Parameters
+    /// ----------
+    /// ax : matplotlib.axes.Axes, optional
+    ///     Where to draw; by default a new figure of ``matplotlib.pyplot``.
+    /// **options
+    ///     As for ``surefix.plot.plan``: ``names`` of the segments; ``place=run.place`` draws the
+    ///     fixes of a run on it.
+    ///
+    /// Returns
+    /// -------
+    /// matplotlib.axes.Axes
+    ///
+    /// Raises
+    /// ------
+    /// SurefixValueError
+    ///     If the map has no positions.
+    /// ModuleNotFoundError
+    ///     If matplotlib is not installed.
+    ///
+    /// Examples
+    /// --------
+    /// >>> route.plot().figure.savefig("plan.png")  # doctest: +SKIP
+    #[pyo3(signature = (*, ax=None, **options))]
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        ax: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        plotted(slf, "of_map", ax, &[], options)
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        html(slf, "of_map")
     }
 
     fn __len__(&self) -> usize {

@@ -18,9 +18,13 @@ pub(crate) fn unpacked<T: DeserializeOwned>(py: Python<'_>, bytes: &[u8]) -> PyR
     rmp_serde::from_slice(bytes).map_err(|e| value(py, format!("expected {expected}, got {e}")))
 }
 
-/// Makes a class that holds nothing but a value of the crate one that `pickle` and `copy` take.
+/// Makes a class that holds nothing but a value of the crate one that `pickle` and `copy` take; or
+/// one that a function makes of it again.
 macro_rules! pickled {
     ($class:ident) => {
+        $crate::pickle::pickled!($class, $class);
+    };
+    ($class:ident, $again:expr) => {
         #[pyo3::pymethods]
         impl $class {
             fn __reduce__<'py>(
@@ -37,7 +41,7 @@ macro_rules! pickled {
 
             #[staticmethod]
             fn _unpickled(py: pyo3::Python<'_>, bytes: &[u8]) -> pyo3::PyResult<Self> {
-                $crate::pickle::unpacked(py, bytes).map(Self)
+                $crate::pickle::unpacked(py, bytes).map($again)
             }
         }
     };

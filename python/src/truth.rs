@@ -10,6 +10,7 @@ use crate::arrays::{contiguous, coordinates, numbers, sequence_or_array, shape_o
 use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::pickle::pickled;
+use crate::pictures::plotted;
 
 /// Positions of fewer places or queries may all be near, or far, by chance.
 const FEW: usize = 20;
@@ -247,6 +248,37 @@ impl Trust {
     fn share_trusted(&self) -> f64 {
         self.0.share_trusted()
     }
+
+    /// Draws the four counts as a table, trusted or not by right or wrong.
+    ///
+    /// Parameters
+    /// ----------
+    /// ax : matplotlib.axes.Axes, optional
+    ///     Where to draw; by default a new figure of ``matplotlib.pyplot``.
+    /// **options
+    ///     As for ``surefix.plot.trust_table``.
+    ///
+    /// Returns
+    /// -------
+    /// matplotlib.axes.Axes
+    ///
+    /// Raises
+    /// ------
+    /// ModuleNotFoundError
+    ///     If matplotlib is not installed.
+    ///
+    /// Examples
+    /// --------
+    /// >>> trust.plot().figure.savefig("trust.png")  # doctest: +SKIP
+    #[pyo3(signature = (*, ax=None, **options))]
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        ax: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        plotted(slf, "of_trust", ax, &[], options)
+    }
+
     fn __repr__(&self) -> String {
         let TrustTable { true_positives, false_positives, false_negatives, true_negatives } =
             self.0;

@@ -20,6 +20,7 @@ from typing import (
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes as _Axes
 
 from surefix.motion import Motion
 from surefix.options import Options
@@ -65,6 +66,7 @@ __all__ = [
     "fit_post",
     "image_files",
     "instruction_set",
+    "judged",
     "match",
     "match_distances",
     "read_image",
@@ -1337,26 +1339,75 @@ class Map:
         >>> route.blank, len(route.without_blank())
         (array([2]), 4)
         """
-    def distances(self, descriptor: _Array) -> _Float32:
-        """The distances from a descriptor to every place. A place that shows nothing (``blank``) has
-        the mean of the others' distances; a descriptor that shows nothing has one distance to all.
+    def distances(
+        self,
+        queries: _Path | Iterable[_Path] | Iterable[_Array] | _Array | Traverse,
+        *,
+        descriptor: _Descriptor | None = None,
+        progress: _Progress = None,
+    ) -> _Float32:
+        """The distances from a query to every place, or from many. A place that shows nothing
+        (``blank``) has the mean of the others' distances; a query that shows nothing has one distance
+        to all.
 
         Parameters
         ----------
-        descriptor : array, shape (input_dim,)
-            Of the map's own type, or of float32 on a map of ready descriptors.
-            As it is before post-processing, if the map has any.
+        queries : descriptor, (input_dim,), or image; or several: (m, input_dim), images as for ``match``
+            Descriptors are of the map's own type, or of float32 on a map of ready descriptors, and as
+            they are before post-processing, if the map has any. Each is taken alone: statistics that
+            run along a drive are those of a ``Localizer``, ``match`` and ``Run.distances``. An array
+            of two axes is descriptors if its rows are as long as one.
+        descriptor : surefix.descriptors.Descriptor, optional
+            On a map of learned descriptors: what describes the images.
+        progress : callable, optional
+            As for ``Map.from_images``.
 
         Returns
         -------
-        array of float32, shape (n,)
+        array of float32, shape (n,) for one query, (n, m) for several
             SAD distances are in units of ``z``, whatever the type that the map keeps.
 
         Raises
         ------
         SurefixValueError
-            For another length or type, a NaN or an infinity, or up to 8 zeros under the cosine.
+            For another length or type, a NaN or an infinity, or up to 8 zeros under the cosine; of
+            several queries, the error says which.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> road = surefix.simulate.Route(places=20, seed=1)
+        >>> route = surefix.Map.from_images(road.reference())
+        >>> route.distances(road.revisit()).shape, route.distances(road.revisit()[3]).shape
+        ((20, 20), (20,))
         """
+    def plot(self, *, ax: _Axes | None = None, **options: Any) -> _Axes:
+        """Draws the route from above, by the map's positions.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default a new figure of ``matplotlib.pyplot``.
+        **options
+            As for ``surefix.plot.plan``: ``names`` of the segments; ``place=run.place`` draws the
+            fixes of a run on it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        SurefixValueError
+            If the map has no positions.
+        ModuleNotFoundError
+            If matplotlib is not installed.
+
+        Examples
+        --------
+        >>> route.plot().figure.savefig("plan.png")  # doctest: +SKIP
+        """
+    def _repr_html_(self) -> str: ...
     def __copy__(self) -> Map: ...
     def __deepcopy__(self, memo: object, /) -> Map: ...
     def __len__(self) -> int: ...
@@ -2234,6 +2285,77 @@ class Run:
     @property
     def gradient_value(self) -> _Float32:
         """The enhanced gradient there: float32."""
+    @property
+    def distances(self) -> _Float32:
+        """The distances that the method saw, to the last bit: float32, (n, m), ``distances[i, j]``
+        between place ``i`` and query ``j``; of several techniques the fused ones, which have no unit.
+
+        Of ``match`` they are computed when they are first asked for, and then kept: ``4 n m`` bytes.
+        Until then a run keeps its map, which is shared, and the queries' descriptors: those that were
+        given, without a copy, or those of images (2 kB an image by default). Of ``match_distances``
+        they are the array that was given, not a copy. Arrays that were given must not change. A
+        pickle keeps the fixes alone.
+
+        Raises
+        ------
+        SurefixValueError
+            If the run comes from a pickle, or the memory does not suffice.
+
+        Examples
+        --------
+        >>> import numpy as np, surefix
+        >>> rows = np.random.default_rng(0).normal(size=(30, 9)).astype(np.float32)
+        >>> run = surefix.match(surefix.Map.from_descriptors(rows), rows[5:])
+        >>> run.distances.shape, bool((run.distances.min(0) == run.single_distance).all())
+        ((30, 25), True)
+        """
+    def plot(
+        self,
+        truth: _Truth | None = None,
+        *,
+        tolerance: float = 1,
+        single: bool = False,
+        kind: Literal["matrix", "confidence"] = "matrix",
+        ax: _Axes | None = None,
+        **options: Any,
+    ) -> _Axes:
+        """Draws the run: the distances (n, m) as tones, dark if a query looks like a place, and on them
+        the place of each query. With the truth the marks say right or wrong, too.
+
+        Parameters
+        ----------
+        truth : as for ``evaluate``, optional
+        tolerance : float
+            As for ``evaluate``.
+        single : bool
+            Draws the best match of each query alone, of which ``trusted`` speaks, in place of the fix.
+        kind : {"matrix", "confidence"}
+            What to draw. "confidence": what the tracker believes along the drive, if there is
+            ``motion``.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default a new figure of ``matplotlib.pyplot``.
+        **options
+            As for ``surefix.plot.distance_matrix`` or ``confidence``: such as ``queries`` and
+            ``places`` for a close-up.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        SurefixValueError
+            For a kind of picture that the run has no data for, or a truth as ``evaluate`` refuses it.
+        ModuleNotFoundError
+            If matplotlib is not installed.
+
+        Examples
+        --------
+        >>> run.plot(truth).figure.savefig("run.png")  # doctest: +SKIP
+        """
+    def _repr_html_(self) -> str: ...
+    def __copy__(self) -> Run: ...
+    def __deepcopy__(self, memo: object, /) -> Run: ...
     def to_csv(self, path: _Path) -> None:
         """Writes a CSV file: a line of names, then a line a query.
 
@@ -2363,6 +2485,45 @@ class Alignment:
         """The position of each query's place in metres: float64, (m, 2) or (m, 3); None if the map has
         no positions.
         """
+    @property
+    def segments(self) -> Segments:
+        """How the route's places follow each other."""
+    @property
+    def distances(self) -> _Float32:
+        """The distances that were aligned: float32, (n, m), as ``Run.distances``.
+
+        Raises
+        ------
+        SurefixValueError
+            If the alignment comes from a pickle, or the memory does not suffice.
+        """
+    def plot(self, *, ax: _Axes | None = None, **options: Any) -> _Axes:
+        """Draws the distances (n, m) as tones, dark if a query looks like a place, and on them the place
+        of each query; stretches without a sure place are shaded.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default a new figure of ``matplotlib.pyplot``.
+        **options
+            As for ``surefix.plot.aligned_track``, such as ``least``.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If matplotlib is not installed.
+
+        Examples
+        --------
+        >>> alignment.plot().figure.savefig("alignment.png")  # doctest: +SKIP
+        """
+    def _repr_html_(self) -> str: ...
+    def __copy__(self) -> Alignment: ...
+    def __deepcopy__(self, memo: object, /) -> Alignment: ...
     def to_csv(self, path: _Path, least: float = 0.0) -> None:
         """Writes a CSV file: a line of names, then a line a query. If the map has positions, that of
         ``place`` is in the columns ``x``, ``y`` and ``z``.
@@ -2651,6 +2812,34 @@ class Evaluation:
         -------
         (low, high)
         """
+    def plot(self, *, name: str = "", ax: _Axes | None = None, **options: Any) -> _Axes:
+        """Draws the curve, from the best score to the worst. Another curve goes onto the same axes, in
+        the next colour: ``ax = weighted.plot(name="weighted")``, ``plain.plot(ax=ax, name="plain")``.
+
+        Parameters
+        ----------
+        name : str
+            Of the curve, in the legend.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default a new figure of ``matplotlib.pyplot``.
+        **options
+            As for ``surefix.plot.precision_recall``, such as ``upto``, the recall up to which the
+            area counts.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If matplotlib is not installed.
+
+        Examples
+        --------
+        >>> curve.plot(name="weighted").figure.savefig("curve.png")  # doctest: +SKIP
+        """
+    def _repr_html_(self) -> str: ...
     def recall_at_precision(self, precision: float) -> float:
         """The largest recall at a precision of at least this; 0 if there is none."""
     def false_positives_at(self, recall: float) -> int | None:
@@ -2702,6 +2891,29 @@ class Trust:
     @property
     def false_positive_rate(self) -> float:
         """The share of the wrong matches that is trusted; 0 if none is wrong."""
+    def plot(self, *, ax: _Axes | None = None, **options: Any) -> _Axes:
+        """Draws the four counts as a table, trusted or not by right or wrong.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default a new figure of ``matplotlib.pyplot``.
+        **options
+            As for ``surefix.plot.trust_table``.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If matplotlib is not installed.
+
+        Examples
+        --------
+        >>> trust.plot().figure.savefig("trust.png")  # doctest: +SKIP
+        """
     @property
     def share_trusted(self) -> float:
         """The share of all matches that is trusted."""
@@ -3011,6 +3223,13 @@ class Settings:
         """Where and how they were measured."""
     __hash__: ClassVar[None]  # type: ignore[assignment]
     def __eq__(self, other: object, /) -> bool: ...
+
+def judged(
+    place: npt.NDArray[np.int64], truth: _Truth, tolerance: float, segments: Segments
+) -> list[_Bool]:
+    """Which matches are right, and which the truth judges, as by ``evaluate``: a list of two arrays of
+    bool, (m,).
+    """
 
 def evaluate(
     matches: Run | _Matches,

@@ -1,7 +1,8 @@
 """What techniques are worth on a route, without ground truth."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,9 @@ from surefix._core import (
 from surefix.errors import mismatch
 from surefix.matches import Matches
 from surefix.motion import Motion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Audit", "Estimate", "audit"]
 
@@ -185,6 +189,36 @@ class Audit:
     def __len__(self) -> int:
         """The number of queries."""
         return len(self.right)
+
+    def plot(self, *, ax: "Axes | None" = None, **options: Any) -> "Axes":
+        """Draws the estimates with their intervals: how often the best match is right, and how
+        often a trusted one, of each technique.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default a new figure of ``matplotlib.pyplot``.
+        **options
+            As for ``surefix.plot.estimates``.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If matplotlib is not installed.
+
+        Examples
+        --------
+        >>> audit.plot().figure.savefig("audit.png")  # doctest: +SKIP
+        """
+        drawn: Axes = import_module("surefix.plot.objects").of_audit(self, ax=ax, **options)
+        return drawn
+
+    def _repr_html_(self) -> str:
+        return str(import_module("surefix._html").of_audit(self))
 
     def __repr__(self) -> str:
         """The estimates in a line."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Alignment
+from surefix._core import Alignment, Run
 from surefix.errors import mismatch
 
 # An alignment that is less sure contradicts nothing.
@@ -103,8 +103,8 @@ def known_queries(truth: Any) -> npt.NDArray[np.bool_]:
     return np.asarray(~(unknown.any(axis=1) if pair else unknown), bool)
 
 
-def true_places(alignment: Alignment, truth: Any, tolerance: float) -> npt.NDArray[np.int64]:
-    """The true place of each query, of several the one nearest to the aligned; -1 for none, and
+def true_places(alignment: Alignment | Run, truth: Any, tolerance: float) -> npt.NDArray[np.int64]:
+    """The true place of each query, of several the one nearest to that found; -1 for none, and
     if it is not known.
 
     Raises

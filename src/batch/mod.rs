@@ -1,6 +1,7 @@
 //! Whole runs at once: the same answers as the stream, on all cores.
 
 mod align;
+mod distances;
 mod drive;
 mod fused;
 
@@ -20,6 +21,7 @@ use crate::post::ChainState;
 use crate::segments::Segments;
 
 pub use align::{Alignment, align_descriptors, align_distances};
+pub use distances::{drive_distances, fused_distances};
 pub use drive::Drive;
 pub use fused::{match_fused, match_fused_distances};
 
@@ -383,8 +385,13 @@ impl<'a> Columns<'a> {
                 Some(passed)
             }
         };
+        Ok(Self { passed, ..Self::alone(map, queries, count, at_once) })
+    }
+
+    /// Of queries that are no drive: each goes through the post-processing alone.
+    fn alone(map: &'a Map, queries: View<'a>, count: usize, at_once: usize) -> Self {
         let at_once = (HELD / map.rows()).min(at_once).max(1);
-        Ok(Self { map, queries, count, passed, at_once, first: 0, held: Vec::new() })
+        Self { map, queries, count, passed: None, at_once, first: 0, held: Vec::new() }
     }
 
     fn of(&mut self, query: usize) -> Result<&[f32], Error> {

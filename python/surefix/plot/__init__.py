@@ -1,7 +1,10 @@
-"""Every figure as a function that takes a matplotlib axis, draws on it and returns it.
+"""Every figure as a function, which draws on a matplotlib axis and returns it: on ``ax``, or in a
+new figure of ``matplotlib.pyplot``.
 
-They take plain data: curves of ``surefix.evaluate``, runs, arrays. ``png`` draws one without a
-display. ``LIGHT`` and ``DARK`` are the papers; nothing in a figure hangs on colour alone.
+They take plain data: curves of ``surefix.evaluate``, arrays. A run, an alignment, an evaluation, an
+audit and a map draw themselves by their method ``plot``. ``png`` makes a file without a display, as
+``.figure.savefig`` does. ``LIGHT`` and ``DARK`` are the papers; nothing in a figure hangs on colour
+alone.
 """
 
 try:
@@ -22,6 +25,7 @@ from surefix.plot.bars import (
     Band,
     Estimate,
     auc_intervals,
+    estimates,
     false_positives,
     route_strip,
     trust_table,
@@ -64,6 +68,7 @@ __all__ = [
     "busiest_window",
     "confidence",
     "distance_matrix",
+    "estimates",
     "examples",
     "examples_height",
     "execution_time",

@@ -10,9 +10,18 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from surefix import Trust
+from surefix.plot.axes import end_at_tick, on_axes
 from surefix.plot.theme import LIGHT, Theme
 
-__all__ = ["Band", "Estimate", "auc_intervals", "false_positives", "route_strip", "trust_table"]
+__all__ = [
+    "Band",
+    "Estimate",
+    "auc_intervals",
+    "estimates",
+    "false_positives",
+    "route_strip",
+    "trust_table",
+]
 
 PITCH = 1.16
 
@@ -24,8 +33,13 @@ Estimate = tuple[float, float, float]
 """A value, and the low and the high end of its interval."""
 
 
+@on_axes(6.4, 3)
 def false_positives(
-    ax: Axes, counts: Mapping[str, int | None], *, recall: float = 0.2, theme: Theme = LIGHT
+    counts: Mapping[str, int | None],
+    *,
+    recall: float = 0.2,
+    ax: Axes | None = None,
+    theme: Theme = LIGHT,
 ) -> Axes:
     """Draws a bar for each method: the wrong matches accepted by the time that ``recall`` is
     reached.
@@ -37,7 +51,10 @@ def false_positives(
         said in place of the bar.
     recall : float
         The recall at which they were counted.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     longest = max((count for count in counts.values() if count is not None), default=0)
     for row, (name, count) in enumerate(counts.items()):
         if count is None:
@@ -52,13 +69,14 @@ def false_positives(
     return _rows(ax, list(counts), theme)
 
 
+@on_axes(6.4, 3)
 def auc_intervals(
-    ax: Axes,
     estimates: Mapping[str, Estimate],
     *,
     upto: float = 0.2,
     level: float = 0.95,
     baseline: str | None = None,
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws a row for each method: its area under the curve as a dot, the interval as a line.
@@ -72,8 +90,50 @@ def auc_intervals(
     baseline : str, optional
         The name of the method that the others are compared to: a dashed line goes down from its
         dot.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
-    for row, (name, (area, low, high)) in enumerate(estimates.items()):
+    assert ax is not None
+    _estimates(ax, estimates, baseline, theme)
+    ax.set_xlabel(f"area under the curve up to recall {upto:g}, and its {100 * level:g} % interval")
+    return ax
+
+
+@on_axes(6.4, 2.4)
+def estimates(
+    values: Mapping[str, Estimate],
+    *,
+    label: str = "share, and its 95 % interval",
+    baseline: str | None = None,
+    ax: Axes | None = None,
+    theme: Theme = LIGHT,
+) -> Axes:
+    """Draws a row for each share that was estimated, as a dot, its interval as a line.
+
+    Parameters
+    ----------
+    values : mapping of a name to (value, low, high)
+        From the top down; a NaN is said in place of the dot.
+    label : str
+        The name of the axis.
+    baseline : str, optional
+        The name of the row that the others are compared to: a dashed line goes down from its dot.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+    """
+    assert ax is not None
+    _estimates(ax, values, baseline, theme)
+    ax.set_xlabel(label)
+    return ax
+
+
+def _estimates(
+    ax: Axes, values: Mapping[str, Estimate], baseline: str | None, theme: Theme
+) -> None:
+    for row, (name, (area, low, high)) in enumerate(values.items()):
+        if np.isnan(area):
+            ax.text(0.01, row, "none to judge", va="center", color=theme.muted)
+            continue
         first = name == baseline
         colour, mark = (theme.muted, "s") if first else (theme.trusted_right, "o")
         line: Any = {"linewidth": 2.6, "solid_capstyle": "butt", "zorder": 3}
@@ -85,8 +145,7 @@ def auc_intervals(
         if first:
             ax.axvline(area, color=theme.muted, linewidth=1.0, linestyle=(0, (4, 3)), zorder=2)
     ax.set_xlim(0, 1)
-    ax.set_xlabel(f"area under the curve up to recall {upto:g}, and its {100 * level:g} % interval")
-    return _rows(ax, list(estimates), theme)
+    _rows(ax, list(values), theme)
 
 
 def _rows(ax: Axes, names: list[str], theme: Theme) -> Axes:
@@ -99,7 +158,8 @@ def _rows(ax: Axes, names: list[str], theme: Theme) -> Axes:
     return ax
 
 
-def trust_table(ax: Axes, trust: Trust, *, theme: Theme = LIGHT) -> Axes:
+@on_axes(6.4, 3)
+def trust_table(trust: Trust, *, ax: Axes | None = None, theme: Theme = LIGHT) -> Axes:
     """Draws four cells, trusted or not by right or wrong: the number of single matches, and their
     share.
 
@@ -107,7 +167,10 @@ def trust_table(ax: Axes, trust: Trust, *, theme: Theme = LIGHT) -> Axes:
     ----------
     trust : Trust
         As of ``surefix.evaluate_trust``. The depth of a cell is its share.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     t = trust
     counts = t.true_positives, t.false_positives, t.false_negatives, t.true_negatives
     total = max(1, sum(counts))
@@ -137,14 +200,15 @@ def trust_table(ax: Axes, trust: Trust, *, theme: Theme = LIGHT) -> Axes:
     return ax
 
 
+@on_axes(9, 2.6)
 def route_strip(
-    ax: Axes,
     positions: NDArray[np.float64],
     bands: Sequence[Band],
     *,
     gap: tuple[float, float] | None = None,
     along: str = "position along the route (m)",
     unit: str = "m",
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws a band for each way of matching: right upwards, wrong downwards, nothing for a query
@@ -160,7 +224,10 @@ def route_strip(
         A stretch to bracket under the last band: the longest without a right fix in it.
     along, unit : str
         The name of the axis, and the unit of the stretch.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     middles = (positions[:-1] + positions[1:]) / 2
     edges = np.concatenate((positions[:1], middles, positions[-1:]))
     if edges[0] == edges[-1]:
@@ -189,7 +256,7 @@ def route_strip(
         text = f"longest stretch without a right one: {stop - start:.0f} {unit}"
         ax.text(at, level - 0.1, text, ha=side, va="top", fontsize=8.5, color=theme.ink)
         bottom -= 0.45
-    ax.set_xlim(first, last)
+    end_at_tick(ax.xaxis, first, last)
     ax.set_ylim(bottom, 0.66)
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)

@@ -7,20 +7,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from surefix.plot.axes import end_at_tick, on_axes
 from surefix.plot.bars import spans
 from surefix.plot.theme import LIGHT, Theme
 
 __all__ = ["confidence"]
 
 
+@on_axes(9, 3)
 def confidence(
-    ax: Axes,
     confidence: NDArray[np.float64],
     off_map: NDArray[np.float64],
     right: NDArray[np.bool_] | None = None,
     *,
     stretches: Sequence[tuple[str, range]] = (),
     accept: float = 0.95,
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the tracker's confidence and its belief to be off the map, over the queries; below
@@ -36,7 +38,10 @@ def confidence(
         Stretches of the drive to shade, as one off the map.
     accept : float
         A confidence to mark by a dashed line.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     m = len(confidence)
     edges = np.arange(m + 1, dtype=np.float64) - 0.5
     for name, queries in stretches:
@@ -56,7 +61,7 @@ def confidence(
             ax.broken_barh(spans(edges, mask), (low, 0.08), facecolors=colour, linewidth=0)
         ax.text(m, -0.08, " right", va="center", fontsize=8.5, color=theme.ink)
         ax.text(m, -0.18, " wrong", va="center", fontsize=8.5, color=theme.ink)
-    ax.set_xlim(-0.5, m - 0.5)
+    end_at_tick(ax.xaxis, -0.5, m - 0.5)
     ax.set_ylim(-0.03 if right is None else -0.25, 1.03)
     ax.set_yticks([0, 0.5, 1])
     ax.set_xlabel("query (frame)")

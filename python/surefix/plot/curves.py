@@ -8,6 +8,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from surefix import Evaluation
+from surefix.plot.axes import on_axes
 from surefix.plot.theme import LIGHT, Theme, looks
 from surefix.study.confidence import Reliability
 
@@ -21,27 +22,31 @@ __all__ = [
     "weight_sweep",
 ]
 
+# Marks the curves of an axis.
+CURVE = "precision-recall"
+
 Swept = npt.ArrayLike | tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]
 """An area for each value of the option; or three: the areas, the low and the high ends of their
 intervals."""
 
 
+@on_axes(6.4, 5.2)
 def precision_recall(
-    ax: Axes,
-    curves: Mapping[str, Evaluation],
+    curves: Evaluation | Mapping[str, Evaluation],
     *,
     trusted: tuple[float, float] | None = None,
     trusted_name: str = "the trusted fixes alone",
     upto: float = 0.2,
     recall: str = "correct",
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws curves from the best score to the worst, each with its area up to a recall.
 
     Parameters
     ----------
-    curves : mapping of a name to an ``Evaluation``
-        Up to eight; the first is drawn boldest.
+    curves : Evaluation, or mapping of a name to an ``Evaluation``
+        Up to eight on one axis; the first is drawn boldest.
     trusted : (recall, precision), optional
         The point that accepts just the trusted fixes: a star.
     trusted_name : str
@@ -50,21 +55,30 @@ def precision_recall(
         The areas named in the legend are up to this recall; it is shaded.
     recall : {"correct", "place_exists", "rejected"}
         The convention that the curves were made with: it names the axis.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
 
     Raises
     ------
     SurefixValueError
         For more than eight curves: they could not be told apart.
     """
+    assert ax is not None
+    if isinstance(curves, Evaluation):
+        curves = {"": curves}
     share = {
         "correct": "share of the correct matches that are accepted",
         "place_exists": "share of the queries on the map",
         "rejected": "share of correct and of rejected matches",
     }[recall]
-    ax.axvspan(0, upto, color=theme.grid, alpha=0.55, linewidth=0)
-    styles = looks(theme, len(curves))
-    for layer, ((name, curve), look) in enumerate(zip(curves.items(), styles, strict=True)):
-        label = f"{name}: area up to recall {upto:g} is {curve.auc(upto):.2f}"
+    # Curves that were drawn before keep their looks.
+    before = sum(line.get_gid() == CURVE for line in ax.lines)
+    if not before:
+        ax.axvspan(0, upto, color=theme.grid, alpha=0.55, linewidth=0)
+    styles = looks(theme, before + len(curves))[before:]
+    for layer, ((name, curve), look) in enumerate(zip(curves.items(), styles, strict=True), before):
+        label = f"area up to recall {upto:g} is {curve.auc(upto):.2f}"
+        label = f"{name}: {label}" if name else label
         if curve.max_recall < upto:
             label += f", it ends at recall {curve.max_recall:.2f}"
         # If nothing was accepted there is no line, but its name stays in the legend.
@@ -72,6 +86,7 @@ def precision_recall(
             np.concatenate(([0.0], curve.recall)) if len(curve.recall) else [],
             np.concatenate((curve.precision[:1], curve.precision)),
             label=label,
+            gid=CURVE,
             **look.line(len(curve.recall) + 1, layer),
         )
     if trusted is not None:
@@ -84,7 +99,10 @@ def precision_recall(
     return finish(ax, handlelength=2.6)
 
 
-def reliability(ax: Axes, diagrams: Mapping[str, Reliability], *, theme: Theme = LIGHT) -> Axes:
+@on_axes(5.4, 5.4)
+def reliability(
+    diagrams: Mapping[str, Reliability], *, ax: Axes | None = None, theme: Theme = LIGHT
+) -> Axes:
     """Draws the share of right matches against their confidence, a point a bin, the larger the more
     queries are in it. The line leaves out bins of fewer than five, which are mostly chance.
 
@@ -92,7 +110,10 @@ def reliability(ax: Axes, diagrams: Mapping[str, Reliability], *, theme: Theme =
     ----------
     diagrams : mapping of a name to a ``surefix.study.Reliability``
         Up to eight.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     ax.plot((0, 1), (0, 1), color=theme.muted, linewidth=1, zorder=2)
     styles = looks(theme, len(diagrams))
     for layer, ((name, each), look) in enumerate(zip(diagrams.items(), styles, strict=True)):
@@ -111,12 +132,13 @@ def reliability(ax: Axes, diagrams: Mapping[str, Reliability], *, theme: Theme =
     return finish(ax, handlelength=2.6)
 
 
+@on_axes(6.4, 4.8)
 def weight_sweep(
-    ax: Axes,
     weights: npt.ArrayLike,
     areas: Mapping[str, Swept],
     *,
     upto: float = 0.2,
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the area under the curve against the weight ``w``, a line for each predictor.
@@ -129,18 +151,22 @@ def weight_sweep(
         Up to eight; an interval is drawn as a band.
     upto : float
         The areas are up to this recall.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     ax.set_xlim(0, 1)
     ax.set_xlabel("weight w (0: unweighted, 1: a trusted match is drawn down to the floor)")
     return _areas(ax, weights, areas, upto, theme)
 
 
+@on_axes(6.4, 4.8)
 def ablation(
-    ax: Axes,
     lengths: Sequence[int],
     areas: Mapping[str, Swept],
     *,
     upto: float = 0.2,
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the area under the curve against the sequence length ``L``, a line for each method.
@@ -153,17 +179,21 @@ def ablation(
         Up to eight; an interval is drawn as a band.
     upto : float
         The areas are up to this recall.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     ax.set_xticks(list(lengths))
     ax.set_xlabel("sequence length L (queries)")
     return _areas(ax, lengths, areas, upto, theme)
 
 
+@on_axes(6.4, 4.8)
 def execution_time(
-    ax: Axes,
     places: npt.ArrayLike,
     microseconds: Mapping[str, npt.ArrayLike],
     *,
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the time of a query against the number of places, both on logarithmic scales.
@@ -174,7 +204,10 @@ def execution_time(
         The sizes of the map.
     microseconds : mapping of a name to an array of float, shape (k,)
         The mean time of a query, more than 0; up to eight.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     _lines(ax, places, microseconds, theme)
     ax.set_xscale("log")
     ax.set_yscale("log")
@@ -193,7 +226,9 @@ def finish(ax: Axes, **legend: float) -> Axes:
     """A grid below the lines, and the legend above the axes."""
     ax.grid(linewidth=0.8)
     ax.set_axisbelow(True)
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left", **legend)
+    # On axes that were made elsewhere, as their other words are.
+    look: Any = {"frameon": False, "labelcolor": ax.xaxis.label.get_color()}
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), alignment="left", **look, **legend)
     return ax
 
 

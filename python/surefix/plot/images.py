@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from surefix.plot.axes import on_axes
 from surefix.plot.outcome import Outcome
 from surefix.plot.theme import LIGHT, Theme
 
@@ -75,12 +76,21 @@ def _bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
     return ax
 
 
-def montage(ax: Axes, columns: Sequence[Column], *, rows: int = 3, theme: Theme = LIGHT) -> Axes:
+@on_axes(9, 6)
+def montage(
+    columns: Sequence[Column], *, rows: int = 3, ax: Axes | None = None, theme: Theme = LIGHT
+) -> Axes:
     """Draws a column for each outcome: the query above, the matched place below, ``rows`` pairs in
     each.
 
     A column without pairs says so. One unit of the axis is the width of a picture.
+
+    Parameters
+    ----------
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     height = _proportion(pair.query for column in columns for pair in column.pairs)
     step = _step(height)
     for c, column in enumerate(columns):
@@ -127,7 +137,10 @@ class Example:
     caption: str
 
 
-def examples(ax: Axes, shown: Sequence[Example], *, across: int = 2, theme: Theme = LIGHT) -> Axes:
+@on_axes(11, 6)
+def examples(
+    shown: Sequence[Example], *, across: int = 2, ax: Axes | None = None, theme: Theme = LIGHT
+) -> Axes:
     """Draws examples, each a row of images with titles above and its caption below, ``across`` of
     them side by side.
 
@@ -140,7 +153,10 @@ def examples(ax: Axes, shown: Sequence[Example], *, across: int = 2, theme: Them
         Images are uint8, (H, W) or (H, W, 3).
     across : int
         Examples in a row of the figure.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     (height, wide, step), (width, tall) = _sizes(shown, across)
     for index, example in enumerate(shown):
         row, column = divmod(index, across)

@@ -12,6 +12,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
+from surefix.plot.axes import end_at_tick, on_axes
 from surefix.plot.bars import spans
 from surefix.plot.outcome import Outcome, outcomes
 from surefix.plot.theme import LIGHT, MARKS, Theme
@@ -25,6 +26,13 @@ Window = tuple[int, int]
 TONES = (0.1, 60.0)
 
 ENOUGH = 8
+# From the lowest up: the rare and the trusted on top.
+LAYERS = [
+    Outcome.UNTRUSTED_WRONG,
+    Outcome.UNTRUSTED_RIGHT,
+    Outcome.TRUSTED_RIGHT,
+    Outcome.TRUSTED_WRONG,
+]
 # The most breaks that are drawn.
 LINES = 100
 # The height of an axis's numbers and words, in inches.
@@ -39,12 +47,12 @@ LEGEND: Any = {
 }
 
 
+@on_axes(6.4, 6.9)
 def distance_matrix(
-    ax: Axes,
     distances: NDArray[np.float32],
     place: NDArray[np.int64],
     trusted: NDArray[np.bool_],
-    right: NDArray[np.bool_],
+    right: NDArray[np.bool_] | None = None,
     *,
     truth: NDArray[np.int64] | None = None,
     judged: NDArray[np.bool_] | None = None,
@@ -54,6 +62,7 @@ def distance_matrix(
     covers: tuple[Window, Window] | None = None,
     breaks: NDArray[np.int64] | Sequence[int] = (),
     label: str = "distance",
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the distances, dark if a query looks like a place, and the match of each query.
@@ -64,8 +73,8 @@ def distance_matrix(
         ``distances[i, j]`` is the distance between place ``i`` and query ``j``.
     place, trusted : arrays, shape (m,)
         The matches, as of a ``surefix.Run``.
-    right : array of bool, shape (m,)
-        Which of them are right, as of ``is_right``.
+    right : array of bool, shape (m,), optional
+        Which of them are right, as of ``is_right``. Without it the marks say trusted or not.
     truth : array of int, shape (m,), optional
         The true place of each query, -1 off the map: the true path, a line in a
         close-up.
@@ -84,7 +93,10 @@ def distance_matrix(
         The places at which a segment begins: a thin line before each.
     label : str
         The distances and their unit, for the scale of a close-up.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     close = queries is not None or places is not None
     whole = (0, len(place)), (0, distances.shape[0] if covers is None else sum(covers[1]))
     first_query, query_count = queries or whole[0]
@@ -99,12 +111,13 @@ def distance_matrix(
     inside = seen & (shown >= first_query) & (shown < first_query + query_count)
     inside &= (place >= first_place) & (place < first_place + place_count)
     figure = ax.get_figure(root=True)
-    # The rare and the trusted on top.
-    good, bad, held_right, held = Outcome
-    masks = outcomes(right, trusted)
+    known = right is not None
+    masks = outcomes(np.ones(len(place), np.bool_) if right is None else right, trusted)
+    drawn = [outcome for outcome in Outcome if known or outcome.right]
+    colours = {outcome: _colour(outcome, known, theme) for outcome in drawn}
     growth = np.clip(220 / max(query_count, place_count), 0.6, 5.0) if close else 1.0
-    for layer, outcome in enumerate((held, held_right, good, bad)):
-        mark, colour = MARKS[outcome], theme.colour(outcome)
+    for layer, outcome in enumerate(sorted(drawn, key=LAYERS.index)):
+        mark, colour = MARKS[outcome], colours[outcome]
         at = np.flatnonzero(masks[outcome] & inside)
         # Rings are all edge, thin crosses have none, filled marks are set off from the tones.
         paint: Any = {"color": colour}
@@ -113,9 +126,10 @@ def distance_matrix(
         elif mark.shape != "x":
             paint["edgecolors"] = theme.paper
         width = mark.width * np.sqrt(growth)
-        if close and (mark.hollow or mark.shape == "x"):
+        if mark.hollow or mark.shape == "x":
             # Thin lines are lost on dark tones.
-            paint["path_effects"] = [withStroke(linewidth=width + 1.4, foreground=theme.paper)]
+            halo = width + (1.4 if close else 0.8)
+            paint["path_effects"] = [withStroke(linewidth=halo, foreground=theme.paper)]
         ax.scatter(
             at,
             place[at],
@@ -128,7 +142,7 @@ def distance_matrix(
         )
     if close:
         if truth is not None:
-            ax.plot(*_path(truth), color=theme.ink, linewidth=0.9, alpha=0.7, zorder=2)
+            ax.plot(*_path(truth), color=theme.truth, linewidth=1.0, zorder=2)
         if figure is not None:
             shape: Any = {"location": "top", "shrink": 0.6, "aspect": 32, "pad": 0.02}
             bar = figure.colorbar(tones, ax=ax, extend="both", **shape)
@@ -139,21 +153,26 @@ def distance_matrix(
         corner = x - cell, y - cell
         style: Any = {"edgecolor": theme.ink, "linewidth": 1.1, "zorder": 10}
         ax.add_patch(Rectangle(corner, width, height, fill=False, **style))
-    _axes(ax, (first_query, query_count), (first_place, place_count), close)
+    _axes(ax, (first_query, query_count), (first_place, place_count))
     counted = inside if close else seen
-    entries = [_entry(outcome, int((masks[outcome] & counted).sum()), theme) for outcome in Outcome]
-    place_of: dict[str, Any] = {}
+    entries = [
+        _entry(outcome, colours[outcome], int((masks[outcome] & counted).sum()), known, theme)
+        for outcome in drawn
+    ]
+    if close and truth is not None:
+        entries.append(Line2D([], [], color=theme.truth, linewidth=1.0, label="true path"))
+    place_of: dict[str, Any] = {"ncols": 2 if len(entries) < 5 else 3}
     if close and figure is not None:
         # Above a close-up is its scale; so below, where the axis has its words.
         below = ScaledTranslation(0, -WORDS, figure.dpi_scale_trans)
-        place_of = {"loc": "upper center", "bbox_transform": ax.transAxes + below}
+        place_of |= {"loc": "upper center", "bbox_transform": ax.transAxes + below}
         place_of["bbox_to_anchor"] = (0.5, 0.0)
     ax.legend(handles=entries, **(LEGEND | place_of))
     return ax
 
 
+@on_axes(6.4, 6.6)
 def aligned_track(
-    ax: Axes,
     distances: NDArray[np.float32],
     place: NDArray[np.int64],
     confidence: NDArray[np.float64],
@@ -162,6 +181,7 @@ def aligned_track(
     places: int | None = None,
     least: float = 0.5,
     breaks: NDArray[np.int64] | Sequence[int] = (),
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws the distances, and the place of each query by an alignment over them; the stretches in
@@ -180,7 +200,10 @@ def aligned_track(
         A query of a lower confidence is doubtful. It is off the map if ``off_map`` is 0.5 or more.
     breaks : sequence of int, optional
         The places at which a segment begins: a thin line before each.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     _lines(ax, breaks, theme)
     count = (len(place), len(distances) if places is None else places)
     # As much as the rows and the columns cover.
@@ -204,7 +227,7 @@ def aligned_track(
         ax.scatter(shown, place[shown], s=5, color=colour, linewidths=0, zorder=3)
         entries.append(Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour))
         entries[-1].set_label(f"{name} ({len(at)})")
-    _axes(ax, (0, count[0]), (0, count[1]), close=False)
+    _axes(ax, (0, count[0]), (0, count[1]))
     ax.legend(handles=entries, **(LEGEND | {"ncols": 3}))
     return ax
 
@@ -253,11 +276,9 @@ def _path(truth: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.flo
     return queries, np.insert(np.where(truth >= 0, truth, np.nan), jumps, np.nan)
 
 
-def _axes(ax: Axes, queries: Window, places: Window, close: bool) -> None:
-    # The whole ends at a round number, such as 1,000, of which the tick is seen then.
-    end = 0.5 if close else 0.0
-    ax.set_xlim(queries[0] - 0.5, sum(queries) - end)
-    ax.set_ylim(places[0] - 0.5, sum(places) - end)
+def _axes(ax: Axes, queries: Window, places: Window) -> None:
+    end_at_tick(ax.xaxis, queries[0] - 0.5, sum(queries) - 0.5)
+    end_at_tick(ax.yaxis, places[0] - 0.5, sum(places) - 0.5)
     ax.set_xlabel("query (frame of the second drive)")
     ax.set_ylabel("place (frame of the map)")
 
@@ -293,9 +314,17 @@ def busiest_window(
     return window
 
 
-def _entry(outcome: Outcome, count: int, theme: Theme) -> Line2D:
+def _colour(outcome: Outcome, known: bool, theme: Theme) -> str:
+    """Of a mark; if the truth is not known, of trust alone."""
+    if known:
+        return theme.colour(outcome)
+    return theme.trusted if outcome.trusted else theme.untrusted
+
+
+def _entry(outcome: Outcome, colour: str, count: int, known: bool, theme: Theme) -> Line2D:
     """Of the legend."""
-    mark, colour = MARKS[outcome], theme.colour(outcome)
+    mark = MARKS[outcome]
+    name = outcome.value if known else outcome.value.partition(",")[0]
     edge, width = (theme.paper, 0.6) if mark.shape == "X" else (colour, 1.2)
     return Line2D(
         [],
@@ -306,5 +335,5 @@ def _entry(outcome: Outcome, count: int, theme: Theme) -> Line2D:
         markerfacecolor="none" if mark.hollow else colour,
         markeredgecolor=edge,
         markeredgewidth=width,
-        label=f"{outcome.value} ({count})",
+        label=f"{name} ({count})",
     )

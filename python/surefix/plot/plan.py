@@ -9,19 +9,21 @@ from numpy.typing import NDArray
 
 from surefix._core import Segments
 from surefix.errors import mismatch
+from surefix.plot.axes import on_axes
 from surefix.plot.theme import LIGHT, Theme
 
 __all__ = ["plan"]
 
 
+@on_axes(6.4, 5)
 def plan(
-    ax: Axes,
     positions: NDArray[np.float64],
     segments: Segments | None = None,
     *,
     place: NDArray[np.int64] | None = None,
     right: NDArray[np.bool_] | None = None,
     names: Sequence[str] = (),
+    ax: Axes | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draws a route from above: each segment as a line from its start (a dot), closed ones as
@@ -40,7 +42,10 @@ def plan(
         Which of them are right; all by default.
     names : sequence of str
         A name for each segment.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
     """
+    assert ax is not None
     positions = np.asarray(positions, np.float64)
     segments = Segments(len(positions)) if segments is None else segments
     if segments.places != len(positions):

@@ -8,6 +8,7 @@ untrusted is thin.
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -17,7 +18,7 @@ from matplotlib.figure import Figure
 
 from surefix import _colours
 from surefix._colours import Colours
-from surefix.errors import SurefixValueError
+from surefix.errors import SurefixValueError, refusal
 from surefix.plot.outcome import Outcome
 
 __all__ = ["DARK", "LIGHT", "LOOKS", "MARKS", "Look", "Mark", "Theme", "looks", "png"]
@@ -127,15 +128,57 @@ def looks(theme: Theme, count: int) -> list[Look]:
 
 
 def png(
-    draw: Callable[[Axes, Theme], object], size: tuple[float, float], theme: Theme = LIGHT
+    picture: Axes | Callable[[Axes, Theme], object],
+    path: str | Path | None = None,
+    *,
+    size: tuple[float, float] | None = None,
+    theme: Theme = LIGHT,
 ) -> bytes:
-    """A picture of ``size`` inches at 150 dots an inch, as the bytes of a PNG file. It needs no
-    display.
+    r"""A picture at 150 dots an inch, as the bytes of a PNG file. It needs no display.
+
+    Parameters
+    ----------
+    picture : Axes; or a function of an Axes and a Theme that draws on it
+        As every function here returns them: their figure is drawn, and closed. A function draws on
+        a new figure.
+    path : str or path, optional
+        A file to write, too.
+    size : (width, height), optional
+        In inches; by default that of the figure, or (6.4, 4.8).
+    theme : Theme
+        For a function.
+
+    Raises
+    ------
+    SurefixFileError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np, surefix
+    >>> run = surefix.match_distances(1 - np.eye(9, dtype=np.float32))
+    >>> surefix.plot.png(run.plot(np.arange(9)), size=(4, 4))[:4]
+    b'\x89PNG'
     """
-    with matplotlib.rc_context(theme.settings):
-        figure = Figure(figsize=size, dpi=DPI, layout="constrained")
-        figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr,call-arg]
-        draw(figure.add_subplot(), theme)
-        file = io.BytesIO()
-        figure.savefig(file, format="png")
+    file = io.BytesIO()
+    if isinstance(picture, Axes):
+        from matplotlib import pyplot
+
+        figure = picture.get_figure(root=True)
+        assert figure is not None
+        if size is not None:
+            figure.set_size_inches(size)
+        figure.savefig(file, format="png", dpi=DPI)
+        pyplot.close(figure)
+    else:
+        with matplotlib.rc_context(theme.settings):
+            figure = Figure(figsize=size or (6.4, 4.8), dpi=DPI, layout="constrained")
+            figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr,call-arg]
+            picture(figure.add_subplot(), theme)
+            figure.savefig(file, format="png")
+    if path is not None:
+        try:
+            Path(path).write_bytes(file.getvalue())
+        except OSError as error:
+            raise refusal(path, "cannot write the picture", error) from None
     return file.getvalue()

@@ -151,7 +151,7 @@ def _curves(comparison: Comparison) -> Section:
     if len(curves) <= LOOKS:
         picture = multiples(
             [""],
-            lambda ax, index, theme: plot.precision_recall(ax, curves, theme=theme, **how),
+            lambda ax, index, theme: plot.precision_recall(curves, ax=ax, theme=theme, **how),
             alt,
             x="recall",
             y="precision",
@@ -163,7 +163,7 @@ def _curves(comparison: Comparison) -> Section:
 
     def draw(ax: Axes, index: int, theme: Theme) -> None:
         pair = {"the run": curves[others[index]], comparison.against: curves[comparison.against]}
-        plot.precision_recall(ax, pair, theme=theme, **how)
+        plot.precision_recall(pair, ax=ax, theme=theme, **how)
 
     picture = multiples(others, draw, alt, x="recall", y="precision")
     return Section("Precision and recall", (), {"precision_recall.png": picture})

@@ -16,6 +16,7 @@ from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 # Pillow comes with matplotlib.
@@ -103,13 +104,16 @@ def drawn(
     small: bool = False,
     **options: Any,
 ) -> Picture:
-    """``draw(ax, *data, theme=theme, **options)`` as a picture; one of more than 8 inches is wide.
+    """``draw(*data, ax=ax, theme=theme, **options)`` as a picture; one wider than 8 inches is wide.
 
     A ``small`` one has few colours, and a third of the bytes.
     """
 
     def paint(theme: Theme) -> bytes:
-        picture = png(lambda ax, theme: draw(ax, *data, theme=theme, **options), size, theme)
+        def on(ax: Axes, theme: Theme) -> object:
+            return draw(*data, ax=ax, theme=theme, **options)
+
+        picture = png(on, size=size, theme=theme)
         return few_colours(picture) if small else picture
 
     return Picture(paint, alt, caption, wide=size[0] > 8, textured=textured)

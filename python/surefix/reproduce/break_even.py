@@ -121,7 +121,7 @@ def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
     pictures = pictured(
         "break_even",
         cases,
-        lambda ax, case, theme: _draw(ax, of[case], theme=theme),
+        lambda ax, case, theme: _draw(of[case], ax=ax, theme=theme),
         lambda case: (
             f"area by false positive rate from {of[case].areas[0]:.2f} at 0 to "
             f"{of[case].areas[-1]:.2f} at 1; unweighted {of[case].baseline:.2f}; break-even "
@@ -174,7 +174,7 @@ def _points(measured: Sequence[BreakEven]) -> list[str]:
     return points
 
 
-def _draw(ax: Axes, one: BreakEven, *, theme: Theme) -> Axes:
+def _draw(one: BreakEven, *, ax: Axes, theme: Theme) -> Axes:
     colour = theme.trusted_right
     ax.fill_between(one.rates, one.lowest, one.highest, color=colour, alpha=0.13, linewidth=0)
     ax.plot(

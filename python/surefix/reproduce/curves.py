@@ -165,7 +165,7 @@ def _exhibit(
     pictures = pictured(
         name,
         list(curves),
-        lambda ax, case, theme: plot.precision_recall(ax, curves[case], theme=theme, **options),
+        lambda ax, case, theme: plot.precision_recall(curves[case], ax=ax, theme=theme, **options),
         lambda case: f"area up to recall {UPTO:g}: {_ranked(curves[case])}",
         x=f"recall (\u201c{settings.recall}\u201d)",
         y="precision",

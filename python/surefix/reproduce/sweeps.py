@@ -43,7 +43,7 @@ def weight_sweep(cases: Sequence[Case], settings: Settings) -> Exhibit:
     pictures = pictured(
         "weight_sweep",
         cases,
-        lambda ax, case, theme: plot.weight_sweep(ax, weights, swept[case], theme=theme),
+        lambda ax, case, theme: plot.weight_sweep(weights, swept[case], ax=ax, theme=theme),
         lambda case: (
             "area from weight 0 to weight 1: "
             + ", ".join(
@@ -138,7 +138,7 @@ def ablation(cases: Sequence[Case], settings: Settings) -> Exhibit:
     pictures = pictured(
         "ablation",
         cases,
-        lambda ax, case, theme: plot.ablation(ax, LENGTHS, areas[case], theme=theme),
+        lambda ax, case, theme: plot.ablation(LENGTHS, areas[case], ax=ax, theme=theme),
         lambda case: "; ".join(
             f"{name} {', '.join(map(shown, each))}" for name, each in areas[case].items()
         ),

@@ -70,7 +70,7 @@ def execution_time(machine: str, settings: Settings) -> Exhibit:
     alt = f"Time by number of places. {said}"
     picture = multiples(
         [""],
-        lambda ax, _, theme: _draw(ax, rows, theme=theme),
+        lambda ax, _, theme: _draw(rows, ax=ax, theme=theme),
         alt,
         x="places on the map",
         y="median time for a push (microseconds)",
@@ -114,7 +114,7 @@ def _said(rows: Sequence[Sequence[float]]) -> str:
     )
 
 
-def _draw(ax: Axes, rows: Sequence[Sequence[float]], *, theme: Theme) -> Axes:
+def _draw(rows: Sequence[Sequence[float]], *, ax: Axes, theme: Theme) -> Axes:
     table = np.array(rows)
     sequence = np.where(table[:, 4] > 0, table[:, 4], np.nan)
     times = {
@@ -122,4 +122,4 @@ def _draw(ax: Axes, rows: Sequence[Sequence[float]], *, theme: Theme) -> Axes:
         "prediction (gradient and consensus)": table[:, 2],
         "weighted sequence (the difference)": sequence,
     }
-    return plot.execution_time(ax, table[:, 0], times, theme=theme)
+    return plot.execution_time(table[:, 0], times, ax=ax, theme=theme)

@@ -29,6 +29,9 @@ def test_the_examples_run_and_draw_the_pictures_that_are_shown(page: str, tmp_pa
     for name, drawn in pages.run(page, tmp_path).items():
         new, shown = _pixels(io.BytesIO(drawn)), _pixels(pages.IMAGES / name)
         assert new.shape == shown.shape, f"{name} is of another size: make figures draws it anew"
+        dark = _pixels(pages.IMAGES / f"{Path(name).stem}-dark.png")
+        assert dark.shape == new.shape, f"{name} on dark paper: make figures draws it anew"
+        assert dark.mean() < new.mean()
         # Another matplotlib draws letters a little differently.
         assert np.abs(new - shown).mean() < 1, (
             f"{name} shows something else: make figures draws it anew"
