@@ -222,7 +222,7 @@ $(VENV)/packaging: $(VENV)/made
 
 $(VENV)/installed: $(VENV)/wheel
 	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps $(WHEELS)/*.whl
-	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[plot]"
+	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[report]"
 	@touch $@
 
 # Rerun is as large as all the rest: `dev` leaves it out, and the checks do not.

@@ -17,9 +17,9 @@ from pathlib import Path
 README = Path(__file__).resolve().parents[1] / "README.md"
 # The extra that each command needs, and that a plain installation lacks.
 WANT = {
-    "demo": "plot",
-    "eval D.npy D.npy --truth identity": "plot",
-    "reproduce --quick": "plot",
+    "eval D.npy D.npy --truth identity": "report",
+    "reproduce --quick": "report",
+    "align D.npy --report page -o truth.csv": "report",
     "map build photos/monday --model network.onnx -o made.safetensors": "learned",
     "map build descriptors.h5 -o made.safetensors": "files",
     "map build drive.mp4 -o made.safetensors": "video",
@@ -28,8 +28,8 @@ WANT = {
     "run known.safetensors rtsp://127.0.0.1:1/front": "camera",
     "run known.safetensors photos/tuesday --save drive.rrd": "live",
 }
-# They need the paper's data sets, and a bag.
-LEFT_OUT = ("surefix reproduce", "drive.bag")
+# They need the paper's data sets, a bag, and a browser.
+LEFT_OUT = ("surefix reproduce", "drive.bag", "--open")
 EXTRA = re.compile(r"pip install ['\"]surefix\[(\w+)\]['\"]")
 
 MODULES = """
@@ -142,9 +142,13 @@ def visit(file: Path, folder: Path) -> None:
                 f"surefix {command}: expected one line that names surefix[{extra}], got: {said}"
             )
     tell(f"{len(WANT)} commands name the extra that they want")
+    if EXTRA.findall(call(surefix, "demo", "--places", "100").splitlines()[-1]) != ["report"]:
+        raise FailedError("surefix demo: expected its last line to name surefix[report]")
+    tell("the demo localizes without pictures")
+    call(surefix, "doctor")
     if sys.platform != "win32":
         tell(call(python, "-c", IMPORT_TIME).strip())
-    call(python, "-m", "pip", "install", "--quiet", "surefix[plot]")
+    call(python, "-m", "pip", "install", "--quiet", "surefix[report]")
     tried = readme_lines(call, python, surefix)
     tell(f"{tried} lines of the README run")
     call(python, "-m", "pip", "uninstall", "--yes", "surefix")

@@ -33,7 +33,9 @@ def _section(command: Any, name: str, parent: Any) -> list[str]:
     if examples:
         lines += ["For example:", "", "```sh", *examples, "```", ""]
     heading = None
-    for parameter in command.get_params(context):
+    parameters = command.get_params(context)
+    headings = [None, *dict.fromkeys(each.rich_help_panel for each in parameters)]
+    for parameter in sorted(parameters, key=lambda each: headings.index(each.rich_help_panel)):
         # The help shows some options under a heading of their own.
         if parameter.rich_help_panel != heading and (definition := _definition(parameter, context)):
             heading = parameter.rich_help_panel

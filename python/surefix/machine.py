@@ -10,7 +10,7 @@ from surefix.errors import SurefixError
 def machine() -> str:
     """The processor, its cores, the system and the Python, in a few words."""
     system = f"{platform.system()}, Python {platform.python_version()}"
-    return f"{_processor()}, {os.cpu_count()} cores, {system}"
+    return f"{processor()}, {os.cpu_count()} cores, {system}"
 
 
 def room_for(size: int, what: str) -> None:
@@ -68,7 +68,7 @@ def _kilobytes(file: str, name: str) -> int | None:
         return None
 
 
-def _processor() -> str:
+def processor() -> str:
     """The processor's name, if the system tells it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()

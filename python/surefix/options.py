@@ -35,7 +35,8 @@ class Options(TypedDict, total=False):
 class Option:
     """One option: its default (of a stream, for the floor), the range in words, and its help.
 
-    ``choices`` are the words that it may be; ``floor`` may be a number too.
+    ``choices`` are the words that it may be; ``floor`` may be a number too. ``seldom`` ones are few
+    people's.
     """
 
     name: str
@@ -45,10 +46,19 @@ class Option:
     help: str
     choices: tuple[str, ...] = ()
     short: str | None = None
+    seldom: bool = False
 
 
 # In the order in which they are needed.
 OPTIONS: tuple[Option, ...] = (
+    Option(
+        "motion",
+        str,
+        None,
+        '"steady", "free" or "any"',
+        "Track the robot: at a steady pace, from 0 to twice it, or at any speed.",
+        choices=("steady", "free", "any"),
+    ),
     Option(
         "sequence_length",
         int,
@@ -68,7 +78,14 @@ OPTIONS: tuple[Option, ...] = (
         "Places between minimum and gradient peak of a trusted match; a track's confidence is "
         "of as many.",
     ),
-    Option("smoothing", int, 3, "1 or more", "Gradients summed; 1 for queries in any order."),
+    Option(
+        "technique_weights",
+        list,
+        (),
+        "0 or more, such as 1,0.5",
+        "How much each fused technique counts; all the same by default.",
+        seldom=True,
+    ),
     Option(
         "floor",
         float,
@@ -77,31 +94,32 @@ OPTIONS: tuple[Option, ...] = (
         "The target of trusted matches: the least distance so far, which is all that a stream "
         "knows; of all queries, as in the paper; or a number.",
         choices=("global", "running"),
+        seldom=True,
     ),
     Option(
-        "speeds", list, (1.0,), "0 or more, such as 0.9,1,1.1", "Slopes to try, in places a query."
+        "speeds",
+        list,
+        (1.0,),
+        "0 or more, such as 0.9,1,1.1",
+        "Slopes to try, in places a query.",
+        seldom=True,
+    ),
+    Option(
+        "smoothing",
+        int,
+        3,
+        "1 or more",
+        "Gradients summed; 1 for queries in any order.",
+        seldom=True,
     ),
     Option(
         "gradient",
         str,
         "halved",
         '"halved" or "unhalved"',
-        "Eq. 1 as printed, or as in the authors' code.",
+        "The gradient of the distances with the factor 1/2 of the paper's Eq. 1, or without it, as "
+        "in the authors' code.",
         choices=("halved", "unhalved"),
-    ),
-    Option(
-        "motion",
-        str,
-        None,
-        '"steady", "free" or "any"',
-        "Track the robot: at a steady pace, from 0 to twice it, or at any speed.",
-        choices=("steady", "free", "any"),
-    ),
-    Option(
-        "technique_weights",
-        list,
-        (),
-        "0 or more, such as 1,0.5",
-        "How much each fused technique counts; all the same by default.",
+        seldom=True,
     ),
 )

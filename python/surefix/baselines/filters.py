@@ -73,6 +73,8 @@ def track(
     advance: Floats | None = None,
     tolerance: int = 1,
     segments: Segments | None = None,
+    gaps: Sequence[int] = (),
+    technique_weights: Sequence[float] = (),
 ) -> Matches:
     """The place of greatest belief of surefix's tracker.
 
@@ -87,6 +89,8 @@ def track(
         The confidence is the belief within this many places of the best.
     segments : Segments, optional
         How the places follow each other.
+    gaps, technique_weights
+        As for ``surefix.match_distances``.
 
     Returns
     -------
@@ -100,7 +104,8 @@ def track(
     >>> baselines.track(1 - np.eye(30, dtype=np.float32)).place[5:9]
     array([5, 6, 7, 8])
     """
-    options: Any = {"tolerance": tolerance, "sequence_length": 1}
+    options: Any = {"tolerance": tolerance, "sequence_length": 1, "gaps": list(gaps)}
+    options |= {"technique_weights": list(technique_weights)} if technique_weights else {}
     run = match_distances(D, motion=motion, advance=advance, segments=segments, **options)
     return _matches(run.place, run.confidence, run.off_map)
 

@@ -22,6 +22,7 @@ from surefix.baselines.rivals import ratio_test, spread
 from surefix.baselines.truth import Truth
 from surefix.errors import SurefixError, SurefixValueError
 from surefix.matches import Matches
+from surefix.motion import Motion
 
 __all__ = ["METHODS", "Context", "Method", "run_method"]
 
@@ -63,6 +64,13 @@ class Context:
     segments : Segments, optional
         How the places follow each other, by default one after the other: for all methods but the
         published filter, ``topological``, which has no notion of it.
+    gaps : sequence of int
+        Queries before which the robot may have moved on unseen, for surefix's own methods, as for
+        ``surefix.match``.
+    motion : {"steady", "free", "any"} or surefix.Motion, optional
+        How the robot moves, for ``track``; for ``fused`` it is "any" by default.
+    technique_weights : sequence of float
+        How much each technique counts, for ``fused``; all the same by default.
     """
 
     sequence_length: int = 2
@@ -84,6 +92,9 @@ class Context:
     advance: Floats | None = None
     techniques: Sequence[Distances] | None = None
     segments: Segments | None = None
+    gaps: Sequence[int] = ()
+    motion: Motion | str | None = None
+    technique_weights: Sequence[float] = ()
 
     @property
     def options(self) -> dict[str, Any]:
@@ -100,8 +111,9 @@ class Context:
 
     @property
     def roads(self) -> dict[str, Any]:
-        """The segments, as an argument of ``surefix.match_distances``."""
-        return {} if self.segments is None else {"segments": self.segments}
+        """The segments and the gaps, as arguments of ``surefix.match_distances``."""
+        roads: dict[str, Any] = {} if self.segments is None else {"segments": self.segments}
+        return roads | ({"gaps": list(self.gaps)} if self.gaps else {})
 
 
 @dataclass(frozen=True)
@@ -119,6 +131,7 @@ NEEDS = {
     "Context(calibration=(distances, truth))",
     "advance": "odometry, the places moved since the query before: Context(advance=...)",
     "techniques": "distances of other techniques: Context(techniques=...)",
+    "motion": "how the robot moves: Context(motion=...)",
 }
 
 
@@ -252,10 +265,21 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             ),
             needs="advance",
         ),
+        "track": Method(
+            "the tracker, as it is set; with odometry if there is any",
+            lambda D, c: track(
+                D, motion=c.motion, advance=c.advance, tolerance=c.tolerance, **c.roads
+            ),
+            needs="motion",
+        ),
         "fused": Method(
             "the tracker on several techniques together",
             lambda D, c: track(
-                [D, *(c.techniques or ())], motion="any", tolerance=c.tolerance, **c.roads
+                [D, *(c.techniques or ())],
+                motion=c.motion or "any",
+                tolerance=c.tolerance,
+                technique_weights=c.technique_weights,
+                **c.roads,
             ),
             needs="techniques",
         ),

@@ -3,9 +3,10 @@
 import io
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from surefix import SurefixError, __version__
 from surefix.cli.align import align_
@@ -13,9 +14,10 @@ from surefix.cli.audit import audit_
 from surefix.cli.bench import bench
 from surefix.cli.compare import compare_
 from surefix.cli.demo import demo
+from surefix.cli.doctor import doctor
 from surefix.cli.edit import cut, join, thin, traverse
 from surefix.cli.eval import eval_
-from surefix.cli.flags import documented
+from surefix.cli.flags import documented, in_flags
 from surefix.cli.info import info
 from surefix.cli.loops import loops
 from surefix.cli.map import append, build
@@ -30,17 +32,48 @@ __all__ = ["app", "main"]
 # What shells call the end by Ctrl-C.
 INTERRUPTED = 130
 
+# The commands in the order in which one needs them, under their headings in the help.
+PANELS = {
+    "Localize": ("demo", "map", "run"),
+    "Judge and choose": ("eval", "align", "audit", "tune", "compare"),
+    "More": ("loops", "models", "reproduce", "bench", "doctor"),
+}
+
+
+class Ordered(TyperGroup):
+    """The commands as ``PANELS`` has them."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        named = {name: panel for panel, names in PANELS.items() for name in names}
+        known: dict[str, Any] = {
+            name: self.commands[name] for name in named if name in self.commands
+        }
+        self.commands = {**known, **self.commands}
+        for name, command in known.items():
+            command.rich_help_panel = named[name]
+
+    def invoke(self, ctx: Any) -> Any:
+        """Runs the command; an option that is refused has its flag's name in the error."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = in_flags(error.message, error.ctx)
+            raise
+
+
 app = typer.Typer(
     name="surefix",
+    cls=Ordered,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    add_completion=False,
-    epilog="Start with: surefix demo",
+    epilog="Start with: surefix demo\n\nExample: surefix run monday/ tuesday/",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 maps = typer.Typer(
     no_args_is_help=True,
     help="Make a map of a route, look at one, and change it: longer, shorter, joined.",
+    short_help="Make a map of a route, look at one, change it.",
 )
 maps.command(
     epilog="Example: surefix map build photos/ -o route.safetensors\n\n"
@@ -76,15 +109,18 @@ app.command(
     epilog="Example: surefix align route.safetensors todays_photos/ -o truth.csv\n\n"
     "Example: surefix eval route.safetensors todays_photos/ --truth truth.csv\n\n"
     "Example: surefix align sad.npy --fuse netvlad.npy --report page/ -o truth.csv",
+    short_help="Align a recorded drive with a route: a truth without labels.",
 )(align_)
 app.command(
     epilog="Example: surefix loops todays_photos/ -o loops.csv\n\n"
     "Example: surefix loops drive.bag --every 0.5 --exclude 60 -o loops.g2o",
+    short_help="Close loops on a drive without a map.",
 )(loops)
 app.command(
     "audit",
     epilog="Example: surefix audit monday/ tuesday/ --motion steady\n\n"
     "Example: surefix audit sad.npy --fuse netvlad.npy --accept 0.95",
+    short_help="Estimate how often techniques are right, without a truth.",
 )(audit_)
 app.command(
     "tune",
@@ -92,29 +128,43 @@ app.command(
     "Example: surefix tune route.safetensors drive.mp4 --every 0.5 --query-positions gps.csv "
     "--tolerance 10 --wrong 0.01\n\n"
     "Example: surefix run route.safetensors photos/wednesday --config route.toml",
+    short_help="Choose settings and a threshold on a recorded drive.",
 )(tune_)
 app.command(
     "eval",
     epilog="Example: surefix eval monday/ tuesday/ --truth identity -o report/\n\n"
     "Example: surefix eval route.safetensors drive.mp4 --every 0.5 --query-positions gps.csv "
     "--tolerance 10",
+    short_help="Compare methods on a drive whose truth is known, in a report.",
 )(eval_)
 app.command(
     epilog="Example: surefix models\n\n"
-    "Example: surefix map build photos/ --model megaloc -o route.safetensors"
+    "Example: surefix map build photos/ --model megaloc -o route.safetensors",
+    short_help="List the networks that --model takes by name.",
 )(models)
 app.command(
     "compare",
     epilog="Example: surefix compare monday_report/ tuesday_report/ -o compared.html\n\n"
     "Example: surefix compare sad.safetensors netvlad.safetensors --queries todays_photos/ "
     "--truth identity",
+    short_help="Compare reports, runs, methods or descriptors in one table.",
 )(compare_)
-app.command(epilog="Example: surefix reproduce --data data/ -o report/")(reproduce)
+app.command(
+    epilog="Example: surefix reproduce --data data/ -o report/",
+    short_help="Make the paper's table and figures again, on your data.",
+)(reproduce)
 app.command(
     epilog="Example: surefix bench route.safetensors --threads 2\n\n"
     "Example: surefix bench --places 100000 --dim 4096 --dtype f32"
 )(bench)
-app.command(epilog="Example: surefix demo --out out/demo")(demo)
+app.command(
+    epilog="Example: surefix demo --out out/demo\n\nExample: surefix demo --town",
+    short_help="See it work, without any data.",
+)(demo)
+app.command(
+    epilog="Example: surefix doctor\n\nExample: surefix doctor --json",
+    short_help="Say what is installed here, and whether it works.",
+)(doctor)
 
 
 def _version(wanted: bool) -> None:

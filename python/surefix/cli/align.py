@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import typer
 
-from surefix import SurefixError, SurefixValueError, align
+from surefix import SurefixValueError, align
+from surefix._extra import drawing
 from surefix._progress import terminal_bar
 from surefix._words import plural
 from surefix.cli import inputs
@@ -128,12 +129,11 @@ def align_(
 
 def _writer(folder: Path) -> Callable[..., Path]:
     """What writes the report; the folder is made before the slow part."""
-    try:
-        # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.align import write_report
-        from surefix.report.page import output_folder
-    except ModuleNotFoundError as error:
-        raise SurefixError(str(error)) from None
+    drawing()
+    # Not at the top: matplotlib is an extra, and slow to import.
+    from surefix.report.align import write_report
+    from surefix.report.page import output_folder
+
     output_folder(folder)
     return write_report
 

@@ -9,7 +9,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from surefix import Comparison, SurefixError
+from surefix import Comparison
+from surefix._extra import drawing
 from surefix.baselines import METHODS
 from surefix.cli import inputs
 from surefix.cli.flags import documented, with_options
@@ -204,11 +205,10 @@ def _expected(out: Path | None) -> str:
 
 def _writer() -> Any:
     """What writes the page."""
-    try:
-        # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.compare import write_page
-    except ModuleNotFoundError as error:
-        raise SurefixError(str(error)) from None
+    drawing("a page")
+    # Not at the top: matplotlib is an extra, and slow to import.
+    from surefix.report.compare import write_page
+
     return write_page
 
 

@@ -3,13 +3,14 @@
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import numpy as np
 import typer
 from rich.console import Console
 
 from surefix import Localizer, Map, Sad, SurefixError, match_distances
+from surefix._extra import drawing
 from surefix.baselines import Context
 from surefix.cli.inputs import refuse
 from surefix.cli.pages import Open, show
@@ -18,9 +19,8 @@ from surefix.cli.save_drives import save_drives as written
 from surefix.live import TerminalView
 from surefix.simulate import Route, Traverse
 from surefix.study import UPTO, Study
-
-if TYPE_CHECKING:
-    from surefix.report.demo import Demo
+from surefix.study.demo import ACCEPT, Demo
+from surefix.study.town import BEST, ONE_LINE, drive_through
 
 __all__ = ["demo"]
 
@@ -31,6 +31,8 @@ MOTION: Final = "any"
 SPACING = 3.0
 # The places of a town, at most.
 TOWN = 300
+# The terminal's columns for lines that are not broken.
+WIDE = 110
 
 
 def legs(places: int) -> list[tuple[str, int]]:
@@ -94,16 +96,12 @@ def demo(
             save_drives, form or "images", Route(places=places, size=(width, height), seed=seed)
         )
         return
+    undrawn = _prepare(out)
     if town:
-        show(_town(out, min(places, TOWN), (width, height), seed), open_)
+        page = _town(out, min(places, TOWN), (width, height), seed, undrawn)
+        if page is not None:
+            show(page, open_)
         return
-    try:
-        # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.demo import ACCEPT, write_report
-        from surefix.report.page import output_folder
-    except ModuleNotFoundError as error:
-        raise SurefixError(str(error)) from None
-    output_folder(out)
     route = Route(places=places, size=(width, height), spacing=SPACING, seed=seed)
     reference, revisit = route.reference(), route.revisit(legs=legs(places))
     kilometres = float(reference.positions[-1]) / 1000
@@ -134,11 +132,17 @@ def demo(
         f"{weighted:.2f}, without weighting {plain:.2f}"
     )
 
+    if undrawn is not None:
+        print(undrawn)
+        return
     options = f"--places {places} --width {width} --height {height} --seed {seed}"
     command = f"surefix demo {options} --sequence-length {sequence_length}"
     drive = "the second drive, drawn and localized", localized - mapped
     seconds = (("mapping", mapped - start), drive)
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
+        # Not at the top: matplotlib is an extra, and slow to import.
+        from surefix.report.demo import write_report
+
         report = write_report(demo_, out, command, seconds)
     took = time.perf_counter() - begin
     print(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
@@ -150,14 +154,22 @@ def _save_drives(folder: Path, form: Form, road: Route) -> None:
     print(f"Made {summer} and {winter}; try: surefix run {summer} {winter}")
 
 
-def _town(out: Path, places: int, size: tuple[int, int], seed: int) -> Path:
-    begin = time.perf_counter()
+def _prepare(out: Path) -> str | None:
+    """Makes the folder of the report; or the words on the package without which there is none."""
     try:
-        from surefix.report.page import output_folder
-        from surefix.report.town import ACCEPT, BEST, ONE_LINE, drive_through, write_town
-    except ModuleNotFoundError as error:
-        raise SurefixError(str(error)) from None
+        drawing("the report")
+    except SurefixError as error:
+        return f"No report and no pictures: {error}"
+    from surefix.report.page import output_folder
+
     output_folder(out)
+    return None
+
+
+def _town(
+    out: Path, places: int, size: tuple[int, int], seed: int, undrawn: str | None
+) -> Path | None:
+    begin = time.perf_counter()
     made = drive_through(places, size, seed)
     m, roads = len(made.drive), made.town.segments
     print(
@@ -172,10 +184,15 @@ def _town(out: Path, places: int, size: tuple[int, int], seed: int) -> Path:
             f"{told}: {int(right.sum())} of {m} fixes right; of the {int(sure.sum())} sure ones "
             f"(confidence {ACCEPT:g} or more) {int((sure & right).sum())}"
         )
+    if undrawn is not None:
+        print(undrawn)
+        return None
     command = (
         f"surefix demo --town --places {places} --width {size[0]} --height {size[1]} --seed {seed}"
     )
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Drawing the report"):
+        from surefix.report.town import write_town
+
         report = write_town(made, out, command, time.perf_counter() - begin)
     took = time.perf_counter() - begin
     print(f"Made {report}, with its pictures, the map and the fixes beside it, in {took:.1f} s")
@@ -184,16 +201,19 @@ def _town(out: Path, places: int, size: tuple[int, int], seed: int) -> Path:
 
 def _localize(
     known: Map, reference: Traverse, revisit: Traverse, seed: int, sequence_length: int
-) -> "Demo":
+) -> Demo:
     """Drives a second time: pushes each frame when it is there, as a robot would."""
-    from surefix.report.demo import Demo
-
     localizer = Localizer(known, sequence_length=sequence_length, motion=MOTION)
     advance = revisit.odometry(**WHEELS) / SPACING
     distances = np.empty((len(known), len(revisit)), np.float32, order="F")
     latency = np.empty(len(revisit))
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
-    with TerminalView(known, total=len(revisit), references=reference, console=console) as view:
+    # For the lines that follow.
+    spare = 12 if console.width < WIDE else 8
+    view = TerminalView(
+        known, total=len(revisit), references=reference, console=console, spare=spare
+    )
+    with view:
         for query in range(len(revisit)):
             image = revisit[query]
             start = time.perf_counter()

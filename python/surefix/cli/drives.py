@@ -96,7 +96,8 @@ def _no_images(place_map: Map, argument: str) -> SurefixValueError:
 
 class Listed(NamedTuple):
     """The name, the advance and the time of each frame; the last two are empty if unknown. Of a
-    recording the row of each among all of its frames, and how many these are.
+    recording the row of each among all of its frames, and how many these are; and the frames that
+    come after a gap.
     """
 
     names: list[str]
@@ -104,6 +105,7 @@ class Listed(NamedTuple):
     times: list[float | None]
     numbers: list[int]
     total: int
+    breaks: Sequence[int] = ()
 
 
 def names_and_advances(frames: Frames) -> Listed:
@@ -113,10 +115,11 @@ def names_and_advances(frames: Frames) -> Listed:
         # Files may be named by their times.
         times = [time_in(Path(name).name) for name in names]
         return Listed(names, [], [] if None in times else times, [*range(len(names))], len(names))
-    listed = Listed([], [], [], [], 0)
+    listed, breaks = Listed([], [], [], [], 0), []
     bar = Bar(terminal_bar("Counting"), None, frames.estimate)
     with closing(frames.shots()) as shots:
         for shot in shots:
+            breaks += [len(listed.names)] if shot.gap or shot.dropped else []
             listed.numbers.append(len(listed.names) if shot.number is None else shot.number)
             listed.names.append(shot.name)
             listed.advances.append(shot.advance)
@@ -126,7 +129,7 @@ def names_and_advances(frames: Frames) -> Listed:
     if not listed.names:
         raise mismatch(frames.files[0], "frames", "none")
     last = listed.numbers[-1] + 1
-    return listed._replace(total=max(last, len(listed.names), frames.total or 0))
+    return listed._replace(total=max(last, len(listed.names), frames.total or 0), breaks=breaks)
 
 
 def known(advance: Sequence[float | None]) -> Float64:

@@ -20,7 +20,7 @@ from surefix.cli.info import look, repeated, said_repeated, size_of
 from surefix.cli.inputs import refuse
 from surefix.cli.networks import Model, ModelOptions, Weights
 from surefix.cli.recorded import open_drive
-from surefix.cli.roads import Closed, closed_by_positions
+from surefix.cli.roads import closable, closed_by_positions
 from surefix.errors import check_folder
 from surefix.tables.junctions import found_links
 
@@ -91,7 +91,8 @@ def _joined(maps: list[Map], files: list[Path]) -> Map:
 
 
 @documented
-def cut(file: Path, places: str, out: Out = None, closed: Closed = None) -> None:
+@closable
+def cut(file: Path, places: str, out: Out = None, closed: bool | None = None) -> None:
     """Keep a stretch of a map's places.
 
     Parameters

@@ -11,7 +11,8 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from surefix import SurefixError, SurefixValueError, match_distances
+from surefix import Motion, SurefixError, SurefixValueError, match_distances
+from surefix._extra import drawing
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.cli import inputs, scenarios
@@ -29,7 +30,7 @@ from surefix.cli.drives import (
     truth_without,
     without,
 )
-from surefix.cli.flags import documented, with_options
+from surefix.cli.flags import SELDOM, TRUTH, documented, settings_of, with_options
 from surefix.cli.inputs import refuse
 from surefix.cli.networks import Model, ModelOptions, Weights
 from surefix.cli.pages import Open, show, title_of
@@ -61,6 +62,7 @@ from surefix.tables.truth import read_truth
 if TYPE_CHECKING:
     from surefix.study import Result
 
+SUPERVISED = "Supervised methods"
 DEFAULT_METHODS = ("sequence", "weighted", "single", "masked")
 
 
@@ -69,15 +71,7 @@ DEFAULT_METHODS = ("sequence", "weighted", "single", "masked")
 def eval_(
     route: str,
     queries: inputs.Place | None = None,
-    model: Model = None,
-    weights: Weights = None,
-    save_map: SaveMap = None,
-    cache: inputs.Cache = None,
-    truth: str | None = None,
-    positions: Path | None = None,
-    query_positions: str | None = None,
-    position_gap: PositionGap = GAP,
-    tolerance: Annotated[float | None, typer.Option(min=0)] = None,
+    out: Annotated[Path, typer.Option("--out", "-o")] = Path("report"),
     method: Annotated[
         list[str] | None,
         typer.Option(
@@ -86,19 +80,28 @@ def eval_(
             f"{', '.join(scenarios.METHODS_OF_DRIVES)}."
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o")] = Path("report"),
-    recall: Recall = "correct",
+    model: Model = None,
+    weights: Weights = None,
+    save_map: SaveMap = None,
+    cache: inputs.Cache = None,
+    truth: Annotated[str | None, TRUTH] = None,
+    positions: Annotated[Path | None, TRUTH] = None,
+    query_positions: Annotated[str | None, TRUTH] = None,
+    position_gap: PositionGap = GAP,
+    tolerance: Annotated[float | None, typer.Option(min=0, rich_help_panel=TRUTH)] = None,
+    recall: Annotated[Recall, SELDOM] = "correct",
     similarity: bool = False,
     references: str | None = None,
     fuse: list[str] | None = None,
     *,
     options: dict[str, Any],
-    calibration: Path | None = None,
-    calibration_truth: str | None = None,
-    calibration_tolerance: Annotated[int, typer.Option(min=0)] = 1,
+    config: Annotated[Path | None, typer.Option("--config", "-c")] = None,
+    calibration: Annotated[Path | None, SUPERVISED] = None,
+    calibration_truth: Annotated[str | None, SUPERVISED] = None,
+    calibration_tolerance: Annotated[int, typer.Option(min=0, rich_help_panel=SUPERVISED)] = 1,
     scenario: Annotated[list[str] | None, "Scenarios"] = None,
     speed_profile: Annotated[Path | None, "Scenarios"] = None,
-    spacing: Annotated[float | None, "Scenarios"] = None,
+    spacing: float | None = None,
     seed: Annotated[int, typer.Option(min=0, rich_help_panel="Scenarios")] = 0,
     odometry_scale: Annotated[float, "Scenarios"] = 0.03,
     odometry_noise: Annotated[float, typer.Option(min=0, rich_help_panel="Scenarios")] = 0.1,
@@ -110,6 +113,7 @@ def eval_(
     places_per_metre: Annotated[
         float | None, typer.Option(help="--odometry: places of the map in a metre, or --spacing.")
     ] = None,
+    gap: float | None = None,
     order: inputs.Order = "name",
     strict: inputs.Strict = False,
     crop: inputs.Crop = False,
@@ -145,6 +149,8 @@ def eval_(
         thumbnails.
     fuse: Another technique's map of the same places, or .npy of distances, once each: for the
         method fused.
+    config: The options of `surefix tune`'s settings, and its motion for the method track; the
+        threshold is not judged.
     calibration: Another drive's .npy of distances, for the supervised methods to learn from.
     calibration_truth: That drive's truth, as for --truth, in places.
     calibration_tolerance: As --tolerance, for that truth, in places.
@@ -155,6 +161,7 @@ def eval_(
     spacing: Metres from one place of the map to the next: for --odometry, by default by the map's
         positions; for the scenario profile, by default a query is taken once a second, and moves a
         place at the median speed.
+    gap: Treat frames more than this many seconds apart as a break.
     seed: The same seed gives the same drives.
     odometry_scale: The odometry says so much more than was driven, as a share.
     odometry_noise: The deviation of a step of the odometry, as a share of it.
@@ -171,13 +178,17 @@ def eval_(
     if odometry is not None and metres is None and not drives:
         usual = (*usual, "track_odometry")
     usual = (*usual, "fused") if fuse else usual
+    settings = {**options} if config is None else settings_of(config, options).options
+    motion = settings.get("motion")
+    settings |= {"motion": Motion(**motion) if isinstance(motion, dict) else motion}
+    usual = (*usual, "track") if motion else usual
     methods, taught = method or usual, calibration is not None
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
-    sampling |= {"metres": metres, "odometry": odometry}
+    sampling |= {"metres": metres, "odometry": odometry, "gap": gap}
     for name in methods:
         expected = f"--method: expected one of {', '.join(METHODS)}, got {name!r}"
         refuse(name not in METHODS, expected)
-    context = Context(calibration_tolerance=calibration_tolerance, **options)
+    context = Context(calibration_tolerance=calibration_tolerance, **settings)
     expected = "--similarity: expected a .npy of similarities to read, got a map, which has none"
     refuse(similarity and not by_matrix and not taught, expected)
     if queries is None:
@@ -200,20 +211,20 @@ def eval_(
         expected = "expected --calibration and --calibration-truth to learn from"
         refuse(METHODS[name].needs == "calibration" and not taught, f"--method {name}: {expected}")
         scenarios.check_method(name, drives, odometry)
+        expected = "expected --motion or --config"
+        refuse(METHODS[name].needs == "motion" and motion is None, f"--method {name}: {expected}")
         expected = "expected --fuse with other techniques"
         refuse(METHODS[name].needs == "techniques" and not fuse, f"--method {name}: {expected}")
     # The advances of a scenario are made of its truth.
     moved = not drives and any(METHODS[name].needs == "advance" for name in methods)
     alone = places_per_metre is not None and odometry is None
     refuse(alone, "--places-per-metre: expected --odometry too")
-    try:
-        # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.eval import write_report
-        from surefix.report.figures import MISTAKES
-        from surefix.study import Study, compare
-        from surefix.study.streamed import compare_columns, unstreamed
-    except ModuleNotFoundError as error:
-        raise SurefixError(str(error)) from None
+    drawing()
+    # Not at the top: matplotlib is an extra, and slow to import.
+    from surefix.report.eval import write_report
+    from surefix.report.figures import MISTAKES
+    from surefix.study import Study, compare
+    from surefix.study.streamed import compare_columns, unstreamed
 
     # Open the map or the distances, and the queries.
     D, place_map, network = None, None, None
@@ -310,7 +321,8 @@ def eval_(
         pictures = thumbnails_of(place_map)
     if isinstance(pictures, Images):
         pictures = ShownImages(pictures, levels)
-    _check_before(places, options, out)
+    context = replace(context, gaps=listed.breaks)
+    _check_before(places, settings, out)
 
     # Compare the methods.
     start, given = time.perf_counter(), frames
@@ -325,7 +337,8 @@ def eval_(
             frames = without(frames, bad)
             names = [name for index, name in enumerate(names) if index not in bad]
             count, along = len(names), None if along is None else np.delete(along, [*bad])
-            context = replace(context, truth=truth_without(context.truth, bad))
+            left = [query - sum(each < query for each in bad) for query in context.gaps]
+            context = replace(context, truth=truth_without(context.truth, bad), gaps=left)
             if context.advance is not None:
                 context = replace(context, advance=advance_without(context.advance, bad))
         if streamed:
@@ -407,7 +420,7 @@ def eval_(
 def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
     """The matcher's own checks, and the output folder, before the slow part."""
     try:
-        match_distances(np.zeros((places, 1), np.float32), **options)
+        match_distances(np.zeros((places, 1), np.float32), **options | {"technique_weights": []})
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     try:

@@ -4,23 +4,38 @@ import inspect
 import re
 from collections.abc import Callable
 from functools import wraps
+from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 from typer.models import OptionInfo
 
+from surefix import Settings, SurefixValueError
 from surefix.cli.inputs import Place, one_place
 from surefix.options import OPTIONS, Option
 
 Command = Callable[..., None]
 # The word for an option that is None.
 NONE = "none"
+# The headings in the help of options that several commands have, unless a command has its own.
+FRAMES, SEGMENTS, TRUTH, SELDOM = "Frames", "Segments", "The truth", "Seldom needed"
+HEADINGS = {
+    name: heading
+    for heading, names in {
+        FRAMES: "topic stride every metres odometry spacing places_per_metre gap order strict crop",
+        SEGMENTS: "breaks no_breaks closed not_closed new_segment",
+        TRUTH: "position_gap",
+        SELDOM: "key patch output mean std batch levels mixed_sizes",
+    }.items()
+    for name in names.split()
+}
 
 
 def documented(command: Command) -> Command:
     """Gives a command's parameters their help: ``name: help`` in its docstring, after the summary.
 
-    A bool is a flag without an opposite; a text beside a type is the heading that it stands under.
+    A bool is a flag without an opposite; a text beside a type is the heading that it stands under,
+    else that of ``HEADINGS``. Options that are seldom needed come last.
     A ``Place`` may be given as all the files that a pattern matches.
     """
     text = inspect.cleandoc(command.__doc__ or "")
@@ -45,15 +60,34 @@ def documented(command: Command) -> Command:
                 info = typer.Option(*names, rich_help_panel=info)
             info.help = helps[parameter.name]
             parameter = parameter.replace(annotation=Annotated[kind, info])
-        parameters.append(parameter)
+        parameters.append(_headed(parameter))
+    # A heading stands in the help at its first option.
+    seldom = [each for each in parameters if _heading(each) == SELDOM]
+    others = [each for each in parameters if each not in seldom]
+    last = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in seldom]
 
     @wraps(command)
     def run(**given: Any) -> None:
         command(**(given | {name: one_place(given[name]) for name in places}))
 
-    run.__doc__ = summary
-    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    # A line break of the source is none of the help's.
+    run.__doc__ = "\n\n".join(" ".join(each.split()) for each in summary.split("\n\n"))
+    run.__signature__ = signature.replace(parameters=others + last)  # type: ignore[attr-defined]
     return run
+
+
+def _headed(parameter: inspect.Parameter) -> inspect.Parameter:
+    """The parameter under its heading, if it is an option that has none."""
+    for info in getattr(parameter.annotation, "__metadata__", ()):
+        if isinstance(info, OptionInfo) and info.rich_help_panel is None:
+            info.rich_help_panel = HEADINGS.get(parameter.name)
+    return parameter
+
+
+def _heading(parameter: inspect.Parameter) -> str | None:
+    """The heading of an option, if it has one."""
+    infos = getattr(parameter.annotation, "__metadata__", ())
+    return next((info.rich_help_panel for info in infos if isinstance(info, OptionInfo)), None)
 
 
 def with_options(
@@ -97,6 +131,32 @@ def with_options(
     return decorate
 
 
+def settings_of(config: Path | None, options: dict[str, Any]) -> Settings:
+    """The settings of the file, if there is one, and the options that are given."""
+    try:
+        known = None if config is None else Settings.open(config)
+    except SurefixValueError as error:
+        raise typer.BadParameter(f"--config: {error}") from None
+    try:
+        given = Settings(config=known, **options)
+    except SurefixValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    return given
+
+
+def in_flags(message: str, context: Any) -> str:
+    """The message with the flag of the command in place of an option of Python's."""
+    known = {} if context is None else {each.name: each for each in context.command.params}
+
+    def flag(found: re.Match[str]) -> str:
+        # Of the two tolerances of such a command, that of the method.
+        own = found[1] == "tolerance" and "agreement" in known
+        name = "agreement" if own else found[1]
+        return f"--{name.replace('_', '-')}" if name in known else found[0]
+
+    return re.sub(r"option `(\w+)`", flag, message)
+
+
 def _parameter(option: Option, name: str, default: Any, hidden: bool = False) -> inspect.Parameter:
     """The option as a parameter that typer reads."""
     kind: Any = option.type
@@ -112,7 +172,9 @@ def _parameter(option: Option, name: str, default: Any, hidden: bool = False) ->
     help_ = option.help if option.type is str else f"{option.help[:-1]}: {option.range}."
     # An empty list is as the help says.
     usual = "" if default == "" else f"; {default} by default"
-    flag = typer.Option(*names, help=f"{help_[:-1]}{usual}.", hidden=hidden)
+    panel = SELDOM if option.seldom else None
+    text = f"{help_[:-1]}{usual}."
+    flag = typer.Option(*names, help=text, hidden=hidden, rich_help_panel=panel)
     only, annotation = inspect.Parameter.KEYWORD_ONLY, Annotated[kind | None, flag]
     return inspect.Parameter(name, only, default=None, annotation=annotation)
 

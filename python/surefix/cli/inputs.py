@@ -110,7 +110,8 @@ def open_frames(
     """
     array = Path(place).suffix.lower() in ENDINGS
     stride = sampling.get("stride", 1)
-    recording = is_recording(place) or (sampling.get("odometry") is not None and not array)
+    by_time = any(sampling.get(name) is not None for name in ("odometry", "gap"))
+    recording = is_recording(place) or (by_time and not array)
     refuse(key is not None and recording, f"--key: expected descriptors, got the recording {place}")
     if key is not None and not array:
         raise SurefixValueError(f"--key: expected a file of descriptors, got {place}")
@@ -256,6 +257,7 @@ def scale_of(
 def check_sampling(got: object, stride: int = 1, **sampling: Any) -> None:
     """Refuses sampling if there is no recording."""
     options = "--topic, --stride, --every, --metres, --odometry"
+    options += ", --gap" if "gap" in sampling else ""
     given = stride != 1 or any(value is not None for value in sampling.values())
     refuse(given, f"{options}: expected a video or a bag, got {got}")
 

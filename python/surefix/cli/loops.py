@@ -113,6 +113,8 @@ def loops(
     if out is not None and out.suffix == ".g2o":
         closer.to_g2o(out)
     print(_summary(closer, out), file=sys.stderr)
+    if out is None and sys.stdout.isatty() and closer.edges:
+        print("not kept: add -o loops.csv", file=sys.stderr)
     if not closer.edges and any(sure):
         print(_said_surest(sure, confidence, lasting), file=sys.stderr)
     if notes := notes_on(source):
@@ -152,9 +154,11 @@ def _close(closer: LoopCloser, source: frames.Frames, out: Path | None) -> list[
 
 
 def _opened(out: Path | None) -> TextIO | None:
-    """Where the edges are written; None if they are not, as a pose graph is written at the end."""
+    """Where the edges are written; None if they are not, as a pose graph is written at the end, or
+    if they would run over the progress on a terminal.
+    """
     if out is None:
-        return sys.stdout
+        return None if sys.stdout.isatty() else sys.stdout
     if out.suffix == ".g2o":
         return None
     try:
@@ -180,7 +184,7 @@ def _summary(closer: LoopCloser, out: Path | None) -> str:
     far = sum(b - a > 30 for a, b in itertools.pairwise(closed))
     parts = [f"{plural(closer.frames, 'frame')}, {plural(len(edges), 'edge')}"]
     parts += [f"in {plural(far + 1, 'stretch', 'stretches')}"] if edges else []
-    memory = f"{closer.memory / 1e6:.1f} MB"
+    memory = f"{closer.memory / 1e6:.1f} MB of memory"
     memory += f" and {closer.in_file / 1e6:.1f} MB in a file" if closer.in_file else ""
     kept = "" if out is None else f" -> {out}"
     return f"{' '.join(parts)}; {memory}{kept}"

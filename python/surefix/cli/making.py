@@ -1,5 +1,6 @@
 """A map of frames and all that is said of it: for ``surefix map build``, and for maps in memory."""
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,7 +34,7 @@ MATCHED = "nothing is matched to them (--skip-blank leaves them out)"
 @dataclass(frozen=True)
 class Making:
     """How a map is made: its segments, its descriptors (by SAD if there is no network), and its
-    pictures.
+    pictures, and the plane of its positions, if they do not say it.
     """
 
     roads: Wanted = field(default_factory=Wanted)
@@ -47,6 +48,7 @@ class Making:
     mixed_sizes: bool = False
     thumbnails: bool = False
     skip_blank: bool = False
+    plane: str | None = None
 
 
 class Made(NamedTuple):
@@ -66,7 +68,7 @@ def make(
     """The map of the frames of a place; with ``out``, in that file."""
     read = None if positions is None else positions_of_frames(positions, frames)
     where = None if read is None else read.values
-    plane: dict[str, Any] = {"origin": _plane(read, frames)}
+    plane: dict[str, Any] = {"origin": _plane(read, frames, how.plane)}
     seen: dict[str, Any] = plane | {"thumbnails": how.thumbnails}
     frames = noted(frames)
     in_file = False
@@ -114,11 +116,24 @@ def check_breaks(asked: Wanted, places: int) -> None:
     refuse(bool(beyond), f"{expected}, got {beyond[-1] if beyond else 0}")
 
 
-def _plane(read: Positions | None, frames: Frames) -> Any:
-    """The plane of the positions that were given, or of the odometry: the origin of a local one,
-    or the name of another.
+def _plane(read: Positions | None, frames: Frames, given: str | None) -> Any:
+    """The plane of the positions, or of the odometry, as they or ``--plane`` say: the origin of a
+    local one, or the name of another.
     """
+    moved = sampled_by_metres(frames)
+    known: tuple[float, float] | str | None = None if moved is None else moved.odometry.origin
     if read is not None:
-        return read.origin or (f"{UTM}{read.zone}" if read.zone else None)
-    found = sampled_by_metres(frames)
-    return None if found is None else found.odometry.origin
+        known = read.origin or (f"{UTM}{read.zone}" if read.zone else None)
+    if given is None:
+        return known
+    refuse(read is None and moved is None, "--plane: expected --positions too, in metres")
+    got = f"got those of {known if isinstance(known, str) else f'the origin {known}'}"
+    refuse(known is not None, f"--plane: expected positions in metres that name no plane, {got}")
+    try:
+        latitude, longitude = map(float, given.split(","))
+    except ValueError:
+        refuse(not given.strip(), "--plane: expected a name, or LATITUDE,LONGITUDE, got none")
+        return given
+    bad = not (abs(latitude) <= 90 and math.isfinite(longitude))
+    refuse(bad, f"--plane: expected a latitude from -90 to 90 and a longitude, got {given}")
+    return latitude, longitude

@@ -10,15 +10,15 @@ from surefix import Map, Sad, SurefixValueError
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.drives import networks_of
-from surefix.cli.flags import documented
+from surefix.cli.flags import SELDOM, documented
 from surefix.cli.info import look, said_blank, size_of
 from surefix.cli.inputs import refuse
 from surefix.cli.making import Making, check_breaks, make
 from surefix.cli.networks import Model, ModelOptions, Weights, open_network
 from surefix.cli.roads import (
     Breaks,
-    Closed,
     NoBreaks,
+    closable,
     noted,
     sampled_by_metres,
     wanted,
@@ -66,6 +66,7 @@ def _check_sad(references: str, metric: Metric | None, post: str | None) -> None
 
 
 @documented
+@closable
 def build(
     references: inputs.Place,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.safetensors"),
@@ -83,6 +84,7 @@ def build(
     post: str | None = None,
     cache: inputs.Cache = None,
     positions: Path | None = None,
+    plane: Annotated[str | None, SELDOM] = None,
     skip_blank: bool = False,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
@@ -96,7 +98,7 @@ def build(
     thumbnails: bool = False,
     breaks: Breaks = None,
     no_breaks: NoBreaks = False,
-    closed: Closed = None,
+    closed: bool | None = None,
 ) -> None:
     """Make a map of a route from its reference images, a video or a bag, or from ready
     descriptors.
@@ -121,6 +123,8 @@ def build(
     positions: A .npy or .csv of each place's position, (n, 2) or (n, 3) metres, or latitude and
         longitude; or with a column time, at times of their own; or a folder of images named
         @east@north@.
+    plane: The plane that positions in metres lie on: the latitude and longitude of its origin, such
+        as -27.47,153.02, or its name, such as "UTM 56S".
     skip_blank: Leave out the places that show nothing: black, covered, or equal to many others.
     levels: Images of more than 8 bits: the samples LOW and HIGH that are black and white, for the
         map and all its queries; by default measured on the images.
@@ -176,6 +180,7 @@ def build(
         mixed_sizes=mixed_sizes,
         thumbnails=thumbnails,
         skip_blank=skip_blank,
+        plane=plane,
     )
     notes = make(references, frames, how, positions, out).notes
     said = f"Made {out}: {size_of(out)}, in {time.perf_counter() - start:.1f} s"
@@ -183,6 +188,7 @@ def build(
 
 
 @documented
+@closable
 def append(
     file: Path,
     references: inputs.Place,
@@ -201,7 +207,7 @@ def append(
     new_segment: bool = False,
     breaks: Breaks = None,
     no_breaks: NoBreaks = False,
-    closed: Closed = None,
+    closed: bool | None = None,
 ) -> None:
     """Make a map longer: images are described as its own were; ready descriptors must be of its own
     kind.

@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from surefix import Fix, Localizer, Map, SurefixError
+from surefix import Fix, Localizer, Map
+from surefix._extra import drawing
 from surefix.errors import mismatch
 from surefix.live.view import References, Seen
 
@@ -60,11 +61,10 @@ class RunPage:
     """
 
     def __init__(self, path: Path, title: str, route: Map, references: Any = None) -> None:
-        try:
-            # Not at the top: Bokeh and matplotlib are extras, and slow to import.
-            from surefix.report.run import Recorder
-        except ModuleNotFoundError as error:
-            raise SurefixError(str(error)) from None
+        drawing("the report")
+        # Not at the top: Bokeh and matplotlib are extras, and slow to import.
+        from surefix.report.run import Recorder
+
         if path.suffix.lower() not in (".html", ".htm"):
             raise typer.BadParameter(f"--report: expected a name that ends in .html, got {path}")
         if not path.parent.is_dir():

@@ -155,7 +155,7 @@ def open_drive(
     else:
         frames = moved = inputs.open_frames(place, **reading, **sampling)
     networks = networks_of(maps, files, model, frames, made=known.network)
-    names, advances, times, numbers, total = names_and_advances(moved)
+    names, advances, times, numbers, total, _ = names_and_advances(moved)
     advance = None if odometry is None else known_advances(advances)
     if advance is not None:
         print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)

@@ -12,7 +12,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
-from surefix import SurefixError, SurefixValueError
+from surefix import SurefixValueError
+from surefix._extra import drawing
 from surefix.study.study import Recall
 
 if TYPE_CHECKING:
@@ -39,17 +40,18 @@ def reproduce(
     pair: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="DATASET=REFERENCE/QUERY",
+            metavar="SET=REFERENCE/QUERY",
             help="Of a data set in --data only this pair of traverses, as "
-            "gardens_point=day_left/night_right. May be given again.",
+            "nordland=summer/winter. May be given again.",
         ),
     ] = None,
     matrix: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=FILE.npy[,TRUTH.npy]",
-            help="Ready distances of any technique, a row a place and a column a query; NAME as "
-            "DATASET/TECHNIQUE. May be given again.",
+            metavar="NAME=FILE[,TRUTH]",
+            help="Ready distances of any technique, a .npy with a row a place and a column a "
+            "query, and the truth, if it is not the identity; NAME as DATASET/TECHNIQUE. May be "
+            "given again.",
         ),
     ] = None,
     similarity: Annotated[
@@ -62,7 +64,7 @@ def reproduce(
         Path | None,
         typer.Option(
             help="Other numbers for the table than the paper's own: a CSV with "
-            "dataset,technique,baseline,weighted; dataset as the table names it, or "
+            "the columns dataset, technique, baseline, weighted; dataset as the table names it, or "
             "gardens_point, nordland, four_seasons, robotcar."
         ),
     ] = None,
@@ -73,13 +75,12 @@ def reproduce(
 ) -> None:
     """Make the paper's table and figures again: on your data, or on a generated route."""
     begin = time.perf_counter()
-    try:
-        # Not at the top: matplotlib is an extra, and slow to import.
-        from surefix.report.page import output_folder
-        from surefix.reproduce import Settings, exhibits, read_pairs, read_paper, write_report
-        from surefix.reproduce.report import STEPS
-    except ModuleNotFoundError as error:
-        raise SurefixError(str(error)) from None
+    drawing()
+    # Not at the top: matplotlib is an extra, and slow to import.
+    from surefix.report.page import output_folder
+    from surefix.reproduce import Settings, exhibits, read_pairs, read_paper, write_report
+    from surefix.reproduce.report import STEPS
+
     settings = Settings(recall, quick)
     numbers = None if paper is None else read_paper(paper)
     pairs = read_pairs(pair or [])

@@ -1,8 +1,10 @@
 """The segments of a map that is made or made longer: breaks and closed roads, found or given."""
 
+import inspect
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import wraps
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -38,15 +40,40 @@ NoBreaks = Annotated[
         "--no-breaks", help="Find no breaks by jumps of the positions and gaps between times."
     ),
 ]
-Closed = Annotated[
-    bool | None,
-    typer.Option(
-        "--closed/--open",
-        show_default=False,
-        help="Each segment's last place is followed by its first, or none's; by default by the "
-        "positions.",
+# The flags of a command's parameter ``closed``. ``--open`` is the second one's old name.
+CLOSED = {
+    "closed": typer.Option(
+        "--closed",
+        help="Each segment's last place is followed by its first; by default by the positions.",
     ),
-]
+    "not_closed": typer.Option("--not-closed", help="No segment is closed."),
+    "open": typer.Option("--open", hidden=True),
+}
+
+
+def closable(command: Callable[..., None]) -> Callable[..., None]:
+    """Gives a command the flags --closed and --not-closed for its parameter ``closed``: without
+    either it is None.
+    """
+
+    @wraps(command)
+    def with_flags(**given: Any) -> None:
+        closed, *opened = (given.pop(name) for name in CLOSED)
+        refuse(closed and any(opened), "--closed: expected it or --not-closed, got both")
+        command(**given, closed=True if closed else False if any(opened) else None)
+
+    signature = inspect.signature(command, eval_str=True)
+    kept = [each for name, each in signature.parameters.items() if name != "closed"]
+    flags = [
+        inspect.Parameter(
+            name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Annotated[bool, flag]
+        )
+        for name, flag in CLOSED.items()
+    ]
+    with_flags.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[*kept, *flags]
+    )
+    return with_flags
 
 
 @dataclass(frozen=True)

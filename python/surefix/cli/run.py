@@ -12,11 +12,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 
-from surefix import Localizer, Map, Settings, SurefixValueError, frames
+from surefix import Localizer, Map, SurefixValueError, frames
 from surefix._words import plural
 from surefix.cli.drives import networks_of, others_of
 from surefix.cli.fixes import ALARM, Summary, row_of
-from surefix.cli.flags import documented, with_options
+from surefix.cli.flags import SELDOM, documented, settings_of, with_options
 from surefix.cli.inputs import (
     NO_SCALE,
     Place,
@@ -31,7 +31,7 @@ from surefix.cli.inputs import (
 from surefix.cli.networks import Model, ModelOptions, Weights
 from surefix.cli.pages import Open, RunPage, page_of, show, title_of
 from surefix.cli.route import SaveMap, open_route
-from surefix.cli.views import open_views
+from surefix.cli.views import leave_room, open_views
 from surefix.frames import Advances, Frame, Frames, ImageFrames, in_8_bits
 from surefix.frames.advances import time_in
 from surefix.frames.levels import Clipping
@@ -63,7 +63,7 @@ def run(
     config: Annotated[Path | None, typer.Option("--config", "-c")] = None,
     accept: float | None = None,
     fuse: list[Path] | None = None,
-    screen: Literal["i8"] | None = None,
+    screen: Annotated[Literal["i8"] | None, SELDOM] = None,
     model: Model = None,
     weights: Weights = None,
     save_map: SaveMap = None,
@@ -77,7 +77,7 @@ def run(
     spacing: Annotated[float | None, F] = None,
     places_per_metre: Annotated[float | None, F] = None,
     gap: Annotated[float | None, F] = None,
-    newest: Annotated[bool | None, F] = None,
+    newest: Annotated[bool | None, SELDOM] = None,
     order: Annotated[Order, typer.Option(rich_help_panel=F)] = "name",
     strict: Annotated[bool, F] = False,
     crop: Annotated[bool, F] = False,
@@ -111,8 +111,8 @@ def run(
     every: Take a frame every this many seconds.
     metres: Take a frame every this many metres, by --odometry.
     odometry: How far the robot moves: a .csv with the columns time and x,y[,z] or distance; a
-        trajectory of TUM, KITTI or EuRoC; or a topic of the bag: Odometry, PoseStamped,
-        PoseWithCovarianceStamped, TransformStamped or NavSatFix.
+        trajectory of TUM, KITTI or EuRoC; or a topic of the bag: of odometry, poses, transforms or
+        GPS fixes.
     spacing: With --odometry: the metres from one place of the map to the next; by default by the
         map's positions.
     places_per_metre: The same the other way round; below 0 if the robot's forward is the route's
@@ -138,7 +138,7 @@ def run(
     by = {"--metres": metres, "--spacing": spacing, "--places-per-metre": places_per_metre}
     for option, value in by.items():
         refuse(value is not None and odometry is None, f"{option}: expected --odometry too")
-    settings = _settings(config, options)
+    settings = settings_of(config, options)
     motion = settings.options["motion"]
     refuse(accept is not None and settings.threshold is not None, BOTH)
     if accept is not None:
@@ -221,33 +221,19 @@ def run(
             if not source.live:
                 raise
         finally:
+            said = [summary.text(out)]
+            if out is None and sys.stdout.isatty() and summary.latencies:
+                said.append("not kept: add -o fixes.csv")
+            said += [f"Made {page}"] if page is not None and summary.latencies else []
+            said += [] if clipping.warning is None else [clipping.warning]
+            said += ["; ".join(notes)] if (notes := notes_on(source)) else []
+            said += [_said(source, of, motion)] if isinstance(source, Advances) else []
+            leave_room(views, said)
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
-            print(summary.text(out), file=sys.stderr)
-            if out is None and sys.stdout.isatty() and summary.latencies:
-                print("not kept: add -o fixes.csv", file=sys.stderr)
+            print(*said, sep="\n", file=sys.stderr)
             if page is not None and summary.latencies:
-                print(f"Made {page}", file=sys.stderr)
                 show(page, open_)
-            if clipping.warning is not None:
-                print(clipping.warning, file=sys.stderr)
-            if notes := notes_on(source):
-                print("; ".join(notes), file=sys.stderr)
-            if isinstance(source, Advances):
-                print(_said(source, of, motion), file=sys.stderr)
-
-
-def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
-    """The settings of the file, if there is one, and the options that are given."""
-    try:
-        known = None if config is None else Settings.open(config)
-    except SurefixValueError as error:
-        raise typer.BadParameter(f"--config: {error}") from None
-    try:
-        given = Settings(config=known, **options)
-    except SurefixValueError as error:
-        raise typer.BadParameter(str(error)) from None
-    return given
 
 
 def localize(

@@ -12,7 +12,7 @@ from surefix.cli import inputs
 from surefix.cli.align import refusing_options
 from surefix.cli.audit import print_columns
 from surefix.cli.drives import truth_without
-from surefix.cli.flags import documented
+from surefix.cli.flags import TRUTH, documented
 from surefix.cli.inputs import check_not_read, refuse
 from surefix.cli.networks import Model, ModelOptions, Weights
 from surefix.cli.recorded import Drive, open_drive
@@ -26,11 +26,11 @@ def tune_(
     route: str,
     queries: inputs.Place | None = None,
     out: Annotated[Path, typer.Option("--out", "-o")] = Path("route.toml"),
-    truth: str | None = None,
-    positions: Path | None = None,
-    query_positions: str | None = None,
+    truth: Annotated[str | None, TRUTH] = None,
+    positions: Annotated[Path | None, TRUTH] = None,
+    query_positions: Annotated[str | None, TRUTH] = None,
     position_gap: PositionGap = GAP,
-    tolerance: Annotated[float | None, typer.Option(min=0)] = None,
+    tolerance: Annotated[float | None, typer.Option(min=0, rich_help_panel=TRUTH)] = None,
     wrong: float = 0.05,
     sure: float = 0.95,
     motion: Literal["steady", "free", "any"] = "any",

@@ -1,7 +1,7 @@
 """The views of ``surefix run``: on the terminal, in rerun's viewer, in a recording."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,17 @@ from surefix.live import RerunView, TerminalView, View
 from surefix.live.view import References
 from surefix.live.viewer import viewer_obstacle
 
-__all__ = ["open_views"]
+__all__ = ["leave_room", "open_views"]
 
-NARROW = 110
+
+def leave_room(views: Iterable[View], said: Iterable[str]) -> None:
+    """Lets the last picture on the terminal end above these lines, as they are broken there."""
+    for view in views:
+        if isinstance(view, TerminalView):
+            wide = max(1, view.console.width)
+            lines = (line for text in said for line in text.splitlines())
+            # An error is said in a line more.
+            view.spare = 1 + sum(max(1, -(-len(line) // wide)) for line in lines)
 
 
 @contextmanager
@@ -70,9 +78,7 @@ def open_views(
             print(f"--live: {obstacle} ({instead})", file=sys.stderr)
         if terminal is not None:
             console = Console(file=terminal)
-            # The summary's lines, which are broken on a narrow terminal.
-            spare = 6 if console.width < NARROW else 4
-            view = TerminalView(route, total=total, references=shown, console=console, spare=spare)
+            view = TerminalView(route, total=total, references=shown, console=console)
             views.append(open_.enter_context(closing(view)))
         yield views
 

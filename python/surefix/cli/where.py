@@ -229,7 +229,7 @@ def positions_of_frames(positions: Path, frames: Frames, old: Map | None = None)
     listed = isinstance(frames, ImageFrames) and frames.ready is None
     if not listed and (read.times is None or not frames.timed):
         if frames.ready is None:
-            names, _, times, numbers, total = names_and_advances(frames)
+            names, _, times, numbers, total, _ = names_and_advances(frames)
             read = Queries(len(names), names, times, None, numbers, total).rows(read)
     else:
         names, _, times, *_ = names_and_advances(frames)

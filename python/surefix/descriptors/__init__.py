@@ -7,8 +7,8 @@
 
 ``Descriptor`` is their protocol. ``Verifier`` is that of a second look at the nearest places, which
 a ``Reranker`` takes: ``XFeat``, ``PatchNetVlad``. ``Onnx`` and ``XFeat`` need ``pip install
-"surefix[learned]"``, ``Torch`` and ``from_hub`` PyTorch, ``load`` the package of the file's format.
-Each is imported when it is used.
+"surefix[learned]"``, ``Torch`` and ``from_hub`` ``"surefix[torch]"``, ``load`` the package of the
+file's format. Each is imported when it is used.
 """
 
 from importlib import import_module

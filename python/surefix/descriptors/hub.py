@@ -194,7 +194,7 @@ def from_hub(
     model = HUB_MODELS.get(name)
     if model is None:
         raise mismatch("name", f"one of {', '.join(HUB_MODELS)}", repr(name))
-    library = require("torch", f"the model {name}", "PyTorch", "torch")
+    library = require("torch", f"the model {name}", "PyTorch", "surefix[torch]")
     given = {**model.options, **options}
     kinds = (bool, int, float, str)
     plain = {key: value if isinstance(value, kinds) else str(value) for key, value in given.items()}

@@ -64,7 +64,7 @@ class PatchNetVlad:
         normalised: bool = True,
     ) -> None:
         what, install = "Patch-NetVLAD", "patchnetvlad"
-        self._torch = require("torch", what, "PyTorch", "torch")
+        self._torch = require("torch", what, "PyTorch", "surefix[torch]")
         local = require("patchnetvlad.models.local_matcher", what, "patchnetvlad", install)
         patches = require("patchnetvlad.tools.patch_matcher", what, "patchnetvlad", install)
         tools = require("patchnetvlad.tools", what, "patchnetvlad", install)

@@ -81,7 +81,7 @@ class Torch:
         resample: str = "bilinear",
         recipe: Mapping[str, object] | None = None,
     ) -> None:
-        library = require("torch", "a PyTorch module", "PyTorch", "torch")
+        library = require("torch", "a PyTorch module", "PyTorch", "surefix[torch]")
         if not isinstance(module, library.nn.Module):
             raise mismatch("module", "a torch.nn.Module", type(module).__name__)
         if transform is not None and (size is not None or not callable(transform)):
@@ -153,7 +153,7 @@ class Torch:
     def _planes(self, images: list[npt.NDArray[np.uint8]]) -> Any:
         if self.transform is None:
             return self._torch.from_dlpack(self._input.batch(images))
-        pillow = require("PIL.Image", "a transform of images", "Pillow", "surefix[learned]")
+        pillow = require("PIL.Image", "a transform of images", "Pillow", "surefix[torch]")
         planes = [self.transform(pillow.fromarray(image).convert("RGB")) for image in images]
         for index, plane in enumerate(planes):
             if not isinstance(plane, self._torch.Tensor) or plane.shape != planes[0].shape:

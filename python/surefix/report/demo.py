@@ -3,17 +3,15 @@ without weights, and the drive in pictures.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from surefix import Run, match_distances
+from surefix import match_distances
 from surefix._words import plural, verb
-from surefix.baselines.distances import Flags, Floats
+from surefix.baselines.distances import Flags
 from surefix.machine import machine
-from surefix.matches import Matches
 from surefix.plot.belief import confidence
 from surefix.plot.images import Column, Pair, montage, montage_height, spread
 from surefix.plot.outcome import Outcome, longest_gap, outcomes
@@ -22,13 +20,10 @@ from surefix.report.explore import explorer, scripts
 from surefix.report.page import Picture, Section, Tile, drawn, photograph, write
 from surefix.report.scene import of_study
 from surefix.report.tables import write_csv
-from surefix.simulate import Traverse
-from surefix.study import UPTO, Result, Study
+from surefix.study import UPTO
+from surefix.study.demo import ACCEPT, Demo
 
-__all__ = ["ACCEPT", "FILES", "Demo", "write_report"]
-
-# A fix of this confidence or more is sure.
-ACCEPT = 0.95
+__all__ = ["FILES", "write_report"]
 
 FILES = {
     "report.html": "this page; it needs no other file",
@@ -49,83 +44,6 @@ LABEL = "distance (mean difference, in standard deviations of a patch)"
 # The star's fixes, if the curves leave some out.
 WHOLE = "the trusted fixes of full windows alone"
 PAIRS = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Demo:
-    """A drive along a generated route, localized on the map of an earlier drive.
-
-    Attributes
-    ----------
-    study : Study
-        Of the distances that the localizer saw, with the truth and the odometry in places.
-    run : Run
-        The fixes of the localizer, with its tracker.
-    reference, revisit : Traverse
-        The drive that was mapped, and the one that was localized.
-    seed : int
-    latency : array of float64, shape (m,)
-        Seconds that each push took.
-    """
-
-    study: Study
-    run: Run
-    reference: Traverse
-    revisit: Traverse
-    seed: int
-    latency: Floats
-
-    @cached_property
-    def tracker(self) -> Result:
-        """The fixes as matches, judged by the truth."""
-        run = self.run
-        said = Matches(run.place, run.score, None, None, run.confidence, run.off_map)
-        return Result(self.study, "the tracker", said)
-
-    @property
-    def right(self) -> Flags:
-        """Which fixes are right."""
-        return self.tracker.right
-
-    @property
-    def sure(self) -> Flags:
-        """Which fixes are sure."""
-        assert self.run.confidence is not None
-        return np.greater_equal(self.run.confidence, ACCEPT)
-
-    @property
-    def standing(self) -> Flags:
-        """Which frames were taken while the drive stood still."""
-        still: Flags = self.revisit.odometry() == 0
-        still[0] = False
-        return still
-
-    @cached_property
-    def masks(self) -> dict[Outcome, Flags]:
-        """Which fixes had each outcome."""
-        return outcomes(self.right, self.run.trusted)
-
-    @cached_property
-    def counts(self) -> dict[Outcome, int]:
-        """The number of fixes of each outcome."""
-        return {outcome: int(mask.sum()) for outcome, mask in self.masks.items()}
-
-    @property
-    def trusted_point(self) -> tuple[float, float] | None:
-        """Recall and precision of the trusted fixes of the weighted sequence, as the curves count;
-        None without any.
-        """
-        weighted, ready, trusted = self.study.shown.right, self.study.run.ready, self.run.trusted
-        accepted = int((ready & trusted).sum())
-        found = int((ready & trusted & weighted).sum())
-        correct = max(1, int((ready & weighted).sum()))
-        return (found / correct, found / accepted) if accepted else None
-
-    def off(self, query: int) -> str:
-        """The distance along the road between a fix and the camera, in words."""
-        place = self.reference.positions[self.run.place[query]]
-        metres = abs(place - self.revisit.positions[query])
-        return "not on the map" if np.isnan(metres) else f"{metres:.0f} m off"
 
 
 def write_report(
@@ -184,9 +102,20 @@ def _write_tables(demo: Demo, folder: Path) -> None:
     write_csv(folder / "truth.csv", "frame,place,position,advance", rows)
 
 
+def _masks(demo: Demo) -> dict[Outcome, Flags]:
+    """Which fixes had each outcome."""
+    return outcomes(demo.right, demo.run.trusted)
+
+
+def _counts(demo: Demo) -> dict[Outcome, int]:
+    """The number of fixes of each outcome."""
+    return {outcome: int(mask.sum()) for outcome, mask in _masks(demo).items()}
+
+
 def _hero(demo: Demo) -> Sequence[Picture]:
-    outcome = next(outcome for outcome in Outcome if demo.counts[outcome])
-    query = spread(np.flatnonzero(demo.masks[outcome]), PAIRS)[0]
+    masks = _masks(demo)
+    outcome = next(outcome for outcome in Outcome if masks[outcome].any())
+    query = spread(np.flatnonzero(masks[outcome]), PAIRS)[0]
     place = int(demo.run.place[query])
     view = f"The second drive, frame {query}: the camera's view."
     answer = f"The map, place {place}: surefix's answer. {outcome.value.capitalize()}."
@@ -199,7 +128,7 @@ def _hero(demo: Demo) -> Sequence[Picture]:
 def _tiles(demo: Demo) -> Sequence[Tile]:
     m, sure, off_map = len(demo.study), demo.sure, demo.study.off_map
     off = int(off_map.sum())
-    good, bad, *_ = demo.counts.values()
+    good, bad, *_ = _counts(demo).values()
     sure_count, lost = int(sure.sum()), int((sure & off_map).sum())
     sure_right = int((sure & demo.right).sum())
     median, p99 = np.quantile(demo.latency, (0.5, 0.99)) * 1000
@@ -217,7 +146,7 @@ def _tiles(demo: Demo) -> Sequence[Tile]:
 def _sections(demo: Demo) -> Sequence[Section]:
     """The page from the confidence on, in its order."""
     study, run, m = demo.study, demo.run, len(demo.study)
-    _, bad, held_right, held = demo.counts.values()
+    _, bad, held_right, held = _counts(demo).values()
     trusted, single_right = int(run.trusted.sum()), int(study.single_right.sum())
     said = (
         "The true path runs from corner to corner, level while the drive stands still, with a gap "
@@ -372,8 +301,8 @@ def _montage(demo: Demo) -> Picture:
         return Pair(demo.revisit[query], demo.reference[int(place[query])], caption)
 
     columns = [
-        Column(outcome, demo.counts[outcome], list(map(pair, spread(np.flatnonzero(mask), PAIRS))))
-        for outcome, mask in demo.masks.items()
+        Column(outcome, int(mask.sum()), list(map(pair, spread(np.flatnonzero(mask), PAIRS))))
+        for outcome, mask in _masks(demo).items()
     ]
     rows = max(len(column.pairs) for column in columns)
     height, width = demo.revisit[0].shape[:2]

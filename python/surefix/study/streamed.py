@@ -27,8 +27,12 @@ __all__ = ["StreamedStudy", "compare_columns", "unstreamed"]
 PICTURE = 1500
 # Methods whose every column stands alone, and trackers by their motion.
 ALONE = ("ratio", "spread")
-TRACKERS = {"track_steady": "steady", "track_free": "free", "track_any": "any"}
-TRACKERS |= {"track_odometry": "any"}
+TRACKERS: dict[str, str | None] = {
+    "track_steady": "steady",
+    "track_free": "free",
+    "track_any": "any",
+}
+TRACKERS |= {"track_odometry": "any", "track": None}
 PLAIN = {"sequence": None, "sequence-10": 10, "sequence-20": 20, "seqslam": None}
 BY_FIXES = ("single", "masked", "gradient", "weighted")
 GUIDED = ("supervised-masked", "supervised-weighted", "perfect-masked", "perfect-weighted")
@@ -46,6 +50,7 @@ class Fixes:
     def __init__(self, places: int, trusted: Callable[[int, Distances], Flags] | None = None,
                  advance: Any = None, **options: Any) -> None:  # fmt: skip
         segments = options.pop("segments", None)
+        self._gaps = frozenset(options.pop("gaps", ()))
         self._matcher = Matcher(places if segments is None else segments, **options)
         self._trusted, self._advance = trusted, advance
         self._rows: list[tuple[Any, ...]] = []
@@ -57,6 +62,9 @@ class Fixes:
             given: dict[str, Any] = {} if flags is None else {"trusted": bool(flags[index])}
             if self._advance is not None:
                 given["advance"] = float(self._advance[start + index])
+            if start + index in self._gaps:
+                # The advance, which counts from the query before, bridges the gap.
+                self._matcher.gap(None if self._advance is None else 0.0)
             fix = self._matcher.push(block[:, index], **given)
             track = fix.track
             self._rows.append(
@@ -252,14 +260,16 @@ def compare_columns(
 def _stream(name: str, places: int, context: Context, options: dict[str, Any]) -> Fixes:
     """What the method of this name pushes its columns into."""
     if name in TRACKERS:
-        advance = context.advance if name == "track_odometry" else None
-        how: dict[str, Any] = {"motion": TRACKERS[name], "tolerance": context.tolerance}
+        advance = context.advance if name in ("track_odometry", "track") else None
+        motion = TRACKERS[name] or context.motion
+        how: dict[str, Any] = {"motion": motion, "tolerance": context.tolerance}
         return Fixes(places, advance=advance, sequence_length=1, **how, **context.roads)
     if name in PLAIN:
         length = PLAIN[name]
         changed: dict[str, Any] = {"weight": 0.0, "floor": "running"}
         changed |= {} if length is None else {"sequence_length": min(length, places)}
         if name == "seqslam":
+            changed["gaps"] = ()
             changed |= {} if context.speeds else {"speeds": list(SEQSLAM_SPEEDS)}
         return Fixes(places, **options | changed)
     if METHODS[name].needs == "truth":

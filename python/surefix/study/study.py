@@ -204,7 +204,12 @@ class Study:
         if others is not None:
             others = [np.asfortranarray(D[np.ix_(drive.rows, drive.columns)]) for D in others]
         context = replace(
-            self.context, truth=truth, positions=where, advance=drive.advance, techniques=others
+            self.context,
+            truth=truth,
+            positions=where,
+            advance=drive.advance,
+            techniques=others,
+            gaps=(),
         )
         jumps = drive.jumps.tolist()
         return replace(

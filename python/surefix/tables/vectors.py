@@ -39,7 +39,7 @@ def load(path: str | PathLike[str], key: str | None = None) -> Rows:
     ``.index``
     ==================  ========================================================================
 
-    The packages come with ``pip install "surefix[files]"``.
+    The packages come with ``pip install "surefix[files]"``, faiss with ``"surefix[faiss]"``.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def _faiss(path: Path, key: str | None) -> Rows:
 
 def _read_index(path: Path) -> tuple[Rows, Literal["cosine", "euclidean"]]:
     """The vectors in a flat faiss index, and its metric."""
-    library = require("faiss", "a faiss index", "faiss", "surefix[files]")
+    library = require("faiss", "a faiss index", "faiss", "surefix[faiss]")
     try:
         index: Any = library.read_index(str(path))
     except RuntimeError as error:

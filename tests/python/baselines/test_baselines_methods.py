@@ -37,6 +37,7 @@ def test_the_names() -> None:
         "track_free",
         "track_any",
         "track_odometry",
+        "track",
         "fused",
     ]
     for method in METHODS.values():
@@ -68,6 +69,8 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         calibration_tolerance=3,
         advance=advance,
         techniques=[calibration[0]],
+        motion=surefix.Motion("free", pace=2.0),
+        technique_weights=(1.0, 0.5),
     )
     prediction: dict[str, Any] = {"tolerance": 2, "smoothing": 1, "gradient": "unhalved"}
     weighting: dict[str, Any] = {
@@ -99,7 +102,10 @@ def test_a_name_runs_its_method_with_what_the_context_says() -> None:
         "track_free": baselines.track(D, tolerance=2),
         "track_any": baselines.track(D, motion="any", tolerance=2),
         "track_odometry": baselines.track(D, motion="any", advance=advance, tolerance=2),
-        "fused": baselines.track([D, calibration[0]], motion="any", tolerance=2),
+        "track": baselines.track(D, motion=context.motion, advance=advance, tolerance=2),
+        "fused": baselines.track(
+            [D, calibration[0]], motion=context.motion, tolerance=2, technique_weights=(1.0, 0.5)
+        ),
     }
     assert expected.keys() == METHODS.keys()
     answers = set()
@@ -135,6 +141,7 @@ def test_no_method_ever_says_nan_or_leaves_the_map(D: Array) -> None:
         calibration=route(5),
         advance=np.ones(m),
         techniques=[D],
+        motion="any",
     )
     for name in METHODS:
         matches = run_method(name, D, context)
@@ -160,6 +167,7 @@ def test_what_is_missing_is_named() -> None:
             "perfect": "truth",
             "supervised": "calibration",
             "track_odometry": "advance",
+            "track": "motion",
             "fused": "techniques",
         }
         needs = of.get(name.partition("-")[0])
@@ -182,6 +190,19 @@ def test_the_segments_of_a_route_reach_each_of_surefixs_methods() -> None:
         expected = surefix.match_distances(D, segments=segments, **options)
         found = run_method(name, D, Context(segments=segments))
         assert np.array_equal(found.place, expected.place)
+
+
+def test_the_gaps_of_a_drive_reach_each_of_surefixs_methods() -> None:
+    D = np.random.default_rng(0).random((40, 30), np.float32)
+    for name, options in (
+        ("weighted", {"floor": "global"}),
+        ("track_free", {"motion": "free", "sequence_length": 1}),
+    ):
+        expected = surefix.match_distances(D, gaps=[7, 20], **options)
+        found = run_method(name, D, Context(gaps=[7, 20]))
+        assert np.array_equal(found.place, expected.place)
+        np.testing.assert_array_equal(found.ready, expected.ready)
+        assert not np.array_equal(found.score, run_method(name, D).score)
 
 
 def test_no_line_of_seqslam_crosses_a_break() -> None:

@@ -24,7 +24,8 @@ from PIL import Image
 from commands import surefix_, surefix_process
 from html_reader import read
 from surefix.cli.demo import WHEELS, legs
-from surefix.report.demo import ACCEPT, FILES
+from surefix.report.demo import FILES
+from surefix.study.demo import ACCEPT
 
 # The fixtures draw whole reports.
 pytestmark = pytest.mark.slow
@@ -221,14 +222,23 @@ def test_a_report_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> No
     assert said.stderr.count("\n") == 1
 
 
-@pytest.mark.slow
-def test_without_matplotlib_one_line_says_how_to_install_it(tmp_path: Path) -> None:
-    missing = 'raise ModuleNotFoundError("No module named \'matplotlib\'", name="matplotlib")\n'
-    (tmp_path / "matplotlib.py").write_text(missing)
+# What a plain wheel lacks.
+LACKING = ("PIL", "bokeh", "matplotlib", "sklearn", "scipy", "pandas")
+
+
+@pytest.mark.parametrize("town", [False, True])
+def test_without_what_draws_it_localizes_and_says_what_would(tmp_path: Path, town: bool) -> None:
+    for name in LACKING:
+        missing = f"raise ModuleNotFoundError(name={name!r})\n"
+        (tmp_path / f"{name}.py").write_text(missing)
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    said = surefix_process("demo", "--out", tmp_path / "out", code=1, PYTHONPATH=path)
-    assert "pip install 'surefix[plot]'" in said.stderr
-    assert said.stderr.count("\n") == 1
+    size = ("--places", 60, "--width", 64, "--height", 32, *(["--town"] if town else []))
+    said = surefix_process("demo", "--out", tmp_path / "out", *size, PYTHONPATH=path)
+    *lines, last = said.stdout.splitlines()
+    words = r"No report and no pictures: the report takes \w+, which is not installed: "
+    assert re.fullmatch(words + r'pip install "surefix\[report\]"', last)
+    assert any(" right" in line for line in lines)
+    assert said.stderr == ""
     assert not (tmp_path / "out").exists()
     surefix_process("demo", "--help", PYTHONPATH=path)
 

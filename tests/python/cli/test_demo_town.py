@@ -13,8 +13,9 @@ pytest.importorskip("matplotlib")
 
 from commands import surefix_process
 from html_reader import read
-from surefix.report.town import BEST, FILES, ONE_LINE, SUMMER, TownDemo, drive_through
+from surefix.report.town import FILES
 from surefix.simulate import Town
+from surefix.study.town import BEST, ONE_LINE, SUMMER, TownDemo, drive_through
 
 pytestmark = pytest.mark.slow
 

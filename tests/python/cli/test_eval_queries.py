@@ -18,6 +18,7 @@ from PIL import Image
 
 import surefix
 import tiny_network
+from commands import surefix_
 from recordings import Bag, write_video
 from surefix import cli
 from surefix.descriptors import Onnx, extract
@@ -268,3 +269,49 @@ def test_a_mistake_gets_one_clear_message(name: str, tmp_path: Path, run: Run) -
     ended, said = run(*arguments, "--truth", "identity", "-o", out)
     assert (ended, words in said) == (code, True), said
     assert not out.exists()
+
+
+def test_a_drive_is_judged_with_the_settings_and_the_gaps_that_it_runs_with(
+    drives: Path, tmp_path: Path, run: Run
+) -> None:
+    rng = np.random.default_rng(5)
+    taken = np.r_[0:12, 20:PLACES]
+    with Bag(tmp_path, "mcap") as bag:
+        for index in taken:
+            image = surefix.read_image(drives / "winter" / f"{index:03}.png")
+            noisy = np.clip(image + rng.integers(-30, 30, image.shape), 0, 255)
+            bag.image("/front", noisy.astype(np.uint8), index / 10)
+    settings = surefix.Settings(sequence_length=3, motion=surefix.Motion("free", pace=1.5))
+    settings.save(tmp_path / "route.toml")
+    np.save(tmp_path / "truth.npy", taken)
+    given = ["sad.safetensors", tmp_path / "drive_mcap", "--config", tmp_path / "route.toml"]
+    given += ["--gap", 0.5]
+    done = surefix_("run", drives / given[0], *given[1:])
+    expected = list(csv.DictReader(done.stdout.splitlines()))
+    assert [row["gap"] for row in expected].count("true") == 1
+    assert run(*given, "--truth", tmp_path / "truth.npy", "-o", tmp_path / "out") == (0, "")
+    tracked, weighted = (fixes(tmp_path / "out", name) for name in ("track", "weighted"))
+    assert [row["place"] for row in tracked] == [row["place"] for row in expected]
+    assert [row["place"] for row in weighted] == [
+        row["sequence_place"] or row["single_place"] for row in expected
+    ]
+    for row, other in zip(weighted, expected, strict=True):
+        assert row["ready"] == other["ready"]
+        assert row["trusted"] == other["trusted"]
+        if row["ready"] == "true":
+            assert float(row["score"]) == pytest.approx(float(other["sequence_score"]), rel=1e-6)
+
+
+def test_the_trackers_motion_is_that_of_the_flag(drives: Path, tmp_path: Path, run: Run) -> None:
+    given = ("D.npy", "--truth", "identity", "-o", tmp_path)
+    D = np.load(drives / "D.npy")
+    assert run(*given, "--motion", "steady") == (0, "")
+    run_ = surefix.match_distances(D, motion="steady", sequence_length=1)
+    assert [int(row["place"]) for row in fixes(tmp_path, "track")] == run_.place.tolist()
+    assert run(*given, "--fuse", "D.npy", "--technique-weights", "1,0.25") == (0, "")
+    run_ = surefix.match_distances([D, D], motion="any", technique_weights=[1, 0.25])
+    assert [int(row["place"]) for row in fixes(tmp_path, "fused")] == run_.place.tolist()
+    code, said = run(*given, "--method", "track")
+    assert (code, "--method track: expected --motion or --config" in said) == (2, True)
+    code, said = run(*given, "--gap", 1)
+    assert (code, "--gap: expected a video or a bag, got none" in said) == (2, True)

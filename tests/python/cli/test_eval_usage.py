@@ -261,4 +261,4 @@ def test_without_what_draws_one_line_says_how_to_install_it(
         )
         assert said.returncode == code, said.stderr
         assert "Traceback" not in said.stderr
-        assert "pip install 'surefix[plot]'" in said.stderr or code == 0
+        assert 'pip install "surefix[report]"' in said.stderr or code == 0

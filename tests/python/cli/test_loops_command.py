@@ -49,7 +49,7 @@ def test_wrong_use_is_refused(drive: Path, tmp_path: Path) -> None:
         (("-o", tmp_path / "loops.txt"), "--out: expected a name that ends in .csv or .g2o"),
         (("--metres", 2), "--metres: expected --odometry too"),
         (("--odometry", "track.csv"), "--odometry: expected --metres"),
-        (("--folder", tmp_path / "no"), "option `folder`"),
+        (("--folder", tmp_path / "no"), "--folder: expected a folder, got"),
         (("--output", "x"), "--output: expected --model too"),
         (("--exclude", 0), "--exclude"),
     ]:

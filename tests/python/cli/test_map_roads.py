@@ -156,9 +156,15 @@ def test_a_ring_is_closed_by_itself(folder: Path, tmp_path: Path) -> None:
     route, said = built(tmp_path / "map", *given)
     assert [each.closed for each in route.segments] == [True]
     assert said.endswith("; closed: the last place is followed by the first (2.0 m apart)")
-    route, said = built(tmp_path / "map", *given, "--open")
-    assert not route.segments[0].closed
-    assert "; closed" not in said
+    # The second name is the old one.
+    for flag in ("--not-closed", "--open"):
+        route, said = built(tmp_path / "map", *given, flag)
+        assert not route.segments[0].closed
+        assert "; closed" not in said
+        both = surefix_("map", "build", *given, "--closed", flag, "-o", tmp_path / "no", code=2)
+        assert "--closed: expected it or --not-closed, got both" in both.stderr
+        assert not (tmp_path / "no").exists()
+    assert "--open" not in surefix_("map", "build", "--help").stdout
     route, said = built(tmp_path / "map", folder, "--closed")
     assert route.segments[0].closed
     assert said.endswith("; closed: the last place is followed by the first")

@@ -234,6 +234,28 @@ def test_ready_descriptors_have_no_thumbnails(tmp_path: Path) -> None:
     assert "--thumbnails: expected images, got the ready descriptors" in done.stderr
 
 
+def test_the_plane_of_metres_is_named_by_hand(road: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "metres.npy", np.stack([3.0 * np.arange(N), np.zeros(N)], axis=1))
+    given = "map", "build", road / "monday", "-o", tmp_path / "map"
+    metres = "--positions", tmp_path / "metres.npy"
+    surefix_(*given, *metres, "--plane", "UTM 32U")
+    assert surefix.Map.open(tmp_path / "map").plane == "UTM 32U"
+    assert "in metres of UTM 32U" in surefix_("map", "info", tmp_path / "map").stdout
+    surefix_(*given, *metres, "--plane", "-27.47,153.02")
+    route = surefix.Map.open(tmp_path / "map")
+    assert (route.plane, route.origin) == (None, (-27.47, 153.02))
+    assert route.degrees is not None
+    assert route.degrees[0] == pytest.approx([-27.47, 153.02])
+    for wrong, why in (
+        (("--plane", "x"), "--plane: expected --positions too, in metres"),
+        (("--positions", road / "monday.csv", "--plane", "x"), "metres that name no plane"),
+        ((*metres, "--plane", " "), "expected a name, or LATITUDE,LONGITUDE, got none"),
+        ((*metres, "--plane", "95,1"), "a latitude from -90 to 90 and a longitude, got 95,1"),
+    ):
+        said = surefix_(*given, *wrong, code=2).stderr
+        assert why in " ".join(said.replace("│", " ").split())
+
+
 def test_lines_across_180_degrees_are_cut() -> None:
     """As RFC 7946, 3.1.9, has them."""
     longitude = [179.998, 179.999, -179.999, -179.998, 179.997]

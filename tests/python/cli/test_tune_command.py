@@ -157,7 +157,7 @@ MISTAKES = {
     "no metres": (["D.npy", "--query-positions", "where.npy"], 2, "--tolerance: expected how many"),
     "half a place": (["D.npy", "--tolerance", 0.5], 2, "a whole number of places"),
     "an unknown motion": (["D.npy", "--motion", "fast"], 2, "'--motion'"),
-    "no share": (["D.npy", "--wrong", 0], 2, "option `wrong`"),
+    "no share": (["D.npy", "--wrong", 0], 2, "--wrong: expected"),
     "another truth": (["D.npy", "--truth", "short.npy"], 1, "short.npy"),
     "no positions of places": (
         ["D.npy", "--query-positions", "where.npy", "--tolerance", 3],

@@ -412,9 +412,13 @@ def test_a_number_that_is_none_is_found_wherever_it_is(tmp_path: Path) -> None:
         (
             "faiss",
             lambda d: d.metric_of("a.faiss"),
-            'takes faiss, which is not installed: pip install "surefix.files."',
+            'takes faiss, which is not installed: pip install "surefix.faiss."',
         ),
-        ("torch", lambda d: d.Torch(None), "takes PyTorch, which is not installed"),
+        (
+            "torch",
+            lambda d: d.Torch(None),
+            'takes PyTorch, which is not .*: pip install "surefix.torch."',
+        ),
         (
             "torch",
             lambda d: d.from_hub("megaloc"),

@@ -409,3 +409,45 @@ def test_no_color_is_respected(drives: Path) -> None:
     assert not re.search(r"\x1b\[[\d;]*(38|48|3[0-7]|9[0-7])[\d;]*m", text)
     coloured = run_on_a_terminal(arguments, until=None, height=60, COLORTERM="truecolor")[1]
     assert re.search(r"\x1b\[[\d;]*38;2", coloured)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "height"), [(60, 20), (44, 24), (120, 30)])
+def test_the_headline_stays_above_whatever_is_said_in_the_end(
+    width: int, height: int, drives: Path
+) -> None:
+    lines = [f"{index},{3 * index}" for index in range(60)]
+    (drives / "wheels.csv").write_text("\n".join(["time,distance", *lines]))
+    drive = str(drives / "winter")
+    arguments = [
+        "run",
+        str(drives / "route.safetensors"),
+        drive,
+        "--accept",
+        "0.9",
+        "--stride",
+        "2",
+    ]
+    code, text = run_on_a_terminal(arguments, until=None, width=width, height=height)
+    assert code == 0
+    last = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", text[text.rindex("╭─") :]).rstrip()
+    assert "not kept: add -o fixes.csv" in last
+    shown = sum(max(1, -(-len(line) // width)) for line in last.splitlines())
+    assert shown < height, last
+    assert "place " in last.splitlines()[1]
+
+
+@pytest.mark.slow
+def test_loops_on_a_terminal_are_counted_and_not_listed(drives: Path, tmp_path: Path) -> None:
+    arguments = ["loops", str(drives / "winter"), "--exclude", "5", "--confidence", "0.01"]
+    code, text = run_on_a_terminal([*arguments, "--lasting", "1"], until=None)
+    assert code == 0
+    plain = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", text)
+    assert "frame,place,confidence" not in plain
+    assert "Closing" in plain
+    assert re.search(r"60 frames, [1-9]\d* edges in ", plain)
+    assert "not kept: add -o loops.csv" in plain
+    kept = [*arguments, "--lasting", "1", "-o", str(tmp_path / "loops.csv")]
+    code, text = run_on_a_terminal(kept, until=None)
+    assert "not kept" not in text
+    assert len((tmp_path / "loops.csv").read_text().splitlines()) > 2

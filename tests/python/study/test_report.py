@@ -24,9 +24,10 @@ from surefix.plot.curves import precision_recall
 from surefix.plot.images import spread
 from surefix.plot.outcome import longest_gap
 from surefix.report import figures
-from surefix.report.demo import Demo, write_report
+from surefix.report.demo import write_report
 from surefix.report.page import Picture, Section, Tile, page
 from surefix.study import Study
+from surefix.study.demo import Demo
 
 
 @pytest.fixture(scope="module")

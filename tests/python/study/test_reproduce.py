@@ -471,8 +471,8 @@ def test_without_the_extra_it_is_one_line_with_the_command(tmp_path: Path, modul
     command = [sys.executable, "-c", code, "reproduce", "-o", str(tmp_path / "out")]
     said = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
     assert said.returncode == 1
-    assert said.stderr.startswith("surefix: surefix.plot draws with matplotlib, ")
-    assert said.stderr.endswith("is not installed: pip install 'surefix[plot]'\n")
+    assert said.stderr.startswith("surefix: a report takes ")
+    assert said.stderr.endswith('which is not installed: pip install "surefix[report]"\n')
     assert said.stderr.count("\n") == 1
 
 

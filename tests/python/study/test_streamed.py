@@ -69,6 +69,8 @@ def test_every_method_gives_the_same_to_the_bit(
         sequence_length=5,
         advance=np.ones(QUERIES),
         calibration=(D, np.arange(QUERIES) % PLACES),
+        motion=surefix.Motion("free", pace=1.5),
+        gaps=[11, 40],
     )
     whole, study = compare(D, STREAMED, context), compare_columns(Held(D), STREAMED, context)
     for name in STREAMED:
