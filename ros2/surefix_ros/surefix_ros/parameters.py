@@ -160,4 +160,5 @@ def _networks(maps: list[Map], names: list[str], model: str) -> list[Any]:
     try:
         return list(networks_of(maps, names, ModelOptions(model or None), None, 'images'))
     except (typer.BadParameter, SurefixValueError) as error:
-        raise mismatch('parameter model', 'the network that the map was made with', error) from None
+        network = 'the network that the map was made with'
+        raise mismatch('parameter model', network, error) from None
