@@ -86,6 +86,8 @@ EXTRAS = {
             (
                 Package("torch", "torch", "PyTorch"),
                 Package("torchvision", "torchvision", "torchvision"),
+                Package("huggingface_hub", "huggingface-hub", "huggingface_hub"),
+                _SAFETENSORS,
                 _PILLOW,
             ),
         ),

@@ -18,7 +18,7 @@ from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
 from surefix.cli.inputs import check_not_read
-from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.pages import Open, show, title_of
 from surefix.cli.recorded import Drive, open_drive
 from surefix.cli.route import SaveMap
@@ -40,6 +40,7 @@ def align_(
     similarity: bool = False,
     model: Model = None,
     weights: Weights = None,
+    output: Output = None,
     save_map: SaveMap = None,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
@@ -77,7 +78,7 @@ def align_(
         form = form_of(out, None, "--out")
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
-    named = ModelOptions(model, weights)
+    named = ModelOptions(model, weights, output)
     check_not_read(out, [route, queries, *(fuse or ()), *named.files, odometry])
     if report is None and open_:
         report = Path(tempfile.mkdtemp(prefix="surefix-"))

@@ -12,7 +12,7 @@ from surefix._words import columns, plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
 from surefix.cli.flags import documented
-from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.recorded import open_drive
 from surefix.cli.route import SaveMap
 
@@ -36,6 +36,7 @@ def audit_(
     similarity: bool = False,
     model: Model = None,
     weights: Weights = None,
+    output: Output = None,
     save_map: SaveMap = None,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
@@ -68,7 +69,7 @@ def audit_(
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
-    named = ModelOptions(model, weights)
+    named = ModelOptions(model, weights, output)
     drive = open_drive(route, queries, fuse or (), similarity, named, save_map, **scale, **sampling)
     how: dict[str, Any] = {"motion": motion, "tolerance": tolerance, "advance": drive.advance}
     if drive.maps:

@@ -32,7 +32,7 @@ from surefix.cli.drives import (
 )
 from surefix.cli.flags import SELDOM, TRUTH, documented, settings_of, with_options
 from surefix.cli.inputs import refuse
-from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.pages import Open, show, title_of
 from surefix.cli.pictures import pictures_of, reference_images
 from surefix.cli.results import print_results, warn_of_fit, warn_of_similarities
@@ -82,6 +82,7 @@ def eval_(
     ] = None,
     model: Model = None,
     weights: Weights = None,
+    output: Output = None,
     save_map: SaveMap = None,
     cache: inputs.Cache = None,
     truth: Annotated[str | None, TRUTH] = None,
@@ -172,7 +173,7 @@ def eval_(
         if query_positions is not None:
             print(f"--query-positions: {query_positions}, as --odometry", file=sys.stderr)
     by_matrix, by_position = is_matrix(route), query_positions is not None
-    chosen = ModelOptions(model, weights)
+    chosen = ModelOptions(model, weights, output)
     drives = scenarios.chosen(scenario or (), speed_profile)
     usual = scenarios.METHODS_OF_DRIVES if drives else DEFAULT_METHODS
     if odometry is not None and metres is None and not drives:

@@ -15,7 +15,7 @@ from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
 from surefix.cli.inputs import Place, check_not_read, listed, notes_on, refuse, scale_of
-from surefix.cli.networks import Model, ModelOptions, Weights, open_network
+from surefix.cli.networks import Model, ModelOptions, Output, Weights, open_network
 from surefix.errors import refusal
 
 COLUMNS = ("frame", "place", "confidence", "frame_name", "place_name")
@@ -34,7 +34,7 @@ def loops(
     motion: MOTIONS = "loops",
     model: Model = None,
     weights: Weights = None,
-    output: str | None = None,
+    output: Output = None,
     memory: Annotated[float | None, typer.Option(min=1)] = None,
     folder: Path | None = None,
     topic: inputs.Topic = None,
@@ -60,7 +60,6 @@ def loops(
     lasting: The frames in a row that must be as sure.
     tolerance: Confidence is the belief within this many places.
     motion: How the robot moves along the earlier places.
-    output: --model FILE: which of its outputs, if it has several.
     memory: The most memory in MB: before it is passed, places go to a file.
     folder: The folder of that file; by default the system's for temporary files.
     spacing: With --odometry: the metres from one frame to the next; by default those of --metres.
@@ -78,8 +77,7 @@ def loops(
         by = metres if spacing is None and places_per_metre is None else spacing
         scale, _ = scale_of(None, by, places_per_metre)
         refuse(scale is None, NO_SCALE)
-    named = ModelOptions(model, weights)
-    refuse(output is not None and model is None, "--output: expected --model too")
+    named = ModelOptions(model, weights, output)
     inputs.refuse_map("DRIVE", drive)
     source = frames.open(
         listed(drive),
@@ -93,7 +91,7 @@ def loops(
         order=order,
         skip_bad=not strict,
     )
-    network = open_network(named, output)
+    network = open_network(named)
     try:
         closer = LoopCloser(
             network,

@@ -14,7 +14,7 @@ from surefix.cli.flags import SELDOM, documented
 from surefix.cli.info import look, said_blank, size_of
 from surefix.cli.inputs import refuse
 from surefix.cli.making import Making, check_breaks, make
-from surefix.cli.networks import Model, ModelOptions, Weights, open_network
+from surefix.cli.networks import Model, ModelOptions, Output, Weights, open_network
 from surefix.cli.roads import (
     Breaks,
     NoBreaks,
@@ -77,7 +77,7 @@ def build(
     key: str | None = None,
     model: Model = None,
     weights: Weights = None,
-    output: str | None = None,
+    output: Output = None,
     mean: str | None = None,
     std: str | None = None,
     batch: Annotated[int | None, typer.Option(min=1)] = None,
@@ -114,7 +114,6 @@ def build(
     dtype: SAD: how descriptors are kept.
     metric: Ready descriptors and --model: the metric; by default a faiss index's own, else cosine.
     key: Ready descriptors: which array of the file, if it has several.
-    output: --model FILE: which of its outputs, if it has several.
     mean: --model FILE: of RGB / 255, such as 0.5,0.5,0.5, or "none"; ImageNet's by default.
     std: --model FILE: as --mean, the standard deviation.
     batch: --model: images at a time, 8 by default.
@@ -136,12 +135,12 @@ def build(
     range_ = None if levels is None else _levels(levels)
     check_folder(out, "cannot write the map")
     steps = None if post is None else inputs.steps_of(post)
-    network, named = None, ModelOptions(model, weights)
+    network, named = None, ModelOptions(model, weights, output)
     if model is not None:
         of_sad = (patch, dtype) != (8, "u8")
         refuse(of_sad, "--patch, --dtype: expected images for SAD, got --model")
         sides = None if size is None else _size(size)
-        network = open_network(named, output, sides, mean, std, batch)
+        network = open_network(named, sides, mean, std, batch)
     elif (weights, output, mean, std, batch, cache) != (None,) * 6:
         options = "--weights, --output, --mean, --std, --batch, --cache"
         raise typer.BadParameter(f"{options}: expected --model too, got none")

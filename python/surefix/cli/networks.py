@@ -30,16 +30,21 @@ Weights = Annotated[
         help="A model of `surefix models`: its weights in this file, in place of their download."
     ),
 ]
+Output = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="--model FILE: which of its outputs, if it has several."),
+]
 # The names of the networks that were made of a file, and by name.
 ONNX, HUB = "onnx:", "hub:"
 
 
 @dataclass(frozen=True)
 class ModelOptions:
-    """The options ``--model`` and ``--weights`` as they are typed."""
+    """The options ``--model``, ``--weights`` and ``--output`` as they are typed."""
 
     model: str | None = None
     weights: Path | None = None
+    output: str | None = None
 
     @property
     def files(self) -> list[Path]:
@@ -49,7 +54,6 @@ class ModelOptions:
 
 def open_network(
     wanted: ModelOptions,
-    output: str | None = None,
     size: tuple[int, int] | None = None,
     mean: str | None = None,
     std: str | None = None,
@@ -58,9 +62,11 @@ def open_network(
     """The network of the options, if one is named; ``mean`` and ``std`` are three numbers with
     commas, or "none".
     """
-    model, weights = wanted.model, wanted.weights
+    model, weights, output = wanted.model, wanted.weights, wanted.output
     if model is None:
         refuse(weights is not None, "--weights: expected --model too, got none")
+        expected = "--output: expected --model too, whose output it names, got none"
+        refuse(output is not None, f"{expected}; -o names a file to write")
         return None
     if Path(model).is_file():
         refuse(weights is not None, f"--weights: expected a name as --model, got the file {model}")
@@ -92,7 +98,7 @@ def network_of(
     of_hub = name.startswith(HUB) and {"options", "size"} <= set(recipe)
     if not (of_file or of_hub):
         got = f"a map by {name!r}" if name else f"{route}, which names none"
-        given = wanted.model is not None
+        given = (wanted.model, wanted.output) != (None, None)
         refuse(given, f"--model: expected a map made with one, got {got}")
         return None
     places = [Path(route).absolute().parent, *beside]
@@ -126,6 +132,9 @@ def _of_file(
     other = network.recipe["sha256"] != sum_
     expected = f"--model: expected {file} as it was when {route} was made"
     refuse(other, f"{expected}, got another model")
+    kept, wished = recipe["output"], wanted.output
+    expected = f"--output: expected {kept}, which {route} was made with"
+    refuse(wished not in (None, kept), f"{expected}, got {wished}")
     return _noted(network)
 
 

@@ -93,7 +93,7 @@ def open_route(
     if save is not None:
         check_folder(save, "cannot write the map")
         inputs.check_not_read(save, [*frames.files, *model.files, queries, *read], "--save-map")
-    network = _network(place, model)
+    network = open_network(model)
     # The images of a recording come one after the other: its places are shown by thumbnails.
     thumbnails = not isinstance(frames, ImageFrames)
     how = Making(network=network, strict=reading.get("strict", False), thumbnails=thumbnails)
@@ -108,16 +108,6 @@ def open_route(
     said = f"{_label(place)}: a map of {plural(len(made), 'place')}, {kept}"
     print("; ".join([said, *notes]), file=sys.stderr)
     return Route(place, made, frames, network)
-
-
-def _network(place: str, model: ModelOptions) -> Network | None:
-    """The network of the options; one that needs more of them is for ``surefix map build``."""
-    try:
-        return open_network(model)
-    except typer.BadParameter as error:
-        build = f"a map by surefix map build {place} --model {model.model} --output NAME"
-        said = str(error).replace("expected --output NAME", f"expected {build}")
-        raise typer.BadParameter(said) from None
 
 
 def is_images(place: str) -> bool:

@@ -28,7 +28,7 @@ from surefix.cli.inputs import (
     refuse,
     scale_of,
 )
-from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.pages import Open, RunPage, page_of, show, title_of
 from surefix.cli.route import SaveMap, open_route
 from surefix.cli.views import leave_room, open_views
@@ -66,6 +66,7 @@ def run(
     screen: Annotated[Literal["i8"] | None, SELDOM] = None,
     model: Model = None,
     weights: Weights = None,
+    output: Output = None,
     save_map: SaveMap = None,
     follow: Annotated[bool, F] = False,
     idle: Annotated[float | None, typer.Option(min=0, rich_help_panel=F)] = None,
@@ -145,7 +146,7 @@ def run(
         refuse(motion is None, "--accept: expected --motion other than none")
         out_of_range = f"--accept: expected a confidence from 0 to 1, got {accept:g}"
         refuse(not 0 <= accept <= 1, out_of_range)
-    named = ModelOptions(model, weights)
+    named = ModelOptions(model, weights, output)
     reading: dict[str, Any] = {"stride": stride, "every": every, "metres": metres}
     reading |= {"odometry": odometry, "order": order}
     given = None if follow else queries

@@ -14,7 +14,7 @@ from surefix.cli.audit import print_columns
 from surefix.cli.drives import truth_without
 from surefix.cli.flags import TRUTH, documented
 from surefix.cli.inputs import check_not_read, refuse
-from surefix.cli.networks import Model, ModelOptions, Weights
+from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.recorded import Drive, open_drive
 from surefix.cli.route import SaveMap
 from surefix.cli.where import GAP, Places, PositionGap, Queries, Where, by_positions, by_truth
@@ -38,6 +38,7 @@ def tune_(
     similarity: bool = False,
     model: Model = None,
     weights: Weights = None,
+    output: Output = None,
     save_map: SaveMap = None,
     topic: inputs.Topic = None,
     stride: inputs.Stride = 1,
@@ -84,7 +85,7 @@ def tune_(
     part = not by_position and tolerance is not None and not tolerance.is_integer()
     part = part and not str(truth).lower().endswith(".npz")
     refuse(part, f"--tolerance: expected a whole number of places, got {tolerance}")
-    named = ModelOptions(model, weights)
+    named = ModelOptions(model, weights, output)
     read = [route, queries, truth, positions, query_positions, odometry, *(fuse or ())]
     check_not_read(out, [*read, *named.files])
     check_folder(out, "cannot write the settings")

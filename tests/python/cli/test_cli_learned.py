@@ -256,6 +256,26 @@ def test_a_recording_is_mapped_by_a_network(drive: Path, tmp_path: Path) -> None
     assert len(surefix.Map.open(out)) == 10
 
 
+def test_two_folders_take_an_output_of_the_network(drive: Path, tmp_path: Path) -> None:
+    folders, model = (drive / "summer", drive / "summer"), ("--model", drive / "tiny.onnx")
+    kept, built = tmp_path / "kept.safetensors", tmp_path / "built.safetensors"
+    ran = surefix_("run", *folders, *model, "--output", "map", "--save-map", kept)
+    surefix_("map", "build", folders[0], "-o", built, *model, "--output", "map")
+    first, second = surefix.Map.open(kept), surefix.Map.open(built)
+    np.testing.assert_array_equal(first.descriptors, second.descriptors)
+    rows = surefix_("run", built, folders[1], "--output", "map").stdout.splitlines()
+    assert [row.split(",")[2] for row in ran.stdout.splitlines()] == [
+        row.split(",")[2] for row in rows
+    ]
+    for place, options, message in (
+        (folders[0], model, "expected --output NAME, as the model has several"),
+        (folders[0], ("--output", "map"), "--output: expected --model too"),
+        (built, ("--output", "mean"), "--output: expected map, which"),
+    ):
+        said = surefix_("run", place, folders[1], *options, code=2).stderr
+        assert message in " ".join(re.sub(r"[│╭╮╰╯─]", " ", said).split())
+
+
 def test_mistakes_with_a_network_are_said_in_a_line(drive: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "rows.npy", np.eye(4, dtype=np.float32))
     out, model, summer = tmp_path / "out", drive / "tiny.onnx", drive / "summer"
