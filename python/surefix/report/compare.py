@@ -55,7 +55,8 @@ def _lead(comparison: Comparison) -> list[str]:
         parts = []
         for word in ("better", "worse"):
             which = [f for f in comparison.figures if run.verdict(f) == word]
-            some = (f"{comparison.heading(f)} ({run.differences[f]:+.3f})" for f in which)
+            words = (comparison.heading(f) + " matches" * (f == "right") for f in which)
+            some = (f"{w} ({run.differences[f]:+.3f})" for w, f in zip(words, which, strict=True))
             parts += [f"{word} in {', '.join(some)}"] if which else []
         said += [f"{run.name} is {'; '.join(parts)}."] if parts else []
     return said if len(said) > 1 else [*said, "The drive does not tell any of them apart."]
@@ -137,8 +138,8 @@ def _forest(ax: Axes, comparison: Comparison, figure: str, theme: Theme) -> None
         mark = {"better": "o", "worse": "X"}.get(said, "|")
         line: Any = {"linewidth": 2.2, "solid_capstyle": "butt"}
         ax.plot([found.low, found.high], [row, row], color=colour, **line)
-        ax.plot(float(found), row, mark, color=colour, markersize=7, markeredgecolor=theme.paper
-                if said in ("better", "worse") else colour)  # fmt: skip
+        edge = colour if mark == "|" else theme.paper
+        ax.plot(float(found), row, mark, color=colour, markersize=14, markeredgecolor=edge)
     ax.set_yticks(range(len(others)), labels=[run.name for run in others])
     ax.set_ylim(len(others) - 0.5, -0.5)
     ax.tick_params(axis="y", length=0, labelcolor=theme.ink)

@@ -82,6 +82,20 @@ def test_a_press_on_a_heading_sorts_and_the_next_turns_it_round(
 
 
 @pytest.mark.slow
+def test_headings_that_sort_stand_above_their_columns_and_are_printed(
+    browser: Any, table_page: Path
+) -> None:
+    view = browser.new_page()
+    view.goto(table_page.as_uri())
+    heading = view.get_by_role("button", name="area")
+    cell = view.locator("#areas tbody tr:first-child > :nth-child(2)")
+    start = "x => { const r = document.createRange(); r.selectNodeContents(x); return r.getBoundingClientRect().x }"
+    assert abs(heading.evaluate(start) - cell.evaluate(start)) < 1
+    view.emulate_media(media="print")
+    assert heading.is_visible()
+
+
+@pytest.mark.slow
 def test_without_scripts_the_table_is_as_it_was_written(browser: Any, table_page: Path) -> None:
     context = browser.new_context(java_script_enabled=False)
     view = context.new_page()
