@@ -173,10 +173,12 @@ def _print(facts: dict[str, Any]) -> None:
 
 def _lacking(extra: dict[str, Any]) -> str:
     """The problems of an extra, short if none of its packages is there."""
-    absent = [f"{title} {ABSENT}" for title in extra["packages"]]
-    return (
-        ABSENT.removeprefix("is ") if extra["problems"] == absent else "; ".join(extra["problems"])
-    )
+    missing = [title for title in extra["packages"] if f"{title} {ABSENT}" in extra["problems"]]
+    others = [each for each in extra["problems"] if not each.endswith(f" {ABSENT}")]
+    if len(missing) == len(extra["packages"]):
+        return ABSENT.removeprefix("is ")
+    verb = ABSENT if len(missing) == 1 else ABSENT.replace("is", "are", 1)
+    return "; ".join(([f"{', '.join(missing)} {verb}"] if missing else []) + others)
 
 
 def _style(good: bool, bad: str = "yellow") -> str:

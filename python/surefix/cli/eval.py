@@ -197,10 +197,9 @@ def eval_(
         refuse(not by_matrix, "QUERIES: expected the drive's images or descriptors, got none")
     both = truth is not None and (by_position or positions is not None)
     refuse(both, "--truth: expected it or positions, got both")
-    expected = (
-        "--truth: expected it, or --query-positions; got neither (query i is place i: --truth "
-    )
-    refuse(truth is None and not by_position, expected + "identity)")
+    expected = "--truth: expected identity (query i is place i), a FILE, or --query-positions"
+    neither = f"{expected}; got none. Without a truth: surefix audit"
+    refuse(truth is None and not by_position, neither)
     expected = "--tolerance: expected how many metres from the truth are right, got none"
     refuse(by_position and tolerance is None, expected)
     part = truth is not None and tolerance is not None and not tolerance.is_integer()

@@ -36,9 +36,10 @@ def models(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
     if as_json:
         print(json.dumps({"models": found, "files": files}))
         return
-    table = Table(
-        "name", "numbers", "images", "licence", "packages", "here", box=None, pad_edge=False
-    )
+    table = Table(box=None, pad_edge=False)
+    for heading in ("name", "dim", "images", "licence", "to install", "here"):
+        # A name that is to be typed must not be cut.
+        table.add_column(heading, overflow="fold")
     for each in found:
         width, height = each["size"]
         lacking = [package for package, there in each["packages"].items() if not there]

@@ -37,7 +37,8 @@ def print_results(study: "Study") -> None:
         areas = f"{area:.3f} ({low:.3f} to {high:.3f})"
         print(f"{result.name}: area up to recall 0.2 is {areas}, {right}")
     if study.context.floor == "global" and "weighted" in study.names:
-        print("weighted by the least distance of all queries; as surefix run: --floor running")
+        run = "--floor running" if study.context.motion else "--floor running --motion any"
+        print(f"weighted by the least distance of all queries; as surefix run: {run}")
     true, false = study.trust.true_positives, study.trust.false_positives
     print(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
     blank = int(np.count_nonzero(study.run.blank))

@@ -58,7 +58,7 @@ def run(monkeypatch: pytest.MonkeyPatch, where: Path, *arguments: str) -> int:
 
 BY_POSITION = ("--tolerance", "9", "--query-positions")
 MISTAKES: dict[str, tuple[list[str], int, str]] = {
-    "no truth": (["D.npy"], 2, "--truth: expected it, or --query-positions; got neither"),
+    "no truth": (["D.npy"], 2, "--truth: expected identity (query i is place i), a FILE"),
     "two truths": (
         ["D.npy", "--truth", "identity", "--query-positions", "query.csv"],
         2,
