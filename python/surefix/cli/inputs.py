@@ -4,6 +4,7 @@ import glob
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +14,7 @@ import typer
 
 from surefix import Map, SurefixError, SurefixValueError, find_images, frames
 from surefix._words import plural
+from surefix.errors import SurefixFileError
 from surefix.frames.opening import is_recording
 from surefix.post import Normalize, Pca, RandomProjection, Standardize, Step
 from surefix.tables.metres import places_per_metre
@@ -135,9 +137,14 @@ def open_frames(
 
 @contextmanager
 def naming_folders(place: str) -> Iterator[None]:
-    """Names the folders with images that lie in a folder without any, in its refusal."""
+    """Refuses a name of nothing, and names the folders with images that lie in a folder without
+    any, in its refusal.
+    """
     try:
         yield
+    except SurefixFileError:
+        check_there(place, "images")
+        raise
     except SurefixValueError as error:
         path = Path(place)
         if not (str(error).startswith(f"{place}: ") and path.is_dir()):
@@ -147,6 +154,17 @@ def naming_folders(place: str) -> Iterator[None]:
             raise
         named = ", ".join(map(str, inside[:5])) + (" and more" if len(inside) > 5 else "")
         raise SurefixValueError(f"{error}; folders in it have some: {named}") from None
+
+
+def check_there(place: str, expected: str) -> None:
+    """Refuses a name of no file and no folder; one like it that there is, is named."""
+    path = Path(place)
+    if path.exists() or any(sign in place for sign in "*?["):
+        return
+    near = [each.name for each in path.parent.iterdir()] if path.parent.is_dir() else []
+    like = get_close_matches(path.name, near, 1)
+    hint = f"; did you mean {path.parent / like[0]}?" if like else ""
+    raise SurefixFileError(f"{place}: expected {expected}, got no such file or folder{hint}")
 
 
 def _has_images(folder: Path) -> bool:

@@ -28,7 +28,11 @@ def title_of(queries: object, route: object) -> str:
 def _short(place: str) -> str:
     """Of a long path the last two parts."""
     path = PurePath(place)
-    return "/".join(path.parts[-2:]) if path.is_absolute() or len(path.parts) > 3 else place
+    return (
+        "/".join(path.parts[-2:])
+        if path.is_absolute() or len(path.parts) > 3
+        else place.rstrip("/")
+    )
 
 
 def page_of(report: Path | None, wanted: bool) -> Path | None:

@@ -87,6 +87,8 @@ def open_route(
         _refuse_other(place)
         return Route(place, open_map(place))
     frames = inputs.open_frames(place, **_reading(place, **reading))
+    if queries is not None and not is_camera(queries):
+        inputs.check_there(queries, "images, a video or a bag")
     if queries is not None and not (is_recording(queries) or is_camera(queries)):
         with inputs.naming_folders(queries):
             ImageFrames(inputs.listed(queries))
@@ -130,6 +132,7 @@ def is_matrix(place: str) -> bool:
 
 def _refuse_other(place: str) -> None:
     """Refuses an array and an image as a map, and says what to do."""
+    inputs.check_there(place, "a map or images")
     path = Path(place)
     if path.suffix == ".npy" and path.is_file():
         read_npy(path, "the array", mapped=True)

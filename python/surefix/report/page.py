@@ -202,7 +202,7 @@ def page(
 {switch}
 {f'<p class="identity">{escape(identity)}</p>' if identity else ""}
 <h1>{escape(title)}</h1>
-{f'<p class="command"><code>{escape(command)}</code></p>' if command else ""}
+{f'<p class="command"><code>{_words(command)}</code></p>' if command else ""}
 {paragraphs}
 </header>
 {_pictures(hero, "hero") if hero else ""}
@@ -211,6 +211,11 @@ def page(
 {scripts}</body>
 </html>
 """
+
+
+def _words(command: str) -> str:
+    """Its words, none of which is broken at a hyphen if it fits into a line."""
+    return " ".join(f"<span>{escape(word)}</span>" for word in command.split(" "))
 
 
 def _part(name: str) -> str:

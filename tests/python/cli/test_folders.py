@@ -234,9 +234,18 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
     "a route that is not there": (
         ("run", "mondy", "tuesday"),
         1,
-        "mondy: cannot read the map: No such file",
+        "mondy: expected a map or images, got no such file or folder; did you mean monday?",
     ),
-    "queries that are not there": (("run", "monday", "tuesdy"), 1, "tuesdy: cannot list"),
+    "queries that are not there": (
+        ("run", "monday", "tuesdy"),
+        1,
+        "tuesdy: expected images, a video or a bag, got no such file or folder; did you mean tuesday?",
+    ),
+    "a video that is not there": (
+        ("run", "monday", "tues.mkv"),
+        1,
+        "tues.mkv: expected images, a video or a bag, got no such file or folder",
+    ),
     "no queries": (("audit", "monday"), 2, "QUERIES: expected images or descriptors, got none"),
     "an image": (
         ("run", "monday/000.png", "monday/001.png", "tuesday/000.png"),

@@ -137,6 +137,6 @@ def test_without_bokeh_one_line_says_how_to_install_it(drives: Path, tmp_path: P
 
 
 def test_a_title_names_the_drive_and_the_map() -> None:
-    assert title_of("tuesday/", "monday.safetensors") == "tuesday/ on monday.safetensors"
+    assert title_of("tuesday/", "monday.safetensors") == "tuesday on monday.safetensors"
     assert title_of(None, "D.npy") == "D.npy"
     assert title_of("/a/b/c/d.mp4", "m/n") == "c/d.mp4 on m/n"
