@@ -1,7 +1,9 @@
 """Counts and places in sentences."""
 
+import shutil
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from surefix import Segments
@@ -15,6 +17,17 @@ def plural(count: int, one: str, more: str = "") -> str:
 def verb(count: int) -> str:
     """The verb after a count."""
     return "is" if count == 1 else "are"
+
+
+def fitted(text: str, stream: TextIO) -> str:
+    """The text for a stream: on a terminal its lines are broken between words, names of files stay
+    whole.
+    """
+    if not stream.isatty():
+        return text
+    how: Any = {"break_long_words": False, "break_on_hyphens": False}
+    wide = shutil.get_terminal_size().columns
+    return "\n".join(fill(line, wide, **how) for line in text.splitlines())
 
 
 def columns(rows: Sequence[Sequence[str]]) -> list[str]:

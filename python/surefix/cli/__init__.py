@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from surefix import SurefixError, __version__
+from surefix._words import fitted
 from surefix.cli.align import align_
 from surefix.cli.audit import audit_
 from surefix.cli.bench import bench
@@ -199,7 +200,7 @@ def main() -> None:
             print("surefix: interrupted", file=sys.stderr)
         raise
     except SurefixError as error:
-        print(f"surefix: {error}", file=sys.stderr)
+        print(fitted(f"surefix: {error}", sys.stderr), file=sys.stderr)
         sys.exit(1)
     except MemoryError as error:
         # NumPy names the array that it could not have; its address space may be what is limited.

@@ -143,7 +143,8 @@ def naming_folders(place: str) -> Iterator[None]:
     try:
         yield
     except SurefixFileError:
-        check_there(place, "images")
+        if not is_recording(place):
+            check_there(place, "images")
         raise
     except SurefixValueError as error:
         path = Path(place)

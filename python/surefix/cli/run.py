@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 from surefix import Localizer, Map, SurefixValueError, frames
-from surefix._words import plural
+from surefix._words import fitted, plural
 from surefix.cli.drives import networks_of, others_of
 from surefix.cli.fixes import ALARM, Summary, row_of
 from surefix.cli.flags import SELDOM, documented, settings_of, with_options
@@ -229,6 +229,7 @@ def run(
             said += [] if clipping.warning is None else [clipping.warning]
             said += ["; ".join(notes)] if (notes := notes_on(source)) else []
             said += [_said(source, of, motion)] if isinstance(source, Advances) else []
+            said = [fitted(each, sys.stderr) for each in said]
             leave_room(views, said)
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from PIL import Image
 import surefix
 from commands import surefix_
 from recordings import write_video
+from surefix._words import fitted
 from surefix.simulate import Route
 
 N = 60
@@ -231,3 +233,21 @@ def test_sure_places_that_go_back_are_doubted() -> None:
     assert said == "39 of 39 steps between sure queries go back or jump"
     assert "go back or jump" in _doubt(10 * onward, sure, None)
     assert _doubt(onward, onward < 15, None) == "15 of 40 queries are sure"
+
+
+def test_a_sentence_is_broken_between_words_on_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    monkeypatch.setenv("COLUMNS", "24")
+    said = "usual pace 0.98 places, in a/long-name/of/a-file-that-stays-whole.csv\nmore"
+    assert fitted(said, io.StringIO()) == said
+    assert fitted(said, Terminal()).splitlines() == [
+        "usual pace 0.98 places,",
+        "in",
+        "a/long-name/of/a-file-that-stays-whole.csv",
+        "more",
+    ]
