@@ -65,7 +65,7 @@ def report(folder: Path) -> None:
 
     _drives(folder)
     _surefix(folder, "eval", "summer", "winter", "--truth", "identity", "-o", "report")
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    chromium = _program("chromium", "chromium-browser", "google-chrome")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         for ending, mode in (("", "light"), ("-dark", "dark")):
@@ -81,6 +81,7 @@ def report(folder: Path) -> None:
 
 def terminal(folder: Path) -> None:
     """``surefix run`` on a terminal, as an animated SVG."""
+    _program("tmux")
     _drives(folder)
     command = "surefix run summer winter -o fixes.csv"
     screens = _record(folder, command)
@@ -90,6 +91,11 @@ def terminal(folder: Path) -> None:
     svgs = [_svg(screen, f"f{i}") for i, screen in enumerate(chosen)]
     file.write_text(_animated(svgs, f"$ {command}"))
     print(f"{file}: {file.stat().st_size / 1000:.0f} kB", file=sys.stderr)
+
+
+def _program(*names: str) -> str:
+    found = next(filter(None, map(shutil.which, names)), None)
+    return found or sys.exit(f"expected one of {', '.join(names)} to be installed, found none")
 
 
 def _drives(folder: Path) -> None:

@@ -71,7 +71,7 @@ def row(route: str, driven: Driven) -> list[str]:
 def draw(route: str, driven: Driven, ending: str = "") -> dict[str, bytes]:
     """The figures of a route as PNG, by their names in ``images``; ``-dark`` on dark paper."""
     with pages.dark_paper() if ending else contextlib.nullcontext():
-        axes = {"matrix": (driven.tracked.plot(driven.truth), (4.4, 4.9))}
+        axes = {"matrix": (driven.tracked.plot(driven.truth), (4.2, 4.7))}
         curves = {
             "tracker": driven.tracked,
             "weighted sequence": driven.alone,
@@ -101,4 +101,4 @@ if __name__ == "__main__":
         print(f"| {' | '.join(row(route, driven))} |")
         for ending in ("", "-dark"):
             for name, picture in draw(route, driven, ending).items():
-                pages.keep(picture, pages.IMAGES / name, colours=64)
+                pages.keep(picture, pages.IMAGES / name)

@@ -27,7 +27,7 @@ from PIL import Image
 
 from surefix.plot import DARK, LIGHT
 
-__all__ = ["DOCS", "IMAGES", "PAGES", "Block", "blocks", "dark_paper", "keep", "run"]
+__all__ = ["DOCS", "IMAGES", "PAGES", "Block", "blocks", "dark_paper", "few_colours", "keep", "run"]
 
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
@@ -107,10 +107,17 @@ def dark_paper() -> Iterator[None]:
         vars(LIGHT).update(light)
 
 
-def keep(picture: bytes, file: Path, colours: int = 256) -> None:
-    """Writes a PNG with a few colours, rare ones included: enough, and half the bytes."""
+def few_colours(picture: bytes) -> bytes:
+    """A PNG of 256 colours, rare ones included: enough, and half the bytes."""
+    file = io.BytesIO()
     image = Image.open(io.BytesIO(picture)).convert("RGB")
-    image.quantize(colours, Image.Quantize.MAXCOVERAGE).save(file, optimize=True)
+    image.quantize(256, Image.Quantize.MAXCOVERAGE).save(file, "PNG", optimize=True)
+    return file.getvalue()
+
+
+def keep(picture: bytes, file: Path) -> None:
+    """Writes a PNG with few colours."""
+    file.write_bytes(few_colours(picture))
     print(f"{file}: {file.stat().st_size / 1000:.0f} kB", file=sys.stderr)
 
 
