@@ -81,7 +81,7 @@ def draw(route: str, driven: Driven, ending: str = "") -> dict[str, bytes]:
         for name, run in curves.items():
             ax = surefix.evaluate(run, driven.truth).plot(ax=ax, name=name)
         axes["curves"] = (ax, (6.4, 4.2))
-        axes["confidence"] = (driven.tracked.plot(driven.truth, kind="confidence"), (8.0, 3.0))
+        axes["confidence"] = (driven.tracked.plot(driven.truth, kind="confidence"), (6.4, 2.8))
         return {
             f"gallery-{route.replace('_', '-')}-{name}{ending}.png": plot.png(ax, size=size)
             for name, (ax, size) in axes.items()
