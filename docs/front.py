@@ -42,21 +42,20 @@ FORMAT = """\
 
 def demo(folder: Path) -> None:
     """``montage`` and ``confidence`` of the drive of ``surefix demo``."""
-    from surefix.report import demo as report
-
-    made: dict[str, object] = {}
-    sections = report._sections
-    # The demo's own pictures, which are drawn on both papers, with one pair an outcome.
-    report.PAIRS = 1
-    report._sections = lambda demo: made.setdefault("sections", sections(demo))
     from surefix.cli import app
+    from surefix.report import demo as drive
 
+    def draw(made: drive.Demo, out: Path, *_: object) -> Path:
+        for section in drive._sections(made):
+            for name in {"montage.png", "confidence.png"} & set(section.pictures):
+                picture = section.pictures[name]
+                for ending, drawn in (("", picture.light), ("-dark", picture.dark)):
+                    pages.keep(drawn, pages.IMAGES / f"{Path(name).stem}{ending}.png")
+        return out
+
+    # These pictures in place of the report, with one pair of images an outcome.
+    drive.write_report, drive.PAIRS = draw, 1
     app(["demo", "-o", str(folder / "demo")], standalone_mode=False)
-    for section in made["sections"]:
-        for name in {"montage.png", "confidence.png"} & set(section.pictures):
-            picture = section.pictures[name]
-            for ending, drawn in (("", picture.light), ("-dark", picture.dark)):
-                pages.keep(drawn, pages.IMAGES / f"{Path(name).stem}{ending}.png")
 
 
 def report(folder: Path) -> None:
