@@ -10,9 +10,9 @@ from html import escape
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from surefix._staged import staged
 from surefix._words import columns, plural
 from surefix.auditing import Estimate
-from surefix.errors import check_folder, refusal
 from surefix.judged import FIGURES, HEADINGS, Judged, Recall
 
 __all__ = ["BASELINE", "UNSURE", "Compared", "Comparison", "Estimates", "signed", "write_whole"]
@@ -264,13 +264,5 @@ def write_whole(path: Path, text: str) -> None:
     SurefixFileError
         If it cannot be written.
     """
-    check_folder(path, "cannot write the comparison")
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        try:
-            beside.write_text(text, encoding="utf-8")
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise refusal(path, "cannot write the comparison", error) from None
+    with staged(path, "cannot write the comparison") as beside:
+        beside.write_text(text, encoding="utf-8")
