@@ -129,11 +129,11 @@ def open_drive(
         refuse(given, f"--model, --save-map: expected a map or images, got the distances {route}")
         inputs.check_sampling(f"the distances {route}", **sampling)
         refuse(order != "name" or crop, f"--order, --crop: expected images, got {route}")
-        read = [read_matrix(file, similarity) for file in files]
-        for file, each in zip(files, read, strict=True):
-            if each.shape != read[0].shape:
-                raise mismatch(f"--fuse {file}", f"the shape {read[0].shape}", each.shape)
-        return Drive(_named(files), [], [*read])
+        found = [read_matrix(file, similarity) for file in files]
+        for file, each in zip(files, found, strict=True):
+            if each.shape != found[0].shape:
+                raise mismatch(f"--fuse {file}", f"the shape {found[0].shape}", each.shape)
+        return Drive(_named(files), [], [*found])
     refuse(queries is None, "QUERIES: expected images or descriptors, got none")
     reading: dict[str, Any] = {"order": order, "strict": strict}
     known = open_route(route, model, save_map, [*fuse, *read], queries, **reading, **sampling)
