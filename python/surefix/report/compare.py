@@ -42,7 +42,10 @@ def page_of(comparison: Comparison, command: str) -> str:
         _made(comparison, command),
     )
     title = f"{named} against {comparison.against}"
-    return page(title, _lead(comparison), (), _tiles(comparison), parts, contents=True)
+    identity = sections.identity("Which one is better?")
+    return page(
+        title, _lead(comparison), (), _tiles(comparison), parts, contents=True, identity=identity
+    )
 
 
 def _lead(comparison: Comparison) -> list[str]:

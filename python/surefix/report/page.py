@@ -183,6 +183,7 @@ def page(
     style = _part("page.css") + (_part("contents.css") if contents else "")
     parts = "".join(_section(each, contents) for each in sections)
     sorting = any(table.sorts for section in sections for table in section.tables)
+    switch = THEME if scripts else ""
     scripts += f"<script>\n{_part('sort.js')}</script>\n" if sorting else ""
     paragraphs = "\n".join(f'<p class="lead">{escape(text)}</p>' for text in lead)
     return f"""<!DOCTYPE html>
@@ -198,7 +199,7 @@ def page(
 <body>
 <main>
 <header>
-{THEME if scripts else ""}
+{switch}
 {f'<p class="identity">{escape(identity)}</p>' if identity else ""}
 <h1>{escape(title)}</h1>
 {f'<p class="command"><code>{escape(command)}</code></p>' if command else ""}

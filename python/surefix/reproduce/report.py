@@ -70,6 +70,7 @@ def write_report(
         [*made, _data(cases, settings, problems), _made(settings, command)],
         tables,
         contents=True,
+        identity=sections.identity("surefix reproduce"),
     )
 
 

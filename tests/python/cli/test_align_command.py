@@ -10,6 +10,8 @@ import pytest
 import surefix
 from commands import surefix_
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture
 def distances(tmp_path: Path) -> Path:

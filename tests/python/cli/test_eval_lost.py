@@ -18,6 +18,8 @@ from surefix.simulate import Route
 pytest.importorskip("matplotlib")
 pytest.importorskip("bokeh")
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 N, LOST = 40, 17
 DAY = 86_400
 ROAD: list[npt.NDArray[np.uint8]] = [

@@ -16,6 +16,8 @@ pytest.importorskip("bokeh")
 
 from surefix import cli
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 TABLES = {
     "far": "0,1\n1,2\n2,70\n",
     "late": "query,reference\n70,0\n",

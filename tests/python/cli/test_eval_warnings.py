@@ -16,6 +16,8 @@ from surefix.simulate import Route
 pytest.importorskip("matplotlib")
 pytest.importorskip("bokeh")
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 N = 40
 TRUTH = ("--truth", "identity")
 

@@ -18,6 +18,8 @@ from recordings import Bag
 from surefix.simulate import Route
 from surefix.tables.geojson import roads
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 N = 40
 UInt8 = npt.NDArray[np.uint8]
 LATITUDE, LONGITUDE = 48.1, 11.5

@@ -73,9 +73,9 @@ def scene(drive: Study) -> Scene:
 @pytest.fixture(scope="module")
 def file(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = [("a wrong one", "9")]
-    table = Table("mistakes", "Mistakes.", ("query", "off by"), rows, [("single", 7)])
+    table = Table("mistakes", "Mistakes.", ("query", "off by"), rows, shows=[("single", 7)])
     sections = (explorer(scene), Section("Mistakes", (), tables=(table,)))
-    text = page(EVIL, (EVIL,), (), (), sections, "here", EVIL, scripts())
+    text = page(EVIL, (EVIL,), (), (), sections, identity="here", command=EVIL, scripts=scripts())
     path = tmp_path_factory.mktemp("page") / "report.html"
     path.write_text(text, encoding="utf-8")
     return path
