@@ -224,8 +224,10 @@ class Comparison:
         parts = [self.how]
         for header, rows in (self.table(), self.differences()):
             lines = [header, ["---"] * len(header), *rows]
-            cells = [[cell.replace("|", "\\|") for cell in line] for line in lines]
-            parts.append("\n".join(f"| {' | '.join(line)} |" for line in cells))
+            # A name may hold a bar, or a line's end.
+            cells = [[cell.replace("|", "\\|").split() for cell in line] for line in lines]
+            lines = [[" ".join(words) for words in line] for line in cells]
+            parts.append("\n".join(f"| {' | '.join(line)} |" for line in lines))
         return "\n\n".join(parts) + "\n"
 
     def _repr_html_(self) -> str:
