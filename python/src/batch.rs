@@ -596,7 +596,15 @@ impl<'py> Rows<'py> {
             let got = match (&array, path_of(queries)) {
                 (Some(array), _) => shape_of(array),
                 (None, Some(path)) => format!("the path {}", path.display()),
-                (None, None) => "images".to_owned(),
+                // Images come in a list, one after the other, or by an object that makes them.
+                (None, None)
+                    if ["__getitem__", "__next__"]
+                        .iter()
+                        .any(|has| queries.hasattr(*has).unwrap_or(false)) =>
+                {
+                    "images".to_owned()
+                }
+                (None, None) => queries.get_type().name()?.to_string(),
             };
             return Err(value(py, format!("queries: expected {expected}, got {got}")));
         };

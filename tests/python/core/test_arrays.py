@@ -144,25 +144,26 @@ def test_distances_are_those_of_numpy_for_every_type(dtype: Any, metric: str) ->
 
 
 @pytest.mark.parametrize(
-    ("array", "words"),
+    ("array", "words", "of_several"),
     [
-        (np.zeros(16), ["float32", "float64", ".astype(np.float32)"]),
-        (np.zeros(16, np.int32), ["int32", ".astype"]),
-        (np.zeros(16, np.complex64), ["complex64"]),
-        (np.zeros((4, 4), np.float32), ["(4, 4)"]),
-        ({0.0}, ["set", "__array__"]),
-        (None, ["NoneType"]),
+        (np.zeros(16), ["float32", "float64", ".astype(np.float32)"], None),
+        (np.zeros(16, np.int32), ["int32", ".astype"], None),
+        (np.zeros(16, np.complex64), ["complex64"], None),
+        # A map takes several at once.
+        (np.zeros((4, 4), np.float32), ["(4, 4)"], ["each row", "16", "got 4"]),
+        ({0.0}, ["set", "__array__"], ["descriptors (m, 16)", "got set"]),
+        (None, ["NoneType"], None),
     ],
 )
 def test_a_wrong_array_is_refused_with_what_came_and_how_to_convert(
-    array: Any, words: list[str]
+    array: Any, words: list[str], of_several: list[str] | None
 ) -> None:
     route = surefix.Map.from_descriptors(ROWS)
     matcher = surefix.Matcher(16)
-    for refuse in (route.distances, matcher.push):
+    for refuse, expected in ((route.distances, of_several or words), (matcher.push, words)):
         with pytest.raises(surefix.SurefixValueError) as caught:
             refuse(array)
-        assert all(word in str(caught.value) for word in words), caught.value
+        assert all(word in str(caught.value) for word in expected), caught.value
     assert matcher.frames == 0
 
 
