@@ -131,8 +131,11 @@ docs: $(VENV)/docs
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --fresh-env -d target/doctrees docs out/docs
 	@echo "Made out/docs/index.html"
 
-figures: $(VENV)/docs
+# Those of the front page are recorded in tmux and Chromium. Those of the gallery need real data, and are not drawn here:
+# docs/gallery.py DATA.
+figures: $(VENV)/docs $(VENV)/dev
 	$(BIN)/python docs/pages.py
+	$(BIN)/python docs/front.py
 
 # Quickly, to see that it works: make bench QUICK=--quick
 RIVALS := $(BIN)/python -m pytest benches/python --benchmark-quiet -p no:cacheprovider

@@ -27,7 +27,7 @@ from PIL import Image
 
 from surefix.plot import DARK, LIGHT
 
-__all__ = ["DOCS", "IMAGES", "PAGES", "Block", "blocks", "dark_paper", "run"]
+__all__ = ["DOCS", "IMAGES", "PAGES", "Block", "blocks", "dark_paper", "few_colours", "keep", "run"]
 
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
@@ -107,6 +107,20 @@ def dark_paper() -> Iterator[None]:
         vars(LIGHT).update(light)
 
 
+def few_colours(picture: bytes) -> bytes:
+    """A PNG of 256 colours, rare ones included: enough, and half the bytes."""
+    file = io.BytesIO()
+    image = Image.open(io.BytesIO(picture)).convert("RGB")
+    image.quantize(256, Image.Quantize.MAXCOVERAGE).save(file, "PNG", optimize=True)
+    return file.getvalue()
+
+
+def keep(picture: bytes, file: Path) -> None:
+    """Writes a PNG with few colours."""
+    file.write_bytes(few_colours(picture))
+    print(f"{file}: {file.stat().st_size / 1000:.0f} kB", file=sys.stderr)
+
+
 def _with_output(found: list[Block]) -> Iterator[tuple[Block, str | None]]:
     for block, after in zip_longest(found, found[1:]):
         yield block, after.text if after is not None and after.language == "text" else None
@@ -151,8 +165,4 @@ if __name__ == "__main__":
         paper = dark_paper() if ending else contextlib.nullcontext()
         with paper, tempfile.TemporaryDirectory() as folder:
             for name, drawn in run(page, Path(folder)).items():
-                file = IMAGES / f"{Path(name).stem}{ending}.png"
-                # 256 colours, rare ones included, are enough, and halve the bytes.
-                picture = Image.open(io.BytesIO(drawn)).convert("RGB")
-                picture.quantize(256, Image.Quantize.MAXCOVERAGE).save(file, optimize=True)
-                print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
+                keep(drawn, IMAGES / f"{Path(name).stem}{ending}.png")

@@ -28,7 +28,9 @@ def test_the_python_block_runs(
 
 
 def test_every_file_that_it_points_to_is_there() -> None:
-    links = re.findall(r"\]\((?!https?:|#)([^)#]+)\)", README.read_text())
+    text = README.read_text()
+    links = re.findall(r"\]\((?!https?:|#)([^)#]+)[^)]*\)", text)
+    links += re.findall(r'(?:src|srcset)="([^"]+)"', text)
     assert links
     for link in links:
         assert (README.parent / link).exists(), link
