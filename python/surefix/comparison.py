@@ -10,9 +10,9 @@ from html import escape
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from surefix._staged import staged
 from surefix._words import columns, plural
 from surefix.auditing import Estimate
-from surefix.errors import check_folder, refusal
 from surefix.judged import FIGURES, HEADINGS, Judged, Recall
 
 __all__ = ["BASELINE", "UNSURE", "Compared", "Comparison", "Estimates", "signed", "write_whole"]
@@ -224,8 +224,10 @@ class Comparison:
         parts = [self.how]
         for header, rows in (self.table(), self.differences()):
             lines = [header, ["---"] * len(header), *rows]
-            cells = [[cell.replace("|", "\\|") for cell in line] for line in lines]
-            parts.append("\n".join(f"| {' | '.join(line)} |" for line in cells))
+            # A name may hold a bar, or a line's end.
+            cells = [[cell.replace("|", "\\|").split() for cell in line] for line in lines]
+            lines = [[" ".join(words) for words in line] for line in cells]
+            parts.append("\n".join(f"| {' | '.join(line)} |" for line in lines))
         return "\n\n".join(parts) + "\n"
 
     def _repr_html_(self) -> str:
@@ -264,13 +266,5 @@ def write_whole(path: Path, text: str) -> None:
     SurefixFileError
         If it cannot be written.
     """
-    check_folder(path, "cannot write the comparison")
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        try:
-            beside.write_text(text, encoding="utf-8")
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise refusal(path, "cannot write the comparison", error) from None
+    with staged(path, "cannot write the comparison") as beside:
+        beside.write_text(text, encoding="utf-8")

@@ -17,12 +17,12 @@ from surefix._progress import terminal_bar
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
-from surefix.cli.inputs import check_not_read
+from surefix.cli.inputs import check_apart, check_not_read
 from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.pages import Open, show, title_of
 from surefix.cli.recorded import Drive, open_drive
 from surefix.cli.route import SaveMap
-from surefix.tables.fix_files import check_form, created, form_of, open_writer, rows_of
+from surefix.tables.fix_files import check_form, form_of, rows_of, write_rows
 
 T = TypeVar("T")
 
@@ -80,9 +80,8 @@ def align_(
         raise typer.BadParameter(str(error)) from None
     named = ModelOptions(model, weights, output)
     check_not_read(out, [route, queries, *(fuse or ()), *named.files, odometry])
-    if report is None and open_:
-        report = Path(tempfile.mkdtemp(prefix="surefix-"))
-    write_report = None if report is None else _writer(report)
+    check_apart({"--out": out, "--save-map": save_map})
+    write_report = _writer(report) if report is not None or open_ else None
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
@@ -99,13 +98,12 @@ def align_(
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
     alignment = refusing_options(align, *drive.given, **given)
-    with created(out, form) as file, open_writer(file, form, known) as write:
-        for row in rows_of(alignment, known, times if timed else None, least):
-            write(row)
+    write_rows(out, form, rows_of(alignment, known, times if timed else None, least), known)
     found = int((alignment.confidence >= least).sum())
     away = int((alignment.off_map >= 0.5).sum())
     where, page = str(out), None
     if write_report is not None:
+        report = report or Path(tempfile.mkdtemp(prefix="surefix-"))
         command, how = shlex.join(["surefix", *sys.argv[1:]]), {"motion": motion}
         page = write_report(
             alignment,
@@ -128,14 +126,15 @@ def align_(
         show(page, open_)
 
 
-def _writer(folder: Path) -> Callable[..., Path]:
+def _writer(folder: Path | None) -> Callable[..., Path]:
     """What writes the report; the folder is made before the slow part."""
     drawing()
     # Not at the top: matplotlib is an extra, and slow to import.
     from surefix.report.align import write_report
     from surefix.report.page import output_folder
 
-    output_folder(folder)
+    if folder is not None:
+        output_folder(folder)
     return write_report
 
 

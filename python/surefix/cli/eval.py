@@ -240,7 +240,8 @@ def eval_(
         if columns is None:
             D = read_matrix(route, similarity)
     else:
-        read = [truth, positions, query_positions, *(fuse or ())]
+        read = [truth, positions, query_positions, config, cache, speed_profile, *(fuse or ())]
+        read += [calibration, calibration_truth]
         known_route = open_route(route, chosen, save_map, read, queries, **reading, **sampling)
         place_map = known_route.map
     if moved:

@@ -2,7 +2,8 @@
 
 import glob
 import math
-from collections.abc import Iterable, Iterator, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -304,6 +305,15 @@ def check_not_read(out: Path, files: Iterable[Path | str | None], option: str = 
     given = [Path(file) for file in files if file is not None]
     same = out.exists() and any(file.exists() and out.samefile(file) for file in given)
     refuse(same, f"{option}: {out} is what is read here; name another file")
+
+
+def check_apart(files: Mapping[str, Path | None]) -> None:
+    """Refuses to write one file twice; the files by their options."""
+    seen: dict[str, str] = {}
+    for option, file in files.items():
+        if file is not None:
+            other = seen.setdefault(os.path.realpath(file), option)
+            refuse(other != option, f"{option}: {file} is that of {other}; name another file")
 
 
 def steps_of(text: str) -> list[Step]:

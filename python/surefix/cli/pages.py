@@ -4,6 +4,8 @@ import shlex
 import sys
 import tempfile
 import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Annotated, Any
 
@@ -14,7 +16,7 @@ from surefix._extra import drawing
 from surefix.errors import mismatch
 from surefix.live.view import References, Seen
 
-__all__ = ["Open", "RunPage", "page_of", "show", "title_of"]
+__all__ = ["Open", "RunPage", "check_page", "page_of", "show", "title_of"]
 
 Open = Annotated[bool, typer.Option("--open", help="Open the report in the browser.")]
 
@@ -35,11 +37,30 @@ def _short(place: str) -> str:
     )
 
 
-def page_of(report: Path | None, wanted: bool) -> Path | None:
-    """The page to write: for the browser alone, one in a folder of its own."""
-    if report is None and wanted:
-        return Path(tempfile.mkdtemp(prefix="surefix-")) / "run.html"
-    return report
+def check_page(report: Path | None) -> None:
+    """Refuses a page that cannot be written."""
+    if report is None:
+        return
+    if report.suffix.lower() not in (".html", ".htm"):
+        raise typer.BadParameter(f"--report: expected a name that ends in .html, got {report}")
+    if not report.parent.is_dir():
+        raise mismatch(f"--report {report}", "a folder that exists", report.parent)
+
+
+@contextmanager
+def page_of(report: Path | None, wanted: bool) -> Iterator[Path | None]:
+    """The page to write: for the browser alone, one in a folder of its own, which goes again if
+    nothing was written.
+    """
+    if report is not None or not wanted:
+        yield report
+        return
+    folder = Path(tempfile.mkdtemp(prefix="surefix-"))
+    try:
+        yield folder / "run.html"
+    finally:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def show(page: Path, wanted: bool) -> None:
@@ -61,7 +82,7 @@ class RunPage:
     Raises
     ------
     SurefixError
-        If the libraries of reports are not installed, or the folder does not exist.
+        If the libraries of reports are not installed.
     """
 
     def __init__(self, path: Path, title: str, route: Map, references: Any = None) -> None:
@@ -69,10 +90,6 @@ class RunPage:
         # Not at the top: Bokeh and matplotlib are extras, and slow to import.
         from surefix.report.run import Recorder
 
-        if path.suffix.lower() not in (".html", ".htm"):
-            raise typer.BadParameter(f"--report: expected a name that ends in .html, got {path}")
-        if not path.parent.is_dir():
-            raise mismatch(f"--report {path}", "a folder that exists", path.parent)
         self.path, self.title, self.references = path, title, references
         self.written = False
         self.recorder = Recorder(route)

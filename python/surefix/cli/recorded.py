@@ -1,7 +1,7 @@
 """A recorded drive, and the maps or the distances that go with it."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,6 +105,7 @@ def open_drive(
     similarity: bool,
     model: ModelOptions,
     save_map: Path | None = None,
+    read: Iterable[Path | str | None] = (),
     spacing: float | None = None,
     places_per_metre: float | None = None,
     order: str = "name",
@@ -112,7 +113,9 @@ def open_drive(
     crop: bool = False,
     **sampling: Any,
 ) -> Drive:
-    """Distances; or maps and queries, described for each map, with their advances by odometry."""
+    """Distances; or maps and queries, described for each map, with their advances by odometry. The
+    file ``save_map`` must be none that is ``read`` besides.
+    """
     files = [route, *fuse]
     matrices = [is_matrix(file) for file in files]
     matrix = matrices[0]
@@ -126,14 +129,14 @@ def open_drive(
         refuse(given, f"--model, --save-map: expected a map or images, got the distances {route}")
         inputs.check_sampling(f"the distances {route}", **sampling)
         refuse(order != "name" or crop, f"--order, --crop: expected images, got {route}")
-        read = [read_matrix(file, similarity) for file in files]
-        for file, each in zip(files, read, strict=True):
-            if each.shape != read[0].shape:
-                raise mismatch(f"--fuse {file}", f"the shape {read[0].shape}", each.shape)
-        return Drive(_named(files), [], [*read])
+        found = [read_matrix(file, similarity) for file in files]
+        for file, each in zip(files, found, strict=True):
+            if each.shape != found[0].shape:
+                raise mismatch(f"--fuse {file}", f"the shape {found[0].shape}", each.shape)
+        return Drive(_named(files), [], [*found])
     refuse(queries is None, "QUERIES: expected images or descriptors, got none")
     reading: dict[str, Any] = {"order": order, "strict": strict}
-    known = open_route(route, model, save_map, fuse, queries, **reading, **sampling)
+    known = open_route(route, model, save_map, [*fuse, *read], queries, **reading, **sampling)
     first = known.map
     maps = [first, *others_of(first, fuse)]
     odometry = sampling.get("odometry")

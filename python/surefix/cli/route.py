@@ -94,7 +94,8 @@ def open_route(
             ImageFrames(inputs.listed(queries))
     if save is not None:
         check_folder(save, "cannot write the map")
-        inputs.check_not_read(save, [*frames.files, *model.files, queries, *read], "--save-map")
+        read = [*frames.files, *model.files, queries, reading.get("odometry"), *read]
+        inputs.check_not_read(save, read, "--save-map")
     network = open_network(model)
     # The images of a recording come one after the other: its places are shown by thumbnails.
     thumbnails = not isinstance(frames, ImageFrames)

@@ -20,6 +20,7 @@ from surefix.cli.flags import SELDOM, documented, settings_of, with_options
 from surefix.cli.inputs import (
     NO_SCALE,
     Place,
+    check_apart,
     check_not_read,
     crop_of,
     listed,
@@ -29,9 +30,10 @@ from surefix.cli.inputs import (
     scale_of,
 )
 from surefix.cli.networks import Model, ModelOptions, Output, Weights
-from surefix.cli.pages import Open, RunPage, page_of, show, title_of
+from surefix.cli.pages import Open, RunPage, check_page, page_of, show, title_of
 from surefix.cli.route import SaveMap, open_route
 from surefix.cli.views import leave_room, open_views
+from surefix.errors import check_folder
 from surefix.frames import Advances, Frame, Frames, ImageFrames, in_8_bits
 from surefix.frames.advances import time_in
 from surefix.frames.levels import Clipping
@@ -146,12 +148,18 @@ def run(
         refuse(motion is None, "--accept: expected --motion other than none")
         out_of_range = f"--accept: expected a confidence from 0 to 1, got {accept:g}"
         refuse(not 0 <= accept <= 1, out_of_range)
+    # Before a map is made of ROUTE, which may take long.
+    written = {"--out": out, "--save-map": save_map, "--save": save, "--report": report}
+    check_apart(written)
+    check_page(report)
+    if out is not None:
+        check_folder(out, "cannot write the fixes")
     named = ModelOptions(model, weights, output)
     reading: dict[str, Any] = {"stride": stride, "every": every, "metres": metres}
     reading |= {"odometry": odometry, "order": order}
     given = None if follow else queries
     rest = {"topic": topic, "strict": strict}
-    known = open_route(route, named, save_map, fuse or (), given, **reading, **rest)
+    known = open_route(route, named, save_map, [*(fuse or ()), config], given, **reading, **rest)
     places = known.map
     # For --metres alone there is nothing to say of advances.
     where = None if odometry is None or (metres and not motion) else places.positions
@@ -184,7 +192,7 @@ def run(
     elif screen and len(places.blank):
         why = f"{plural(len(places.blank), 'place')} of the map that show nothing"
         print(f"--screen: unused, for the sake of {why}", file=sys.stderr)
-    others = [*names, *known.files, *source.files, odometry, config, save_map, *named.files]
+    others = [*names, *known.files, *source.files, odometry, config, *named.files]
     read = [Path(each) for each in others if each is not None]
     if out is not None:
         check_not_read(out, read)
@@ -198,8 +206,8 @@ def run(
     refuse(form == "mcap" and out is None, "--format mcap: expected --out FILE, got none")
     if save is not None:
         _check_save(save, read)
-    if (page := page_of(report, open_)) is not None:
-        check_not_read(page, read)
+    if report is not None:
+        check_not_read(report, read, "--report")
     clipping = Clipping(places.levels)
     kind = options.get("motion") or (motion and "of the settings")
     summary = Summary(kind, accept, settings.options["tolerance"])
@@ -207,6 +215,7 @@ def run(
         print(f"--config {config}: {settings.threshold.promise}", file=sys.stderr)
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
+        page = opened.enter_context(page_of(report, open_))
         pairs = known.pictures if references is None else (references, topic)
         shown: Any = {"live": live, "save": save, "references": pairs}
         shown["report"] = None if page is None else (page, title_of(queries, route))

@@ -13,7 +13,7 @@ from surefix.cli.align import refusing_options
 from surefix.cli.audit import print_columns
 from surefix.cli.drives import truth_without
 from surefix.cli.flags import TRUTH, documented
-from surefix.cli.inputs import check_not_read, refuse
+from surefix.cli.inputs import check_apart, check_not_read, refuse
 from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.recorded import Drive, open_drive
 from surefix.cli.route import SaveMap
@@ -88,12 +88,15 @@ def tune_(
     named = ModelOptions(model, weights, output)
     read = [route, queries, truth, positions, query_positions, odometry, *(fuse or ())]
     check_not_read(out, [*read, *named.files])
+    check_apart({"--out": out, "--save-map": save_map})
     check_folder(out, "cannot write the settings")
     sampling: dict[str, Any] = {"topic": topic, "stride": stride, "every": every}
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
-    drive = open_drive(route, queries, fuse or (), similarity, named, save_map, **scale, **sampling)
+    drive = open_drive(
+        route, queries, fuse or (), similarity, named, save_map, read, **scale, **sampling
+    )
 
     count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
     first = drive.maps[0] if drive.maps else None

@@ -7,6 +7,7 @@ from typing import Any, ParamSpec
 import matplotlib
 from matplotlib.axes import Axes
 
+from surefix.errors import mismatch
 from surefix.plot.theme import LIGHT
 
 __all__ = ["end_at_tick", "on_axes"]
@@ -23,7 +24,9 @@ def on_axes(width: float, height: float) -> Callable[[Callable[P, Axes]], Callab
         @wraps(draw)
         def drawn(*args: P.args, **kwargs: P.kwargs) -> Axes:
             options: dict[str, Any] = dict(kwargs)
-            if options.get("ax") is not None:
+            if (ax := options.get("ax")) is not None:
+                if not isinstance(ax, Axes):
+                    raise mismatch("ax", "matplotlib's Axes, or None", type(ax).__name__)
                 return draw(*args, **kwargs)
             # It takes a while, and programs that draw files alone do without.
             from matplotlib import pyplot

@@ -115,10 +115,22 @@ def part_of(
     than ``PICTURE`` rows or columns only as many are left, each with the least of some distances.
     """
     n, m = distances.shape
-    (first, count), (low, height) = queries or (0, m), places or (0, n)
+    first, count = _window("queries", queries, m)
+    low, height = _window("places", places, n)
     part = distances[low : low + height, first : first + count]
     down, across = (max(1, -(-size // PICTURE)) for size in part.shape)
     if part.size and (down, across) != (1, 1):
         part = np.minimum.reduceat(part, np.arange(0, part.shape[1], across), axis=1)
         part = np.minimum.reduceat(part, np.arange(0, part.shape[0], down), axis=0)
     return part, ((first, part.shape[1] * across), (low, part.shape[0] * down))
+
+
+def _window(name: str, given: Any, size: int) -> Window:
+    """The first and the number of some of ``size`` queries or places, all by default."""
+    if given is None:
+        return 0, size
+    whole = np.shape(given) == (2,) and all(isinstance(each, int | np.integer) for each in given)
+    if not whole or not 0 <= given[0] < given[0] + given[1] <= size:
+        expected = f"the first and how many, as (first, count) within {size}"
+        raise mismatch(name, expected, given)
+    return int(given[0]), int(given[1])

@@ -157,6 +157,7 @@ def _matrix(scene: Scene) -> Any:
     _here(fig, "here")
     _ring(fig)
     fig.xaxis.visible = False
+    fig.yaxis.ticker.min_interval = 1
     fig.min_border_bottom = 4
     fig.tags = _vectors(scene)
     return fig
@@ -189,6 +190,7 @@ def _strip(scene: Scene) -> Any:
         name="names",
     )
     fig.yaxis.visible = False
+    fig.xaxis.ticker.min_interval = 1
     _here(fig, "here")
     return fig
 
@@ -206,6 +208,7 @@ def _profile(scene: Scene) -> Any:
     fig.line("x", "y", source=_source("x", "y"), line_width=1, name="distances")
     for name in ("match", "true"):
         _here(fig, name)
+    fig.xaxis.ticker.min_interval = 1
     fig.yaxis.ticker.desired_num_ticks = 4
     return fig
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Fix, Map, Run
+from surefix._staged import staged
 from surefix._words import plural
-from surefix.errors import mismatch, refusal
+from surefix.errors import mismatch
 from surefix.frames.levels import in_8_bits
 from surefix.report import sections
 from surefix.report.album import Album
@@ -127,13 +128,8 @@ class Recorder:
             command=command,
             scripts=scripts(),
         )
-        new = path.with_name(f".{path.name}.new")
-        try:
+        with staged(path, "cannot write the report") as new:
             new.write_text(text, encoding="utf-8")
-            new.replace(path)
-        except OSError as error:
-            new.unlink(missing_ok=True)
-            raise refusal(path, "cannot write the report", error) from None
         return path
 
 

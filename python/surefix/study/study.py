@@ -200,6 +200,7 @@ class Study:
             truth = cells[np.ix_(drive.rows, drive.columns)]
         where = self.context.positions
         where = None if where is None else np.asarray(where)[drive.rows]
+        along = self.context.segments
         others = self.context.techniques
         if others is not None:
             others = [np.asfortranarray(D[np.ix_(drive.rows, drive.columns)]) for D in others]
@@ -207,6 +208,7 @@ class Study:
             self.context,
             truth=truth,
             positions=where,
+            segments=None if along is None else along.keep(drive.rows),
             advance=drive.advance,
             techniques=others,
             gaps=(),

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, Protocol, get_args
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Map
+from surefix._staged import staged
 from surefix.errors import SurefixValueError, mismatch, refusal
 from surefix.tables.fix_mcap import OFF, mcap_writer
 from surefix.tables.geojson import point
@@ -138,7 +139,22 @@ def write_track(
     form = form_of(path, form, "path", "form=")
     rows = rows_of(found, map, times)
     check_form(form, map, times is not None)
-    with created(path, form) as file, open_writer(file, form, map) as write:
+    write_rows(path, form, rows, map)
+
+
+def write_rows(path: Path, form: Format, rows: Iterable[Row], route: Map | None) -> None:
+    """Writes a file of all rows; an older one stays whole until then.
+
+    Raises
+    ------
+    SurefixFileError
+        If it cannot be written.
+    """
+    with (
+        staged(path, "cannot write the fixes") as beside,
+        created(beside, form) as file,
+        open_writer(file, form, route) as write,
+    ):
         for row in rows:
             write(row)
 
@@ -186,12 +202,18 @@ def rows_of(
         if (degrees := map_degrees(route)) is not None:
             at = degrees[found.place].round(9)
             columns["latitude"], columns["longitude"] = at.T
-    lists = [values.tolist() for values in columns.values()]
+    # Of a number that is not known, no NaN, which JSON lacks.
+    lists = [
+        [None if cell != cell else cell for cell in values.tolist()] for values in columns.values()
+    ]
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*lists, strict=True)]
 
 
 def _checked(times: npt.ArrayLike, count: int) -> npt.NDArray[np.float64]:
-    array = np.asarray(times, np.float64)
+    try:
+        array = np.asarray(times, np.float64)
+    except (TypeError, ValueError):
+        raise mismatch("times", "seconds as numbers", repr(times)[:60]) from None
     if array.shape != (count,):
         raise mismatch("times", f"a time for each of the {count} queries", array.shape)
     wrong = np.flatnonzero(~np.isfinite(array))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from surefix._extra import require
+from surefix.errors import mismatch
 from surefix.motion import PERHAPS_OFF
 from surefix.tables.route_poses import RoutePoses, quaternion
 
@@ -19,6 +20,8 @@ TOPICS = {POSE: "/surefix/pose", NAVSAT: "/surefix/navsat", ROUTE: "/surefix/rou
 ROWS = "/surefix/fix"
 FRAME = "map"
 NANOSECONDS = 1_000_000_000
+# Their seconds have 32 bits.
+LATEST = 1 << 31
 # NavSatStatus and NavSatFix.
 NO_FIX, FIX, UNKNOWN, APPROXIMATED = -1, 0, 0, 1
 # The most places of the route that are drawn.
@@ -86,7 +89,7 @@ def mcap_writer(file: Any, poses: RoutePoses) -> Iterator[Any]:
     def write(row: dict[str, Any], belief: Callable[[], Any] | None = None) -> None:
         if row["time"] is None:
             return
-        at = round(row["time"] * NANOSECONDS)
+        at = stamp_of(row["time"])
         if not channels:
             send(messages.route(poses, at), at)
         known, off = None if belief is None else belief(), row.get("off_map")
@@ -116,6 +119,13 @@ def mcap_writer(file: Any, poses: RoutePoses) -> Iterator[Any]:
     finally:
         # After an error too, what was written can be read.
         mcap.finish()
+
+
+def stamp_of(seconds: float) -> int:
+    """Nanoseconds since 1970, as far as ROS 2's messages count them."""
+    if not 0 <= seconds < LATEST:
+        raise mismatch("times", f"seconds from 0 to {LATEST - 1} for MCAP", f"{seconds:g}")
+    return round(seconds * NANOSECONDS)
 
 
 def _schema(row: dict[str, Any]) -> bytes:

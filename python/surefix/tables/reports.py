@@ -1,8 +1,10 @@
 """The matches in a report's folder, and in the fixes of a run."""
 
+import csv
 import hashlib
+import io
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -86,7 +88,7 @@ def read_report(path: Path) -> list[Judged]:
         made.append(
             Judged(
                 method,
-                one.floats("score", finite=False).astype(np.float32),
+                one.scores(),
                 one.flags("ready"),
                 one.flags("accepted"),
                 one.flags("right"),
@@ -146,8 +148,9 @@ def read_fixes(path: Path) -> FixFile:
         name: one.floats(name) for name in ("confidence", "off_map") if any(cells.get(name, ()))
     }
     accepted = one.flags("accepted") if "accepted" in cells else None
-    score = one.floats("score", finite=False).astype(np.float32)
-    matches = Matches(place, score, one.flags("ready") | ("confidence" in said), accepted, **said)
+    matches = Matches(
+        place, one.scores(), one.flags("ready") | ("confidence" in said), accepted, **said
+    )
     times = [float(cell) if cell else None for cell in cells.get("time", ())]
     single = one.wholes("single_place", 0)
     return FixFile(matches, single, one.flags("trusted"), cells["query"], times)
@@ -191,7 +194,8 @@ def drive_of(files: Sequence[str]) -> str | None:
     try:
         for index, file in enumerate(map(Path, files)):
             size = file.stat().st_size
-            found.update(f"{file.name}\0{size}\n".encode())
+            # Names of files are bytes.
+            found.update(f"{file.name}\0{size}\n".encode(errors="surrogateescape"))
             if index in some:
                 with file.open("rb") as opened:
                     opened.seek(max(0, (size - BYTES) // 2))
@@ -217,7 +221,7 @@ def _listed(known: Mapping[str, Mapping[str, Judged]]) -> str:
 
 def _table(path: Path, expected: Sequence[str]) -> tuple[list[int], Cells]:
     """The number of each row, and the cells of each column, of which some are expected."""
-    lines = list(rows(path, ",", "the fixes"))
+    lines = list(_lines(path))
     header = lines[0][1] if lines else []
     lacking = [name for name in expected if name not in header]
     if lacking:
@@ -231,6 +235,18 @@ def _table(path: Path, expected: Sequence[str]) -> tuple[list[int], Cells]:
     columns = zip(*(line for _, line in lines[1:]), strict=True)
     cells = {name: [*column] for name, column in zip(header, columns, strict=True)}
     return [number for number, _ in lines[1:]], cells
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """The number of each row and its cells; a name of a file may have a line's end in it."""
+    reader = csv.reader(io.StringIO(read_text(path, "the fixes"), newline=""))
+    try:
+        for cells in reader:
+            if any(cells):
+                yield reader.line_num, [cell.strip() for cell in cells]
+    except csv.Error as error:
+        where = f"{path}, row {reader.line_num}"
+        raise mismatch(where, "values with commas between", error) from None
 
 
 def _json_lines(path: Path) -> tuple[list[int], Cells]:
@@ -290,6 +306,15 @@ class _Reader:
             return value
 
         return np.array(self._each(name, convert), np.int64)
+
+    def scores(self) -> npt.NDArray[np.float32]:
+        """The scores; of a query with a match it is finite."""
+        values = self.floats("score", finite=False)
+        wrong = np.flatnonzero(~np.isfinite(values) & self.flags("ready"))
+        if len(wrong):
+            where = f"{self.path}, row {self.numbers[wrong[0]]}"
+            raise mismatch(where, "a finite score", values[wrong[0]])
+        return values.astype(np.float32)
 
     def flags(self, name: str) -> npt.NDArray[np.bool_]:
         def convert(cell: str, row: int) -> bool:

@@ -145,7 +145,7 @@ class Localization:
         with self._lock:
             self.localizer.reset()
             self.answer = self._before = self._seen = None
-            self._broken = False
+            self._broken, self.problem = False, ''
 
     def status(self) -> Status:
         """Return how it goes, with the latencies since the status before."""

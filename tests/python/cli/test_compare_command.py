@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -210,6 +211,10 @@ def test_a_mistake_is_one_line(data: Path, tmp_path: Path) -> None:
     word = changed(large, tmp_path / "word", ",true,", ",yes,")
     rejected = changed(large, tmp_path / "rejected", ",correct,", ",rejected,")
     truth = ("--truth", "identity")
+    header, *lines = csv.reader(io.StringIO(plain.read_text(encoding="utf-8")))
+    lines[1][header.index("score")] = "nan"
+    unknown = tmp_path / "unknown.csv"
+    unknown.write_text("\n".join(map(",".join, (header, *lines))), encoding="utf-8")
     for arguments, code, said in (
         ([large], 0, ""),
         ([plain, *truth], 2, "RUNS: expected two or more to compare"),
@@ -223,6 +228,11 @@ def test_a_mistake_is_one_line(data: Path, tmp_path: Path) -> None:
             "other: expected the queries of large, 40 (000.png to 039.png), got 40 ",
         ),
         ([large, word], 1, "fixes.csv, row 2: expected trusted, true or false, got 'yes'"),
+        (
+            [plain, unknown, *truth],
+            1,
+            "unknown.csv, row 3: expected a finite score, got nan",
+        ),
         ([large, rejected], 1, "rejected, recall: expected one convention, got 'rejected'"),
         (
             [large, tmp_path / "no.csv", *truth],
@@ -268,6 +278,19 @@ def test_a_mistake_is_one_line(data: Path, tmp_path: Path) -> None:
             made.stderr,
         )
         assert code != 1 or made.stderr.count("\n") == 1
+
+
+def test_images_may_have_any_name(tmp_path: Path) -> None:
+    for day in ("monday", "tuesday"):
+        (tmp_path / day).mkdir()
+        for k in range(12):
+            name = os.fsdecode(b'%02d\xff,\n"<b>\xe2\x80\xa8.png' % k)
+            scene = np.random.default_rng(k).integers(0, 256, (32, 64), np.uint8)
+            Image.fromarray(scene).save(tmp_path / day / name)
+    what = (tmp_path / "monday", tmp_path / "tuesday", "--truth", "identity")
+    surefix_("eval", *what, "--method", "single", "--method", "weighted", "-o", tmp_path / "report")
+    found = table(surefix_("compare", tmp_path / "report").stdout)
+    assert found["single", "right"]["value"] == "1.0"
 
 
 def test_another_drive_with_the_same_names_is_found_out(data: Path, tmp_path: Path) -> None:

@@ -229,7 +229,47 @@ MISTAKES: dict[str, tuple[tuple[object, ...], int, str]] = {
     "fixes over it": (
         ("run", "monday", "tuesday", "--save-map", "m.csv", "-o", "m.csv"),
         2,
-        "--out: m.csv is what is read here",
+        "--save-map: m.csv is that of --out",
+    ),
+    "an alignment over it": (
+        ("align", "monday", "tuesday", "-o", "a.csv", "--save-map", "./a.csv"),
+        2,
+        "--save-map: a.csv is that of --out",
+    ),
+    "settings over it": (
+        ("tune", "monday", "tuesday", "-o", "r.toml", "--save-map", "r.toml"),
+        2,
+        "--save-map: r.toml is that of --out",
+    ),
+    "over a truth": (
+        ("tune", "monday", "tuesday", "--truth", "D.npy", "--save-map", "D.npy"),
+        2,
+        "--save-map: D.npy is what is read here",
+    ),
+    "over odometry": (
+        ("run", "monday", "tuesday", "--odometry", "D.npy", "--save-map", "D.npy"),
+        2,
+        "--save-map: D.npy is what is read here",
+    ),
+    "fixes over the page": (
+        ("run", "monday", "tuesday", "-o", "a.html", "--report", "a.html"),
+        2,
+        "--report: a.html is that of --out",
+    ),
+    "a page of no ending": (
+        ("run", "monday", "tuesday", "--save-map", "m.safetensors", "--report", "page"),
+        2,
+        "--report: expected a name that ends in .html, got page",
+    ),
+    "a page into no folder": (
+        ("run", "monday", "tuesday", "--save-map", "m.safetensors", "--report", "no/a.html"),
+        1,
+        "--report no/a.html: expected a folder that exists",
+    ),
+    "fixes into no folder": (
+        ("run", "monday", "tuesday", "--save-map", "m.safetensors", "-o", "no/a.csv"),
+        1,
+        "no/a.csv: cannot write the fixes: there is no folder",
     ),
     "a route that is not there": (
         ("run", "mondy", "tuesday"),
@@ -280,8 +320,7 @@ def test_a_mistake_gets_one_clear_message(name: str) -> None:
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     said = " ".join(re.sub(r"[│╭╮╰╯─]", " ", surefix_(*arguments, code=code).stderr).split())
     assert words in said
-    if name != "fixes over it":
-        assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
 
 
 def test_references_are_what_the_map_was_made_of(shown: list[Any]) -> None:

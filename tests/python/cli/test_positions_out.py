@@ -285,6 +285,9 @@ WRONG: dict[str, tuple[Any, str]] = {
         "KITTI: expected a map with positions",
     ),
     "no folder": ({"path": "none/a.csv"}, "cannot write the fixes"),
+    "words": ({"path": "a.tum", "times": list("abcde")}, "times: expected seconds as numbers"),
+    "before 1970": ({"path": "a.mcap", "times": [-1, 0, 1, 2, 3]}, "from 0 to 2147483647 for MCAP"),
+    "after 2038": ({"path": "a.mcap", "times": [0, 1, 2, 3, 3e9]}, "from 0 to 2147483647 for MCAP"),
 }
 
 
@@ -295,9 +298,31 @@ def test_a_track_that_cannot_be_written_leaves_no_file(name: str, tmp_path: Path
     known = surefix.Map.from_descriptors(np.eye(5, dtype=np.float32), positions=positions)
     found = surefix.match(known, np.eye(5, dtype=np.float32), sequence_length=2)
     path = tmp_path / given["path"]
-    with pytest.raises(surefix.SurefixError, match=words):
-        write_track(path, found, known, given.get("times"), given.get("form"))
-    assert not path.exists()
+    for older in (False, True)[: 1 + path.parent.exists()]:
+        if older:
+            path.write_text("older")
+        with pytest.raises(surefix.SurefixError, match=words):
+            write_track(path, found, known, given.get("times"), given.get("form"))
+        assert [*tmp_path.iterdir()] == [path] * older
+        assert not older or path.read_text() == "older"
+
+
+@pytest.mark.parametrize("ending", ["json", "geojson"])
+def test_json_has_no_nan(ending: str, tmp_path: Path) -> None:
+    where = [[3.0 * place, 0] for place in range(5)]
+    rows = np.eye(5, dtype=np.float32)
+    known = surefix.Map.from_descriptors(rows, positions=where, origin=(48.0, 11.0))
+    # A query whose sequence is not full has no speed yet.
+    found = surefix.match(known, rows, sequence_length=3)
+    assert np.isnan(found.speed[0])
+    write_track(tmp_path / f"a.{ending}", found, known)
+
+    def refused(word: str) -> None:
+        raise AssertionError(word)
+
+    text = (tmp_path / f"a.{ending}").read_text()
+    for each in [text] if ending == "geojson" else text.splitlines():
+        json.loads(each, parse_constant=refused)
 
 
 def test_images_named_by_their_times_have_these(road: Path, tmp_path: Path) -> None:

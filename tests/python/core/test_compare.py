@@ -184,6 +184,8 @@ def test_all_forms_hold_the_same_numbers(tmp_path: Path) -> None:
     for form in (str(comparison), comparison.markdown(), comparison._repr_html_()):
         assert f"{right:+.3f}" in form
     assert "weak \\| old" in comparison.markdown()
+    broken = surefix.compare({"weak\n| old": weak, "good": good}, truth).markdown()
+    assert "| weak \\| old |" in broken
     assert "&lt;good&gt;" in comparison._repr_html_()
     assert "<good>" not in comparison._repr_html_()
 

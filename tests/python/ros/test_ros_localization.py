@@ -135,7 +135,10 @@ def test_a_gap_and_a_reset_by_hand(drive: Drive) -> None:
     node.gap()
     assert [ready(image) for image in images[3:5]] == [False, True]
     assert node.answer.fix.frame == 4
+    assert node.image(ROS.image(images[5], START + 5 * PERIOD, encoding="none")) is None
+    assert node.status().level == ERROR
     node.reset()
+    assert node.status().message == "no image yet"
     assert not ready(images[5])
     assert node.answer.fix.frame == 0
     assert node.gaps == 1

@@ -376,6 +376,20 @@ def test_a_run_without_truth_says_nothing_of_right_or_wrong(browser: Any, tmp_pa
     tab.close()
 
 
+def test_a_run_of_one_query_has_whole_numbers_on_axes_that_line_up(
+    browser: Any, tmp_path: Path
+) -> None:
+    D = np.array([[0.1], [0.9]], np.float32)
+    places = surefix.Map.from_descriptors(np.eye(2, dtype=np.float32))
+    run = surefix.match_distances(D, sequence_length=1)
+    tab = Tab(browser, write_run(run, tmp_path / "run.html", places, D))
+    code = """Object.fromEntries(Bokeh.index.roots.filter(view => view.frame).map(view =>
+        [view.model.name, [view.frame.bbox.left, view.frame.bbox.right]]))"""
+    ends = tab.page.evaluate(code)
+    assert ends["matrix"] == ends["strip"]
+    tab.close()
+
+
 def test_the_colours_of_words_are_those_of_the_figures() -> None:
     style = (Path(albums.__file__).parent / "page.css").read_text(encoding="utf-8")
     for name in ("right", "wrong"):

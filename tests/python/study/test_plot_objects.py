@@ -194,6 +194,21 @@ def test_a_truth_of_another_length_is_refused_before_a_figure_is_made() -> None:
     assert not pyplot.get_fignums()
 
 
+@pytest.mark.parametrize("name", THINGS)
+@pytest.mark.parametrize("ax", [3, "axes", Figure()], ids=["number", "text", "figure"])
+def test_what_is_no_axes_is_refused(name: str, ax: Any) -> None:
+    with pytest.raises(SurefixValueError, match="ax: expected matplotlib's Axes, or None, got"):
+        THINGS[name](ax=ax)
+
+
+@pytest.mark.parametrize("part", [(5, 0), (-5, 10), (45, 10), (50, 1), (1.5, 3), 5, (1, 2, 3)])
+def test_a_close_up_outside_of_the_drive_is_refused(part: Any) -> None:
+    with pytest.raises(SurefixValueError, match=r"queries: .* as \(first, count\) within 50, got"):
+        RUN.plot(queries=part)
+    with pytest.raises(SurefixValueError, match=r"places: .* within 60, got"):
+        RUN.plot(places=(60, 1))
+
+
 def test_curves_on_one_axis_are_told_apart() -> None:
     ax = CURVE.plot(name="one")
     CURVE.plot(name="two", ax=ax)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from surefix import SurefixValueError
+from surefix import Segments, SurefixValueError
 from surefix.baselines import Context
 from surefix.study import SCENARIOS, Drive, Study, frames_to_notice, roc_area, scenario
 
@@ -137,6 +137,17 @@ def test_every_kind_of_truth_is_driven_alike(name: str, truth: object) -> None:
     assert np.array_equal(given.context.advance, plain.context.advance)
     assert np.shape(given.context.positions) == (len(given.distances), 2)
     assert given["single"].right_share > 0.9
+
+
+@pytest.mark.parametrize("name", ["missing", "rate-3"])
+def test_the_segments_are_those_of_the_places_that_are_left(name: str) -> None:
+    roads = Segments(100, breaks=[40])
+    drive = scenario(name, apart(np.arange(100.0), 100), np.arange(100.0), 5)
+    given = study(np.arange(100), segments=roads).driven(name, 5)
+    assert given.context.segments is not None
+    kept = given.context.segments.breaks.tolist()
+    assert kept == [int((drive.rows < 40).sum())]
+    assert given["weighted"].right_share > 0.5
 
 
 def test_the_results_of_a_drive_are_judged_by_its_truth() -> None:
