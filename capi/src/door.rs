@@ -133,7 +133,7 @@ pub(crate) unsafe fn object<'a, T>(pointer: *const T, what: &str) -> Result<&'a 
 /// The object behind a pointer, to be changed.
 ///
 /// # Safety
-/// NULL, or an object that nobody else uses as long as the reference lives.
+/// NULL, or an object that no one else uses as long as the reference lives.
 pub(crate) unsafe fn object_mut<'a, T>(pointer: *mut T, what: &str) -> Result<&'a mut T, Failure> {
     // SAFETY: the caller's promise.
     unsafe { pointer.as_mut() }.ok_or_else(|| null(what))

@@ -78,9 +78,9 @@ impl Distances {
     fn compute(&self, py: Python<'_>, what: &str) -> PyResult<Py<PyAny>> {
         let columns = match &self.given {
             Given::Lost => {
-                let expected = "distances: expected a";
-                let got = "got one from a pickle, which does not keep them";
-                let message = format!("{expected} {what} of this process, {got}: make it again");
+                let a = if what.starts_with('a') { "an" } else { "a" };
+                let got = "got one from a pickle, which does not keep them: make it again";
+                let message = format!("distances: expected {a} {what} of this process, {got}");
                 return Err(value(py, message));
             }
             Given::Matrices(matrices) => {
