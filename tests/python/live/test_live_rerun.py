@@ -427,7 +427,7 @@ REFUSED = {
     "the fixes' name": (
         ["--save", "f.rrd", "-o", "f.rrd", "--format", "csv"],
         2,
-        ["--save: f.rrd is read or written here"],
+        ["--save: f.rrd is that of --out; name another file"],
     ),
     "no references": (
         ["--save", "a.rrd", "--references", "."],
