@@ -97,8 +97,8 @@ python: $(VENV)/installed $(VENV)/dev
 	$(BIN)/python -m pytest -n auto 2>&1 | tee $(LOG).python; test $${PIPESTATUS[0]} -eq 0
 
 examples: $(VENV)/installed
-	cargo run --locked --profile test-release --example stream
-	cargo run --locked --profile test-release --example town
+	cargo run --locked --profile test-release --all-features --example stream
+	cargo run --locked --profile test-release --all-features --example town
 	$(BIN)/python examples/stream.py
 	$(BIN)/python examples/batch.py
 	$(BIN)/python examples/town.py

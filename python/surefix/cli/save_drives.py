@@ -31,7 +31,7 @@ def save_drives(folder: Path, form: Form, road: Route) -> list[Path]:
 
     As images both have a picture of each place. Recordings have ten frames a second; in winter the
     robot stands for four seconds in the middle, and its camera hangs for three later on. Beside a
-    video lies the winter's ``odometry.csv``; in the winter's bag is a topic of ``Odometry``.
+    video lies the winter's ``odometry.csv``; bags have a topic of ``Odometry``.
 
     Raises
     ------
@@ -120,17 +120,14 @@ def _bag(path: Path, images: Sequence[UInt8], times: Floats, along: Floats) -> N
         )
 
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
-        topics = {IMAGES: "sensor_msgs/msg/Image"}
-        topics |= {WHEELS: "nav_msgs/msg/Odometry"} if path.name == "winter" else {}
+        topics = {IMAGES: "sensor_msgs/msg/Image", WHEELS: "nav_msgs/msg/Odometry"}
         to = {
             topic: bag.add_connection(topic, kind, typestore=store)
             for topic, kind in topics.items()
         }
 
         def write(topic: str, nanoseconds: int, message: Any) -> None:
-            if topic in to:
-                data = store.serialize_cdr(message, topics[topic])
-                bag.write(to[topic], nanoseconds, data)
+            bag.write(to[topic], nanoseconds, store.serialize_cdr(message, topics[topic]))
 
         for image, time, far in zip(images, times, along, strict=True):
             height, width = image.shape[:2]
