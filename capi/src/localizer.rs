@@ -26,7 +26,7 @@ pub(crate) struct Inner {
     copies: Copies,
 }
 
-/// Nobody is using it.
+/// It is not in use.
 const FREE: u8 = 0;
 /// A thread is.
 const BUSY: u8 = 1;

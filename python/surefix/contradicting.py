@@ -58,7 +58,7 @@ def contradictions(alignment: Alignment, truth: Any, tolerance: float = 1) -> li
     truth : array or pair of arrays
         As for ``evaluate``.
     tolerance : float
-        As for ``evaluate``; of positions, those within so many metres are true, and 1 place more
+        As for ``evaluate``; of positions, those within it, in metres, are true, and 1 place more
         is right.
 
     Returns

@@ -254,7 +254,7 @@ def _confidence(demo: Demo) -> Section:
         (
             "A tracker adds up the evidence of all frames so far, and the odometry between them. "
             "Its confidence is the share of its belief within one place of the fix; a fix is sure "
-            f"if that is {ACCEPT:g} or more. Nobody told it of the detour: {fall} after the drive "
+            f"if that is {ACCEPT:g} or more. It was not told of the detour: {fall} after the drive "
             f"left the map, the confidence was below 0.5, and {rise} after it was back, the fixes "
             "were right with more than that again.",
             "The odometry came from wheels that count 2 % too much, with a noise of 5 %. Frames "

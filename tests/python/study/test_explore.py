@@ -196,8 +196,11 @@ def test_on_a_phone_a_tap_shows_the_pair_and_a_finger_scrolls(
     tab.page.touchscreen.tap(*tab.at("strip", 30))
     assert abs(tab.query() - 30) <= 1
     # Bokeh's canvas does not hold the finger back.
-    held = "getComputedStyle(document.querySelector('#explorer-figure-matrix > *').shadowRoot.querySelector('.bk-Canvas').shadowRoot.querySelector('.bk-events')).touchAction"
-    assert tab.page.evaluate(held) == "auto"
+    events = (
+        "document.querySelector('#explorer-figure-matrix > *')"
+        ".shadowRoot.querySelector('.bk-Canvas').shadowRoot.querySelector('.bk-events')"
+    )
+    assert tab.page.evaluate(f"getComputedStyle({events}).touchAction") == "auto"
     assert tab.fits()
     tab.close()
 
