@@ -88,8 +88,7 @@ class TerminalView(Closing):
         name = self.names[fix.place] if self.names else ""
         name = "" if name == str(fix.place) else name
         where = place_in(self.segments, fix.place)
-        # Of a console of the caller's, too.
-        row = Row(plain(seen.name), fix, plain(name), latency_us, where)
+        row = Row(seen.name, fix, plain(name), latency_us, where)
         if not self.paced.on:
             self.console.print(row.line(), markup=False, highlight=False, soft_wrap=True)
             return
