@@ -248,7 +248,7 @@ $(VENV)/dev: $(VENV)/wheel
 	@touch $(VENV)/installed $@
 
 $(VENV)/rivals: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --group bench
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --group bench
 	@touch $@
 
 clean:
