@@ -21,7 +21,7 @@ TOOLS := .tools/bin
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
 .PHONY: demo test test-long quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
-.PHONY: rivals-quick stubs clean help capi capi-check header
+.PHONY: clippy style types rivals-quick stubs clean help capi capi-check header
 .PHONY: sdist release-check check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
@@ -64,16 +64,27 @@ stubs: $(VENV)/installed $(VENV)/dev
 	$(BIN)/python packaging/stubs.py python/surefix/_core.pyi
 	$(BIN)/ruff format --quiet python/surefix/_core.pyi
 
-test: lint rust capi-check instructions python examples docs rivals-quick
+# Beside each other goes what leaves a core idle: compilers at their last file, valgrind, Sphinx, downloads.
+test:
+	$(BESIDE) clippy style $(VENV)/dev
+	$(MAKE) rust
+	$(BESIDE) capi-check instructions types docs
+	$(MAKE) python examples rivals-quick
 	$(BIN)/surefix demo --out out/demo
 	@echo; echo "== summaries"
 	@grep -h '^test result' $(LOG).rust
 	@tail -n 1 $(LOG).python
 
-lint: $(VENV)/dev
+BESIDE := +$(MAKE) --jobs 2 $(if $(filter output-sync,$(.FEATURES)),--output-sync=target)
+
+lint: clippy style
+
+clippy:
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets --all-features -- -D warnings
 	cargo clippy --locked --no-default-features --all-targets -- -D warnings
+
+style: $(VENV)/dev
 	$(BIN)/ruff check python tests benches examples packaging ros2 docs/*.py docs/_ext
 	$(BIN)/ruff format --check python tests benches examples packaging ros2 docs/*.py docs/_ext
 
@@ -82,19 +93,21 @@ test-long: $(VENV)/installed $(VENV)/dev
 	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib kernels
 	LONG=1 $(BIN)/python -m pytest -n auto tests/python/core/test_differential.py
 
-# All tests with all features; the unit tests without any. make release-check runs all tests without features, too.
+# All tests with all features. Without any, clippy compiles them here, and make release-check runs them.
 rust:
 	@mkdir -p target
 	$(CARGO_TEST) --all-features 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
-	$(CARGO_TEST) --no-default-features --lib 2>&1 | tee -a $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --all-features
 
 # Against the installed wheel, never against the source folder.
-python: $(VENV)/installed $(VENV)/dev
+# A worker takes tests in a row, so that fixtures of a file are made once.
+python: $(VENV)/dev
 	@mkdir -p target
+	$(BIN)/python -m pytest -n auto --dist worksteal 2>&1 | tee $(LOG).python; test $${PIPESTATUS[0]} -eq 0
+
+types: $(VENV)/dev
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest surefix._core
-	$(BIN)/python -m pytest -n auto 2>&1 | tee $(LOG).python; test $${PIPESTATUS[0]} -eq 0
 
 examples: $(VENV)/installed
 	cargo run --locked --profile test-release --all-features --example stream
@@ -127,13 +140,13 @@ instructions-accept:
 	$(PYTHON) benches/instructions.py --accept
 
 # Of the installed wheel. A warning ends the build: a link into nowhere, a name without a page, a notebook that fails.
-docs: $(VENV)/docs
+docs: $(VENV)/dev
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --fresh-env -d target/doctrees docs out/docs
 	@echo "Made out/docs/index.html"
 
 # Those of the front page are recorded in tmux and Chromium. Those of the gallery need real data, and are not drawn here:
 # docs/gallery.py DATA.
-figures: $(VENV)/docs $(VENV)/dev
+figures: $(VENV)/dev
 	$(BIN)/python docs/pages.py
 	$(BIN)/python docs/front.py
 
@@ -211,7 +224,7 @@ $(TOOLS)/cargo-%:
 
 $(VENV)/made:
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip "maturin>=1.16,<2"
+	$(BIN)/python -m pip install --quiet "maturin>=1.16,<2" uv
 	@touch $@
 
 $(VENV)/wheel: $(VENV)/made $(SOURCES)
@@ -223,22 +236,19 @@ $(VENV)/packaging: $(VENV)/made
 	$(BIN)/python -m pip install --quiet auditwheel ziglang
 	@touch $@
 
+# uv takes a fifth of pip's time. A wheel of the version that is there is installed anew.
+INSTALL := $(BIN)/uv pip install --quiet --python $(BIN)/python --reinstall-package surefix "$$(echo $(WHEELS)/*.whl)
 $(VENV)/installed: $(VENV)/wheel
-	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps $(WHEELS)/*.whl
-	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[report]"
+	$(INSTALL)[report]"
 	@touch $@
 
-# Rerun is as large as all the rest: `dev` leaves it out, and the checks do not.
-$(VENV)/dev: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[dev,live]"
-	@touch $@
-
-$(VENV)/docs: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[docs]"
-	@touch $@
+# All at once. Rerun is as large as all the rest: `dev` leaves it out, and the checks do not.
+$(VENV)/dev: $(VENV)/wheel
+	$(INSTALL)[report,dev,live,docs]"
+	@touch $(VENV)/installed $@
 
 $(VENV)/rivals: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --group bench
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --group bench
 	@touch $@
 
 clean:

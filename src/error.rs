@@ -4,16 +4,17 @@ use std::path::PathBuf;
 use std::{fmt, io};
 
 use crate::dtype::Dtype;
+use crate::plain::Plain;
 
 /// Every error of the library.
 ///
 /// A call that returns one has left its object as it was. Its `Debug` is the message, too: that is
-/// what a `main` which returns it prints.
+/// what a `main` which returns it prints. Control characters of names are escaped in it.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// An option is outside its range.
-    #[error("option `{name}`: expected {expected}, got {got}")]
+    #[error("option `{name}`: expected {expected}, got {}", Plain(.got))]
     Option {
         /// The option's name, the same in Rust, Python and on the command line.
         name: &'static str,
@@ -112,7 +113,7 @@ pub enum Error {
     },
 
     /// An image that cannot be read.
-    #[error("image {name}: {reason}")]
+    #[error("image {}: {}", Plain(.name), Plain(.reason))]
     Image {
         /// The file, or the index in a list.
         name: String,
@@ -121,7 +122,7 @@ pub enum Error {
     },
 
     /// Images of one traverse must have one size.
-    #[error("image {name}: expected {} x {} pixels like the ones before it, got {} x {}", .expected.0, .expected.1, .got.0, .got.1)]
+    #[error("image {}: expected {} x {} pixels like the ones before it, got {} x {}", Plain(.name), .expected.0, .expected.1, .got.0, .got.1)]
     ImageSize {
         /// The file, or the index in a list.
         name: String,
@@ -132,7 +133,7 @@ pub enum Error {
     },
 
     /// A folder or a pattern without images.
-    #[error("{place}: expected images (png, jpeg, bmp, tiff, webp or pnm), found none{}{left_out}", if left_out.is_empty() { "" } else { "; " })]
+    #[error("{}: expected images (png, jpeg, bmp, tiff, webp or pnm), found none{}{}", Plain(.place), if left_out.is_empty() { "" } else { "; " }, Plain(.left_out))]
     NoImages {
         /// The folder or the pattern.
         place: String,
@@ -141,7 +142,7 @@ pub enum Error {
     },
 
     /// The operating system refused a file.
-    #[error("{}: cannot {action}: {source}", .path.display())]
+    #[error("{}: cannot {action}: {}", Plain(.path.display()), Plain(.source))]
     Io {
         /// The file.
         path: PathBuf,
@@ -152,7 +153,7 @@ pub enum Error {
     },
 
     /// A file that is not a map, or a damaged one.
-    #[error("{}: not a usable surefix map: {reason}", .path.display())]
+    #[error("{}: not a usable surefix map: {}", Plain(.path.display()), Plain(.reason))]
     MapFile {
         /// The file.
         path: PathBuf,
@@ -161,7 +162,7 @@ pub enum Error {
     },
 
     /// A map written by a newer version of the library.
-    #[error("{}: map format {found}, but this version of surefix reads up to {supported}: upgrade surefix", .path.display())]
+    #[error("{}: map format {found}, but this version of surefix reads up to {supported}: upgrade surefix", Plain(.path.display()))]
     MapVersion {
         /// The file.
         path: PathBuf,
@@ -172,7 +173,7 @@ pub enum Error {
     },
 
     /// Places that cannot follow those of a map.
-    #[error("{map}: cannot append: expected {expected}, got {got}")]
+    #[error("{}: cannot append: expected {}, got {}", Plain(.map), Plain(.expected), Plain(.got))]
     Append {
         /// The map's file, "the map", or the index of the one that cannot be joined to the first.
         map: String,
@@ -183,14 +184,14 @@ pub enum Error {
     },
 
     /// A snapshot that does not fit: damaged, of another map, or of another configuration.
-    #[error("snapshot: {reason}")]
+    #[error("snapshot: {}", Plain(.reason))]
     Snapshot {
         /// The part that does not fit.
         reason: String,
     },
 
     /// Settings that cannot be read, or that are for another map.
-    #[error("settings: {reason}")]
+    #[error("settings: {}", Plain(.reason))]
     Settings {
         /// Why not.
         reason: String,

@@ -73,6 +73,7 @@ mod method;
 mod motion;
 mod numbers;
 mod parallel;
+mod plain;
 mod post;
 mod preallocated;
 mod random;

@@ -148,9 +148,13 @@ impl Settings {
     /// # Errors
     /// [`Error::Settings`].
     pub fn from_toml(text: &str) -> Result<Self, Error> {
-        let refused = |error: toml::de::Error| error.to_string().trim_end().to_owned();
-        let settings: Self =
-            toml::from_str(text).map_err(|error| Error::Settings { reason: refused(error) })?;
+        let refused = |error: toml::de::Error| {
+            let before = error.span().and_then(|span| text.get(..span.start));
+            let line = before.map(|before| format!("line {}: ", 1 + before.matches('\n').count()));
+            let reason = format!("{}{}", line.unwrap_or_default(), error.message());
+            Error::Settings { reason }
+        };
+        let settings: Self = toml::from_str(text).map_err(refused)?;
         settings.threshold.as_ref().map_or(Ok(()), Threshold::check)?;
         Ok(settings)
     }

@@ -4,7 +4,6 @@ Text and lines take the notebook's own colour; the hues are seen on light and on
 """
 
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy.typing as npt
 
 from surefix._colours import LIGHT
 from surefix._core import Alignment, Evaluation, Map, Run
-from surefix._words import plural
+from surefix._words import escaped, plural
 
 __all__ = ["of_alignment", "of_audit", "of_evaluation", "of_map", "of_run"]
 
@@ -156,7 +155,7 @@ def _places(
     dots = [_dots(at[which[shown]], colour, size) for which, colour, size, _ in kinds]
     corner = np.array([[0, 0], [0, HEIGHT], [WIDTH, HEIGHT]])
     named = ", ".join(
-        f'<span style="color:{colour}">&#9679;</span> {escape(name)}'
+        f'<span style="color:{colour}">&#9679;</span> {escaped(name)}'
         for _, colour, _, name in reversed(kinds)
     )
     words = f"place (up) of {plural(m, 'query', 'queries')} (across)"
@@ -185,7 +184,7 @@ def _svg(
     parts: Iterable[str], words: str, size: tuple[int, int] = (WIDTH, HEIGHT), key: str = ""
 ) -> str:
     """A drawing with its description, and below it a line in words."""
-    said = f"{escape(words)}{'; ' if key else ''}{key}"
+    said = f"{escaped(words)}{'; ' if key else ''}{key}"
     look = "font-size:smaller;opacity:0.85"
     return f'{_drawn(parts, words, size)}<div style="{look}">{said}</div>'
 
@@ -193,22 +192,22 @@ def _svg(
 def _drawn(parts: Iterable[str], words: str, size: tuple[int, int]) -> str:
     width, height = size
     view = f'viewBox="-5 -5 {width + 10} {height + 10}" width="{width + 10}"'
-    start = f'<svg {view} height="{height + 10}" role="img" aria-label="{escape(words)}">'
+    start = f'<svg {view} height="{height + 10}" role="img" aria-label="{escaped(words)}">'
     return f"{start}{''.join(parts)}</svg>"
 
 
 def _whole(title: str, rows: Sequence[tuple[str, ...]], drawing: str = "") -> str:
     """The rows, each of a name, a value and perhaps a drawing; and a drawing beside them."""
     cells = "".join(
-        f'<tr style="background:none"><td style="{CELL}">{escape(name)}</td>'
-        f'<td style="{CELL}">{escape(value)}</td>'
+        f'<tr style="background:none"><td style="{CELL}">{escaped(name)}</td>'
+        f'<td style="{CELL}">{escaped(value)}</td>'
         + "".join(f'<td style="{CELL}">{each}</td>' for each in drawn)
         + "</tr>"
         for name, value, *drawn in rows
     )
     return (
         '<div class="surefix" style="display:flex;flex-wrap:wrap;gap:8px 24px">'
-        f"<div><strong>surefix.{escape(title)}</strong>"
+        f"<div><strong>surefix.{escaped(title)}</strong>"
         f'<table style="border:0;margin:4px 0"><tbody>{cells}</tbody></table></div>'
         f"<div>{drawing}</div></div>"
     )

@@ -13,7 +13,8 @@ def terminal_bar(label: str) -> Callable[[int, int], None] | None:
     if sys.stderr is None or not sys.stderr.isatty():
         return None
     from rich import progress as rich
-    from rich.console import Console
+
+    from surefix._terminal import Console
 
     columns = ("{task.description}", rich.BarColumn(), rich.MofNCompleteColumn())
     console = Console(stderr=True)

@@ -1,12 +1,26 @@
 """Counts and places in sentences."""
 
-import shutil
+import re
 from collections.abc import Sequence
-from textwrap import fill
-from typing import TYPE_CHECKING, Any, TextIO
+from html import escape
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from surefix import Segments
+
+# What a terminal takes as a command, or shows in another order: control characters, the ends of
+# lines and the directions of Unicode, and bytes in a file's name that are no text.
+COMMANDS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def plain(text: str) -> str:
+    """The text with those characters escaped, as ``repr`` has them: so does ``src/plain.rs``."""
+    return COMMANDS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def escaped(text: str) -> str:
+    """The same as text of HTML or an attribute of it."""
+    return escape(plain(text))
 
 
 def plural(count: int, one: str, more: str = "") -> str:
@@ -17,17 +31,6 @@ def plural(count: int, one: str, more: str = "") -> str:
 def verb(count: int) -> str:
     """The verb after a count."""
     return "is" if count == 1 else "are"
-
-
-def fitted(text: str, stream: TextIO) -> str:
-    """The text for a stream: on a terminal its lines are broken between words, names of files stay
-    whole.
-    """
-    if not stream.isatty():
-        return text
-    how: Any = {"break_long_words": False, "break_on_hyphens": False}
-    wide = shutil.get_terminal_size().columns
-    return "\n".join(fill(line, wide, **how) for line in text.splitlines())
 
 
 def columns(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -1,19 +1,18 @@
 """A comparison of runs as a table: printed, as CSV, JSON, Markdown and HTML."""
 
-import csv
 import io
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from surefix._staged import staged
-from surefix._words import columns, plural
+from surefix._words import columns, escaped, plural
 from surefix.auditing import Estimate
 from surefix.judged import FIGURES, HEADINGS, Judged, Recall
+from surefix.tables.csv_rows import row_writer
 
 __all__ = ["BASELINE", "UNSURE", "Compared", "Comparison", "Estimates", "signed", "write_whole"]
 
@@ -154,21 +153,24 @@ class Comparison:
                 found.append((run.name, figure, *numbers, said or None))
         return found
 
-    def to_csv(self, path: str | Path) -> None:
+    def to_csv(self, path: str | Path, spreadsheet: bool = False) -> None:
         """Writes a row for each figure of each run, with the columns run, figure, value, low, high,
-        difference, difference_low, difference_high and verdict. Numbers have all their digits.
+        difference, difference_low, difference_high and verdict. Numbers have all their digits. For
+        a ``spreadsheet``, a name that would be a formula there gets a ``'`` before it.
 
         Raises
         ------
         SurefixFileError
             If the file cannot be written; an older one is then as it was.
         """
-        write_whole(Path(path), self.csv())
+        write_whole(Path(path), self.csv(spreadsheet))
 
-    def csv(self) -> str:
+    def csv(self, spreadsheet: bool = False) -> str:
         """The same as a text."""
         file = io.StringIO()
-        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *self.rows()])
+        write = row_writer(file, spreadsheet)
+        for row in (COLUMNS, *self.rows()):
+            write(row)
         return file.getvalue()
 
     def json(self) -> str:
@@ -231,11 +233,11 @@ class Comparison:
         return "\n\n".join(parts) + "\n"
 
     def _repr_html_(self) -> str:
-        parts = [f"<p>{escape(self.how)}</p>"]
+        parts = [f"<p>{escaped(self.how)}</p>"]
         for header, rows in (self.table(), self.differences()):
-            head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
+            head = "".join(f"<th>{escaped(cell)}</th>" for cell in header)
             body = "".join(
-                f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
+                f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in row)}</tr>" for row in rows
             )
             parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
         return "".join(parts)

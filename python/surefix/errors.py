@@ -2,9 +2,17 @@
 
 from pathlib import Path
 
+from surefix._words import plain
+
 
 class SurefixError(Exception):
-    """Every error of surefix. A call that raises one has left its object as it was."""
+    """Every error of surefix. A call that raises one has left its object as it was.
+
+    Its text is one line: of names in it, control characters are escaped.
+    """
+
+    def __str__(self) -> str:
+        return plain(super().__str__())
 
 
 class SurefixValueError(SurefixError, ValueError):

@@ -30,6 +30,7 @@ mod map_positions;
 mod map_segments;
 mod never_panics;
 mod paper;
+mod plain;
 mod post;
 #[path = "../../src/random.rs"]
 mod random;

@@ -3,13 +3,16 @@
 import io
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from surefix import SurefixError, __version__
-from surefix._words import fitted
+from surefix._terminal import fitted, say
+from surefix._words import plain
 from surefix.cli.align import align_
 from surefix.cli.audit import audit_
 from surefix.cli.bench import bench
@@ -54,13 +57,28 @@ class Ordered(TyperGroup):
         for name, command in known.items():
             command.rich_help_panel = named[name]
 
+    def make_context(self, *given: Any, **more: Any) -> Any:
+        """Reads the words before the command's name."""
+        with readable():
+            return super().make_context(*given, **more)
+
     def invoke(self, ctx: Any) -> Any:
-        """Runs the command; an option that is refused has its flag's name in the error."""
-        try:
+        """Runs the command."""
+        with readable():
             return super().invoke(ctx)
-        except typer.BadParameter as error:
+
+
+@contextmanager
+def readable() -> Iterator[None]:
+    """An option that is refused has its flag's name in the error, and is shown as plain text."""
+    try:
+        yield
+    except typer.TyperException as error:
+        if isinstance(error, typer.BadParameter):
             error.message = in_flags(error.message, error.ctx)
-            raise
+        if isinstance(message := getattr(error, "message", None), str):
+            error.message = plain(message)
+        raise
 
 
 app = typer.Typer(
@@ -170,7 +188,7 @@ app.command(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        print(f"surefix {__version__}")
+        say(f"surefix {__version__}")
         raise typer.Exit
 
 
@@ -197,16 +215,16 @@ def main() -> None:
             sys.stdout.flush()
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            print("surefix: interrupted", file=sys.stderr)
+            say("surefix: interrupted", file=sys.stderr)
         raise
     except SurefixError as error:
-        print(fitted(f"surefix: {error}", sys.stderr), file=sys.stderr)
+        say(*fitted(f"surefix: {error}", sys.stderr), file=sys.stderr)
         sys.exit(1)
     except MemoryError as error:
         # NumPy names the array that it could not have; its address space may be what is limited.
         asked = str(error) or "there is not enough memory"
         limits = ", ".join(f"{in_gb(max(free, 0))} are {whose}" for free, whose in limits_left())
-        print(
+        say(
             f"surefix: {asked[0].lower()}{asked[1:]}; {limits or 'no limit is known'}",
             file=sys.stderr,
         )
@@ -214,7 +232,7 @@ def main() -> None:
     except OSError as error:
         # A reader such as `head` has seen enough; any other refusal, such as a full disk, is said.
         if not isinstance(error, BrokenPipeError):
-            print(f"surefix: cannot write: {error.strerror or error}", file=sys.stderr)
+            say(f"surefix: cannot write: {error.strerror or error}", file=sys.stderr)
         # Python would complain once more when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -14,6 +14,7 @@ import typer
 from surefix import SurefixValueError, align
 from surefix._extra import drawing
 from surefix._progress import terminal_bar
+from surefix._terminal import say
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
@@ -117,7 +118,7 @@ def align_(
             **how,
         )
         where += f", and a report, {page}"
-    print(
+    say(
         f"{plural(len(alignment), 'query', 'queries')}, {found} with a reference of confidence "
         f"{least:g} or more, {away} probably off the map, in {where}",
         file=sys.stderr,

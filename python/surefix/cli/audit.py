@@ -8,6 +8,7 @@ import typer
 
 from surefix import Audit, audit, match, match_distances
 from surefix._progress import terminal_bar
+from surefix._terminal import say
 from surefix._words import columns, plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
@@ -79,25 +80,25 @@ def audit_(
     how["progress"] = terminal_bar("Aligning")
     found = refusing_options(audit, *drive.given, run=run, **how)
     of = "of the techniques fused " if found.techniques else ""
-    print(f"Single matches {of}right: {found.recall_at_1} of {_count(found)}")
+    say(f"Single matches {of}right: {found.recall_at_1} of {_count(found)}")
     trusted = int(found.trusted.sum())
     if trusted:
-        print(f"Trusted matches right: {found.trusted_precision} of {trusted}")
+        say(f"Trusted matches right: {found.trusted_precision} of {trusted}")
     else:
-        print("Trusted matches: none")
+        say("Trusted matches: none")
     if accept is not None:
         accepted, right = (
             int(found.accepted(1 - accept).sum()),
             found.accepted_precision(1 - accept),
         )
         said = f"{right} of {accepted}" if accepted else "there are none"
-        print(f"Fixes of a confidence of {accept:g} or more that are right: {said}")
+        say(f"Fixes of a confidence of {accept:g} or more that are right: {said}")
     if found.techniques:
         _print_ranking(found, drive.names)
     _print_thresholds(found)
-    print("\nEach with its 95 % interval, estimated from an alignment, without ground truth.")
+    say("", "Each with its 95 % interval, estimated from an alignment, without ground truth.")
     for warning in _warnings(found, motion):
-        print(warning)
+        say(warning)
 
 
 def _warnings(found: Audit, motion: str) -> Iterator[str]:
@@ -138,15 +139,13 @@ def _print_ranking(found: Audit, names: Sequence[str]) -> None:
         )
         if each is not best and less.low <= 0:
             level.append(names[index])
-    print("\nThe techniques, all by one alignment of their fusion:")
+    say("", "The techniques, all by one alignment of their fusion:")
     print_columns(rows)
     first = names[order[0]]
     if level:
-        print(
-            f"{first} is not surely the best: the drive does not tell it from {', '.join(level)}."
-        )
+        say(f"{first} is not surely the best: the drive does not tell it from {', '.join(level)}.")
     else:
-        print(f"{first} is the best here: better than each of the others beyond the interval.")
+        say(f"{first} is the best here: better than each of the others beyond the interval.")
 
 
 def _print_thresholds(found: Audit) -> None:
@@ -156,10 +155,10 @@ def _print_thresholds(found: Audit) -> None:
         accepted = found.accepted(1 - threshold)
         right = str(found.accepted_precision(1 - threshold)) if accepted.any() else "none"
         rows.append((f"{threshold:g}", f"{accepted.mean():.0%}", right))
-    print("\nThe tracker's fixes, if those of at least a confidence are accepted:")
+    say("", "The tracker's fixes, if those of at least a confidence are accepted:")
     print_columns(rows)
 
 
 def print_columns(rows: Sequence[Sequence[str]]) -> None:
     """A table in plain columns, its header first."""
-    print("\n".join(columns(rows)))
+    say(*columns(rows))

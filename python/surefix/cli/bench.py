@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import numpy.typing as npt
 import typer
-from rich.console import Console
 
 from surefix import Localizer, Map, Matcher, Sad
 from surefix._core import instruction_set
+from surefix._terminal import Console, say
 from surefix.cli.flags import documented
 from surefix.machine import machine
 
@@ -64,22 +64,22 @@ def bench(
         localizer = Localizer(known, threads=threads, sequence_length=sequence_length)
         matcher = Matcher(places, sequence_length=sequence_length)
     size = known.descriptors.nbytes
-    print(f"{machine()}, {instruction_set()}")
-    print(
+    say(f"{machine()}, {instruction_set()}")
+    say(
         f"{places:,} places x {known.dim:,} {known.dtype}, {known.metric}, {size / 1e6:,.1f} MB; "
         f"L = {sequence_length}, {localizer.threads} thread{'s' * (localizer.threads > 1)}"
     )
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Pushing"):
         name = "image to fix" if image else "descriptor to fix"
-        print(f"{'':<20}" + "".join(f"{quantile:>12}" for quantile in QUANTILES) + "      pushes")
-        print(_row(name, timed(localizer.push, frames, pushes, sequence_length)))
-        print(_row("distances to fix", timed(matcher.push, columns, pushes, sequence_length)))
+        say(f"{'':<20}" + "".join(f"{quantile:>12}" for quantile in QUANTILES) + "      pushes")
+        say(_row(name, timed(localizer.push, frames, pushes, sequence_length)))
+        say(_row("distances to fix", timed(matcher.push, columns, pushes, sequence_length)))
         if known.post is None:
             # One thread's scan: the whole column of distances, without a screen.
             scan = float(np.median(timed(known.distances, _queries(rng, known), pushes, 1)))
             speed = memory_speed(size)
             took = f"{size / scan:>9.1f} GB/s ({_duration(scan)})"
-            print(f"scan on one thread  {took}; the memory gives {speed / 1e9:.1f} GB/s")
+            say(f"scan on one thread  {took}; the memory gives {speed / 1e9:.1f} GB/s")
 
 
 def timed(

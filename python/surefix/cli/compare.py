@@ -1,16 +1,18 @@
 """``surefix compare``: runs, methods or descriptors in one table, with intervals."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from surefix import Comparison
 from surefix._extra import drawing
+from surefix._terminal import Console, say
+from surefix._words import plain
 from surefix.baselines import METHODS
 from surefix.cli import inputs
 from surefix.cli.flags import documented, with_options
@@ -59,6 +61,7 @@ def compare_(
     order: inputs.Order = "name",
     strict: inputs.Strict = False,
     crop: inputs.Crop = False,
+    spreadsheet: inputs.Spreadsheet = False,
 ) -> None:
     """Compare runs, methods or descriptors: one table, with intervals of each difference.
 
@@ -128,15 +131,16 @@ def compare_(
             reports[name] = make.drive(run, drive, sampling)
     judged = chosen(reports, method or ())
     known = [each.name for each in judged]
+    against = None if against is None else plain(against)
     unknown = against is not None and against not in known
     refuse(unknown, f"--against: expected one of {', '.join(known)}, got {against!r}")
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Drawing the queries anew"):
         comparison = compare_judged(judged, against, not unpaired, recall, upto, samples)
     for note in comparison.notes:
-        print(f"Note: {note}", file=sys.stderr)
+        say(f"Note: {note}", file=sys.stderr)
     if out is None and not sys.stdout.isatty():
-        sys.stdout.write(comparison.csv())
+        sys.stdout.write(comparison.csv(spreadsheet))
         return
     if sys.stdout.isatty():
         _print(comparison)
@@ -144,9 +148,13 @@ def compare_(
         if write_page is not None:
             write_page(comparison, out)
         else:
-            texts = {".csv": comparison.csv, ".json": comparison.json, ".md": comparison.markdown}
+            texts: dict[str, Callable[[], str]] = {
+                ".csv": partial(comparison.csv, spreadsheet),
+                ".json": comparison.json,
+                ".md": comparison.markdown,
+            }
             write_whole(out, texts[out.suffix]())
-        print(f"Made {out}: {len(comparison)} runs against {comparison.against}")
+        say(f"Made {out}: {len(comparison)} runs against {comparison.against}")
 
 
 def _named(runs: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -160,7 +168,8 @@ def _named(runs: Sequence[str]) -> tuple[list[str], list[str]]:
         report = place.is_file() and is_report(place)
         paths.append(str(place.parent if report else place))
         given.append(name if named else "")
-    names = [name or short for name, short in zip(given, labels(paths), strict=True)]
+    # They stand in tables and pictures.
+    names = [plain(name or short) for name, short in zip(given, labels(paths), strict=True)]
     for name in names:
         expected = "RUNS: expected a name each, as NAME=PATH,"
         refuse(names.count(name) > 1, f"{expected} got {name} twice")
@@ -214,16 +223,17 @@ def _writer() -> Any:
 
 def _print(comparison: Comparison) -> None:
     """Both tables; better and worse stand out."""
-    console = Console(highlight=False)
+    console = Console()
     header, rows = comparison.table()
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for name in header:
         table.add_column(name, header_style="bold", overflow="fold")
     for row in rows:
         table.add_row(*row)
-    console.print(comparison.how, "\n", markup=False)
+    console.print(comparison.how)
+    console.print()
     console.print(table)
     console.print()
     for line, said in comparison.lines():
         style = {UNSURE: "dim", SAME: "dim"}.get(said, "bold")
-        console.print(line, style=style, markup=False, soft_wrap=True)
+        console.print(line, style=style, soft_wrap=True)

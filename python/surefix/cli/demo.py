@@ -7,10 +7,10 @@ from typing import Annotated, Final
 
 import numpy as np
 import typer
-from rich.console import Console
 
 from surefix import Localizer, Map, Sad, SurefixError, match_distances
 from surefix._extra import drawing
+from surefix._terminal import Console, say
 from surefix.baselines import Context
 from surefix.cli.inputs import refuse
 from surefix.cli.pages import Open, show
@@ -106,34 +106,34 @@ def demo(
     reference, revisit = route.reference(), route.revisit(legs=legs(places))
     kilometres = float(reference.positions[-1]) / 1000
     size = f"{width} x {height} pixels"
-    print(f"Route: {places} places along {kilometres:.1f} km, generated (seed {seed}), {size}")
+    say(f"Route: {places} places along {kilometres:.1f} km, generated (seed {seed}), {size}")
 
     start = time.perf_counter()
     known = Map.from_images(reference, Sad())
     mapped = time.perf_counter()
     rows = f"{len(known)} places x {known.dim} {known.dtype}"
-    print(f"Mapped on a summer noon: {rows}, in {mapped - start:.1f} s")
+    say(f"Mapped on a summer noon: {rows}, in {mapped - start:.1f} s")
     demo_ = _localize(known, reference, revisit, seed, sequence_length)
     localized = time.perf_counter()
     run, right, sure = demo_.run, demo_.right, demo_.sure
     off = int(demo_.study.off_map.sum())
     median, p99 = np.quantile(demo_.latency, (0.5, 0.99)) * 1000
     weighted, plain = (r.curve.auc(UPTO) for r in (demo_.study.shown, demo_.study.baseline))
-    print(
+    say(
         f"Localized on a winter afternoon: {len(right)} fixes, {median:.2f} ms each (median; p99 "
-        f"{p99:.2f} ms)\n"
+        f"{p99:.2f} ms)",
         f"All fixes: {int(right.sum())} of the {len(right) - off} on the map right, and {off} "
-        "taken off it\n"
+        "taken off it",
         f"Trusted fixes: {int((run.trusted & right).sum())} of {int(run.trusted.sum())} right, "
-        f"{int((run.trusted & ~right).sum())} wrong\n"
+        f"{int((run.trusted & ~right).sum())} wrong",
         f"Sure fixes, of confidence {ACCEPT:g} or more: {int((sure & right).sum())} of "
-        f"{int(sure.sum())} right, {int((sure & ~right).sum())} wrong\n"
+        f"{int(sure.sum())} right, {int((sure & ~right).sum())} wrong",
         f"The paper's sequence, area under the precision-recall curve up to recall {UPTO:g}: "
-        f"{weighted:.2f}, without weighting {plain:.2f}"
+        f"{weighted:.2f}, without weighting {plain:.2f}",
     )
 
     if undrawn is not None:
-        print(undrawn)
+        say(undrawn)
         return
     options = f"--places {places} --width {width} --height {height} --seed {seed}"
     command = f"surefix demo {options} --sequence-length {sequence_length}"
@@ -145,13 +145,13 @@ def demo(
 
         report = write_report(demo_, out, command, seconds)
     took = time.perf_counter() - begin
-    print(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
+    say(f"Made {report}, with its pictures and the fixes beside it, in {took:.1f} s")
     show(report, open_)
 
 
 def _save_drives(folder: Path, form: Form, road: Route) -> None:
     summer, winter = written(folder, form, road)
-    print(f"Made {summer} and {winter}; try: surefix run {summer} {winter}")
+    say(f"Made {summer} and {winter}; try: surefix run {summer} {winter}")
 
 
 def _prepare(out: Path) -> str | None:
@@ -172,20 +172,20 @@ def _town(
     begin = time.perf_counter()
     made = drive_through(places, size, seed)
     m, roads = len(made.drive), made.town.segments
-    print(
+    say(
         f"Town: {len(roads)} roads of {places} places, one of them a ring, with "
-        f"{len(roads.links)} junctions, generated (seed {seed})\n"
+        f"{len(roads.links)} junctions, generated (seed {seed})",
         "Mapped on a summer noon and in autumn; driven on a winter afternoon: in, one and a half "
-        "times round, and out"
+        "times round, and out",
     )
     for name, told in ((BEST, "On the map of the town"), (ONE_LINE, "On a map that is one line")):
         right, sure = made.right[name], made.sure(name)
-        print(
+        say(
             f"{told}: {int(right.sum())} of {m} fixes right; of the {int(sure.sum())} sure ones "
             f"(confidence {ACCEPT:g} or more) {int((sure & right).sum())}"
         )
     if undrawn is not None:
-        print(undrawn)
+        say(undrawn)
         return None
     command = (
         f"surefix demo --town --places {places} --width {size[0]} --height {size[1]} --seed {seed}"
@@ -195,7 +195,7 @@ def _town(
 
         report = write_town(made, out, command, time.perf_counter() - begin)
     took = time.perf_counter() - begin
-    print(f"Made {report}, with its pictures, the map and the fixes beside it, in {took:.1f} s")
+    say(f"Made {report}, with its pictures, the map and the fixes beside it, in {took:.1f} s")
     return report
 
 

@@ -10,13 +10,13 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from surefix import Map, SurefixError, __version__, match
 from surefix._core import instruction_set
 from surefix._extra import ABSENT, EXTRAS
+from surefix._terminal import Console, say
 from surefix._words import plural
 from surefix.cli.flags import documented
 from surefix.descriptors import HUB_MODELS
@@ -40,7 +40,7 @@ def doctor(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
     with Console(stderr=True, force_terminal=sys.stderr.isatty()).status("Looking around"):
         facts = {"version": __version__, "check": check()} | machine_facts() | extra_facts()
     if as_json:
-        print(json.dumps(facts))
+        say(json.dumps(facts))
     else:
         _print(facts)
     if facts["check"] is not None:
@@ -143,7 +143,7 @@ def _print(facts: dict[str, Any]) -> None:
         if terminal:
             table.add_row(Text(name), Text(said, style))
         else:
-            print(f"{name:<13}{said}".rstrip())
+            say(f"{name:<13}{said}".rstrip())
 
     wrong = facts["check"]
     cores = plural(facts["cores"], "core")
@@ -168,7 +168,7 @@ def _print(facts: dict[str, Any]) -> None:
             said = ", ".join(f"{title} {which}" for title, which in extra["packages"].items())
         row(f"[{name}]", said, _style(not extra["problems"]))
     if terminal:
-        Console(highlight=False).print(table)
+        Console().print(table)
 
 
 def _lacking(extra: dict[str, Any]) -> str:

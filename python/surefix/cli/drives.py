@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from surefix import Localizer, Map, Sad, SurefixValueError
 from surefix._progress import Bar, terminal_bar
+from surefix._terminal import say
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.inputs import refuse
@@ -213,7 +214,7 @@ def look_at(place_map: Map, frames: Frames, crop: bool = False) -> None:
             clipping.add(image)
     for warning in (*warnings, clipping.warning):
         if warning is not None:
-            print(warning, file=sys.stderr)
+            say(warning, file=sys.stderr)
 
 
 class MapColumns(Columns):

@@ -12,6 +12,7 @@ import typer
 
 from surefix import Map, Segments, SurefixValueError, align
 from surefix._progress import terminal_bar
+from surefix._terminal import say
 from surefix._words import plural, verb
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
@@ -201,7 +202,7 @@ def traverse(
     if doubt := _doubt(alignment.place, sure, driven.advance):
         said = f"{drive} may be a drive of another road than {file}: {doubt}"
         refuse(out is None, f"--out: expected another file to write, as {said}; got none")
-        print(f"Warning: {said}", file=sys.stderr)
+        say(f"Warning: {said}", file=sys.stderr)
     made = route.add_traverse(rows, alignment, least=least, label=label or _label(drive))
     made.save(to)
     used = int(sure.sum())
@@ -268,7 +269,7 @@ def said_twice(route: Map) -> list[str]:
 
 def _say(done: str, out: Path, start: float, notes: list[str]) -> None:
     said = f"{done}: {size_of(out)}, in {time.perf_counter() - start:.1f} s"
-    print("; ".join([said, *notes]))
+    say("; ".join([said, *notes]))
 
 
 def _target(file: Path, out: Path | None) -> Path:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
+from rich.text import Text
 
 from surefix import Motion, SurefixError, SurefixValueError, match_distances
 from surefix._extra import drawing
+from surefix._terminal import Console, say
 from surefix._words import plural
 from surefix.baselines import METHODS, Context
 from surefix.cli import inputs, scenarios
@@ -118,6 +119,7 @@ def eval_(
     order: inputs.Order = "name",
     strict: inputs.Strict = False,
     crop: inputs.Crop = False,
+    spreadsheet: inputs.Spreadsheet = False,
     open_: Open = False,
 ) -> None:
     """Compare methods on a drive whose truth is known: curves, a table, and where it fails, in one
@@ -171,7 +173,7 @@ def eval_(
     if truth is None and query_positions is None:
         query_positions = gps_of(odometry, queries)
         if query_positions is not None:
-            print(f"--query-positions: {query_positions}, as --odometry", file=sys.stderr)
+            say(f"--query-positions: {query_positions}, as --odometry", file=sys.stderr)
     by_matrix, by_position = is_matrix(route), query_positions is not None
     chosen = ModelOptions(model, weights, output)
     drives = scenarios.chosen(scenario or (), speed_profile)
@@ -357,12 +359,13 @@ def eval_(
         context = replace(context, techniques=techniques)
     size = f"{plural(places, 'place')} x {plural(count, 'query', 'queries')}"
     how_long = "as they are needed" if streamed else f"in {time.perf_counter() - start:.1f} s"
-    print(f"Distances: {size}, {how_long}")
+    say(f"Distances: {size}, {how_long}")
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     with console.status("Comparing the methods") as status:
 
-        def say(result: "Result") -> None:
-            status.update(f"Comparing the methods: {result.name} done")
+        def done(result: "Result") -> None:
+            # Of a string, Rich would read markup.
+            status.update(Text(f"Comparing the methods: {result.name} done"))
 
         how: dict[str, Any] = {"profile": speeds, "spacing": spacing}
         how |= {"scale_error": odometry_scale, "noise": odometry_noise}
@@ -370,10 +373,10 @@ def eval_(
             assert D is not None
             context = Study(D, context).driven(RECORDED, seed, **how).context
         if columns is not None:
-            study: Study = compare_columns(columns, methods, context, recall, say)
+            study: Study = compare_columns(columns, methods, context, recall, done)
         else:
             assert D is not None
-            study = compare(D, methods, context, recall, say)
+            study = compare(D, methods, context, recall, done)
         made = [study.driven(name, seed, **how) for name in drives if name != RECORDED]
         for each in made:
             status.update(f"Comparing the methods: {each.scenario}")
@@ -405,12 +408,13 @@ def eval_(
                 along=along,
                 scenarios=made,
                 drive=drive_of(given.files) if given is not None and given.ready is None else None,
+                spreadsheet=spreadsheet,
             )
     except SurefixError:
         raise
     except OSError as error:
         raise refusal(out, "cannot write the report", error) from None
-    print(
+    say(
         f"Made {report}: {plural(len(study.results), 'method')} compared, with pictures and tables "
         f"beside it, in {time.perf_counter() - begin:.1f} s"
         + "".join(f"; {note}" for note in notes)

@@ -136,7 +136,7 @@ class Summary:
         self.gaps += frame.gap
         self.track.add(fix, frame.advance, frame.breaks)
 
-    def text(self, out: Path | None) -> str:
+    def lines(self, out: Path | None) -> list[str]:
         """The fixes, the trusted ones, those of queries that show nothing, dropped frames, gaps,
         latencies, and the file, in a line; the track, if there is one; and whether the camera was
         frozen.
@@ -144,7 +144,7 @@ class Summary:
         count = len(self.latencies)
         if not count:
             none, stopped = "there was no query that could be used", "it stopped before the first"
-            return f"0 fixes: {none if self.ended else stopped}"
+            return [f"0 fixes: {none if self.ended else stopped}"]
         p50, p99, p999 = np.percentile(np.frombuffer(self.latencies, np.float32), (50, 99, 99.9))
         missing = f"{self.blank} blank, " if self.blank else ""
         missing += f"{plural(self.dropped, 'frame')} dropped, " if self.dropped else ""
@@ -158,4 +158,4 @@ class Summary:
         judged = [f"{self.accepted} accepted ({self.accepted / count:.0%})"] if self.judged else []
         if self.alarm is not None:
             judged.append(ALARM.format(self.alarm))
-        return "\n".join([counts, *self.track.lines(), *judged, *self.repeats.lines()])
+        return [counts, *self.track.lines(), *judged, *self.repeats.lines()]

@@ -8,11 +8,10 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from surefix import Map
+from surefix._terminal import Console, say
 from surefix._words import plural
 from surefix.cli.drives import open_map
 from surefix.cli.flags import documented
@@ -47,16 +46,16 @@ def info(
         _write_geojson(route, file, geojson)
     facts = facts_of(route, file)
     if as_json:
-        print(json.dumps(facts))
+        say(json.dumps(facts))
         return
     table = Table(show_header=False, box=None)
     said = _said_facts(route, facts)
     for name, value in facts.items():
         if (shown := said.get(name, str(value))) is not None:
-            table.add_row(name, Text(shown))
+            table.add_row(name, shown)
     # A pipe has lines of any length.
     width = None if sys.stdout.isatty() else WIDE
-    Console(highlight=False, soft_wrap=True, width=width).print(table)
+    Console(soft_wrap=True, width=width).print(table)
 
 
 def facts_of(route: Map, file: Path) -> dict[str, Any]:

@@ -64,6 +64,13 @@ Strict = Annotated[
         help="Stop at an image or a frame that cannot be read, instead of passing over it.",
     ),
 ]
+Spreadsheet = Annotated[
+    bool,
+    typer.Option(
+        "--spreadsheet",
+        help="CSV for a spreadsheet: text that would be a formula there gets a ' before it.",
+    ),
+]
 Crop = Annotated[
     bool,
     typer.Option(

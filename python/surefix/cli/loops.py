@@ -1,6 +1,5 @@
 """``surefix loops``: close loops on a drive without a map."""
 
-import csv
 import itertools
 import sys
 from contextlib import closing
@@ -11,12 +10,14 @@ import typer
 
 from surefix import LoopCloser, SurefixValueError, frames
 from surefix._progress import Bar, terminal_bar
+from surefix._terminal import say
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
 from surefix.cli.inputs import Place, check_not_read, listed, notes_on, refuse, scale_of
 from surefix.cli.networks import Model, ModelOptions, Output, Weights, open_network
 from surefix.errors import refusal
+from surefix.tables.csv_rows import row_writer
 
 COLUMNS = ("frame", "place", "confidence", "frame_name", "place_name")
 MOTIONS = Literal["loops", "steady", "free", "any"]
@@ -47,6 +48,7 @@ def loops(
     gap: float | None = None,
     order: inputs.Order = "name",
     strict: inputs.Strict = False,
+    spreadsheet: inputs.Spreadsheet = False,
 ) -> None:
     """Close loops on a drive without a map: each frame is compared with the earlier ones.
 
@@ -107,19 +109,21 @@ def loops(
         raise typer.BadParameter(str(error)) from None
     if out is not None:
         check_not_read(out, [*source.files, odometry, *named.files])
-    sure = _close(closer, source, out)
+    sure = _close(closer, source, out, spreadsheet)
     if out is not None and out.suffix == ".g2o":
         closer.to_g2o(out)
-    print(_summary(closer, out), file=sys.stderr)
+    say(_summary(closer, out), file=sys.stderr)
     if out is None and sys.stdout.isatty() and closer.edges:
-        print("not kept: add -o loops.csv", file=sys.stderr)
+        say("not kept: add -o loops.csv", file=sys.stderr)
     if not closer.edges and any(sure):
-        print(_said_surest(sure, confidence, lasting), file=sys.stderr)
+        say(_said_surest(sure, confidence, lasting), file=sys.stderr)
     if notes := notes_on(source):
-        print("; ".join(notes), file=sys.stderr)
+        say("; ".join(notes), file=sys.stderr)
 
 
-def _close(closer: LoopCloser, source: frames.Frames, out: Path | None) -> list[float]:
+def _close(
+    closer: LoopCloser, source: frames.Frames, out: Path | None, spreadsheet: bool
+) -> list[float]:
     """Pushes each frame, and writes each edge as it comes; the confidence of each frame."""
     names: list[str] = []
     sure: list[float] = []
@@ -127,7 +131,7 @@ def _close(closer: LoopCloser, source: frames.Frames, out: Path | None) -> list[
     write: Any = None
     try:
         if file is not None:
-            write = csv.writer(file, lineterminator="\n").writerow
+            write = row_writer(file, spreadsheet)
             write(COLUMNS)
         bar = Bar(terminal_bar("Closing"), None, source.estimate)
         with closing(source.frames()) as drive:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from surefix import Map, Sad, SurefixValueError
+from surefix._terminal import say
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.drives import networks_of
@@ -183,7 +184,7 @@ def build(
     )
     notes = make(references, frames, how, positions, out).notes
     said = f"Made {out}: {size_of(out)}, in {time.perf_counter() - start:.1f} s"
-    print("; ".join([said, *notes]))
+    say("; ".join([said, *notes]))
 
 
 @documented
@@ -296,7 +297,7 @@ def append(
     del whole, longer
     seconds = time.perf_counter() - start
     said = f"Added {count} to {file}: now {size_of(file)}, in {seconds:.1f} s"
-    print("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))
+    say("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))
 
 
 def _bring_odometry(frames: Frames, old: Map, given: bool) -> None:

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
+from surefix._terminal import Console, say
 from surefix.cli.flags import documented
 from surefix.cli.info import WIDE
 from surefix.descriptors import HUB_MODELS
@@ -34,7 +33,7 @@ def models(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
     known = noted().items()
     files = [{"sha256": sum_, "file": str(path)} for sum_, path in known if path.is_file()]
     if as_json:
-        print(json.dumps({"models": found, "files": files}))
+        say(json.dumps({"models": found, "files": files}))
         return
     table = Table(box=None, pad_edge=False)
     for heading in ("name", "dim", "images", "licence", "to install", "here"):
@@ -45,9 +44,9 @@ def models(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
         lacking = [package for package, there in each["packages"].items() if not there]
         packages = ", ".join(lacking) or "none"
         row = (str(each["dim"]), f"{width} x {height}", each["licence"], packages, _said(each))
-        table.add_row(each["name"], *map(Text, row))
+        table.add_row(each["name"], *row)
     width = None if sys.stdout.isatty() else WIDE
-    console = Console(highlight=False, width=width)
+    console = Console(width=width)
     console.print(table)
     lines = [
         "",
@@ -58,7 +57,7 @@ def models(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
     if files:
         lines.append(f"Files that were used here: {', '.join(each['file'] for each in files)}")
     for line in lines:
-        console.print(Text(line), soft_wrap=width is not None)
+        console.print(line, soft_wrap=width is not None)
 
 
 def facts_of(name: str, model: HubModel) -> dict[str, Any]:

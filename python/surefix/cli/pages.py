@@ -13,6 +13,7 @@ import typer
 
 from surefix import Fix, Localizer, Map
 from surefix._extra import drawing
+from surefix._terminal import say
 from surefix.errors import mismatch
 from surefix.live.view import References, Seen
 
@@ -72,7 +73,7 @@ def show(page: Path, wanted: bool) -> None:
     except (webbrowser.Error, OSError):
         opened = False
     if not opened:
-        print(f"--open: no browser is known here; open {page}", file=sys.stderr)
+        say(f"--open: no browser is known here; open {page}", file=sys.stderr)
 
 
 class RunPage:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix import Map
+from surefix._terminal import say
 from surefix.cli import inputs
 from surefix.cli.drives import (
     Float32,
@@ -161,7 +162,7 @@ def open_drive(
     names, advances, times, numbers, total, _ = names_and_advances(moved)
     advance = None if odometry is None else known_advances(advances)
     if advance is not None:
-        print(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
+        say(f"odometry: {scale:.3g} places a metre ({of})", file=sys.stderr)
     look_at(first, frames, crop)
     bad: set[int] = set()
     rows = []
@@ -175,7 +176,7 @@ def open_drive(
     if advance is not None:
         advance = advance_without(advance, bad)
     if notes := inputs.notes_on(moved, names):
-        print("; ".join(notes), file=sys.stderr)
+        say("; ".join(notes), file=sys.stderr)
     lost, bag = tuple(sorted(bad)), bag_of(frames)
     rest = numbers, total, moved.files
     return Drive(_named(files), maps, rows, advance, named, seen, times, lost, bag, *rest)

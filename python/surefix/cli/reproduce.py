@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
 from surefix import SurefixValueError
 from surefix._extra import drawing
+from surefix._terminal import Console, say
 from surefix.study.study import Recall
 
 if TYPE_CHECKING:
@@ -90,22 +90,22 @@ def reproduce(
         )
     with _progress() as progress:
         task = progress.add_task("Looking for data", total=STEPS)
-        say = partial(progress.update, task)
-        cases, problems = _cases(data, pairs, matrix or [], similarity, settings, say)
+        show = partial(progress.update, task)
+        cases, problems = _cases(data, pairs, matrix or [], similarity, settings, show)
         output_folder(out)
         made = []
-        say(description="Making the exhibits")
+        show(description="Making the exhibits")
         for step, exhibit in enumerate(exhibits(cases, settings, numbers), 1):
-            print(f"{step} of {STEPS}: {exhibit.title}", flush=True)
+            say(f"{step} of {STEPS}: {exhibit.title}", flush=True)
             made.append(exhibit)
-            say(completed=step)
-        say(description="Writing the report")
+            show(completed=step)
+        show(description="Writing the report")
         command = shlex.join(["surefix", *sys.argv[1:]])
         report = write_report(out, made, cases, settings, problems=problems, command=command)
     for point in made[0].points:
-        print(point)
+        say(point)
     pictures = sum(len(exhibit.pictures) for exhibit in made)
-    print(
+    say(
         f"Made {report}, with {pictures} pictures and {len(made)} tables beside it, from "
         f"{len(cases)} cases, in {time.perf_counter() - begin:.1f} s"
     )
@@ -117,7 +117,7 @@ def _cases(
     matrices: list[str],
     similarity: bool,
     settings: "Settings",
-    say: Callable[..., None],
+    show: Callable[..., None],
 ) -> tuple[list["Case"], list[str]]:
     """The cases, and the reasons why some data could not be used; each is printed as it comes."""
     from surefix.reproduce import check_pairs, find_datasets, load_cases
@@ -136,7 +136,7 @@ def _cases(
             )
     cases: list[Case] = [matrix_case(text, similarity=similarity) for text in matrices]
     for one in found:
-        say(description=f"{one.title}: reading {one.folder}")
+        show(description=f"{one.title}: reading {one.folder}")
         wanted = pairs.get(one.dataset, [])
         chosen = [pair for pair in wanted if one.has(pair)]
         # Of another folder of the same data set.
@@ -147,14 +147,14 @@ def _cases(
             cases += loaded
             problems += wrong
     for problem in problems:
-        print(f"Not used: {problem}", file=sys.stderr)
+        say(f"Not used: {problem}", file=sys.stderr)
     if not cases:
-        say(description="Driving the generated route")
+        show(description="Driving the generated route")
         cases += generated_cases(settings)
-        print("No real data: this is the generated route, a drawn world", flush=True)
+        say("No real data: this is the generated route, a drawn world", flush=True)
     for case in cases:
         places, queries = case.D.shape
-        print(f"{case.name}: {places} places, {queries} queries", flush=True)
+        say(f"{case.name}: {places} places, {queries} queries", flush=True)
     return cases, problems
 
 

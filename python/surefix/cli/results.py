@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from surefix._terminal import say
 from surefix._words import plural
 from surefix.baselines import Context
 from surefix.baselines.truth import part_of, right_matches
@@ -22,7 +23,7 @@ def warn_of_similarities(D: Float32, context: Context) -> None:
     extremes = np.argmin(D, axis=0), np.argmax(D, axis=0)
     near, far = (int(right_matches(places, *truth)[0].sum()) for places in extremes)
     if far > 2 * near and far >= near + 5:
-        print(
+        say(
             f"Warning: of the places at the greatest distance {far} are right, of the nearest "
             f"{near}: are these similarities? Then use --similarity",
             file=sys.stderr,
@@ -35,17 +36,17 @@ def print_results(study: "Study") -> None:
         area, low, high = result.area
         right = f"{result.curve.correct} of {result.curve.judged} right"
         areas = f"{area:.3f} ({low:.3f} to {high:.3f})"
-        print(f"{result.name}: area up to recall 0.2 is {areas}, {right}")
+        say(f"{result.name}: area up to recall 0.2 is {areas}, {right}")
     if study.context.floor == "global" and "weighted" in study.names:
         run = "--floor running" if study.context.motion else "--floor running --motion any"
-        print(f"weighted by the least distance of all queries; as surefix run: {run}")
+        say(f"weighted by the least distance of all queries; as surefix run: {run}")
     true, false = study.trust.true_positives, study.trust.false_positives
-    print(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
+    say(f"Trusted single matches: {true} of {true + false} right, {false} wrong")
     blank = int(np.count_nonzero(study.run.blank))
     if blank:
         some, show = plural(blank, "query", "queries"), "shows" if blank == 1 else "show"
         said = f"{some} of {len(study)} {show} nothing: nothing is matched to them"
-        print(f"Warning: {said}", file=sys.stderr)
+        say(f"Warning: {said}", file=sys.stderr)
     names = [result.name for result in study.results if not result.judged.any()]
     if not names:
         return
@@ -54,11 +55,11 @@ def print_results(study: "Study") -> None:
         why = f"a sequence takes {length} queries, and the drive has {queries}"
     else:
         why = "the truth says nothing about any match"
-    print(f"Warning: no query was judged for {', '.join(names)}: {why}", file=sys.stderr)
+    say(f"Warning: no query was judged for {', '.join(names)}: {why}", file=sys.stderr)
 
 
 def warn_of_fit(study: "Study") -> None:
     """Says so if a line fits the matches better than a truth of places does."""
     fit = better_fit(study.run.single_place, study.true_place, int(study.tolerance))
     if fit is not None:
-        print(f"Warning: the truth may not be of this map and drive: {fit}", file=sys.stderr)
+        say(f"Warning: the truth may not be of this map and drive: {fit}", file=sys.stderr)

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from surefix import Map, SurefixError, SurefixValueError
-from surefix._words import fitted, plural
+from surefix._terminal import fitted, say
+from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.drives import open_map
 from surefix.cli.inputs import refuse
@@ -109,7 +110,7 @@ def open_route(
         made.save(save)
     kept = "in memory; --save-map FILE keeps it" if save is None else f"kept in {save}"
     said = f"{_label(place)}: a map of {plural(len(made), 'place')}, {kept}"
-    print(fitted("; ".join([said, *notes]), sys.stderr), file=sys.stderr)
+    say(*fitted("; ".join([said, *notes]), sys.stderr), file=sys.stderr)
     return Route(place, made, frames, network)
 
 

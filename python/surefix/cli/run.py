@@ -13,13 +13,15 @@ import numpy as np
 import typer
 
 from surefix import Localizer, Map, SurefixValueError, frames
-from surefix._words import fitted, plural
+from surefix._terminal import fitted, say
+from surefix._words import plural
 from surefix.cli.drives import networks_of, others_of
 from surefix.cli.fixes import ALARM, Summary, row_of
 from surefix.cli.flags import SELDOM, documented, settings_of, with_options
 from surefix.cli.inputs import (
     NO_SCALE,
     Place,
+    Spreadsheet,
     check_apart,
     check_not_read,
     crop_of,
@@ -60,6 +62,7 @@ def run(
     queries: Place,
     out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
     form: Annotated[Format | None, typer.Option("--format")] = None,
+    spreadsheet: Spreadsheet = False,
     *,
     options: dict[str, Any],
     config: Annotated[Path | None, typer.Option("--config", "-c")] = None,
@@ -188,10 +191,10 @@ def run(
     if screen and (motion or fuse):
         kind = options.get("motion") or "of --config"
         why = f"--motion {kind}" if motion else "--fuse"
-        print(f"--screen: unused, as {why} needs all distances", file=sys.stderr)
+        say(f"--screen: unused, as {why} needs all distances", file=sys.stderr)
     elif screen and len(places.blank):
         why = f"{plural(len(places.blank), 'place')} of the map that show nothing"
-        print(f"--screen: unused, for the sake of {why}", file=sys.stderr)
+        say(f"--screen: unused, for the sake of {why}", file=sys.stderr)
     others = [*names, *known.files, *source.files, odometry, config, *named.files]
     read = [Path(each) for each in others if each is not None]
     if out is not None:
@@ -203,6 +206,7 @@ def run(
         check_form(form, places, source.timed or source.live or by_name)
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
+    refuse(spreadsheet and form != "csv", f"--spreadsheet: expected CSV, got --format {form}")
     refuse(form == "mcap" and out is None, "--format mcap: expected --out FILE, got none")
     if save is not None:
         _check_save(save, read)
@@ -212,7 +216,7 @@ def run(
     kind = options.get("motion") or (motion and "of the settings")
     summary = Summary(kind, accept, settings.options["tolerance"])
     if settings.threshold is not None:
-        print(f"--config {config}: {settings.threshold.promise}", file=sys.stderr)
+        say(f"--config {config}: {settings.threshold.promise}", file=sys.stderr)
     with ExitStack() as opened:
         # First, so that a view which cannot be opened leaves the file as it was.
         page = opened.enter_context(page_of(report, open_))
@@ -223,7 +227,7 @@ def run(
         views = opened.enter_context(seen)
         file = None if out is None else opened.enter_context(created(out, form))
         try:
-            with _writer(file, form, places) as write:
+            with _writer(file, form, places, spreadsheet) as write:
                 localize(localizer, source, write, summary, views, clipping, by_name)
             summary.ended = True
         except KeyboardInterrupt:
@@ -231,18 +235,18 @@ def run(
             if not source.live:
                 raise
         finally:
-            said = [summary.text(out)]
+            said = summary.lines(out)
             if out is None and sys.stdout.isatty() and summary.latencies:
                 said.append("not kept: add -o fixes.csv")
             said += [f"Made {page}"] if page is not None and summary.latencies else []
             said += [] if clipping.warning is None else [clipping.warning]
             said += ["; ".join(notes)] if (notes := notes_on(source)) else []
             said += [_said(source, of, motion)] if isinstance(source, Advances) else []
-            said = [fitted(each, sys.stderr) for each in said]
+            said = [line for each in said for line in fitted(each, sys.stderr)]
             leave_room(views, said)
             # After an unreadable frame, the fixes before it are kept; on a free terminal.
             opened.close()
-            print(*said, sep="\n", file=sys.stderr)
+            say(*said, file=sys.stderr)
             if page is not None and summary.latencies:
                 show(page, open_)
 
@@ -274,7 +278,7 @@ def localize(
                 raise _at(frame, before, error) from None
             latency = (time.perf_counter_ns() - start) / 1000
             if before is None and (warning := other_shape(localizer.map.image_size, frame.image)):
-                print(warning, file=sys.stderr)
+                say(warning, file=sys.stderr)
             before = frame.image.shape
             if clipping is not None:
                 clipping.add(frame.image)
@@ -284,7 +288,7 @@ def localize(
             timed = source.timed or source.live
             alarm = localizer.alarm
             if alarm and summary.alarm is None and all(isinstance(v, RunPage) for v in views):
-                print(ALARM.format(fix.frame), file=sys.stderr)
+                say(ALARM.format(fix.frame), file=sys.stderr)
             row = row_of(frame, fix, place_name, latency, timed, summary.track.accept, degrees)
             row |= {} if fix.accepted is None else {"alarm": alarm}
             row |= {"time": time_in(frame.name)} if by_name else {}
@@ -331,7 +335,9 @@ def _check_save(save: Path, others: list[Path]) -> None:
     refuse(used, f"--save: {save} is read or written here for something else; name another file")
 
 
-def _writer(file: Any, form: Format, route: Map) -> AbstractContextManager[Writer | None]:
+def _writer(
+    file: Any, form: Format, route: Map, spreadsheet: bool
+) -> AbstractContextManager[Writer | None]:
     """None if the fixes would run over the view on the terminal."""
     to = file or (None if sys.stdout.isatty() else sys.stdout)
-    return nullcontext() if to is None else open_writer(to, form, route)
+    return nullcontext() if to is None else open_writer(to, form, route, spreadsheet)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from surefix._terminal import say
 from surefix.baselines import METHODS
 from surefix.cli.inputs import refuse
 from surefix.errors import mismatch
@@ -76,7 +77,7 @@ def print_drives(drives: Sequence["Study"]) -> None:
         deepest = max(len(heading) for heading, _ in columns)
         filled = [[*[""] * (deepest - len(top)), *top, *cells] for top, cells in columns]
         widths = [max(map(len, column)) for column in filled]
-        print(f"\n{table.caption}")
+        say("", table.caption)
         for name, *others in zip(*filled, strict=True):
             padded = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
-            print("  ".join((name.ljust(widths[0]), *padded)))
+            say("  ".join((name.ljust(widths[0]), *padded)))

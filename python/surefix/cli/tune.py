@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from surefix import Settings, Tuned, tune
+from surefix._terminal import say
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.align import refusing_options
@@ -124,8 +125,8 @@ def tune_(
     _print_choice(tuned, drive, aligned=known is None)
     for each in tuned.contradictions:
         said = "Warning: an alignment that is sure of itself contradicts the truth"
-        print(f"{said}, {each}: it may be the truth that is wrong", file=sys.stderr)
-    print(f"Wrote {out}, for surefix run --config {out}")
+        say(f"{said}, {each}: it may be the truth that is wrong", file=sys.stderr)
+    say(f"Wrote {out}, for surefix run --config {out}")
 
 
 def _print_trials(tuned: Tuned) -> None:
@@ -141,14 +142,14 @@ def _print_choice(tuned: Tuned, drive: Drive, aligned: bool) -> None:
     chosen, first = tuned.chosen, tuned.trials[0]
     measured = tuned.settings.measured
     others = plural(len(tuned.trials) - 1, "other setting")
-    print(f"\nAreas under the precision-recall curve, with 95 % intervals, by {measured['judged']}")
+    say("", f"Areas under the precision-recall curve, with 95 % intervals, by {measured['judged']}")
     if chosen is not first:
-        print(f"{chosen.name}: surely better than {first.name}, even as the best of {others}")
+        say(f"{chosen.name}: surely better than {first.name}, even as the best of {others}")
     elif len(tuned.trials) > 1:
-        print(f"{first.name}, unchanged: none of {others} is surely better here")
+        say(f"{first.name}, unchanged: none of {others} is surely better here")
     if aligned:
-        print(f"The motion is as given, {first.name}: an alignment cannot choose it, a --truth can")
+        say(f"The motion is as given, {first.name}: an alignment cannot choose it, a --truth can")
     if len(drive.names) > 1 and "technique_weights" in chosen.options:
         weights = zip(drive.names, chosen.options["technique_weights"], strict=True)
-        print("Weights: " + ", ".join(f"{name} {weight:g}" for name, weight in weights))
-    print(f"Threshold, by {measured['calibrated_on']}: {measured['promise']}")
+        say("Weights: " + ", ".join(f"{name} {weight:g}" for name, weight in weights))
+    say(f"Threshold, by {measured['calibrated_on']}: {measured['promise']}")

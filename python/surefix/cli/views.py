@@ -6,9 +6,8 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from surefix import Map
+from surefix._terminal import Console, say
 from surefix.cli.pages import RunPage
 from surefix.frames import open as open_frames
 from surefix.frames.by_name import UInt8, images_by_name
@@ -27,9 +26,8 @@ def leave_room(views: Iterable[View], said: Iterable[str]) -> None:
     for view in views:
         if isinstance(view, TerminalView):
             wide = max(1, view.console.width)
-            lines = (line for text in said for line in text.splitlines())
             # An error is said in a line more.
-            view.spare = 1 + sum(max(1, -(-len(line) // wide)) for line in lines)
+            view.spare = 1 + sum(max(1, -(-len(line) // wide)) for line in said)
 
 
 @contextmanager
@@ -75,7 +73,7 @@ def open_views(
             instead = "on the terminal instead"
             if terminal is None:
                 instead = "no terminal either, so only the fixes are written"
-            print(f"--live: {obstacle} ({instead})", file=sys.stderr)
+            say(f"--live: {obstacle} ({instead})", file=sys.stderr)
         if terminal is not None:
             console = Console(file=terminal)
             view = TerminalView(route, total=total, references=shown, console=console)

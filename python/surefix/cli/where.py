@@ -13,6 +13,7 @@ import numpy.typing as npt
 import typer
 
 from surefix import Map
+from surefix._terminal import say
 from surefix._words import plural
 from surefix.baselines.truth import Truth
 from surefix.cli.drives import names_and_advances
@@ -87,7 +88,7 @@ class Queries:
         missing = f"{plural(self.lost, 'frame')} of {self.total} did not come ({some})"
         left = "its row is left out" if self.lost == 1 else "their rows are left out"
         came = f"a row for each of the {self.count} that came"
-        print(f"{source}: {missing}; {left if whole else came}", file=sys.stderr)
+        say(f"{source}: {missing}; {left if whole else came}", file=sys.stderr)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +152,7 @@ def by_truth(source: str, places: Places, queries: Queries, tolerance: float | N
         if truth.dtype != bool and not (truth >= (1 if truth.ndim == 2 else 0)).any():
             unknown = bool(np.isnan(truth).all()) if truth.dtype.kind == "f" else False
             says = "of no query is the place known" if unknown else "no query has a place"
-            print(f"Warning: {source}: {says}, so that no match can be right", file=sys.stderr)
+            say(f"Warning: {source}: {says}, so that no match can be right", file=sys.stderr)
         if truth.dtype.kind == "f":
             _say_unknown(source, int(np.isnan(truth).sum()), queries.count)
         return Where(truth, 1 if tolerance is None else int(tolerance))
@@ -179,7 +180,7 @@ def _check_tolerance(truth: npt.NDArray[Any], places: int, tolerance: int) -> No
     refuse(by_chance >= ALL, f"{expected}, got {tolerance} of {places} places: {said}")
     if by_chance >= MANY:
         large = f"the tolerance of {tolerance} is large beside the route of {places} places"
-        print(f"Warning: {said}: {large}", file=sys.stderr)
+        say(f"Warning: {said}: {large}", file=sys.stderr)
 
 
 def _read_truth(source: str, places: int, queries: Queries) -> npt.NDArray[Any]:
@@ -268,7 +269,7 @@ def naming(positions: Path | None) -> Iterator[None]:
 def _compared(mapped: Positions, driven: Positions, tolerance: float) -> Where:
     there, here, warnings = check_overlap(mapped, driven, tolerance)
     for warning in warnings:
-        print(f"Warning: {warning}", file=sys.stderr)
+        say(f"Warning: {warning}", file=sys.stderr)
     _say_unknown(driven.source, int(np.isnan(here).any(axis=1).sum()), len(here))
     return Where((there, here), tolerance)
 
@@ -276,7 +277,7 @@ def _compared(mapped: Positions, driven: Positions, tolerance: float) -> Where:
 def _say_unknown(source: object, count: int, queries: int) -> None:
     if count:
         said = f"{plural(count, 'query', 'queries')} of {queries} without a known place"
-        print(f"{source}: {said}, left out of all figures", file=sys.stderr)
+        say(f"{source}: {said}, left out of all figures", file=sys.stderr)
 
 
 def gps_of(odometry: str | None, queries: str | None) -> str | None:

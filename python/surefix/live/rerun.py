@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Fix, Localizer, Map, SurefixError, SurefixFileError, Track
+from surefix._terminal import say
 from surefix.live.binning import Bins
 from surefix.live.ground import Ground
 from surefix.live.matrix import MARKS, Matrix, encoded
@@ -160,7 +161,7 @@ class RerunView(Closing):
             recording.flush(timeout_sec=10)
         except (RuntimeError, ValueError) as error:
             # The viewer was closed before the drive was over, which is no mistake.
-            print(f"rerun: {error}", file=sys.stderr)
+            say(f"rerun: {error}", file=sys.stderr)
         recording.disconnect()
         if self.save is not None and not self.save.is_file():
             raise SurefixFileError(f"{self.save}: the recording is not there any more")

@@ -13,7 +13,8 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 
 from surefix import Fix, Localizer, Map
-from surefix._words import place_in, plural
+from surefix._terminal import Console as PlainConsole
+from surefix._words import place_in, plain, plural
 from surefix.live.panel import RouteBar, Row, Scene, panel
 from surefix.live.view import Closing, Images, References, Seen
 
@@ -66,7 +67,7 @@ class TerminalView(Closing):
         console: Console | None = None,
         spare: int = 0,
     ) -> None:
-        self.console = console or Console()
+        self.console = console or PlainConsole()
         self.spare = spare
         self.names = map.names
         self.total = total
@@ -86,7 +87,8 @@ class TerminalView(Closing):
         # The map's name of the place, if it says more than the number.
         name = self.names[fix.place] if self.names else ""
         name = "" if name == str(fix.place) else name
-        row = Row(seen.name, fix, name, latency_us, place_in(self.segments, fix.place))
+        where = place_in(self.segments, fix.place)
+        row = Row(seen.name, fix, plain(name), latency_us, where)
         if not self.paced.on:
             self.console.print(row.line(), markup=False, highlight=False, soft_wrap=True)
             return

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from surefix import Fix, Localizer, Map, SurefixError, read_image
 from surefix._colours import DARK
+from surefix._words import plain
 from surefix.errors import mismatch
 from surefix.frames.by_name import thumbnails_of
 from surefix.frames.levels import in_8_bits
@@ -92,11 +93,13 @@ class Seen:
 
     @classmethod
     def of(cls, frame: Any, fix: Fix) -> "Seen":
-        """A descriptor has no image; a frame without a name is called by its number."""
+        """A descriptor has no image; a frame without a name is called by its number. A name is
+        plain text, on a console of the caller's, too.
+        """
         pixels = getattr(frame, "image", frame)
         is_image = isinstance(pixels, np.ndarray) and pixels.dtype == np.uint8 and pixels.ndim >= 2
         return cls(
-            name=getattr(frame, "name", "") or str(fix.frame),
+            name=plain(getattr(frame, "name", "") or str(fix.frame)),
             image=pixels if is_image else None,
             time=getattr(frame, "time", None),
             dropped=getattr(frame, "dropped", 0),

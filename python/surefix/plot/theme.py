@@ -70,6 +70,8 @@ class Theme(Colours):
             **dict.fromkeys(text, self.ink),
             **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), self.muted),
             "grid.color": self.grid,
+            # A dollar in a name is a dollar, and begins no formula.
+            "text.parse_math": False,
             "legend.frameon": False,
             "axes.spines.top": False,
             "axes.spines.right": False,

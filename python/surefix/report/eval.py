@@ -65,6 +65,7 @@ def write_report(
     along: NDArray[np.float64] | None = None,
     scenarios: Sequence[Study] = (),
     drive: str | None = None,
+    spreadsheet: bool = False,
 ) -> Path:
     """Writes the page and all that belongs to it into ``folder``; returns the path of the page.
 
@@ -87,6 +88,9 @@ def write_report(
         The same methods on drives made of this one.
     drive : str, optional
         Its mark (``surefix.tables.reports.drive_of``), for ``surefix compare``.
+    spreadsheet : bool
+        Write the tables for a spreadsheet: text that would be a formula there gets a ``'`` before
+        it.
 
     Raises
     ------
@@ -134,9 +138,9 @@ def write_report(
     )
 
     def write_all(inside: Path) -> None:
-        write_tables(study, inside, query_names, drive)
+        write_tables(study, inside, query_names, drive, spreadsheet)
         if drives:
-            write_drives(drives, inside)
+            write_drives(drives, inside, spreadsheet)
 
     # Left beside the new files, those of an earlier report would look new.
     old = [path.name for path in folder.glob("*") if MORE.fullmatch(path.name)]

@@ -8,7 +8,6 @@ rectangle a cell, which a million cells are too many for.) Bokeh also keeps arra
 import json
 from collections.abc import Mapping, Sequence
 from functools import cache
-from html import escape
 from importlib.resources import files
 from typing import Any
 
@@ -27,6 +26,7 @@ from bokeh.core.types import ID
 from bokeh.embed import json_item
 from bokeh.resources import Resources
 
+from surefix._words import escaped, plain
 from surefix.plot.outcome import Outcome
 from surefix.plot.theme import DARK, LIGHT, LOOKS, Theme
 from surefix.report import charts
@@ -97,9 +97,9 @@ def _data(scene: Scene) -> dict[str, Any]:
         "block": scene.block,
         "low": low,
         "step": (high - low) / charts.LEVELS,
-        "chosen": scene.chosen,
+        "chosen": plain(scene.chosen),
         "judged": scene.judged,
-        "methods": [method.name for method in scene.methods],
+        "methods": [plain(method.name) for method in scene.methods],
         "on": [k < LOOKS for k in range(len(scene.methods))],
         # The line of the truth does not bridge a longer step.
         "jump": 10 + 5 * int(np.median(steps)) if len(steps) else 10,
@@ -112,7 +112,7 @@ def _data(scene: Scene) -> dict[str, Any]:
 
 
 def _names(names: Sequence[str] | None) -> list[str] | None:
-    return None if names is None else [str(name) for name in names]
+    return None if names is None else [plain(name) for name in names]
 
 
 def _images(album: Album) -> Mapping[str, Any]:
@@ -121,8 +121,8 @@ def _images(album: Album) -> Mapping[str, Any]:
 
 def _theme(theme: Theme, methods: int) -> Mapping[str, Any]:
     """Colours by their meaning, as in every figure, and the lines of the methods."""
-    plain = ("paper", "ink", "muted", "grid", "trusted", "right", "wrong", "truth")
-    names = *plain, *(each.name.lower() for each in Outcome)
+    usual = ("paper", "ink", "muted", "grid", "trusted", "right", "wrong", "truth")
+    names = *usual, *(each.name.lower() for each in Outcome)
     colours = {name: getattr(theme, name) for name in names}
     shades = theme.distance_map(np.linspace(0, 1, 256), bytes=True)
     return colours | {
@@ -217,13 +217,13 @@ def _methods(scene: Scene) -> str:
     rows = "".join(
         "<tr>"
         f'<td><input type="radio" name="method" id="explorer-pick-{k}" aria-label="Show '
-        f'{escape(method.name)}"{" checked" if method.name == scene.chosen else ""}></td>'
+        f'{escaped(method.name)}"{" checked" if method.name == scene.chosen else ""}></td>'
         f'<th scope="row"><label for="explorer-pick-{k}">'
-        f"{'' if method.curve is None else LINE}{escape(method.name)}</label>"
-        f"<small>{escape(method.description)}</small></th>"
+        f"{'' if method.curve is None else LINE}{escaped(method.name)}</label>"
+        f"<small>{escaped(method.description)}</small></th>"
         + '<td class="number"></td>'
         * len(heads)
-        + f'<td><input type="checkbox" aria-label="Compare {escape(method.name)}"'
+        + f'<td><input type="checkbox" aria-label="Compare {escaped(method.name)}"'
         f"{' checked' if k < LOOKS else ''}></td></tr>\n"
         for k, method in enumerate(scene.methods)
     )

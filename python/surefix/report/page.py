@@ -9,7 +9,6 @@ import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from html import escape
 from importlib.resources import files
 from pathlib import Path
 from tempfile import mkdtemp
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 # Pillow comes with matplotlib.
 from PIL import Image
 
+from surefix._words import escaped
 from surefix.errors import refusal
 from surefix.plot.theme import DARK, LIGHT, Theme, png
 
@@ -185,14 +185,14 @@ def page(
     sorting = any(table.sorts for section in sections for table in section.tables)
     switch = THEME if scripts else ""
     scripts += f"<script>\n{_part('sort.js')}</script>\n" if sorting else ""
-    paragraphs = "\n".join(f'<p class="lead">{escape(text)}</p>' for text in lead)
+    paragraphs = "\n".join(f'<p class="lead">{escaped(text)}</p>' for text in lead)
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
-<title>{escape(f"{title} - {identity}" if identity else title)}</title>
+<title>{escaped(f"{title} - {identity}" if identity else title)}</title>
 <style>
 {style}</style>
 </head>
@@ -200,8 +200,8 @@ def page(
 <main>
 <header>
 {switch}
-{f'<p class="identity">{escape(identity)}</p>' if identity else ""}
-<h1>{escape(title)}</h1>
+{f'<p class="identity">{escaped(identity)}</p>' if identity else ""}
+<h1>{escaped(title)}</h1>
 {f'<p class="command"><code>{_words(command)}</code></p>' if command else ""}
 {paragraphs}
 </header>
@@ -215,7 +215,7 @@ def page(
 
 def _words(command: str) -> str:
     """Its words, none of which is broken at a hyphen if it fits into a line."""
-    return " ".join(f"<span>{escape(word)}</span>" for word in command.split(" "))
+    return " ".join(f"<span>{escaped(word)}</span>" for word in command.split(" "))
 
 
 def _part(name: str) -> str:
@@ -224,7 +224,7 @@ def _part(name: str) -> str:
 
 def _contents(sections: Sequence[Section]) -> str:
     links = "".join(
-        f'<li><a href="#{_id(each)}">{escape(each.title)}</a></li>\n' for each in sections
+        f'<li><a href="#{_id(each)}">{escaped(each.title)}</a></li>\n' for each in sections
     )
     return f'<nav aria-label="Contents">\n<ol>\n{links}</ol>\n</nav>\n'
 
@@ -235,23 +235,23 @@ def _id(section: Section) -> str:
 
 
 def _tile(tile: Tile) -> str:
-    note = f'<span class="note">{escape(tile.note)}</span>' if tile.note else ""
+    note = f'<span class="note">{escaped(tile.note)}</span>' if tile.note else ""
     return (
-        f'<div class="tile"><dt>{escape(tile.label)}</dt>'
-        f'<dd><span class="value" id="{escape(tile.name)}">{escape(tile.value)}</span>{note}</dd>'
+        f'<div class="tile"><dt>{escaped(tile.label)}</dt>'
+        f'<dd><span class="value" id="{escaped(tile.name)}">{escaped(tile.value)}</span>{note}</dd>'
         "</div>\n"
     )
 
 
 def _section(section: Section, linked: bool) -> str:
-    paragraphs = "\n".join(f"<p>{escape(text)}</p>" for text in section.paragraphs)
+    paragraphs = "\n".join(f"<p>{escaped(text)}</p>" for text in section.paragraphs)
     pictures = _pictures(section.pictures.values(), "pictures") if section.pictures else ""
-    points = "".join(f"<li>{escape(text)}</li>\n" for text in section.points)
+    points = "".join(f"<li>{escaped(text)}</li>\n" for text in section.points)
     points = f"<ul>\n{points}</ul>\n" if points else ""
     tables = "".join(map(_table, section.tables))
     if section.facts:
         tables += f"<table>\n{_body(section.facts)}</table>\n"
-    title = escape(section.title)
+    title = escaped(section.title)
     inside = f"<h2>{title}</h2>\n{paragraphs}\n{points}{section.html}{pictures}{tables}"
     at = f' id="{_id(section)}"' if linked else ""
     return f"<section{at}>\n{inside}</section>\n"
@@ -262,7 +262,7 @@ def _pictures(pictures: Iterable[Picture], kind: str) -> str:
 
 
 def _picture(picture: Picture) -> str:
-    caption = f"<figcaption>{escape(picture.caption)}</figcaption>" if picture.caption else ""
+    caption = f"<figcaption>{escaped(picture.caption)}</figcaption>" if picture.caption else ""
     width, height = picture.size
     sources = ""
     if picture.narrow is not None:
@@ -272,7 +272,7 @@ def _picture(picture: Picture) -> str:
     if picture.dark != picture.light:
         sources += _source(picture.dark, picture.textured, DARKER)
     source = _embedded(picture.light, picture.textured)
-    image = f'<img src="{source}" alt="{escape(picture.alt)}" width="{width}" height="{height}">'
+    image = f'<img src="{source}" alt="{escaped(picture.alt)}" width="{width}" height="{height}">'
     kind = "wide" if picture.wide else "plain"
     kind += " fits" if picture.narrow is not None else ""
     return (
@@ -295,12 +295,12 @@ def _size(image: bytes) -> tuple[int, int]:
 def _body(rows: Sequence[Sequence[str]], shows: Sequence[tuple[str, int]] = ()) -> str:
     """The rows of a table; the first cell names its row."""
     buttons = [
-        f' <button type="button" data-method="{escape(method)}" data-query="{query}">show</button>'
+        f' <button type="button" data-method="{escaped(method)}" data-query="{query}">show</button>'
         for method, query in shows
     ] or [""] * len(rows)
     cells = (
-        f'<th scope="row">{escape(name)}{button}</th>'
-        + "".join(f"<td>{escape(cell)}</td>" for cell in others)
+        f'<th scope="row">{escaped(name)}{button}</th>'
+        + "".join(f"<td>{escaped(cell)}</td>" for cell in others)
         for (name, *others), button in zip(rows, buttons, strict=True)
     )
     lines = "".join(f"<tr>{row}</tr>\n" for row in cells)
@@ -309,10 +309,10 @@ def _body(rows: Sequence[Sequence[str]], shows: Sequence[tuple[str, int]] = ()) 
 
 def _table(table: Table) -> str:
     kind = ' class="sorts"' if table.sorts else ""
-    header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
+    header = "".join(f'<th scope="col">{escaped(name)}</th>' for name in table.header)
     return (
-        f'<div class="numbers"><table id="{escape(table.name)}"{kind}>\n'
-        f"<caption><span>{escape(table.caption)}</span></caption>\n"
+        f'<div class="numbers"><table id="{escaped(table.name)}"{kind}>\n'
+        f"<caption><span>{escaped(table.caption)}</span></caption>\n"
         f"<thead>\n<tr>{header}</tr>\n</thead>\n{_body(table.rows, table.shows)}</table></div>\n"
     )
 

@@ -1,6 +1,5 @@
 """The numbers of a study as tables: on the page, and as CSV."""
 
-import csv
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
@@ -12,6 +11,7 @@ from surefix._words import plural
 from surefix.baselines.distances import Floats
 from surefix.report.page import Table
 from surefix.study import BASELINE, KS, SCENARIOS, UPTO, Result, Study
+from surefix.tables.csv_rows import row_writer
 
 __all__ = [
     "MISTAKES",
@@ -149,7 +149,7 @@ def _said(events: Events) -> str:
     return f"{median:g} ({share})" if median < np.inf else share
 
 
-def write_drives(drives: Sequence[Study], folder: Path) -> None:
+def write_drives(drives: Sequence[Study], folder: Path, spreadsheet: bool = False) -> None:
     """Writes scenarios.csv and reliability.csv."""
     lines: list[Sequence[object]] = []
     bins: list[Sequence[object]] = []
@@ -160,8 +160,9 @@ def write_drives(drives: Sequence[Study], folder: Path) -> None:
             if (r := result.reliability) is not None:
                 points = zip(r.count, r.said, r.right, strict=True)
                 bins += [(study.scenario, name, *point) for point in points]
-    write_csv(folder / "scenarios.csv", DRIVE_COLUMNS, lines)
-    write_csv(folder / "reliability.csv", "scenario,method,queries,said,right", bins)
+    write_csv(folder / "scenarios.csv", DRIVE_COLUMNS, lines, spreadsheet)
+    header = "scenario,method,queries,said,right"
+    write_csv(folder / "reliability.csv", header, bins, spreadsheet)
 
 
 def count(false: int | None) -> str:
@@ -215,9 +216,15 @@ def named(index: int, names: Names) -> str:
     return f"{index}{name}"
 
 
-def write_tables(study: Study, folder: Path, names: Names, drive: str | None = None) -> None:
+def write_tables(
+    study: Study,
+    folder: Path,
+    names: Names,
+    drive: str | None = None,
+    spreadsheet: bool = False,
+) -> None:
     """Writes methods.csv, drive.csv, curves.csv and fixes.csv; ``drive`` is its mark."""
-    write_csv(folder / "methods.csv", METHOD_COLUMNS, map(_numbers, study.results))
+    write_csv(folder / "methods.csv", METHOD_COLUMNS, map(_numbers, study.results), spreadsheet)
     t = study.trust
     quantities = {f"recall_at_{k}": at for k, at in zip(KS, study.recalls_at, strict=False)} | {
         "trusted_right": t.true_positives,
@@ -235,9 +242,10 @@ def write_tables(study: Study, folder: Path, names: Names, drive: str | None = N
         c = result.curve
         columns = c.thresholds, c.recall, c.precision, c.false_positives
         points += [(result.name, *point) for point in zip(*columns, strict=True)]
-    write_csv(folder / "curves.csv", "method,threshold,recall,precision,false_positives", points)
+    header = "method,threshold,recall,precision,false_positives"
+    write_csv(folder / "curves.csv", header, points, spreadsheet)
     fixes = (fix for result in study.results for fix in _fixes(result, names))
-    write_csv(folder / "fixes.csv", FIX_COLUMNS, fixes)
+    write_csv(folder / "fixes.csv", FIX_COLUMNS, fixes, spreadsheet)
 
 
 def _numbers(result: Result) -> Sequence[object]:
@@ -273,8 +281,14 @@ def _fixes(result: Result, names: Names) -> Iterable[Sequence[object]]:
         yield result.name, *found, *four, study.true_place[query], trusted, single, *said
 
 
-def write_csv(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:
-    """A table as CSV below its first line; numbers keep all their digits, None is an empty cell."""
+def write_csv(
+    path: Path, header: str, rows: Iterable[Sequence[object]], spreadsheet: bool = False
+) -> None:
+    """A table as CSV below its first line, perhaps for a spreadsheet; numbers keep all their
+    digits, None is an empty cell.
+    """
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(f"{header}\n")
-        csv.writer(file, lineterminator="\n").writerows(rows)
+        write = row_writer(file, spreadsheet)
+        for row in rows:
+            write(row)

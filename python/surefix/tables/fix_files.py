@@ -1,6 +1,5 @@
 """Fixes in files: as CSV, JSON lines, GeoJSON, trajectories of TUM and KITTI, and MCAP."""
 
-import csv
 import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ import numpy.typing as npt
 from surefix._core import Map
 from surefix._staged import staged
 from surefix.errors import SurefixValueError, mismatch, refusal
+from surefix.tables.csv_rows import row_writer
 from surefix.tables.fix_mcap import OFF, mcap_writer
 from surefix.tables.geojson import point
 from surefix.tables.route_poses import RoutePoses, quaternion
@@ -66,10 +66,14 @@ def check_form(form: Format, route: Map | None, timed: bool) -> None:
 
 
 @contextmanager
-def open_writer(file: Any, form: Format, route: Map | None) -> Iterator[Writer]:
-    """What writes fixes to an open file, of bytes for MCAP and of text for all others."""
+def open_writer(
+    file: Any, form: Format, route: Map | None, spreadsheet: bool = False
+) -> Iterator[Writer]:
+    """What writes fixes to an open file, of bytes for MCAP and of text for all others; CSV perhaps
+    for a spreadsheet.
+    """
     if form in ("csv", "json"):
-        yield _csv_writer(file) if form == "csv" else json_writer(file)
+        yield _csv_writer(file, spreadsheet) if form == "csv" else json_writer(file)
         return
     assert route is not None
     if form == "geojson":
@@ -222,16 +226,17 @@ def _checked(times: npt.ArrayLike, count: int) -> npt.NDArray[np.float64]:
     return array
 
 
-def _csv_writer(file: Any) -> Writer:
+def _csv_writer(file: Any, spreadsheet: bool) -> Writer:
     """Writes a line of names, then one line per fix, with booleans in lower case."""
-    writer: csv.DictWriter[str] | None = None
+    line = row_writer(file, spreadsheet)
+    names: list[str] = []
 
     def write(row: Row, belief: Belief | None = None) -> None:
-        nonlocal writer
-        if writer is None:
-            writer = csv.DictWriter(file, list(row), lineterminator="\n")
-            writer.writeheader()
-        writer.writerow({k: str(v).lower() if isinstance(v, bool) else v for k, v in row.items()})
+        if not names:
+            names.extend(row)
+            line(names)
+        cells = (row.get(name) for name in names)
+        line(str(cell).lower() if isinstance(cell, bool) else cell for cell in cells)
         file.flush()
 
     return write

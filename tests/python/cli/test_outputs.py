@@ -13,7 +13,7 @@ from PIL import Image
 import surefix
 from commands import surefix_
 from recordings import write_video
-from surefix._words import fitted
+from surefix._terminal import fitted
 from surefix.simulate import Route
 
 N = 60
@@ -243,11 +243,10 @@ def test_a_sentence_is_broken_between_words_on_a_terminal_alone(
             return True
 
     monkeypatch.setenv("COLUMNS", "24")
-    said = "usual pace 0.98 places, in a/long-name/of/a-file-that-stays-whole.csv\nmore"
-    assert fitted(said, io.StringIO()) == said
-    assert fitted(said, Terminal()).splitlines() == [
+    said = "usual pace 0.98 places, in a/long-name/of/a-file-that-stays-whole.csv"
+    assert fitted(said, io.StringIO()) == [said]
+    assert fitted(said, Terminal()) == [
         "usual pace 0.98 places,",
         "in",
         "a/long-name/of/a-file-that-stays-whole.csv",
-        "more",
     ]

@@ -180,7 +180,7 @@ def test_a_change_of_size_that_cannot_be_used_is_named_with_both_sizes() -> None
         surefix.SurefixValueError, match=r"^row 3: the images change size here, from 5 to 7: .*5.*7"
     ):
         localize(localizer, Changing(), json_writer(io.StringIO()), summary)
-    assert summary.text(None).startswith("3 fixes, ")
+    assert summary.lines(None)[0].startswith("3 fixes, ")
 
 
 @pytest.mark.slow
@@ -215,7 +215,7 @@ def test_one_fix_is_in_the_singular() -> None:
     stream = KeepNewest([Frame(np.arange(5, dtype=np.float32), 1.0, "0", 1, True)], 1)  # type: ignore[arg-type]
     localize(localizer, stream, None, summary)
     assert re.match(
-        r"1 fix, \d trusted \(\d+%\), 1 frame dropped, 1 gap, latency", summary.text(None)
+        r"1 fix, \d trusted \(\d+%\), 1 frame dropped, 1 gap, latency", summary.lines(None)[0]
     )
 
 
