@@ -224,7 +224,7 @@ $(TOOLS)/cargo-%:
 
 $(VENV)/made:
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet "maturin>=1.16,<2" uv
+	$(BIN)/python -m pip install --quiet --upgrade pip "maturin>=1.16,<2"
 	@touch $@
 
 $(VENV)/wheel: $(VENV)/made $(SOURCES)
@@ -236,19 +236,23 @@ $(VENV)/packaging: $(VENV)/made
 	$(BIN)/python -m pip install --quiet auditwheel ziglang
 	@touch $@
 
-# uv takes a fifth of pip's time. A wheel of the version that is there is installed anew.
-INSTALL := $(BIN)/uv pip install --quiet --python $(BIN)/python --reinstall-package surefix "$$(echo $(WHEELS)/*.whl)
+# A wheel of the version that is there is installed anew.
+comma := ,
+define INSTALL
+$(BIN)/python -m pip install --quiet --force-reinstall --no-deps $(WHEELS)/*.whl
+$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[$1]"
+endef
 $(VENV)/installed: $(VENV)/wheel
-	$(INSTALL)[report]"
+	$(call INSTALL,report)
 	@touch $@
 
 # All at once. Rerun is as large as all the rest: `dev` leaves it out, and the checks do not.
 $(VENV)/dev: $(VENV)/wheel
-	$(INSTALL)[report,dev,live,docs]"
+	$(call INSTALL,report$(comma)dev$(comma)live$(comma)docs)
 	@touch $(VENV)/installed $@
 
 $(VENV)/rivals: $(VENV)/installed
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --group bench
+	$(BIN)/python -m pip install --quiet --group bench
 	@touch $@
 
 clean:
