@@ -457,7 +457,10 @@ class TestRegistry:
             datasets.load("gardens_point", gardens, season="night")
 
     @pytest.mark.parametrize("name", datasets.__all__)
-    def test_its_example_runs(self, name: str) -> None:
+    def test_its_example_runs(
+        self, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
         text = inspect.getdoc(getattr(datasets, name)) or ""
         test = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
         said: list[str] = []

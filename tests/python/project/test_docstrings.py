@@ -3,6 +3,7 @@
 import doctest
 import inspect
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -47,7 +48,8 @@ EXAMPLES = [name for name, thing in ALL.items() if ">>>" in (getattr(thing, "__d
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_its_example_runs(name: str) -> None:
+def test_its_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     text = inspect.getdoc(ALL[name])
     assert text is not None
     test = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
