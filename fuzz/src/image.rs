@@ -14,8 +14,9 @@ pub(crate) fn image(data: &[u8]) {
     let channels = if image.channels() == Channels::Grey { 1 } else { 3 };
     let numbers = image.width() * image.height() * channels;
     let limit = std::env::var("SUREFIX_MAX_IMAGE_MIB").ok().and_then(|mib| mib.parse().ok());
-    assert!(numbers <= limit.unwrap_or(MIB) << 20, "{numbers} numbers");
-    assert_eq!(image.pixels().len(), numbers);
+    let bytes = if image.is_deep() { 2 * numbers } else { numbers };
+    assert!(bytes <= limit.unwrap_or(MIB) << 20, "{bytes} bytes");
+    assert_eq!(image.pixels().len(), bytes);
     if numbers <= 1 << 20 {
         describe(&image);
     }

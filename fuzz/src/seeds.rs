@@ -14,7 +14,7 @@ use surefix::{
     align_distances, match_distances, quiet,
 };
 
-use crate::snapshot::{DIM, PLACES, config, maps, numbers};
+use crate::snapshot::{DIM, PLACES, maps, numbers};
 
 /// Writes them into folders of the targets' names.
 ///
@@ -57,6 +57,13 @@ fn random(count: u64) -> Seeds {
 
 fn named(seeds: Vec<(&str, Vec<u8>)>) -> Seeds {
     seeds.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect()
+}
+
+fn config(motion: Option<Motion>) -> Config {
+    let mut config = Config::default();
+    config.sequence_length = 3;
+    config.motion = motion;
+    config
 }
 
 fn rows(places: usize) -> Vec<f32> {

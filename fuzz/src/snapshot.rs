@@ -3,9 +3,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use surefix::{
-    Config, Given, Input, Localizer, Map, Matcher, Metric, Motion, Running, Segments, Step, View,
-};
+use surefix::{Given, Input, Localizer, Map, Matcher, Metric, Running, Segments, Step, View};
 
 use crate::bits::bits;
 use crate::signed::signed;
@@ -35,14 +33,6 @@ pub(crate) fn maps() -> &'static [Arc<Map>; 3] {
         let running = Map::from_descriptors(rows, DIM, Metric::Manhattan).expect("a small map");
         [Arc::new(map(0)), Arc::new(town), Arc::new(running.with_post(post).expect("f32 rows"))]
     })
-}
-
-/// The options of the seeds.
-pub(crate) fn config(motion: Option<Motion>) -> Config {
-    let mut config = Config::default();
-    config.sequence_length = 3;
-    config.motion = motion;
-    config
 }
 
 pub(crate) fn snapshot(data: &[u8]) {
