@@ -42,14 +42,18 @@ pub(crate) fn number(u: &mut Unstructured<'_>) -> Result<f32> {
 }
 
 /// A column of a road on which the robot drives: a seed stands for most of its numbers.
-pub(crate) fn column(u: &mut Unstructured<'_>, before: &[Vec<f32>], n: usize) -> Result<Vec<f32>> {
+pub(crate) fn column(
+    u: &mut Unstructured<'_>,
+    before: Option<&[f32]>,
+    n: usize,
+) -> Result<Vec<f32>> {
     let kind = u.int_in_range(0..=6)?;
     if kind == 0 {
         let all = number(u)?;
         return Ok(vec![all; n]);
     }
-    if kind == 1 && !before.is_empty() {
-        return Ok(before[u.choose_index(before.len())?].clone());
+    if let (1, Some(before)) = (kind, before) {
+        return Ok(before.to_vec());
     }
     if kind == 2 && n <= 64 {
         return (0..n).map(|_| number(u)).collect();
@@ -72,9 +76,9 @@ pub(crate) fn column(u: &mut Unstructured<'_>, before: &[Vec<f32>], n: usize) ->
 
 /// Some places in one or several segments, some of them closed, perhaps with links.
 pub(crate) fn route(u: &mut Unstructured<'_>, most: usize) -> Result<Segments> {
-    let few = most.min(40);
-    let places = match u.int_in_range(0..=15)? {
-        15 => u.int_in_range(2..=most)?,
+    let few = most.min(30);
+    let places = match u.int_in_range(0..=40)? {
+        40 => u.int_in_range(2..=most)?,
         _ => u.int_in_range(2..=few)?,
     };
     let mut breaks = Vec::new();

@@ -13,7 +13,7 @@ use crate::input::{advance, column, config, motion, rarely, route};
 use crate::oracle::{Oracle, Query};
 
 /// Queries of one input, at most.
-const LONGEST: usize = 24;
+const LONGEST: usize = 12;
 
 /// The paper alone.
 pub(crate) fn matcher(data: &[u8]) {
@@ -39,7 +39,7 @@ struct Stream {
 }
 
 fn run(u: &mut Unstructured<'_>, tracked: bool) -> Result<()> {
-    let segments = route(u, 600)?;
+    let segments = route(u, 520)?;
     let mut config = config(u)?;
     if tracked {
         config.motion = Some(motion(u)?);
@@ -81,8 +81,9 @@ fn run(u: &mut Unstructured<'_>, tracked: bool) -> Result<()> {
                 if odometry == 1 || odometry == 2 && u.arbitrary()? {
                     given = given.advance(advance(u)?);
                 }
-                let before: Vec<_> = stream.queries.iter().map(|q| q.column.clone()).collect();
-                stream.push(column(u, &before, stream.segments.places())?, given);
+                let before = u.choose_index(stream.queries.len().max(1))?;
+                let before = stream.queries.get(before).map(|query| &query.column[..]);
+                stream.push(column(u, before, stream.segments.places())?, given);
             }
         }
     }
@@ -150,7 +151,7 @@ impl Stream {
     /// A query that is refused changes nothing.
     fn refuse(&mut self, u: &mut Unstructured<'_>) -> Result<()> {
         let n = self.segments.places();
-        let mut column = column(u, &[], n)?;
+        let mut column = column(u, None, n)?;
         let mut given = Given::default();
         match u.int_in_range(0..=3)? {
             0 => column.push(0.0),

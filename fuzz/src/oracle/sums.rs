@@ -35,9 +35,11 @@ pub(crate) fn chunks(count: usize, of: impl Fn(usize) -> f64) -> f64 {
 pub(crate) fn exp(x: f64) -> f64 {
     const HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
     const LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
+    const FACTORIALS: [f64; 11] =
+        [1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0, 5040.0, 40320.0, 362_880.0, 3_628_800.0];
     let k = (x * std::f64::consts::LOG2_E).round_ties_even();
     let r = x - k * HIGH - k * LOW;
-    let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
-    let polynomial = (0..=10).rev().map(|n| 1.0 / factorial(n)).reduce(|sum, term| sum * r + term);
+    let terms = FACTORIALS.iter().rev().map(|factorial| 1.0 / factorial);
+    let polynomial = terms.reduce(|sum, term| sum * r + term);
     polynomial.unwrap_or_default() * 2.0_f64.powi(k as i32)
 }
