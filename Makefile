@@ -86,8 +86,8 @@ clippy:
 	cargo clippy --locked --no-default-features --all-targets -- -D warnings
 
 style: $(VENV)/dev
-	$(BIN)/ruff check python tests benches examples packaging ros2 docs/*.py docs/_ext
-	$(BIN)/ruff format --check python tests benches examples packaging ros2 docs/*.py docs/_ext
+	$(BIN)/ruff check python tests benches examples fuzz packaging ros2 docs/*.py docs/_ext
+	$(BIN)/ruff format --check python tests benches examples fuzz packaging ros2 docs/*.py docs/_ext
 
 # Every kernel in ten times as many cases; 10,000 roads against the oracle.
 test-long: $(VENV)/installed $(VENV)/dev
