@@ -70,6 +70,8 @@ def fuzz(programs: Path, name: str, seconds: int) -> bool:
         "rss_limit_mb": MIB,
         "artifact_prefix": f"{artifacts}/",
         "print_final_stats": 1,
+        # Ctrl-C is no finding.
+        "interrupted_exitcode": 0,
         # Its book-keeping costs more than the inputs.
         "entropic": 0,
     }
