@@ -41,7 +41,7 @@ def build() -> Path:
     """The folder with the program of each target."""
     about = subprocess.run(["rustc", "-vV"], check=True, capture_output=True, text=True).stdout
     host = re.findall(r"^host: (.*)$", about, re.MULTILINE)[0]
-    target = Path(os.environ.get("CARGO_TARGET_DIR", FUZZ.parent / "target"))
+    target = Path(os.environ.get("CARGO_TARGET_DIR", FUZZ.parent / "target")).resolve()
     command = [
         "cargo",
         "build",
