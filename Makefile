@@ -20,7 +20,7 @@ TOOLS := .tools/bin
 # What the public names are compared with: the last release before this commit, or the commit before it.
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
-.PHONY: demo test test-long quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
+.PHONY: demo test test-long fuzz fuzz-seeds quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
 .PHONY: clippy style types rivals-quick stubs clean help capi capi-check header
 .PHONY: sdist release-check check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
@@ -28,6 +28,7 @@ help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
 	@echo "make test-long            the kernels once more, 100,000 cases each"
+	@echo "make fuzz                 files, images, settings and the method under libFuzzer, HOURS=1 each; or SECONDS=60"
 	@echo "make quick   after an edit: Rust's unit tests, and Python's without the slow ones"
 	@echo "make stubs   the docstrings of the binding, copied into its stub"
 	@echo "make docs    the documentation, in out/docs/index.html"
@@ -85,13 +86,22 @@ clippy:
 	cargo clippy --locked --no-default-features --all-targets -- -D warnings
 
 style: $(VENV)/dev
-	$(BIN)/ruff check python tests benches examples packaging ros2 docs/*.py docs/_ext
-	$(BIN)/ruff format --check python tests benches examples packaging ros2 docs/*.py docs/_ext
+	$(BIN)/ruff check python tests benches examples fuzz packaging ros2 docs/*.py docs/_ext
+	$(BIN)/ruff format --check python tests benches examples fuzz packaging ros2 docs/*.py docs/_ext
 
 # Every kernel in ten times as many cases; 10,000 roads against the oracle.
 test-long: $(VENV)/installed $(VENV)/dev
 	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib kernels
 	LONG=1 $(BIN)/python -m pytest -n auto tests/python/core/test_differential.py
+
+# Each target of fuzz/ for a time, one a core; corpora stay in fuzz/corpus, findings in fuzz/artifacts. A minute each:
+# make fuzz SECONDS=60. Some only: make fuzz TARGETS="map snapshot".
+HOURS ?= 1
+fuzz:
+	$(PYTHON) fuzz/run.py $(if $(SECONDS),--seconds $(SECONDS),--hours $(HOURS)) $(TARGETS)
+
+fuzz-seeds:
+	cargo run --locked --profile quick --package surefix-fuzz --features seeds --bin seeds
 
 # All tests with all features. Without any, clippy compiles them here, and make release-check runs them.
 rust:

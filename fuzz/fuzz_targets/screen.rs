@@ -1,0 +1,4 @@
+#![cfg_attr(fuzzing, no_main)]
+//! The target `screen`.
+
+surefix_fuzz::program!("screen");
