@@ -245,7 +245,7 @@ def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: P
 
 @pytest.mark.slow
 def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
-    out = tmp_path / "fixes.csv"
+    out, part = tmp_path / "fixes.csv", tmp_path / ".fixes.csv.part"
     arguments = ["run", drive / "route.safetensors", drive / "images", "--follow", "-o", out]
     command = [sys.executable, "-m", "surefix", *map(str, arguments)]
     with subprocess.Popen(
@@ -253,7 +253,7 @@ def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
     ) as process:
         until = time.monotonic() + 60
         while (
-            not (out.exists() and len(out.read_text().splitlines()) == 1 + PLACES)
+            not (part.exists() and len(part.read_text().splitlines()) == 1 + PLACES)
             and time.monotonic() < until
         ):
             time.sleep(0.05)
@@ -262,6 +262,8 @@ def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
     assert process.returncode == 0
     assert err.startswith("40 fixes, ")
     assert err.count("\n") == 2
+    assert len(out.read_text().splitlines()) == 1 + PLACES
+    assert not part.exists()
 
 
 @pytest.mark.slow
