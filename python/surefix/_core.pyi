@@ -1928,7 +1928,7 @@ class LoopCloser:
         Raises
         ------
         SurefixFileError
-            If the file cannot be written.
+            If the file cannot be written; an older one is then as it was.
         """
     def to_g2o(
         self,
@@ -1968,7 +1968,7 @@ class LoopCloser:
         SurefixValueError
             For another number or shape of poses, or a deviation of 0 or less.
         SurefixFileError
-            If the file cannot be written.
+            If the file cannot be written; an older one is then as it was.
         """
 
 @final
@@ -2363,7 +2363,7 @@ class Run:
         Raises
         ------
         SurefixFileError
-            If the file cannot be written.
+            If the file cannot be written; an older one is then as it was.
         """
     def to_dataframe(self) -> Any:
         """A pandas DataFrame, a row a query; its index is the frame.
@@ -2559,7 +2559,7 @@ class Alignment:
         Raises
         ------
         SurefixFileError
-            If the file cannot be written.
+            If the file cannot be written; an older one is then as it was.
         """
     def __len__(self) -> int: ...
 

@@ -141,9 +141,12 @@ def test_a_damaged_video_keeps_the_fixes_so_far(drive: Path, tmp_path: Path) -> 
     out = tmp_path / "fixes.csv"
     run = ("run", drive / "route.safetensors", tmp_path / "cut.mkv", "-o", out)
     done = surefix_(*run, "--strict", code=1)
-    found = rows(out.read_text())
+    kept = tmp_path / "fixes.part.csv"
+    found = rows(kept.read_text())
     assert 0 < len(found) < PLACES
-    summary, track, error = done.stderr.splitlines()
+    assert not out.exists()
+    summary, track, stopped, error = done.stderr.splitlines()
+    assert stopped == f"stopped: the rows so far are in {kept}, not in {out}"
     assert track.startswith("track: median confidence ")
     assert summary.startswith(f"{len(found)} fixes, ")
     assert error.startswith(f"surefix: {tmp_path / 'cut.mkv'}, frame {len(found)}: a damaged video")

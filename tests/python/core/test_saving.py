@@ -287,7 +287,7 @@ def test_a_full_disk_leaves_whole_rows(tmp_path: Path) -> None:
                 file.write(row)
                 file.flush()
 
-    with full_disk(), pytest.raises(SurefixFileError, match="out.csv: cannot write: .*large"):
+    with full_disk(), pytest.raises(SurefixFileError, match=r"out\.csv: cannot write: .*large"):
         write()
     assert [path.read_bytes() for path in told] == [b"ab\n"]
 
