@@ -23,6 +23,12 @@ impl _AtomicFile {
         .map_err(|error| raised(py, error))
     }
 
+    /// The part, for another library to write to (not on Windows, which locks it against all).
+    #[getter]
+    fn path(&self) -> PyResult<PathBuf> {
+        Ok(self.0.as_ref().ok_or_else(ended)?.path().into())
+    }
+
     /// Where the rows of a writer that was killed were kept, if there were some.
     #[getter]
     fn left(&self) -> Option<PathBuf> {

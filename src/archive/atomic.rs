@@ -65,6 +65,11 @@ impl AtomicFile {
         Ok(Self { part, target, left })
     }
 
+    /// The part: for another library to write to, on systems whose locks do not keep it out (Unix).
+    pub fn path(&self) -> &Path {
+        &self.part.path
+    }
+
     /// The rows of a killed writer, if there were some.
     pub fn left(&self) -> Option<&Path> {
         self.left.as_deref()

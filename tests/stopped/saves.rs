@@ -25,23 +25,23 @@ type Files = BTreeMap<String, Vec<u8>>;
 struct Save {
     name: &'static str,
     before: fn(&Path),
-    save: fn(&Path) -> Result<(), Box<dyn std::error::Error>>,
+    run: fn(&Path) -> Result<(), Box<dyn std::error::Error>>,
     /// The files that are replaced together.
     together: fn(&str) -> bool,
 }
 
 const SAVES: &[Save] = &[
-    Save { name: "a map", before: old_map, save: save_map, together: |_| true },
-    Save { name: "a map that is new", before: |_| {}, save: save_map, together: |_| true },
-    Save { name: "an append", before: old_map, save: append, together: |_| true },
-    Save { name: "through links", before: linked_map, save: save_map, together: |_| true },
-    Save { name: "rows", before: old_rows, save: save_rows, together: |_| true },
-    Save { name: "a report", before: old_report, save: report, together: |_| true },
-    Save { name: "a report that is new", before: |_| {}, save: report, together: |_| true },
+    Save { name: "a map", before: old_map, run: save_map, together: |_| true },
+    Save { name: "a map that is new", before: |_| {}, run: save_map, together: |_| true },
+    Save { name: "an append", before: old_map, run: append, together: |_| true },
+    Save { name: "through links", before: linked_map, run: save_map, together: |_| true },
+    Save { name: "rows", before: old_rows, run: save_rows, together: |_| true },
+    Save { name: "a report", before: old_report, run: report, together: |_| true },
+    Save { name: "a report that is new", before: |_| {}, run: report, together: |_| true },
     Save {
         name: "a report beside other files",
         before: shared_report,
-        save: report,
+        run: report,
         together: |name| name == "report/report.html",
     },
 ];
@@ -50,7 +50,7 @@ pub(super) fn main() {
     if let Some(name) = env::var_os(SAVE) {
         let save = SAVES.iter().find(|save| *save.name == *name).unwrap();
         let folder = PathBuf::from(env::var_os(FOLDER).unwrap());
-        if let Err(error) = (save.save)(&folder) {
+        if let Err(error) = (save.run)(&folder) {
             eprintln!("{error}");
             std::process::exit(1);
         }
