@@ -14,12 +14,16 @@ use super::part::{Kind, Part};
 /// The part inside a folder that cannot be replaced as a whole.
 const INSIDE: &str = ".surefix.part";
 
+/// Lies in a folder while its files are replaced one by one: until then it is no whole report.
+const REPLACING: &str = ".replacing.part";
+
 /// A folder of files to be written: those of an old one stay whole until `commit`, and no other
 /// writer can begin one. If it is dropped before, nothing of it is left.
 pub struct AtomicFolder {
     part: Part,
     target: PathBuf,
     /// Whether the part lies in the folder, for want of a place beside it.
+    #[cfg_attr(not(any(target_os = "linux", target_vendor = "apple")), expect(dead_code))]
     inside: bool,
 }
 
@@ -61,6 +65,7 @@ impl AtomicFolder {
     /// this one lacks: they go. If the folder has no file but these and its own, it is replaced as a
     /// whole, in one step. Else the others stay, and its files are moved one by one, each whole,
     /// `last` as the last: so of a page that stands for itself there is always the old or the new.
+    /// Meanwhile there is a file `.replacing.part`; it stays if that is stopped.
     ///
     /// # Errors
     /// If a file cannot be moved, or a folder has its name.
@@ -77,7 +82,8 @@ impl AtomicFolder {
             sync_folder(folder_of(&self.target));
             return Ok(());
         }
-        let known: BTreeSet<_> = new.iter().chain(old).cloned().collect();
+        let mark = OsString::from(REPLACING);
+        let known: BTreeSet<_> = new.iter().chain(old).chain([&mark]).cloned().collect();
         for name in &known {
             if self.target.join(name).is_dir() {
                 let said = format!("expected a file {}, got a folder", name.display());
@@ -87,16 +93,24 @@ impl AtomicFolder {
         if self.exchange(&known)? {
             return Ok(());
         }
-        for name in in_order(&new, last) {
-            fs::rename(self.part.path.join(name), self.target.join(name))?;
+        fs::write(self.target.join(&mark), [])?;
+        sync_folder(&self.target);
+        for (index, name) in in_order(&new, last).into_iter().enumerate() {
+            let moved = fs::rename(self.part.path.join(name), self.target.join(name));
+            if moved.is_err() && index == 0 {
+                // The older report is whole.
+                let _ = fs::remove_file(self.target.join(&mark));
+            }
+            moved?;
         }
         sync_folder(&self.target);
-        for name in known.difference(&new) {
+        for name in old.iter().filter(|name| !new.contains(*name)).chain([&mark]) {
             match fs::remove_file(self.target.join(name)) {
                 Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
                 _ => {}
             }
         }
+        sync_folder(&self.target);
         Ok(())
     }
 

@@ -136,6 +136,9 @@ pub(super) fn short(name: &std::ffi::OsStr) -> String {
 
 /// The new part; none if the name is taken.
 fn made(path: &Path, kind: Kind) -> io::Result<Option<File>> {
+    // Systems without modes have other rules.
+    #[cfg(not(unix))]
+    let (Kind::File { private: _ } | Kind::Folder { private: _ }) = kind;
     let made = match kind {
         Kind::File { private } => {
             let mut options = OpenOptions::new();

@@ -195,7 +195,8 @@ impl<'a> Matrix<'a> {
         let there = files(&self.folder);
         self.check(&there, &said);
         if injected.contains("error") && !stopped.status.success() {
-            let parts = there.keys().filter(|name| name.contains(".part/") || hidden(name));
+            let marked = |name: &&String| name.ends_with("/.replacing.part");
+            let parts = there.keys().filter(|name| hidden(name) && !marked(name));
             assert_eq!(parts.count(), 0, "a part is left: {said}: {:?}", there.keys());
         }
         if stopped.status.success() {
@@ -225,6 +226,9 @@ impl<'a> Matrix<'a> {
             let all = self.new.iter().all(|(name, content)| there.get(name) == Some(content));
             assert!(all, "the page came first: {said}: {:?}", there.keys());
         }
+        let mixed = whole(there) != self.old && whole(there) != self.new;
+        let marked = there.contains_key("report/.replacing.part");
+        assert!(marked || !mixed, "a mixture without a mark: {said}: {:?}", there.keys());
         for (name, content) in whole(there) {
             let of = |files: &Files| files.get(&name) == Some(&content);
             assert!(of(&self.old) || of(&self.new), "{name} is neither: {said}");
