@@ -73,6 +73,9 @@ __all__ = [
     "read_image",
     "recall_at",
     "thumbnail",
+    "_AtomicFile",
+    "_AtomicFolder",
+    "_is_stream",
 ]
 
 class _HasArray(Protocol):
@@ -2378,7 +2381,7 @@ class Run:
 
 @final
 class _AtomicFile:
-    def __init__(self, path: _Path, rows: bool) -> None: ...
+    def __new__(cls, path: _Path, rows: bool) -> _AtomicFile: ...
     @property
     def path(self) -> _RealPath: ...
     @property
@@ -2390,7 +2393,7 @@ class _AtomicFile:
 
 @final
 class _AtomicFolder:
-    def __init__(self, path: _Path) -> None: ...
+    def __new__(cls, path: _Path) -> _AtomicFolder: ...
     @property
     def path(self) -> _RealPath: ...
     def commit(self, old: list[str], last: str) -> None: ...

@@ -391,7 +391,7 @@ def test_two_reports_at_once(tmp_path: Path) -> None:
     assert names(tmp_path) == ["report"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_stopped_keeps_its_fixes(number: signal.Signals, tmp_path: Path) -> None:
     """The old file is whole, and the rows so far have the name that is said."""
     out, kept, part = (tmp_path / name for name in ("f.csv", "f.part.csv", ".f.csv.part"))
