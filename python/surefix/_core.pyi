@@ -55,7 +55,10 @@ __all__ = [
     "Track",
     "Traverse",
     "Trust",
+    "_AtomicFile",
+    "_AtomicFolder",
     "__version__",
+    "_is_stream",
     "align",
     "block_length",
     "calibrate",
@@ -73,9 +76,6 @@ __all__ = [
     "read_image",
     "recall_at",
     "thumbnail",
-    "_AtomicFile",
-    "_AtomicFolder",
-    "_is_stream",
 ]
 
 class _HasArray(Protocol):
