@@ -90,6 +90,12 @@ pub use crate::image::{
 };
 #[cfg(feature = "image")]
 pub use crate::image::{ImageFiles, Order, decode_image, read_image};
+/// What the binding for Python writes its files with.
+#[doc(hidden)]
+pub mod saving {
+    pub use crate::archive::{AtomicFile, AtomicFolder, is_stream, write_text};
+}
+
 pub use batch::{
     Alignment, Drive, Run, align_descriptors, align_distances, drive_distances, fused_distances,
     match_descriptors, match_distances, match_fused, match_fused_distances,

@@ -1,12 +1,11 @@
 //! `surefix.align` and `surefix.Alignment`.
 
-use std::fs::File;
-use std::io::{BufWriter, Write as _};
 use std::path::PathBuf;
 
 use numpy::{Element, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use surefix::saving::write_text;
 use surefix::{Drive, Floor, Motion, align_descriptors, align_distances};
 
 use crate::arrays::{numbers, whole_numbers};
@@ -178,14 +177,13 @@ impl Alignment {
     /// Raises
     /// ------
     /// SurefixFileError
-    ///     If the file cannot be written.
+    ///     If the file cannot be written; an older one is then as it was.
     #[pyo3(signature = (path, least=0.0))]
     fn to_csv(&self, py: Python<'_>, path: PathBuf, least: f64) -> PyResult<()> {
         py.detach(|| {
             let io =
                 |source| surefix::Error::Io { path: path.clone(), action: "write the CSV", source };
-            let mut out = BufWriter::new(File::create(&path).map_err(io)?);
-            self.0.write_csv(&mut out, least).and_then(|()| out.flush()).map_err(io)
+            write_text(&path, |mut out| self.0.write_csv(&mut out, least)).map_err(io)
         })
         .or_raise(py)
     }

@@ -1,7 +1,5 @@
 //! `surefix.match`, `surefix.match_distances` and `surefix.Run`.
 
-use std::fs::File;
-use std::io::{BufWriter, Write as _};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -10,6 +8,7 @@ use numpy::{Element, PyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::exceptions::{PyIndexError, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
+use surefix::saving::write_text;
 use surefix::{Drive, Floor, Recipe, Values, View, describe_all, match_descriptors};
 
 use crate::arrays::{
@@ -251,13 +250,12 @@ impl Run {
     /// Raises
     /// ------
     /// SurefixFileError
-    ///     If the file cannot be written.
+    ///     If the file cannot be written; an older one is then as it was.
     fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| {
             let io =
                 |source| surefix::Error::Io { path: path.clone(), action: "write the CSV", source };
-            let mut out = BufWriter::new(File::create(&path).map_err(io)?);
-            self.0.write_csv(&mut out).and_then(|()| out.flush()).map_err(io)
+            write_text(&path, |mut out| self.0.write_csv(&mut out)).map_err(io)
         })
         .or_raise(py)
     }

@@ -29,6 +29,7 @@ mod places;
 mod position;
 mod post;
 mod sad;
+mod saving;
 mod segments;
 mod settings;
 mod simulate;
@@ -76,6 +77,8 @@ mod _core {
     use crate::post::{Post, Running, fit_post};
     #[pymodule_export]
     use crate::sad::Sad;
+    #[pymodule_export]
+    use crate::saving::{_AtomicFile, _AtomicFolder, _is_stream};
     #[pymodule_export]
     use crate::segments::{Segment, Segments};
     #[pymodule_export]

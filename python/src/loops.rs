@@ -1,7 +1,5 @@
 //! `surefix.LoopCloser` and its answers.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -9,6 +7,7 @@ use numpy::{PyArray1, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use surefix::saving::write_text;
 use surefix::{Error, Floor, Graph, Input, LoopConfig, Metric, Poses};
 
 use crate::arrays::{Numbers, as_array, coordinates};
@@ -406,14 +405,13 @@ impl LoopCloser {
     /// Raises
     /// ------
     /// SurefixFileError
-    ///     If the file cannot be written.
+    ///     If the file cannot be written; an older one is then as it was.
     fn to_csv(slf: &Bound<'_, Self>, path: PathBuf) -> PyResult<()> {
         let (py, this) = (slf.py(), shared(slf)?);
         let written = match &this.closer {
             Some(closer) => py.detach(|| {
                 let io = |source| Error::Io { path: path.clone(), action: "write the CSV", source };
-                let mut out = BufWriter::new(File::create(&path).map_err(io)?);
-                closer.write_csv(&mut out).and_then(|()| out.flush()).map_err(io)
+                write_text(&path, |mut out| closer.write_csv(&mut out)).map_err(io)
             }),
             None => empty(&path, "frame,place,confidence\n"),
         };
@@ -449,7 +447,7 @@ impl LoopCloser {
     /// SurefixValueError
     ///     For another number or shape of poses, or a deviation of 0 or less.
     /// SurefixFileError
-    ///     If the file cannot be written.
+    ///     If the file cannot be written; an older one is then as it was.
     #[pyo3(
         signature = (path, poses=None, *, first=None, deviation=None, odometry_deviation=None),
         text_signature = "($self, path, poses=None, *, first=0, deviation=(2.0, 0.2), odometry_deviation=(0.1, 0.02))"
@@ -480,7 +478,7 @@ impl LoopCloser {
             closer.write_g2o(&mut text, &graph)?;
             let io =
                 |source| Error::Io { path: path.clone(), action: "write the pose graph", source };
-            std::fs::write(&path, &text).map_err(io)
+            write_text(&path, |out| out.write_all(&text)).map_err(io)
         })
         .or_raise(py)
     }
@@ -529,7 +527,7 @@ fn started<'a>(this: &'a mut LoopCloser, py: Python<'_>) -> PyResult<&'a mut sur
 
 /// A file without edges.
 fn empty(path: &std::path::Path, text: &str) -> Result<(), Error> {
-    std::fs::write(path, text).map_err(|source| Error::Io {
+    write_text(path, |out| out.write_all(text.as_bytes())).map_err(|source| Error::Io {
         path: path.to_owned(),
         action: "write the edges",
         source,

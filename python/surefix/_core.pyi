@@ -6,6 +6,7 @@ Docstrings are copied from the binary by `make stubs`; stubtest holds the signat
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from collections.abc import Sequence as _Sequence
 from os import PathLike
+from pathlib import Path as _RealPath
 from typing import (
     Any,
     ClassVar,
@@ -54,7 +55,10 @@ __all__ = [
     "Track",
     "Traverse",
     "Trust",
+    "_AtomicFile",
+    "_AtomicFolder",
     "__version__",
+    "_is_stream",
     "align",
     "block_length",
     "calibrate",
@@ -1927,7 +1931,7 @@ class LoopCloser:
         Raises
         ------
         SurefixFileError
-            If the file cannot be written.
+            If the file cannot be written; an older one is then as it was.
         """
     def to_g2o(
         self,
@@ -1967,7 +1971,7 @@ class LoopCloser:
         SurefixValueError
             For another number or shape of poses, or a deviation of 0 or less.
         SurefixFileError
-            If the file cannot be written.
+            If the file cannot be written; an older one is then as it was.
         """
 
 @final
@@ -2362,7 +2366,7 @@ class Run:
         Raises
         ------
         SurefixFileError
-            If the file cannot be written.
+            If the file cannot be written; an older one is then as it was.
         """
     def to_dataframe(self) -> Any:
         """A pandas DataFrame, a row a query; its index is the frame.
@@ -2374,6 +2378,28 @@ class Run:
         """
     def __len__(self) -> int: ...
     def __getitem__(self, key: SupportsIndex, /) -> Fix: ...
+
+@final
+class _AtomicFile:
+    def __new__(cls, path: _Path, rows: bool) -> _AtomicFile: ...
+    @property
+    def path(self) -> _RealPath: ...
+    @property
+    def left(self) -> _RealPath | None: ...
+    def write(self, data: bytes) -> int: ...
+    def commit(self) -> None: ...
+    def keep(self) -> _RealPath | None: ...
+    def discard(self) -> None: ...
+
+@final
+class _AtomicFolder:
+    def __new__(cls, path: _Path) -> _AtomicFolder: ...
+    @property
+    def path(self) -> _RealPath: ...
+    def commit(self, old: list[str], last: str) -> None: ...
+    def discard(self) -> None: ...
+
+def _is_stream(path: _Path) -> bool: ...
 
 @final
 class Alarm:
@@ -2538,7 +2564,7 @@ class Alignment:
         Raises
         ------
         SurefixFileError
-            If the file cannot be written.
+            If the file cannot be written; an older one is then as it was.
         """
     def __len__(self) -> int: ...
 

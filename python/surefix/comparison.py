@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from surefix._staged import staged
+from surefix._saving import save
 from surefix._words import columns, escaped, plural
 from surefix.auditing import Estimate
 from surefix.judged import FIGURES, HEADINGS, Judged, Recall
@@ -261,12 +261,11 @@ def signed(estimate: Estimate) -> tuple[str, str]:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Writes a file beside its name, and moves it there: an older one stays whole until then.
+    """Writes a file of a comparison; an older one stays whole until then.
 
     Raises
     ------
     SurefixFileError
         If it cannot be written.
     """
-    with staged(path, "cannot write the comparison") as beside:
-        beside.write_text(text, encoding="utf-8")
+    save(path, text, "cannot write the comparison")

@@ -7,6 +7,8 @@
 //! program wrote may do without both.
 
 mod atomic;
+mod folder;
+mod part;
 mod reader;
 mod writer;
 
@@ -15,7 +17,8 @@ use std::io;
 use safetensors::tensor::Dtype;
 
 use crate::error::Error;
-pub(crate) use atomic::AtomicFile;
+pub use atomic::{AtomicFile, is_stream, write_text};
+pub use folder::AtomicFolder;
 #[cfg(feature = "mmap")]
 pub(crate) use reader::verify;
 pub(crate) use reader::{Header, Reader, Tensors, read};

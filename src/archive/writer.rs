@@ -9,7 +9,7 @@ use safetensors::tensor::{Dtype, Metadata, TensorInfo};
 use serde::Serialize;
 use twox_hash::XxHash3_64;
 
-use super::atomic::AtomicFile;
+use super::AtomicFile;
 use super::{CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, swap_to_file_order};
 use crate::error::Error;
 
@@ -85,23 +85,21 @@ impl<'a> Writer<'a> {
         self.aligned = self.end;
     }
 
-    /// Writes the file beside `path` and then renames it: there is never half a file, and the old
-    /// one stays until the new one is whole. Programs that have the old file open or mapped keep
-    /// it. If `path` is a symbolic link, its target is replaced. The new file has the old one's
-    /// mode. Errors say that surefix cannot `action`.
+    /// Writes the file that was begun for `path`, and puts it in its place: there is never half a
+    /// file, and the old one stays until the new one is whole. Programs that have the old file open
+    /// or mapped keep it. Errors say that surefix cannot `action`.
     pub(crate) fn save(
         self,
+        file: AtomicFile,
         path: &Path,
         action: &'static str,
         format: &Format,
         entry: &impl Serialize,
     ) -> Result<(), Error> {
         let failed = |source| Error::Io { path: path.to_owned(), action, source };
-        let file = AtomicFile::beside(path).map_err(failed)?;
-        let mut out = BufWriter::with_capacity(PIECE, file.temporary.as_file());
+        let mut out = BufWriter::with_capacity(PIECE, file);
         self.write(&mut out, &failed, format, entry)?;
-        out.flush().map_err(failed)?;
-        drop(out);
+        let file = out.into_inner().map_err(|error| failed(error.into_error()))?;
         file.commit().map_err(failed)
     }
 

@@ -38,31 +38,44 @@ use crate::numbers::{Values, View};
 /// rounding, far below damage.
 const NORM_ERROR: f64 = 1e-6;
 
-/// Writes a map's file. `rows` gives the places that show nothing.
+const WRITE: &str = "write the map";
+
+/// Begins a map's file, so that no other writer can.
+pub(super) fn begin(path: &Path) -> Result<AtomicFile, Error> {
+    let failed = |source| Error::Io { path: path.to_owned(), action: WRITE, source };
+    AtomicFile::new(path).map_err(failed)
+}
+
+/// Writes the map's file that was begun for `path`. `rows` gives the places that show nothing.
 pub(super) fn write(
-    path: &Path,
+    (file, path): (AtomicFile, &Path),
     kind: &Kind,
     sidecar: Sidecar<'_>,
     rows: impl FnOnce(&mut Sink<'_>) -> Result<Vec<usize>, Error>,
 ) -> Result<(), Error> {
     let entry = entry(kind, sidecar.positions.first().copied());
-    contents(kind, sidecar, rows).save(path, "write the map", &FORMAT, &entry)
+    contents(kind, sidecar, rows).save(file, path, WRITE, &FORMAT, &entry)
 }
 
 impl Map {
     /// Saves the map as one safetensors file with everything that it takes to use it. The file is
     /// written beside its place and then renamed: there is never half a file, and an old one stays
     /// until the new one is whole. So a mapped map can be saved to its own file. Symbolic links
-    /// stay, and so does the mode of an old file.
+    /// stay, and so does the mode of an old file. While another process or thread writes the file,
+    /// it is an error that names that one.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
+        self.save_as(begin(path.as_ref())?, path.as_ref())
+    }
+
+    pub(super) fn save_as(&self, file: AtomicFile, path: &Path) -> Result<(), Error> {
         let rows = |out: &mut Sink<'_>| {
             self.write_rows(out)?;
             Ok(self.blank_rows().to_vec())
         };
-        write(path.as_ref(), &self.kind, self.sidecar(), rows)
+        write((file, path), &self.kind, self.sidecar(), rows)
     }
 
     /// The bytes of the file that [`save`](Self::save) writes.
@@ -149,9 +162,9 @@ impl Map {
         let places = at_least_two(images.len())?;
         let segments = extras.check(places)?.into_owned();
         let path = path.as_ref();
-        let io = |source| Error::Io { path: path.to_owned(), action: "write the map", source };
+        let io = |source| Error::Io { path: path.to_owned(), action: WRITE, source };
         // Before any image is read.
-        AtomicFile::check(path).map_err(io)?;
+        let file = begin(path)?;
         let names = Names::new((0..places).map(|index| images.name(index)))?;
         let pool = DescriberPool::of_map(sad, images)?;
         let (metric, recipe) = (Metric::Manhattan, Recipe::Sad(pool.sad()));
@@ -173,7 +186,7 @@ impl Map {
         let (names, norms) = (vec![&names], Vec::new());
         let traverses = None;
         let sidecar = Sidecar { places, segments, positions, norms, names, pictures, traverses };
-        write(path, &kind, sidecar, |out| {
+        write((file, path), &kind, sidecar, |out| {
             let mut census = Census::new(&kind);
             let mut done = 0;
             let mut take = |rows: View<'_>| {

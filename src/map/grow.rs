@@ -8,12 +8,12 @@ use std::path::Path;
 
 use super::blank::Census;
 use super::contents::{Parts, PictureSpan, Sidecar};
-use super::file::write;
+use super::file::{begin, write};
 use super::join::{About, check, check_onward, check_positions, misfit};
 use super::route::Names;
 use super::thumbnails::{Pictures, Seen, Spool, copy};
 use super::{Extras, Map, Positions, Recipe};
-use crate::archive::{Refusal, Sink, swap_to_file_order};
+use crate::archive::{AtomicFile, Refusal, Sink, swap_to_file_order};
 use crate::descriptor::{DescriberPool, Sad};
 use crate::distance::Metric;
 use crate::error::Error;
@@ -73,7 +73,7 @@ impl Map {
     }
 
     fn append_places(path: &Path, more: &Self, begins: bool) -> Result<(), Error> {
-        let old = Existing::open(path)?;
+        let (old, new) = Existing::open(path)?;
         if more.has_several() {
             return Err(misfit(&old.name(), ONE, SEVERAL));
         }
@@ -97,11 +97,11 @@ impl Map {
             // A foreign file: its norms are those of its rows.
             let whole = Self::open(path)?;
             let longer = if begins { Self::join(&[&whole, more]) } else { whole.extended(more) };
-            return longer?.save(path);
+            return longer?.save_as(new, path);
         }
         let mut addition = more.sidecar();
         addition.pictures = pictures.map(Pictures::of);
-        old.write(addition, begins, |old, out| {
+        old.write(new, addition, begins, |old, out| {
             let mut census = old.copy_rows(out, &mut || Ok(()))?;
             more.blocks.iter().for_each(|block| census.add(block.rows()));
             more.write_rows(out)?;
@@ -137,7 +137,7 @@ impl Map {
         extras: Extras<'_>,
         progress: Progress<'_>,
     ) -> Result<(), Error> {
-        let old = Existing::open(path.as_ref())?;
+        let (old, new) = Existing::open(path.as_ref())?;
         let Recipe::Sad(sad) = old.parts.kind.recipe else {
             return Err(misfit(&old.name(), "ready descriptors, as its own are", "images"));
         };
@@ -177,7 +177,7 @@ impl Map {
             pictures,
             traverses: None,
         };
-        old.write(addition, extras.new_segment, |old, out| {
+        old.write(new, addition, extras.new_segment, |old, out| {
             let mut census = old.copy_rows(out, &mut || go_on(progress(0, places), 0, places))?;
             let mut take = |rows: View<'_>, done: usize| {
                 census.add(rows);
@@ -253,7 +253,12 @@ struct Existing<'a> {
 }
 
 impl<'a> Existing<'a> {
-    fn open(path: &'a Path) -> Result<Self, Error> {
+    /// With the new file, which is begun before the old one is read and held to the end: no other
+    /// writer's places can be lost.
+    fn open(path: &'a Path) -> Result<(Self, AtomicFile), Error> {
+        let there = File::open(path).map(drop);
+        there.map_err(|error| Refusal::from(error).of_map(path))?;
+        let new = begin(path)?;
         let read = || -> Result<Self, Refusal> {
             let file = File::open(path)?;
             let (parts, start, pictures, signed) = Parts::read(&file)?;
@@ -267,7 +272,7 @@ impl<'a> Existing<'a> {
         if old.parts.several {
             return Err(misfit(&old.name(), ONE, SEVERAL));
         }
-        Ok(old)
+        Ok((old, new))
     }
 
     fn name(&self) -> String {
@@ -293,6 +298,7 @@ impl<'a> Existing<'a> {
     /// addition has the same kind of positions; it has thumbnails if this file has some.
     fn write(
         &self,
+        new: AtomicFile,
         addition: Sidecar<'_>,
         begins: bool,
         rows: impl FnOnce(&Self, &mut Sink<'_>) -> Result<Vec<usize>, Error>,
@@ -319,7 +325,7 @@ impl<'a> Existing<'a> {
             pictures,
             traverses: Some(&self.parts.traverses),
         };
-        write(self.path, kind, sidecar, |out| rows(self, out))
+        write((new, self.path), kind, sidecar, |out| rows(self, out))
     }
 
     /// Copies the old rows and looks at each. `proceed` is asked before each piece.

@@ -6,7 +6,8 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::Command;
 
-use surefix::{Map, Metric};
+use surefix::saving::AtomicFile;
+use surefix::{Error, Map, Metric};
 use tempfile::tempdir;
 
 /// Tells the child where to save, and that it is the child.
@@ -126,4 +127,42 @@ fn a_program_killed_while_saving_leaves_the_old_map() {
         !save_under("ulimit -f 100", "a_program_killed_while_saving_leaves_the_old_map", &path);
     assert!(killed, "the limit must have ended it");
     assert_eq!(fs::read(&path).unwrap(), b"the old map");
+}
+
+#[test]
+fn the_second_writer_is_refused_and_the_first_goes_on() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map.safetensors");
+    large_map().save(&path).unwrap();
+    let first = AtomicFile::new(&path).unwrap();
+    for refused in [large_map().save(&path), Map::append(&path, &large_map())] {
+        let error = refused.unwrap_err();
+        let Error::Io { source, .. } = &error else { panic!("{error}") };
+        assert_eq!(source.kind(), std::io::ErrorKind::ResourceBusy);
+        if cfg!(target_os = "linux") {
+            assert!(error.to_string().contains("another thread of this process"), "{error}");
+        }
+    }
+    drop(first);
+    Map::append(&path, &large_map()).unwrap();
+    assert_eq!(Map::open(&path).unwrap().places(), 2000);
+    assert_eq!(names(folder.path()), ["map.safetensors"]);
+}
+
+#[test]
+fn threads_that_save_at_once_leave_one_whole_map() {
+    let folder = tempdir().unwrap();
+    let path = &folder.path().join("map.safetensors");
+    // The part is what a killed writer left.
+    for name in [".map.safetensors.part", "map.safetensors"] {
+        fs::write(folder.path().join(name), "left").unwrap();
+    }
+    let saved = std::thread::scope(|scope| {
+        let save = || (0..50).filter(|_| large_map().save(path).is_ok()).count();
+        let threads: Vec<_> = (0..4).map(|_| scope.spawn(save)).collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).sum::<usize>()
+    });
+    assert!(saved >= 50, "one of them can always: {saved}");
+    assert_eq!(Map::open(path).unwrap().places(), 1000);
+    assert_eq!(names(folder.path()), ["map.safetensors"]);
 }

@@ -2,7 +2,9 @@
 
 import io
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any
@@ -206,11 +208,14 @@ def _root(
 
 
 def main() -> None:
-    """Run the command line. Exit codes: 0, 1 (it failed), 2 (bad usage), 130 (Ctrl-C)."""
+    """Run the command line. Exit codes: 0, 1 (it failed), 2 (bad usage), 130 (Ctrl-C, or it was
+    told to end).
+    """
     _prepare_streams()
     try:
         try:
-            app(prog_name="surefix")
+            with _signals():
+                app(prog_name="surefix")
         finally:
             sys.stdout.flush()
     except SystemExit as end:
@@ -236,6 +241,24 @@ def main() -> None:
         # Python would complain once more when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+
+
+@contextmanager
+def _signals() -> Iterator[None]:
+    """A terminal that closes and a system that stops the program end it as Ctrl-C does: what is
+    written so far is kept or cleared away.
+    """
+    numbers = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
+    ours = [each for each in numbers if each and signal.getsignal(each) == signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        ours = []
+    for number in ours:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _prepare_streams() -> None:

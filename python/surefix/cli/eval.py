@@ -428,7 +428,7 @@ def _check_before(places: int, options: dict[str, Any], out: Path) -> None:
         match_distances(np.zeros((places, 1), np.float32), **options | {"technique_weights": []})
     except SurefixValueError as error:
         raise typer.BadParameter(str(error)) from None
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise refusal(out, "cannot make the output folder", error) from None
+    # Not at the top: matplotlib is an extra, and slow to import.
+    from surefix.report.page import output_folder
+
+    output_folder(out)

@@ -11,12 +11,12 @@ import typer
 from rich.table import Table
 
 from surefix import Map
+from surefix._saving import save
 from surefix._terminal import Console, say
 from surefix._words import plural
 from surefix.cli.drives import open_map
 from surefix.cli.flags import documented
 from surefix.cli.inputs import refuse
-from surefix.errors import check_folder, refusal
 from surefix.tables.fix_files import NO_DEGREES
 from surefix.tables.geojson import roads
 from surefix.tables.utm import map_degrees
@@ -247,9 +247,4 @@ def _write_geojson(route: Map, file: Path, out: Path) -> None:
     other = out.exists() and out.suffix.lower() not in (".geojson", ".json")
     expected = "--geojson: expected a new file, or one that ends in .geojson or .json"
     refuse(other, f"{expected}, got {out}, which exists")
-    check_folder(out, "cannot write the route")
-    text = json.dumps(roads(degrees, route.segments))
-    try:
-        out.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise refusal(out, "cannot write the route", error) from None
+    save(out, json.dumps(roads(degrees, route.segments)) + "\n", "cannot write the route")

@@ -2,7 +2,8 @@
 
 import itertools
 import sys
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
@@ -10,14 +11,15 @@ import typer
 
 from surefix import LoopCloser, SurefixValueError, frames
 from surefix._progress import Bar, terminal_bar
+from surefix._saving import words_on_kept
 from surefix._terminal import say
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.flags import documented
 from surefix.cli.inputs import Place, check_not_read, listed, notes_on, refuse, scale_of
 from surefix.cli.networks import Model, ModelOptions, Output, Weights, open_network
-from surefix.errors import refusal
 from surefix.tables.csv_rows import row_writer
+from surefix.tables.fix_files import created
 
 COLUMNS = ("frame", "place", "confidence", "frame_name", "place_name")
 MOTIONS = Literal["loops", "steady", "free", "any"]
@@ -127,9 +129,8 @@ def _close(
     """Pushes each frame, and writes each edge as it comes; the confidence of each frame."""
     names: list[str] = []
     sure: list[float] = []
-    file = _opened(out)
     write: Any = None
-    try:
+    with _opened(out) as file:
         if file is not None:
             write = row_writer(file, spreadsheet)
             write(COLUMNS)
@@ -144,29 +145,28 @@ def _close(
                     raise SurefixValueError(f"{frame.name}: {error}") from None
                 names.append(frame.name)
                 sure.append(said.confidence)
-                if said.edge and write is not None:
+                if said.edge and file is not None:
                     where = names[said.place]
                     write((said.frame, said.place, said.confidence, frame.name, where))
+                    file.flush()
                 bar.show(len(names))
         bar.end(len(names))
-    finally:
-        if file not in (None, sys.stdout):
-            file.close()
     return sure
 
 
-def _opened(out: Path | None) -> TextIO | None:
+def _opened(out: Path | None) -> AbstractContextManager[TextIO | None]:
     """Where the edges are written; None if they are not, as a pose graph is written at the end, or
     if they would run over the progress on a terminal.
     """
     if out is None:
-        return None if sys.stdout.isatty() else sys.stdout
+        return nullcontext(None if sys.stdout.isatty() else sys.stdout)
     if out.suffix == ".g2o":
-        return None
-    try:
-        return out.open("w", encoding="utf-8", newline="")
-    except OSError as error:
-        raise refusal(out, "cannot write the edges", error) from None
+        return nullcontext()
+    return created(out, "csv", partial(_say_kept, out), "cannot write the edges")
+
+
+def _say_kept(out: Path, kept: Path, earlier: bool) -> None:
+    say(words_on_kept(out, kept, earlier), file=sys.stderr)
 
 
 def _said_surest(sure: list[float], confidence: float, lasting: int) -> str:

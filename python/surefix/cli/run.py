@@ -13,6 +13,7 @@ import numpy as np
 import typer
 
 from surefix import Localizer, Map, SurefixValueError, frames
+from surefix._saving import words_on_kept
 from surefix._terminal import fitted, say
 from surefix._words import plural
 from surefix.cli.drives import networks_of, others_of
@@ -225,17 +226,25 @@ def run(
         shown["report"] = None if page is None else (page, title_of(queries, route))
         seen = open_views(places, source.estimate, **shown)
         views = opened.enter_context(seen)
-        file = None if out is None else opened.enter_context(created(out, form))
+        kept: list[tuple[Path, bool]] = []
+        saved = ExitStack()
+        told = lambda *rows: kept.append(rows)  # noqa: E731
+        file = None if out is None else saved.enter_context(created(out, form, told))
         try:
-            with _writer(file, form, places, spreadsheet) as write:
-                localize(localizer, source, write, summary, views, clipping, by_name)
-            summary.ended = True
-        except KeyboardInterrupt:
-            # This is the way to end live frames.
-            if not source.live:
-                raise
+            with saved:
+                try:
+                    with _writer(file, form, places, spreadsheet) as write:
+                        localize(localizer, source, write, summary, views, clipping, by_name)
+                    summary.ended = True
+                except KeyboardInterrupt:
+                    # This is the way to end live frames.
+                    if not source.live:
+                        raise
         finally:
-            said = summary.lines(out)
+            # After an unreadable frame, the fixes before it are kept.
+            so_far = [name for name, earlier in kept if not earlier]
+            said = summary.lines(None if so_far else out)
+            said += [] if out is None else [words_on_kept(out, *rows) for rows in kept]
             if out is None and sys.stdout.isatty() and summary.latencies:
                 said.append("not kept: add -o fixes.csv")
             said += [f"Made {page}"] if page is not None and summary.latencies else []
@@ -244,7 +253,7 @@ def run(
             said += [_said(source, of, motion)] if isinstance(source, Advances) else []
             said = [line for each in said for line in fitted(each, sys.stderr)]
             leave_room(views, said)
-            # After an unreadable frame, the fixes before it are kept; on a free terminal.
+            # On a free terminal.
             opened.close()
             say(*said, file=sys.stderr)
             if page is not None and summary.latencies:

@@ -8,11 +8,11 @@ or ``~/.cache``).
 
 import json
 import os
-import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from surefix._saving import save
 from surefix.descriptors.onnx import file_sha256
 from surefix.errors import SurefixError
 
@@ -43,14 +43,7 @@ def note(sha256: str, file: Path) -> None:
     text = json.dumps({key: str(value) for key, value in (known | {sha256: path}).items()})
     with suppress(OSError):
         _list().parent.mkdir(parents=True, exist_ok=True)
-        # Whole or not at all, whatever other processes do.
-        handle, made = tempfile.mkstemp(dir=_list().parent, prefix=".models")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as opened:
-                opened.write(text + "\n")
-            os.replace(made, _list())
-        except OSError:
-            os.unlink(made)
+        save(_list(), text + "\n", "cannot note the network")
 
 
 def find(sha256: str, name: str, folders: Iterable[Path]) -> Path | None:

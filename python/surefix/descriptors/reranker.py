@@ -13,6 +13,7 @@ import numpy.typing as npt
 from surefix._core import Map
 from surefix._extra import require
 from surefix._progress import Bar, Progress, terminal_bar
+from surefix._saving import save
 from surefix.descriptors.reranked import reranked_distances
 from surefix.descriptors.verifier import Verifier, require_verifier
 from surefix.errors import SurefixValueError, check_folder, mismatch, refusal
@@ -182,13 +183,7 @@ class Reranker:
             raise mismatch("the features", "number arrays, of one type", " and ".join(kinds))
         counts = np.array([len(array) for array in arrays], np.int64)
         tensors = {"features": np.concatenate(arrays), "counts": counts}
-        try:
-            # Whole or not at all, if the power fails.
-            new = file.with_name(f"{file.name}.new")
-            new.write_bytes(library.save(tensors, metadata=of))
-            new.replace(file)
-        except OSError as error:
-            raise refusal(file, "cannot write the features", error) from None
+        save(file, library.save(tensors, metadata=of), "cannot write the features")
 
     @classmethod
     def open(

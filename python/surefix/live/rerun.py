@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Fix, Localizer, Map, SurefixError, SurefixFileError, Track
+from surefix._core import _AtomicFile, _is_stream
 from surefix._terminal import say
 from surefix.live.binning import Bins
 from surefix.live.ground import Ground
@@ -119,11 +120,14 @@ class RerunView(Closing):
         if spawn if spawn is not None else save is None:
             open_viewer(self.recording, port, memory)
             sinks.append(self.rr.GrpcSink(f"rerun+http://127.0.0.1:{port}/proxy"))
-        if self.save is not None:
-            sinks.append(self.rr.FileSink(self.save))
+        self._part: _AtomicFile | None = None
         try:
+            if self.save is not None:
+                sinks.append(self.rr.FileSink(self._begun(self.save)))
             self.recording.set_sinks(*sinks)
-        except RuntimeError as error:
+        except (RuntimeError, OSError) as error:
+            if self._part is not None:
+                self._part.discard()
             raise SurefixFileError(f"{self.save}: cannot write the recording: {error}") from None
 
     def update(self, frame: Any, fix: Fix, localizer: Localizer, latency_us: float) -> None:
@@ -163,8 +167,20 @@ class RerunView(Closing):
             # The viewer was closed before the drive was over, which is no mistake.
             say(f"rerun: {error}", file=sys.stderr)
         recording.disconnect()
-        if self.save is not None and not self.save.is_file():
-            raise SurefixFileError(f"{self.save}: the recording is not there any more")
+        if self._part is None:
+            return
+        try:
+            self._part.commit()
+        except OSError as error:
+            raise SurefixFileError(f"{self.save}: cannot write the recording: {error}") from None
+
+    def _begun(self, save: Path) -> Path:
+        """The file that rerun writes: beside an older recording, until this one ends."""
+        if sys.platform == "win32" or _is_stream(save):
+            # There a lock keeps rerun out, too.
+            return save
+        self._part = _AtomicFile(save, False)
+        return self._part.path
 
     def _start(self, seen: Seen, tracked: bool) -> None:
         """Log the layout, the styles and the route, which stay for the whole drive."""

@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 
 from surefix import _colours
 from surefix._colours import Colours
-from surefix.errors import SurefixValueError, refusal
+from surefix._saving import save
+from surefix.errors import SurefixValueError
 from surefix.plot.outcome import Outcome
 
 __all__ = ["DARK", "LIGHT", "LOOKS", "MARKS", "Look", "Mark", "Theme", "looks", "png"]
@@ -179,8 +180,5 @@ def png(
             picture(figure.add_subplot(), theme)
             figure.savefig(file, format="png")
     if path is not None:
-        try:
-            Path(path).write_bytes(file.getvalue())
-        except OSError as error:
-            raise refusal(path, "cannot write the picture", error) from None
+        save(Path(path), file.getvalue(), "cannot write the picture")
     return file.getvalue()

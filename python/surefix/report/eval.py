@@ -12,7 +12,7 @@ from surefix.report import figures, sections
 from surefix.report.album import Album
 from surefix.report.explore import explorer, scripts
 from surefix.report.figures import Images
-from surefix.report.page import output_folder, write
+from surefix.report.page import write
 from surefix.report.scene import of_study
 from surefix.report.tables import write_drives, write_tables
 from surefix.study import Study
@@ -110,7 +110,6 @@ def write_report(
     >>> write_report(study, folder, title="winter on summer").name
     'report.html'
     """
-    output_folder(folder)
     says = any(result.matches.confidence is not None for result in study.results)
     drives = [study, *scenarios] if says or scenarios else []
     diagrams = figures.reliability(drives)

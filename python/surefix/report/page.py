@@ -5,13 +5,11 @@ import errno
 import io
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 # Pillow comes with matplotlib.
 from PIL import Image
 
+from surefix._core import _AtomicFolder
 from surefix._words import escaped
 from surefix.errors import refusal
 from surefix.plot.theme import DARK, LIGHT, Theme, png
@@ -341,9 +340,10 @@ def write(
 ) -> Path:
     """Writes a page, its pictures on light paper, and its tables; returns the path of the page.
 
-    All files come to the folder at once, in place of an earlier report. If the writing is stopped,
-    the earlier report stays whole; if the moving is stopped, there is no page, and nothing of the
-    earlier report.
+    All files come to the folder at once, in place of an earlier report: whenever it is stopped,
+    there is the old report or the new one. If the folder has other files, they stay, and those of
+    the report are replaced one by one, each whole; the page, which needs no other file, is the
+    last.
 
     Parameters
     ----------
@@ -371,42 +371,35 @@ def write(
     # They are drawn before anything is written.
     drawings = {name: picture.light for name, picture in pictures.items()}
     try:
-        inside = Path(mkdtemp(prefix=".surefix-", dir=folder))
+        new = _AtomicFolder(folder)
         try:
-            tables(inside)
+            tables(new.path)
             for name, drawing in drawings.items():
-                (inside / name).write_bytes(drawing)
-            (inside / PAGE).write_text(text, encoding="utf-8")
-            _move(inside, folder, old)
+                (new.path / name).write_bytes(drawing)
+            (new.path / PAGE).write_text(text, encoding="utf-8")
+            new.commit([*old], PAGE)
         finally:
-            shutil.rmtree(inside, ignore_errors=True)
+            new.discard()
     except OSError as error:
         raise refusal(folder, "cannot write the report", error) from None
     return folder / PAGE
 
 
 def output_folder(folder: Path) -> None:
-    """Makes the folder, before the slow part of a command.
+    """Refuses a folder that cannot be made or written, before the slow part of a command. It makes
+    none: if the command is stopped, no empty one is left.
 
     Raises
     ------
     SurefixFileError
-        If it cannot be made.
+        If there is a file of its name, or the folder that is there or above may not be written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise refusal(folder, "cannot make the output folder", error) from None
-
-
-def _move(inside: Path, folder: Path, old: Iterable[str]) -> None:
-    """The page goes first and comes last."""
-    new = {path.name for path in inside.iterdir()}
-    gone = sorted({*old, *new}, key=lambda name: (name != PAGE, name))
-    for path in (folder / name for name in gone):
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    for name in gone:
-        (folder / name).unlink(missing_ok=True)
-    for name in sorted(new, key=lambda name: (name == PAGE, name)):
-        (inside / name).replace(folder / name)
+    whole = folder.absolute()
+    there = next(each for each in (whole, *whole.parents) if each.exists())
+    code = errno.EACCES
+    if not there.is_dir():
+        code = errno.EEXIST if there == whole else errno.ENOTDIR
+    elif os.access(there, os.W_OK | os.X_OK):
+        return
+    error = OSError(code, os.strerror(code))
+    raise refusal(folder, "cannot make the output folder", error)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefix import Fix, Map, Run
-from surefix._staged import staged
+from surefix._saving import save
 from surefix._words import plural
 from surefix.errors import mismatch
 from surefix.frames.levels import in_8_bits
@@ -128,8 +128,7 @@ class Recorder:
             command=command,
             scripts=scripts(),
         )
-        with staged(path, "cannot write the report") as new:
-            new.write_text(text, encoding="utf-8")
+        save(path, text, "cannot write the report")
         return path
 
 

@@ -1,5 +1,6 @@
 """Fixes in files: as CSV, JSON lines, GeoJSON, trajectories of TUM and KITTI, and MCAP."""
 
+import io
 import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -10,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Map
-from surefix._staged import staged
-from surefix.errors import SurefixValueError, mismatch, refusal
+from surefix._saving import Kept, written
+from surefix.errors import SurefixValueError, mismatch
 from surefix.tables.csv_rows import row_writer
 from surefix.tables.fix_mcap import OFF, mcap_writer
 from surefix.tables.geojson import point
@@ -154,26 +155,22 @@ def write_rows(path: Path, form: Format, rows: Iterable[Row], route: Map | None)
     SurefixFileError
         If it cannot be written.
     """
-    with (
-        staged(path, "cannot write the fixes") as beside,
-        created(beside, form) as file,
-        open_writer(file, form, route) as write,
-    ):
+    with created(path, form) as file, open_writer(file, form, route) as write:
         for row in rows:
             write(row)
 
 
 @contextmanager
-def created(path: Path, form: Format) -> Iterator[Any]:
-    """The file, new and open to be written."""
-    how: Any = {"mode": "wb"} if form == "mcap" else {"mode": "w", "encoding": "utf-8"}
-    how |= {} if form == "mcap" else {"newline": ""}
-    try:
-        file = path.open(**how)
-    except OSError as error:
-        raise refusal(path, "cannot write the fixes", error) from None
-    with file:
-        yield file
+def created(
+    path: Path, form: Format, kept: Kept | None = None, problem: str = "cannot write the fixes"
+) -> Iterator[Any]:
+    """The file to write, as ``written``; open for text, but for MCAP."""
+    with written(path, problem, kept) as raw:
+        if form == "mcap":
+            yield raw
+            return
+        with io.TextIOWrapper(raw, encoding="utf-8", newline="") as file:
+            yield file
 
 
 def rows_of(

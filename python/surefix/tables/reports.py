@@ -20,6 +20,8 @@ from surefix.tables.rows import decimal, read_text, rows, whole
 __all__ = ["FixFile", "chosen", "drive_of", "is_report", "labels", "read_fixes", "read_report"]
 
 FIXES, METHODS, DRIVE = "fixes.csv", "methods.csv", "drive.csv"
+# Lies in a folder whose files are of two reports (``src/archive/folder.rs``).
+REPLACING = ".replacing.part"
 # Of files of one name and size, the middle of a few of them tells.
 LOOKED_AT, BYTES = 16, 4096
 OF_REPORT = (
@@ -55,6 +57,9 @@ def read_report(path: Path) -> list[Judged]:
     folder = path if path.is_dir() else path.parent
     if not path.exists():
         raise mismatch(path, "the folder of a report, by surefix eval -o", "nothing there")
+    if (folder / REPLACING).exists():
+        said = "one that was stopped while its files were replaced, or is being replaced"
+        raise mismatch(folder, "a whole report", f"{said}: make it again")
     for name in (FIXES, METHODS):
         if not (folder / name).is_file():
             expected = f"the folder of a report, by surefix eval -o, with {name} in it"

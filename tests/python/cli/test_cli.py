@@ -317,11 +317,14 @@ def test_fixes_before_a_bad_image_are_kept(drives: Path, tmp_path: Path) -> None
     for index in range(10):
         Image.new("L", (96, 48), index).save(tmp_path / f"{index}.png")
     (tmp_path / "7.png").write_bytes(b"\x89PNG not really")
-    out = tmp_path / "fixes.csv"
+    out, kept = tmp_path / "fixes.csv", tmp_path / "fixes.part.csv"
+    out.write_text("old")
     done = surefix_("run", drives / "route.safetensors", tmp_path, "-o", out, "--strict", code=1)
     assert "7.png" in done.stderr
     assert done.stderr.startswith("7 fixes, ")
-    assert len(out.read_text().splitlines()) == 1 + 7
+    assert f"stopped: the rows so far are in {kept}, not in {out}\n" in done.stderr
+    assert len(kept.read_text().splitlines()) == 1 + 7
+    assert out.read_text() == "old"
 
 
 def test_queries_that_cannot_be_used_are_not_called_none(drives: Path, tmp_path: Path) -> None:

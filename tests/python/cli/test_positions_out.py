@@ -261,15 +261,22 @@ def test_an_mcap_that_ends_early_can_be_read(road: Path, tmp_path: Path) -> None
     known = surefix.Map.open(road / "map")
     rows = rows_of(surefix.match(known, known.descriptors), known, np.arange(N) / 4)
 
+    kept: list[Path] = []
+    with_name = lambda name, earlier: kept.append(name)  # noqa: E731
+
     def interrupted() -> None:
-        with created(tmp_path / "a", "mcap") as file, open_writer(file, "mcap", known) as write:
+        with (
+            created(tmp_path / "a", "mcap", with_name) as file,
+            open_writer(file, "mcap", known) as write,
+        ):
             for row in rows[:7]:
                 write(row)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    with (tmp_path / "a").open("rb") as file:
+    assert kept == [tmp_path / "a.part"]
+    with kept[0].open("rb") as file:
         assert len(list(make_reader(file).iter_messages(topics=["/surefix/fix"]))) == 7
 
 

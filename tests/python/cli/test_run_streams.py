@@ -141,9 +141,12 @@ def test_a_damaged_video_keeps_the_fixes_so_far(drive: Path, tmp_path: Path) -> 
     out = tmp_path / "fixes.csv"
     run = ("run", drive / "route.safetensors", tmp_path / "cut.mkv", "-o", out)
     done = surefix_(*run, "--strict", code=1)
-    found = rows(out.read_text())
+    kept = tmp_path / "fixes.part.csv"
+    found = rows(kept.read_text())
     assert 0 < len(found) < PLACES
-    summary, track, error = done.stderr.splitlines()
+    assert not out.exists()
+    summary, track, stopped, error = done.stderr.splitlines()
+    assert stopped == f"stopped: the rows so far are in {kept}, not in {out}"
     assert track.startswith("track: median confidence ")
     assert summary.startswith(f"{len(found)} fixes, ")
     assert error.startswith(f"surefix: {tmp_path / 'cut.mkv'}, frame {len(found)}: a damaged video")
@@ -245,7 +248,7 @@ def test_a_folder_that_grows_is_followed_until_it_rests(drive: Path, tmp_path: P
 
 @pytest.mark.slow
 def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
-    out = tmp_path / "fixes.csv"
+    out, part = tmp_path / "fixes.csv", tmp_path / ".fixes.csv.part"
     arguments = ["run", drive / "route.safetensors", drive / "images", "--follow", "-o", out]
     command = [sys.executable, "-m", "surefix", *map(str, arguments)]
     with subprocess.Popen(
@@ -253,7 +256,7 @@ def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
     ) as process:
         until = time.monotonic() + 60
         while (
-            not (out.exists() and len(out.read_text().splitlines()) == 1 + PLACES)
+            not (part.exists() and len(part.read_text().splitlines()) == 1 + PLACES)
             and time.monotonic() < until
         ):
             time.sleep(0.05)
@@ -262,6 +265,8 @@ def test_ctrl_c_is_how_following_ends(drive: Path, tmp_path: Path) -> None:
     assert process.returncode == 0
     assert err.startswith("40 fixes, ")
     assert err.count("\n") == 2
+    assert len(out.read_text().splitlines()) == 1 + PLACES
+    assert not part.exists()
 
 
 @pytest.mark.slow

@@ -407,7 +407,7 @@ REFUSED = {
     "no such folder": (
         ["--save", "nowhere/a.rrd"],
         1,
-        ["nowhere/a.rrd: cannot write the recording", "No such file"],
+        ["nowhere/a.rrd: cannot write the recording", "there is no folder nowhere"],
     ),
     "another ending": (
         ["--save", "a.mp4"],

@@ -13,10 +13,12 @@ pytest.importorskip("bokeh")
 
 from html_reader import Reader, read
 from real_data import folder as real_data
+from surefix import SurefixValueError
 from surefix.baselines import Context
 from surefix.report import figures
 from surefix.report.eval import FILES, write_report
 from surefix.study import Study, compare, verdict
+from surefix.tables.reports import REPLACING, read_report
 
 METHODS = ("sequence", "weighted", "single", "masked")
 
@@ -99,29 +101,19 @@ def test_a_report_that_was_stopped_leaves_the_older_one_whole(
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("moved", [0, 1, 5])
-def test_a_report_stopped_while_it_is_moved_is_no_mixture(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
+def test_a_report_stopped_while_its_files_are_replaced_is_refused_until_it_is_made_again(
+    tmp_path: Path,
 ) -> None:
-    written(tmp_path / "new", RANDOM, np.arange(9) % 3)
-    written(tmp_path / "out", RANDOM, np.arange(9))
-    (tmp_path / "out" / "mine.txt").write_bytes(b"mine")
-    replace, left = Path.replace, [moved]
-
-    def stop(self: Path, target: Path) -> Path:
-        if not left[0]:
-            raise KeyboardInterrupt
-        left[0] -= 1
-        return replace(self, target)
-
-    monkeypatch.setattr(Path, "replace", stop)
-    with pytest.raises(KeyboardInterrupt):
-        written(tmp_path / "out", RANDOM, np.arange(9) % 3)
-    after, new = contents(tmp_path / "out"), contents(tmp_path / "new")
-    assert after.pop("mine.txt") == b"mine"
-    assert len(after) == moved
-    assert "report.html" not in after
-    assert after == {name: new[name] for name in after}
+    """Beside other files they are replaced one by one (``tests/stopped`` stops that)."""
+    (tmp_path / "mine.txt").write_bytes(b"mine")
+    written(tmp_path, RANDOM, np.arange(9))
+    assert len(read_report(tmp_path)) == 4
+    (tmp_path / REPLACING).touch()
+    with pytest.raises(SurefixValueError, match="stopped while its files were replaced"):
+        read_report(tmp_path)
+    written(tmp_path, RANDOM, np.arange(9))
+    assert len(read_report(tmp_path)) == 4
+    assert (tmp_path / "mine.txt").read_bytes() == b"mine"
 
 
 def comparison(seed: int, weighted: float) -> Study:

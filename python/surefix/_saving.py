@@ -1,0 +1,117 @@
+"""Files that are written beside their names, so that an older one stays whole until they are done.
+
+The writer is that of Rust, which maps are saved with (``src/archive/atomic.rs``).
+"""
+
+import io
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any
+
+from surefix._core import _AtomicFile, _is_stream
+from surefix.errors import check_folder, refusal
+
+__all__ = ["Kept", "save", "words_on_kept", "written"]
+
+Kept = Callable[[Path, bool], object]
+"""Is told where rows were kept, and whether those are of an earlier writer, which was killed."""
+
+
+@contextmanager
+def written(path: Path, problem: str, kept: Kept | None = None) -> Iterator[IO[bytes]]:
+    """The file to write bytes to. It takes the place of ``path`` in the end; after an error there
+    is nothing of it. What is no file, such as a pipe, is written itself.
+
+    With ``kept`` the file is one of rows, each of use for itself. After an error or an
+    interruption, those that there are stay beside ``path`` under a name that ``kept`` is told.
+
+    Raises
+    ------
+    SurefixFileError
+        If it cannot be written; it begins with the path and the ``problem``.
+    """
+    check_folder(path, problem)
+    try:
+        direct = path.open("ab") if _is_stream(path) else None
+        part = None if direct is not None else _AtomicFile(path, kept is not None)
+    except OSError as error:
+        raise refusal(path, problem, error) from None
+    if part is None:
+        assert direct is not None
+        with direct:
+            yield direct
+        return
+    if kept is not None and part.left is not None:
+        kept(part.left, True)
+    raw = _Raw(part, lambda error: refusal(path, problem, error))
+    file = io.BufferedWriter(raw)
+    try:
+        yield file
+        # One that is closed was flushed.
+        if not file.closed:
+            file.flush()
+        raw.end(part.commit)
+    except BaseException:
+        if kept is not None:
+            with suppress(OSError, ValueError):
+                file.flush()
+            if (name := raw.end(part.keep)) is not None:
+                kept(name, False)
+        raise
+    finally:
+        raw.end(part.discard)
+
+
+def save(path: Path, content: str | bytes, problem: str) -> None:
+    """Writes a whole file.
+
+    Raises
+    ------
+    SurefixFileError
+        If it cannot be written; an older one is then as it was.
+    """
+    with written(path, problem) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+
+
+def words_on_kept(out: Path, kept: Path, earlier: bool) -> str:
+    """Where rows were kept, in words."""
+    if earlier:
+        return f"{kept}: the rows of an earlier run to {out}, which was killed"
+    return f"stopped: the rows so far are in {kept}, not in {out}"
+
+
+class _Raw(io.RawIOBase):
+    """The part as Python's file. Buffers above it may still be closed when it has ended."""
+
+    def __init__(self, part: _AtomicFile, refused: Callable[[OSError], OSError]) -> None:
+        self.part: _AtomicFile | None = part
+        self.refused = refused
+        self.length = 0
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        if self.part is None:
+            return len(data)
+        try:
+            written = self.part.write(bytes(data))
+        except OSError as error:
+            raise self.refused(error) from None
+        self.length += written
+        return written
+
+    def tell(self) -> int:
+        return self.length
+
+    def end(self, how: Callable[[], Path | None]) -> Path | None:
+        """Ends the part in one of its ways, the first time."""
+        if self.part is None:
+            return None
+        self.part = None
+        try:
+            return how()
+        except OSError as error:
+            raise self.refused(error) from None
