@@ -2,34 +2,53 @@
 
 use std::ops::Range;
 
+use crate::error::Error;
+use crate::interrupt::check;
+#[cfg(feature = "rayon")]
+use crate::interrupt::on_the_pool;
+
 /// `work` on every index, each thread with a state of its own; the results in order.
+///
+/// # Errors
+/// The first of the work's, in order; [`Error::Interrupted`] if it is to stop.
 pub(crate) fn each<S: Send, R: Send>(
     indices: Range<usize>,
     state: impl Fn() -> S + Sync + Send,
-    work: impl Fn(&mut S, usize) -> R + Sync + Send,
-) -> Vec<R> {
+    work: impl Fn(&mut S, usize) -> Result<R, Error> + Sync + Send,
+) -> Result<Vec<R>, Error> {
     #[cfg(feature = "rayon")]
     if !is_forked() {
         use rayon::prelude::*;
-        return indices.into_par_iter().map_init(state, work).collect();
+        let done: Vec<Result<R, Error>> = on_the_pool(|told| {
+            let indices = indices.into_par_iter();
+            indices.map_init(state, |state, index| told.run(|| work(state, index))).collect()
+        })?;
+        return done.into_iter().collect();
     }
     let mut state = state();
-    indices.map(|index| work(&mut state, index)).collect()
+    indices.map(|index| check().and_then(|()| work(&mut state, index))).collect()
 }
 
 /// `work` on every row of `width` bytes, with its index; the results in order.
+///
+/// # Errors
+/// As for [`each`].
 pub(crate) fn each_row<R: Send>(
     rows: &mut [u8],
     width: usize,
-    work: impl Fn(usize, &mut [u8]) -> R + Sync + Send,
-) -> Vec<R> {
+    work: impl Fn(usize, &mut [u8]) -> Result<R, Error> + Sync + Send,
+) -> Result<Vec<R>, Error> {
     #[cfg(feature = "rayon")]
     if !is_forked() {
         use rayon::prelude::*;
-        let rows = rows.par_chunks_exact_mut(width).enumerate();
-        return rows.map(|(index, row)| work(index, row)).collect();
+        let done: Vec<Result<R, Error>> = on_the_pool(|told| {
+            let rows = rows.par_chunks_exact_mut(width).enumerate();
+            rows.map(|(index, row)| told.run(|| work(index, row))).collect()
+        })?;
+        return done.into_iter().collect();
     }
-    rows.chunks_exact_mut(width).enumerate().map(|(index, row)| work(index, row)).collect()
+    let rows = rows.chunks_exact_mut(width).enumerate();
+    rows.map(|(index, row)| check().and_then(|()| work(index, row))).collect()
 }
 
 /// How many threads share the work.
@@ -45,7 +64,10 @@ pub(crate) fn threads() -> usize {
 /// along, and work that is given to them would wait for ever.
 #[cfg(feature = "rayon")]
 fn is_forked() -> bool {
-    static FIRST: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
+    use std::sync::atomic::{AtomicU32, Ordering};
+    // No process has the number 0. A lock could be held for ever in a fork.
+    static FIRST: AtomicU32 = AtomicU32::new(0);
     let here = std::process::id();
-    *FIRST.get_or_init(|| here) != here
+    let first = FIRST.compare_exchange(0, here, Ordering::Relaxed, Ordering::Relaxed);
+    first.is_err_and(|first| first != here)
 }
