@@ -19,11 +19,12 @@ pub(crate) fn each<S: Send, R: Send>(
     #[cfg(feature = "rayon")]
     if !is_forked() {
         use rayon::prelude::*;
-        let done: Vec<Result<R, Error>> = on_the_pool(|told| {
-            let indices = indices.into_par_iter();
-            indices.map_init(state, |state, index| told.run(|| work(state, index))).collect()
+        let failed = First::default();
+        let done: Vec<Option<R>> = on_the_pool(|told| {
+            let one = |state: &mut S, index| failed.run(index, || told.run(|| work(state, index)));
+            indices.into_par_iter().map_init(state, one).collect()
         })?;
-        return done.into_iter().collect();
+        return failed.or(done);
     }
     let mut state = state();
     indices.map(|index| check().and_then(|()| work(&mut state, index))).collect()
@@ -41,14 +42,44 @@ pub(crate) fn each_row<R: Send>(
     #[cfg(feature = "rayon")]
     if !is_forked() {
         use rayon::prelude::*;
-        let done: Vec<Result<R, Error>> = on_the_pool(|told| {
+        let failed = First::default();
+        let done: Vec<Option<R>> = on_the_pool(|told| {
             let rows = rows.par_chunks_exact_mut(width).enumerate();
-            rows.map(|(index, row)| told.run(|| work(index, row))).collect()
+            rows.map(|(index, row)| failed.run(index, || told.run(|| work(index, row)))).collect()
         })?;
-        return done.into_iter().collect();
+        return failed.or(done);
     }
     let rows = rows.chunks_exact_mut(width).enumerate();
     rows.map(|(index, row)| check().and_then(|()| work(index, row))).collect()
+}
+
+/// The error of the first item in order that failed.
+#[cfg(feature = "rayon")]
+#[derive(Default)]
+struct First(std::sync::Mutex<Option<(usize, Error)>>);
+
+#[cfg(feature = "rayon")]
+impl First {
+    fn run<R>(&self, index: usize, work: impl FnOnce() -> Result<R, Error>) -> Option<R> {
+        match work() {
+            Ok(done) => Some(done),
+            Err(error) => {
+                let mut first = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                if first.as_ref().is_none_or(|(before, _)| index < *before) {
+                    *first = Some((index, error));
+                }
+                None
+            }
+        }
+    }
+
+    /// All results, if none failed.
+    fn or<R>(self, done: Vec<Option<R>>) -> Result<Vec<R>, Error> {
+        match self.0.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+            Some((_, error)) => Err(error),
+            None => Ok(done.into_iter().flatten().collect()),
+        }
+    }
 }
 
 /// How many threads share the work.
