@@ -106,7 +106,7 @@ pub(crate) fn all() {
     let links: Vec<(usize, usize)> = (1..30).map(|road| (40 * road - 1, 40 * road)).collect();
     let town = roads.clone().with_links(&links).unwrap();
     let speeds = vec![0.8, 0.9, 1.0, 1.1, 1.2];
-    matched("L = 2", config! {}, &one());
+    matched("L = 2", Config::default(), &one());
     matched(
         "smoothing = 7",
         config! { smoothing: 7, gradient: surefix::Gradient::Unhalved },
