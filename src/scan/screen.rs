@@ -60,9 +60,9 @@ impl Map {
     /// This pays if the map is larger than the cache and its places differ: a push then costs
     /// little more than the scan of the bytes. If it does not pay, the localizer notices, and
     /// scans the rows for a while before it tries again. Rows of fewer than 256 numbers are always
-    /// scanned as they are, and so is a map of several traverses. A screen is not saved with the map:
-    /// making it takes about as long as a
-    /// few pushes.
+    /// scanned as they are, and so is a map of several traverses. In the worst case one push computes
+    /// the distances of all queries of the window, once: for a bound on every push, do without. A
+    /// screen is not saved with the map: making it takes about as long as a few pushes.
     ///
     /// ```
     /// use surefix::{Dtype, Map, Metric};
