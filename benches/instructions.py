@@ -76,7 +76,8 @@ def dear(counted: Mapping[str, int]) -> Verdict:
     """Which adversaries cost more than they may, and the dearest of all. A case is named by its
     configuration and its adversary; the first of a configuration is the usual push.
     """
-    failures, usual, dearest = [], {}, (0.0, "")
+    failures, dearest = [], (0.0, "")
+    usual: dict[str, int] = {}
     for name, now in counted.items():
         configuration, _ = name.split("; ")
         ratio = now / usual.setdefault(configuration, now)
