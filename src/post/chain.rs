@@ -172,7 +172,9 @@ fn apply(
         pass(steps, vector, state, named.then_some(row)).map(<[f32]>::to_vec)
     })?;
     let mut all = Vec::with_capacity(rows.len() / input * output);
-    done.into_iter().for_each(|row| all.extend(row));
+    for row in done {
+        all.extend(row);
+    }
     Ok(all)
 }
 
