@@ -187,7 +187,7 @@ impl LoopCloser {
             Some(given) => match given.cast::<Sad>() {
                 Ok(sad) => this.closer = Some(this.of_images(sad.get().0).or_raise(py)?),
                 Err(_) if learned::is_learned(given)? => {
-                    this.learned = Some(given.clone().unbind())
+                    this.learned = Some(given.clone().unbind());
                 }
                 Err(_) => {
                     let expected = "a surefix.Sad, or a learned descriptor, with name, recipe and \

@@ -13,6 +13,7 @@ thread_local! {
 
 /// Whether a signal's handler raises: `KeyboardInterrupt` on Ctrl-C. Python runs handlers on the
 /// main thread alone; on others it is always no.
+#[expect(clippy::redundant_closure_for_method_calls, reason = "the method is of one lifetime")]
 fn raises() -> bool {
     let raised = Python::attach(|py| py.check_signals()).err();
     let any = raised.is_some();
