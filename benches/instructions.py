@@ -1,5 +1,6 @@
 """Guards the instructions of each hot piece of work: a rise is a slowdown that no other load on the
-machine can hide.
+machine can hide. And the instructions of each adversary's push (``adversaries/mod.rs``): at most
+three times those of the usual push of the same configuration.
 
 ``python benches/instructions.py`` runs ``instructions.rs`` under callgrind and compares with
 ``instructions.toml``; ``--accept`` writes that file anew. It needs cargo and valgrind, and says so
@@ -26,6 +27,8 @@ MARGIN = 2
 # The instruction sets that are counted, and the arguments for each. Valgrind knows no AVX-512.
 RUNS = (("avx2", ()), ("scalar", ("--few",)))
 ACCEPT = "make instructions-accept"
+# How many times the usual push an adversary's may cost.
+BOUND = 3
 
 
 class SkippedError(Exception):
@@ -66,6 +69,23 @@ def compare(committed: Mapping[str, int], counted: Mapping[str, int]) -> Verdict
             notes.append(f"fell: {said}; {ACCEPT} guards what was won")
     gone = sorted(committed.keys() - counted)
     failures += [f"gone: {name}: {COMMITTED.name} has it, and it was not counted" for name in gone]
+    return Verdict(failures, notes)
+
+
+def dear(counted: Mapping[str, int]) -> Verdict:
+    """Which adversaries cost more than they may, and the dearest of all. A case is named by its
+    configuration and its adversary; the first of a configuration is the usual push.
+    """
+    failures, dearest = [], (0.0, "")
+    usual: dict[str, int] = {}
+    for name, now in counted.items():
+        configuration, _ = name.split("; ")
+        ratio = now / usual.setdefault(configuration, now)
+        dearest = max(dearest, (ratio, name))
+        if ratio > BOUND:
+            failures.append(f"dear: {name}: {ratio:.1f} times the usual push, {now:,} instructions")
+    ratio, name = dearest
+    notes = [f"{len(counted)} adversaries, the dearest {ratio:.2f} times the usual push: {name}"]
     return Verdict(failures, notes)
 
 
@@ -185,6 +205,7 @@ def main() -> int:
         counted = {
             name: n for isa, arguments in RUNS for name, n in count(program, isa, arguments).items()
         }
+        bounded = dear(count(program, "avx2", ("--adversaries",)))
     except SkippedError as why:
         print(f"instructions: skipped: {why}")
         return 0
@@ -193,13 +214,14 @@ def main() -> int:
         print(f"instructions: {len(counted)} cases written to {COMMITTED.name}")
         return 0
     verdict = compare(committed.cases, counted)
-    for line in (*verdict.notes, *verdict.failures):
+    for line in (*verdict.notes, *bounded.notes, *verdict.failures, *bounded.failures):
         print(f"instructions: {line}")
     if verdict.failures:
         print(
             f"instructions: where this is meant, accept it: {ACCEPT}, and commit {COMMITTED.name}",
             file=sys.stderr,
         )
+    if verdict.failures or bounded.failures:
         return 1
     print(f"instructions: {len(counted)} cases, none rose by more than {MARGIN} %")
     return 0

@@ -15,6 +15,7 @@
 #[path = "../tests/all/options.rs"]
 mod options;
 
+mod adversaries;
 mod random;
 
 use std::hint::black_box;
@@ -54,9 +55,12 @@ fn case(name: &str, times: usize, mut work: impl FnMut()) {
 
 fn main() {
     // `cargo bench` gives arguments of its own.
-    let few = std::env::args().any(|argument| argument == "--few");
+    let asked = |flag: &str| std::env::args().any(|argument| argument == flag);
     println!("isa\t{}", Isa::best());
-    if few {
+    if asked("--adversaries") {
+        return adversaries::all();
+    }
+    if asked("--few") {
         distances(&[Dtype::U8, Dtype::F32], false);
         push(&[3]);
         return;

@@ -203,10 +203,10 @@ pub enum Error {
     )]
     NoDescriptor,
 
-    /// The progress callback asked to stop.
-    #[error("stopped after {done} of {total}")]
+    /// The progress callback asked to stop, or [`interruptible`](crate::interruptible) did.
+    #[error("stopped{}", after(*done, *total))]
     Interrupted {
-        /// Images or queries finished.
+        /// Images or queries finished; 0 of 0 if they are not counted.
         done: usize,
         /// Images or queries to do.
         total: usize,
@@ -221,6 +221,10 @@ impl fmt::Debug for Error {
 
 fn place(row: Option<usize>, index: usize) -> String {
     row.map_or_else(|| format!("index {index}"), |row| format!("row {row}, index {index}"))
+}
+
+fn after(done: usize, total: usize) -> String {
+    if total == 0 { String::new() } else { format!(" after {done} of {total}") }
 }
 
 fn of_row(row: Option<usize>) -> String {

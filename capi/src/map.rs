@@ -2,8 +2,9 @@
 
 use std::ffi::{CString, c_char};
 use std::ptr;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
+use once_cell::race::OnceBox;
 use surefix::Recipe;
 
 use crate::door::{ErrorText, Failure, Status, door, getter, give, object, object_mut, path, take};
@@ -13,19 +14,20 @@ use crate::fix::Position;
 /// holds a reference of its own, so that it may be freed before them.
 pub struct Map {
     pub(crate) map: Arc<surefix::Map>,
-    names: OnceLock<Vec<CString>>,
+    names: OnceBox<Vec<CString>>,
 }
 
 impl Map {
     fn new(map: surefix::Map) -> Self {
-        Self { map: Arc::new(map), names: OnceLock::new() }
+        Self { map: Arc::new(map), names: OnceBox::new() }
     }
 
     fn name(&self, place: usize) -> Option<*const c_char> {
         let names = self.map.names()?;
         // A name holds no zero byte: maps are refused that have one.
         let names = self.names.get_or_init(|| {
-            names.iter().map(|name| CString::new(name.as_str()).unwrap_or_default()).collect()
+            let names = names.iter().map(|name| CString::new(name.as_str()).unwrap_or_default());
+            Box::new(names.collect())
         });
         names.get(place).map(|name| name.as_ptr())
     }

@@ -10,7 +10,7 @@ use surefix::{Drive, Floor, Motion, align_descriptors, align_distances};
 
 use crate::arrays::{numbers, whole_numbers};
 use crate::batch::{Rows, matrices, views};
-use crate::error::{OrRaise as _, value};
+use crate::error::{if_it_can, value};
 use crate::images::{progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
 use crate::kept::Distances;
@@ -19,6 +19,7 @@ use crate::options::config;
 use crate::pickle::pickled;
 use crate::pictures::{html, plotted};
 use crate::segments::{Segments, given_segments};
+use crate::signals::detached;
 
 /// Where each query of a drive was, by all of its queries: arrays of the shape (m,).
 ///
@@ -180,12 +181,11 @@ impl Alignment {
     ///     If the file cannot be written; an older one is then as it was.
     #[pyo3(signature = (path, least=0.0))]
     fn to_csv(&self, py: Python<'_>, path: PathBuf, least: f64) -> PyResult<()> {
-        py.detach(|| {
+        detached(py, || {
             let io =
                 |source| surefix::Error::Io { path: path.clone(), action: "write the CSV", source };
             write_text(&path, |mut out| self.0.write_csv(&mut out, least)).map_err(io)
         })
-        .or_raise(py)
     }
 
     fn __len__(&self) -> usize {
@@ -286,7 +286,7 @@ pub(crate) fn align(
     let at = at.map(places).transpose()?.unwrap_or_default();
     let at: Vec<&[usize]> = at.iter().map(Vec::as_slice).collect();
     let Some(queries) = queries else {
-        let listed = listed(map).unwrap_or_else(|| vec![map.clone()]);
+        let listed = listed(map)?.unwrap_or_else(|| vec![map.clone()]);
         if listed.iter().any(PyAnyMethods::is_instance_of::<Map>) {
             return Err(value(py, "queries: expected images or descriptors, got none".to_owned()));
         }
@@ -316,7 +316,7 @@ fn places(at: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<usize>>> {
     let py = at.py();
     let refused =
         |got: String| value(py, format!("at: expected places, (k, m), from 0, got {got}"));
-    let rows = at.try_iter().map_err(|_| refused("no array".to_owned()))?;
+    let rows = if_it_can(py, at.try_iter())?.ok_or_else(|| refused("no array".to_owned()))?;
     rows.map(|row| {
         let places = whole_numbers(&row?, "at: each row")?.into_iter();
         let places = places.map(|at| usize::try_from(at).map_err(|_| refused(at.to_string())));

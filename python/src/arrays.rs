@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList, PySequence, PyString, PyTuple};
 use surefix::{Channels, Dtype, Image, View};
 
-use crate::error::{refused, value};
+use crate::error::{if_it_can, refused, value};
 
 /// `object` as a NumPy array: itself, or by `__array__` or DLPack (a torch tensor, for one), in the
 /// same memory if possible; or of a list of numbers or of arrays.
@@ -70,8 +70,9 @@ fn of_sequence<'py>(
     object: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let array = numpy.call_method1("asarray", (object,))?;
-    let first = object.get_item(0);
-    let untyped = first.is_ok_and(|first| !first.hasattr("dtype").unwrap_or(true));
+    let py = object.py();
+    let typed = object.get_item(0).and_then(|first| first.hasattr("dtype"));
+    let untyped = if_it_can(py, typed)? == Some(false);
     if untyped && array.getattr("dtype")?.getattr("name")?.eq("float64")? {
         return array.call_method1("astype", ("float32",));
     }

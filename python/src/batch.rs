@@ -15,7 +15,7 @@ use crate::arrays::{
     Numbers, as_array, dtype_of, flags, matrix, numbers, query, rows_to_py, sequence_or_array,
     shape_of, whole_numbers,
 };
-use crate::error::{OrRaise as _, refused, to_py, value};
+use crate::error::{if_it_can, refused, to_py, value};
 use crate::fix::Fix;
 use crate::images::{Images, path_of, progress_callback, with_progress};
 use crate::inputs::{descriptors, listed, maps};
@@ -25,6 +25,7 @@ use crate::options::config;
 use crate::pickle::pickled;
 use crate::pictures::{html, plotted};
 use crate::segments::{Segments, given_segments};
+use crate::signals::detached;
 use crate::simulate::Traverse;
 
 /// The fixes of a whole run, one a query: as arrays of the shape (m,), or one by one (``run[j]``).
@@ -252,12 +253,11 @@ impl Run {
     /// SurefixFileError
     ///     If the file cannot be written; an older one is then as it was.
     fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| {
+        detached(py, || {
             let io =
                 |source| surefix::Error::Io { path: path.clone(), action: "write the CSV", source };
             write_text(&path, |mut out| self.0.write_csv(&mut out)).map_err(io)
         })
-        .or_raise(py)
     }
 
     /// A pandas DataFrame, a row a query; its index is the frame.
@@ -387,11 +387,10 @@ pub(crate) fn match_distances(
     let segments = given_segments(segments)?;
     drive.segments = segments.as_ref();
     let views = views(py, &matrices)?;
-    let run = py.detach(|| match views[..] {
+    let run = detached(py, || match views[..] {
         [view] => surefix::match_distances(view, &config, drive),
         _ => surefix::match_fused_distances(&views, &config, drive),
-    });
-    let run = run.or_raise(py)?;
+    })?;
     let given = matrices.iter().map(|matrix| matrix.as_any().clone());
     Ok(Run(run, Distances::of_matrices(given, config)))
 }
@@ -504,8 +503,8 @@ pub(crate) fn described<'py>(
 pub(crate) fn matrices<'py>(
     distances: &Bound<'py, PyAny>,
 ) -> PyResult<Vec<PyReadonlyArrayDyn<'py, f32>>> {
-    match listed(distances) {
-        Some(each) if is_matrices(&each) => {
+    match listed(distances)? {
+        Some(each) if is_matrices(&each)? => {
             each.iter().map(|each| matrix(each, "distances")).collect()
         }
         _ => Ok(vec![matrix(distances, "distances")?]),
@@ -542,14 +541,18 @@ impl<'py> Rows<'py> {
         // may be grey images, which have two axes, too.
         let fits = |index: usize, each: &Bound<'_, PyAny>| {
             let described = maps[index].recipe() != Recipe::Ready || descriptors[index].is_some();
-            let is_wide =
-                as_array(each, "queries").map(|a| a.shape()[1] == maps[index].input_dim());
-            !described || is_wide.unwrap_or(false)
+            let width = as_array(each, "queries").map(|a| a.shape()[1]);
+            let width = if_it_can(py, width)?;
+            Ok::<_, PyErr>(!described || width == Some(maps[index].input_dim()))
         };
-        let each = listed(queries).filter(|each| {
-            let several = maps.len() > 1 && each.len() == maps.len() && is_matrices(each);
-            several && each.iter().enumerate().all(|(index, each)| fits(index, each))
-        });
+        let mut each = listed(queries)?;
+        if let Some(list) = &each {
+            let mut all = maps.len() > 1 && list.len() == maps.len() && is_matrices(list)?;
+            for (index, one) in list.iter().enumerate() {
+                all = all && fits(index, one)?;
+            }
+            each = each.filter(|_| all);
+        }
         let rows = maps.iter().zip(descriptors).enumerate().map(|(index, (map, descriptor))| {
             let queries = each.as_ref().map_or(queries, |each| &each[index]);
             Self::new(queries, map, descriptor.as_ref().map(|given| given.bind(py)), progress)
@@ -565,9 +568,11 @@ impl<'py> Rows<'py> {
     ) -> PyResult<Self> {
         let py = queries.py();
         let array = match as_array(queries, "queries") {
-            _ if is_images(queries) => None,
-            Err(refused) if queries.hasattr("__array__")? => return Err(refused),
-            array => array.ok(),
+            Ok(_) if is_images(queries)? => None,
+            Err(refused) if !is_images(queries)? && queries.hasattr("__array__")? => {
+                return Err(refused);
+            }
+            array => if_it_can(py, array)?,
         };
         let are_rows = array.as_ref().is_some_and(|array| array.ndim() == 2);
         let extracted = match descriptor.filter(|_| !are_rows) {
@@ -591,17 +596,13 @@ impl<'py> Rows<'py> {
             let expected = format!(
                 "descriptors (m, {dim}), as this map was made of ready ones, or descriptor="
             );
-            let got = match (&array, path_of(queries)) {
+            let has =
+                |name: &str| Ok::<_, PyErr>(if_it_can(py, queries.hasattr(name))?.unwrap_or(false));
+            let got = match (&array, path_of(queries)?) {
                 (Some(array), _) => shape_of(array),
                 (None, Some(path)) => format!("the path {}", path.display()),
                 // Images come in a list, one after the other, or by an object that makes them.
-                (None, None)
-                    if ["__getitem__", "__next__"]
-                        .iter()
-                        .any(|has| queries.hasattr(*has).unwrap_or(false)) =>
-                {
-                    "images".to_owned()
-                }
+                (None, None) if has("__getitem__")? || has("__next__")? => "images".to_owned(),
                 (None, None) => queries.get_type().name()?.to_string(),
             };
             return Err(value(py, format!("queries: expected {expected}, got {got}")));
@@ -623,12 +624,14 @@ impl<'py> Rows<'py> {
 }
 
 /// Whether these are arrays of two axes, and no images: floats, or rows of bytes of a list.
-fn is_matrices(each: &[Bound<'_, PyAny>]) -> bool {
-    !each.is_empty()
-        && each.iter().all(|each| {
-            as_array(each, "queries")
-                .is_ok_and(|array| array.ndim() == 2 && path_of(each).is_none())
-        })
+fn is_matrices(each: &[Bound<'_, PyAny>]) -> PyResult<bool> {
+    for one in each {
+        let array = if_it_can(one.py(), as_array(one, "queries"))?;
+        if array.is_none_or(|array| array.ndim() != 2) || path_of(one)?.is_some() {
+            return Ok(false);
+        }
+    }
+    Ok(!each.is_empty())
 }
 
 /// The queries before which there is a gap; whether there are such queries is for the crate to say.
@@ -666,9 +669,8 @@ fn stacked<'py>(queries: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny
     else {
         return Ok(None);
     };
-    if path_of(&first).is_some()
-        || as_array(&first, "queries").map_or(true, |first| first.ndim() != 1)
-    {
+    let axes = if_it_can(queries.py(), as_array(&first, "queries"))?.map(|first| first.ndim());
+    if path_of(&first)?.is_some() || axes != Some(1) {
         return Ok(None);
     }
     if first.is_instance_of::<PyList>() || first.is_instance_of::<PyTuple>() {
@@ -680,11 +682,11 @@ fn stacked<'py>(queries: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny
 }
 
 /// Whether the queries can only be images: paths, a generated traverse, or a list (of arrays).
-fn is_images(queries: &Bound<'_, PyAny>) -> bool {
-    path_of(queries).is_some()
+fn is_images(queries: &Bound<'_, PyAny>) -> PyResult<bool> {
+    Ok(path_of(queries)?.is_some()
         || queries.is_instance_of::<Traverse>()
         || queries.is_instance_of::<PyList>()
-        || queries.is_instance_of::<PyTuple>()
+        || queries.is_instance_of::<PyTuple>())
 }
 
 /// If pandas itself is missing, the error names the extra to install; any other error as it is.

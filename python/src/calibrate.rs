@@ -14,6 +14,7 @@ use crate::evaluate::matches_of;
 use crate::fix::Fix;
 use crate::options::whole;
 use crate::pickle::pickled;
+use crate::signals::detached;
 use crate::truth::truth_along;
 
 /// A threshold from a calibration drive, with its promise, by ``calibrate``.
@@ -335,9 +336,7 @@ pub(crate) fn calibrate(
         let left_out = each.iter_mut().zip(only).filter(|(_, only)| !only);
         left_out.for_each(|(wrong, _)| *wrong = None);
     }
-    py.detach(|| surefix::calibration::calibrate(&found, &each, &options))
-        .map(Threshold)
-        .or_raise(py)
+    detached(py, || surefix::calibration::calibrate(&found, &each, &options)).map(Threshold)
 }
 
 /// The queries a block, by how long errors last: an upper bound of their correlation time (method

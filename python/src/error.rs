@@ -2,7 +2,6 @@
 
 use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::prelude::*;
-use pyo3::sync::PyOnceLock;
 use pyo3::types::PyType;
 use surefix::Error;
 
@@ -27,12 +26,27 @@ pub(crate) fn refused(
     error: PyErr,
     message: impl FnOnce(&Bound<'_, PyAny>) -> String,
 ) -> PyErr {
-    if !error.is_instance_of::<PyException>(py) || error.is_instance_of::<PyMemoryError>(py) {
+    if is_none_of_ours(py, &error) {
         return error;
     }
     let refusal = value(py, message(error.value(py)));
     refusal.set_cause(py, Some(error));
     refusal
+}
+
+/// The value, or `None` if the object's own code failed. Errors that are no refusal stay what they
+/// are, as by [`refused`].
+pub(crate) fn if_it_can<T>(py: Python<'_>, result: PyResult<T>) -> PyResult<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(error) if is_none_of_ours(py, &error) => Err(error),
+        Err(_) => Ok(None),
+    }
+}
+
+/// Ctrl-C, an exit and the like (no `Exception`), and the end of memory.
+pub(crate) fn is_none_of_ours(py: Python<'_>, error: &PyErr) -> bool {
+    !error.is_instance_of::<PyException>(py) || error.is_instance_of::<PyMemoryError>(py)
 }
 
 /// The exception for an object that another thread is using.
@@ -43,14 +57,10 @@ pub(crate) fn busy(py: Python<'_>, what: &str) -> PyErr {
 }
 
 fn new(py: Python<'_>, class: &'static str, message: String) -> PyErr {
-    static CLASSES: [PyOnceLock<Py<PyType>>; 3] = [const { PyOnceLock::new() }; 3];
-    let slot = match class {
-        "SurefixValueError" => &CLASSES[0],
-        "SurefixFileError" => &CLASSES[1],
-        _ => &CLASSES[2],
-    };
-    match slot.import(py, "surefix.errors", class) {
-        Ok(class) => PyErr::from_type(class.clone(), message),
+    // Looked up each time: a fork could leave a cache half-made.
+    let class = py.import("surefix.errors").and_then(|module| module.getattr(class));
+    match class.and_then(|class| Ok(class.cast_into::<PyType>()?)) {
+        Ok(class) => PyErr::from_type(class, message),
         Err(error) => error,
     }
 }

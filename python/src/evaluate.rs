@@ -8,11 +8,12 @@ use surefix::evaluate::{Bootstrap, Curve, Match, Point, Recall, Verdict};
 
 use crate::arrays::{flags, floats, matrix, whole_numbers};
 use crate::batch::Run;
-use crate::error::{OrRaise as _, value};
+use crate::error::{OrRaise as _, if_it_can, value};
 use crate::options::whole;
 use crate::pickle::pickled;
 use crate::pictures::{html, plotted};
 use crate::segments::given_segments;
+use crate::signals::detached;
 use crate::truth::{truth_along, warn_of_units};
 
 /// The precision-recall curve of matches against the truth: an exact sweep of the scores, equal
@@ -94,8 +95,7 @@ pub(crate) fn evaluate(
     }
     let matches = matches_of(matches)?;
     warn_of_units(given, &truth, tolerance)?;
-    let curve = py.detach(|| surefix::evaluate::evaluate(&matches, &truth, recall));
-    Ok(Evaluation(curve.or_raise(py)?))
+    detached(py, || surefix::evaluate::evaluate(&matches, &truth, recall)).map(Evaluation)
 }
 
 /// Which matches are right, and which the truth judges, as by ``evaluate``: a list of two arrays of
@@ -136,7 +136,7 @@ pub(crate) fn matches_of(object: &Bound<'_, PyAny>) -> PyResult<Vec<Match>> {
         return Ok(run.get().0.matches());
     }
     let field = |name: &str| {
-        object.getattr(name).map_err(|_| {
+        if_it_can(object.py(), object.getattr(name))?.ok_or_else(|| {
             let kind =
                 object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
             value(
@@ -291,7 +291,7 @@ impl Evaluation {
     ) -> PyResult<(f64, f64)> {
         check_upto(py, upto)?;
         let bootstrap = bootstrap(level, samples, block, seed)?;
-        let interval = py.detach(|| self.0.auc_interval(upto, &bootstrap)).or_raise(py)?;
+        let interval = detached(py, || self.0.auc_interval(upto, &bootstrap))?;
         Ok((interval.low, interval.high))
     }
     /// The queries a block of an interval: an upper bound of how long errors last, from their
@@ -330,9 +330,7 @@ impl Evaluation {
     ) -> PyResult<(f64, f64)> {
         check_upto(py, upto)?;
         let bootstrap = bootstrap(level, samples, block, seed)?;
-        let interval = py
-            .detach(|| self.0.auc_difference_interval(&other.0, upto, &bootstrap))
-            .or_raise(py)?;
+        let interval = detached(py, || self.0.auc_difference_interval(&other.0, upto, &bootstrap))?;
         Ok((interval.low, interval.high))
     }
     /// The largest recall at a precision of at least this; 0 if there is none.
@@ -471,5 +469,5 @@ pub(crate) fn recall_at(
         None => vec![1, 5, 10],
         Some(ks) => ks.try_iter()?.map(|k| whole("ks", &k?)).collect::<PyResult<_>>()?,
     };
-    py.detach(|| surefix::evaluate::recall_at(&view, &truth, &ks)).or_raise(py)
+    detached(py, || surefix::evaluate::recall_at(&view, &truth, &ks))
 }

@@ -4,12 +4,14 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods as _};
+use once_cell::race::OnceBox;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySlice, PyString, PyTuple};
 use surefix::{Channels, Error, Image, ImageFiles, ImageSource, ImageView, Order, ReadableImages};
 
 use crate::arrays::{as_array, contiguous, dtype_of, image_to_py, shape_of};
-use crate::error::{OrRaise as _, to_py, value};
+use crate::error::{OrRaise as _, if_it_can, is_none_of_ours, to_py, value};
+use crate::signals::{detached, watched};
 use crate::simulate::Traverse;
 
 /// A uint8 or uint16 array (H, W), (H, W, 1), (H, W, 3) or (H, W, 4), whose alpha is left out, held
@@ -98,7 +100,7 @@ impl<'py> Images<'py> {
         if let Ok(traverse) = object.cast::<Traverse>() {
             return Ok(Self::Traverse(traverse.get().0.clone()));
         }
-        if let Some(place) = path_of(object) {
+        if let Some(place) = path_of(object)? {
             return Self::found(py, place);
         }
         let in_memory = object.is_instance_of::<PyList>()
@@ -113,7 +115,7 @@ impl<'py> Images<'py> {
             let (expected, got) = ("(n, H, W) or (n, H, W, 3), one image a place", shape_of(array));
             return Err(value(py, format!("images: expected {expected}, got the shape {got}")));
         }
-        let not_images = |_| {
+        let not_images = || {
             let kind =
                 object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
             value(
@@ -124,12 +126,11 @@ impl<'py> Images<'py> {
             )
         };
         let items: Vec<Bound<'py, PyAny>> =
-            object.try_iter().map_err(not_images)?.collect::<PyResult<_>>()?;
-        if !items.is_empty() && items.iter().all(|item| path_of(item).is_some()) {
-            return Self::of_files(
-                py,
-                ImageFiles::list(items.iter().filter_map(path_of).collect()),
-            );
+            if_it_can(py, object.try_iter())?.ok_or_else(not_images)?.collect::<PyResult<_>>()?;
+        let paths = items.iter().map(path_of).take_while(|path| !matches!(path, Ok(None)));
+        let paths: Vec<PathBuf> = paths.filter_map(PyResult::transpose).collect::<PyResult<_>>()?;
+        if !items.is_empty() && paths.len() == items.len() {
+            return Self::of_files(py, ImageFiles::list(paths));
         }
         let arrays = items.iter().enumerate().map(|(index, item)| {
             let what = format!("image {index}");
@@ -171,7 +172,13 @@ impl<'py> Images<'py> {
         Ok(match self {
             Self::Files(files) => py.detach(|| work(files)),
             Self::Traverse(traverse) => py.detach(|| work(traverse)),
-            Self::Sequence(sequence) => py.detach(|| work(sequence)),
+            Self::Sequence(sequence) => {
+                let result = py.detach(|| work(sequence));
+                if let Some(error) = sequence.raised.get() {
+                    return Err(error.clone_ref(py));
+                }
+                result
+            }
             Self::Arrays(arrays) => {
                 let views =
                     arrays.iter().map(|array| array.view(py)).collect::<PyResult<Vec<_>>>()?;
@@ -268,15 +275,16 @@ pub(crate) struct Sequence {
     items: Py<PyAny>,
     count: usize,
     names: Option<Vec<String>>,
+    /// Ctrl-C, an exit or the like in the sequence's own code: no fault of an image.
+    raised: OnceBox<PyErr>,
 }
 
 impl Sequence {
     fn new(object: &Bound<'_, PyAny>) -> PyResult<Self> {
         let count = object.len()?;
-        let names =
-            object.getattr("names").ok().and_then(|names| names.extract::<Vec<String>>().ok());
-        let names = names.filter(|names| names.len() == count);
-        Ok(Self { items: object.clone().unbind(), count, names })
+        let names = object.getattr("names").and_then(|names| names.extract::<Vec<String>>());
+        let names = if_it_can(object.py(), names)?.filter(|names| names.len() == count);
+        Ok(Self { items: object.clone().unbind(), count, names, raised: OnceBox::new() })
     }
 }
 
@@ -294,6 +302,11 @@ impl ImageSource for Sequence {
         };
         Python::attach(|py| {
             load(py).map_err(|error| {
+                if is_none_of_ours(py, &error) {
+                    // The first counts.
+                    let _ = self.raised.set(Box::new(error));
+                    return Error::Interrupted { done: 0, total: 0 };
+                }
                 let reason = error.value(py).to_string();
                 Error::Image { name: self.name(index), reason }
             })
@@ -306,10 +319,11 @@ impl ImageSource for Sequence {
 }
 
 /// The path that a string or a path object names.
-pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> Option<PathBuf> {
-    let named =
-        object.is_instance_of::<PyString>() || object.hasattr("__fspath__").unwrap_or(false);
-    named.then(|| object.extract().ok()).flatten()
+pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> PyResult<Option<PathBuf>> {
+    let py = object.py();
+    let named = object.is_instance_of::<PyString>()
+        || if_it_can(py, object.hasattr("__fspath__"))?.unwrap_or(false);
+    if named { if_it_can(py, object.extract()) } else { Ok(None) }
 }
 
 /// Reads an image file (png, jpeg, bmp, tiff, webp or pnm; with ``surefix[heif]`` heic and avif too),
@@ -337,7 +351,7 @@ pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
     if may_be_foreign(&path) && foreign_endings(py)?.contains(&ending_of(&path)) {
         return py.import("surefix.frames.foreign")?.call_method1("read_any", (path,));
     }
-    let image = py.detach(|| surefix::read_image(path)).or_raise(py)?;
+    let image = detached(py, || surefix::read_image(path))?;
     image_to_py(py, &image)
 }
 
@@ -379,7 +393,7 @@ pub(crate) fn decode_image<'py>(
     data: &[u8],
     name: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let image = py.detach(|| surefix::decode_image(data, name)).or_raise(py)?;
+    let image = detached(py, || surefix::decode_image(data, name))?;
     image_to_py(py, &image)
 }
 
@@ -435,7 +449,7 @@ pub(crate) fn image_files(
     also: Vec<String>,
 ) -> PyResult<(Vec<OsString>, Vec<String>)> {
     let files = files_in(py, place, order, &also)?;
-    Ok((names_of(&files), py.detach(|| files.remarks())))
+    Ok((names_of(&files), detached(py, || Ok(files.remarks()))?))
 }
 
 pub(crate) fn files_in(
@@ -445,7 +459,7 @@ pub(crate) fn files_in(
     also: &[String],
 ) -> PyResult<ImageFiles> {
     let order: Order = order.parse().or_raise(py)?;
-    py.detach(|| ImageFiles::find_also(place, order, also)).or_raise(py)
+    detached(py, || ImageFiles::find_also(place, order, also))
 }
 
 pub(crate) fn names_of(files: &ImageFiles) -> Vec<OsString> {
@@ -476,7 +490,7 @@ pub(crate) fn with_progress<T>(
             }
         }
     };
-    let result = run(&mut report)?;
+    let result = watched(|| run(&mut report))??;
     match (result, raised) {
         (_, Some(error)) => Err(error),
         (result, None) => result.map_err(|error| to_py(py, &error)),

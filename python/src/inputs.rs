@@ -6,7 +6,7 @@ use pyo3::types::{PyList, PyTuple};
 use std::sync::Arc;
 
 use crate::arrays::{Numbers, as_array, is_of_pillow, query};
-use crate::error::value;
+use crate::error::{if_it_can, value};
 use crate::images::{Pixels, path_of, read_image};
 use crate::learned;
 use crate::map::Map;
@@ -27,7 +27,7 @@ impl<'py> Input<'py> {
     ) -> PyResult<Self> {
         let described = learned::described(frame, map, descriptor)?;
         let frame = described.as_ref().unwrap_or(frame);
-        let array: Bound<'py, PyUntypedArray> = match path_of(frame) {
+        let array: Bound<'py, PyUntypedArray> = match path_of(frame)? {
             Some(path) => read_image(frame.py(), path)?.cast_into()?,
             None => as_array(frame, "frame")?,
         };
@@ -57,18 +57,21 @@ impl<'py> One<'py> {
     /// of which the last is colours, or, if images are `described`, one of two axes that is not as
     /// wide as `dim`.
     pub(crate) fn of(given: &Bound<'py, PyAny>, dim: usize, described: bool) -> PyResult<Self> {
-        if let Some(path) = path_of(given) {
+        if let Some(path) = path_of(given)? {
             return Ok(if path.is_file() { Self::Image } else { Self::Many });
         }
         if is_of_pillow(given) {
             return Ok(Self::Image);
         }
         if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
-            let number = given.get_item(0).is_ok_and(|first| first.extract::<f64>().is_ok());
+            let number = given.get_item(0).and_then(|first| first.extract::<f64>());
+            let number = if_it_can(given.py(), number)?.is_some();
             let array = number.then(|| as_array(given, "descriptor")).transpose()?;
             return Ok(array.map_or(Self::Many, Self::Descriptor));
         }
-        let Ok(array) = as_array(given, "queries") else { return Ok(Self::Many) };
+        let Some(array) = if_it_can(given.py(), as_array(given, "queries"))? else {
+            return Ok(Self::Many);
+        };
         Ok(match array.shape() {
             [_] => Self::Descriptor(array),
             [_, width] if described && *width != dim => Self::Image,
@@ -88,7 +91,7 @@ pub(crate) fn maps(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<surefix::Map>>>
         value(got.py(), format!("map: expected a surefix.Map, or a list of maps, got {kind}"))
     };
     let mut maps = Vec::new();
-    for map in listed(given).ok_or_else(|| refused(given))? {
+    for map in listed(given)?.ok_or_else(|| refused(given))? {
         maps.push(map.cast::<Map>().map_err(|_| refused(&map))?.borrow().0.clone());
     }
     Ok(maps)
@@ -102,7 +105,7 @@ pub(crate) fn descriptors(
 ) -> PyResult<Vec<Option<Py<PyAny>>>> {
     let mut all: Vec<Option<Py<PyAny>>> = maps.iter().map(|_| None).collect();
     let Some(given) = given else { return Ok(all) };
-    let Some(each) = listed(given) else {
+    let Some(each) = listed(given)? else {
         let ready = |map: &&Arc<surefix::Map>| map.recipe() == surefix::Recipe::Ready;
         let index = maps.iter().position(|map| ready(&map)).unwrap_or(0);
         all[index] = Some(learned::checked(given, &maps[index])?);
@@ -123,7 +126,7 @@ pub(crate) fn descriptors(
 }
 
 /// The items of a list or a tuple.
-pub(crate) fn listed<'py>(given: &Bound<'py, PyAny>) -> Option<Vec<Bound<'py, PyAny>>> {
+pub(crate) fn listed<'py>(given: &Bound<'py, PyAny>) -> PyResult<Option<Vec<Bound<'py, PyAny>>>> {
     let listed = given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>();
-    listed.then(|| given.extract().ok()).flatten()
+    if listed { if_it_can(given.py(), given.extract()) } else { Ok(None) }
 }

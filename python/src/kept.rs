@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use numpy::{PyArray1, PyArrayMethods as _, PyUntypedArrayMethods as _};
+use once_cell::race::OnceBox;
 use pyo3::prelude::*;
-use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
 use surefix::{Config, Values, drive_distances, fused_distances};
 
@@ -35,12 +35,12 @@ enum Kept {
 pub(crate) struct Distances {
     given: Given,
     config: Config,
-    computed: PyOnceLock<Py<PyAny>>,
+    computed: OnceBox<Py<PyAny>>,
 }
 
 impl Distances {
     fn new(given: Given, config: Config) -> Self {
-        Self { given, config, computed: PyOnceLock::new() }
+        Self { given, config, computed: OnceBox::new() }
     }
 
     /// Those of a run from a pickle.
@@ -71,7 +71,7 @@ impl Distances {
 
     /// The matrix, (n, m), which cannot be written to: computed at the first call, for `what`.
     pub(crate) fn array<'py>(&self, py: Python<'py>, what: &str) -> PyResult<Bound<'py, PyAny>> {
-        let computed = self.computed.get_or_try_init(py, || self.compute(py, what));
+        let computed = self.computed.get_or_try_init(|| self.compute(py, what).map(Box::new));
         Ok(computed?.bind(py).clone())
     }
 

@@ -8,16 +8,19 @@ use pyo3::types::{PyDict, PyList};
 use surefix::Recipe;
 
 use crate::arrays::{as_array, dtype_of, shape_of};
-use crate::error::{OrRaise as _, value};
+use crate::error::{if_it_can, refused, value};
 use crate::images::{Pixels, path_of, read_image};
 use crate::sad::Sad;
+use crate::signals::detached;
 
 /// Vectors of at most 8 numbers are points, and the origin is a point too.
 const POINT: usize = 8;
 
 /// Whether a `descriptor` argument is one of Python's.
-pub(crate) fn is_learned(given: &Bound<'_, PyAny>) -> bool {
-    !given.is_none() && !given.is_instance_of::<Sad>() && given.hasattr("describe").unwrap_or(false)
+pub(crate) fn is_learned(given: &Bound<'_, PyAny>) -> PyResult<bool> {
+    Ok(!given.is_none()
+        && !given.is_instance_of::<Sad>()
+        && if_it_can(given.py(), given.hasattr("describe"))?.unwrap_or(false))
 }
 
 /// The map of images that such a descriptor describes.
@@ -73,15 +76,8 @@ pub(crate) fn recipe_text(recipe: &Bound<'_, PyAny>) -> PyResult<String> {
     let as_dict = py.get_type::<PyDict>().call1((recipe,));
     let text =
         as_dict.and_then(|recipe| py.import("json")?.call_method1("dumps", (recipe,))?.extract());
-    text.map_err(|e| {
-        value(
-            py,
-            format!(
-                "recipe: expected a mapping that JSON can hold, with a \"name\": {}",
-                e.value(py)
-            ),
-        )
-    })
+    let expected = "recipe: expected a mapping that JSON can hold, with a \"name\"";
+    text.map_err(|e| refused(py, e, |e| format!("{expected}: {e}")))
 }
 
 /// The name in a map's recipe.
@@ -99,7 +95,7 @@ pub(crate) fn levels(map: &surefix::Map) -> Option<(u16, u16)> {
 /// The descriptor for a localizer on this map.
 pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyResult<Py<PyAny>> {
     let py = descriptor.py();
-    if map.recipe() != Recipe::Ready || !is_learned(descriptor) {
+    if map.recipe() != Recipe::Ready || !is_learned(descriptor)? {
         let expected =
             "a learned descriptor, with name, recipe and describe(images), on a map of such";
         let got = descriptor.get_type().name()?;
@@ -108,7 +104,7 @@ pub(crate) fn checked(descriptor: &Bound<'_, PyAny>, map: &surefix::Map) -> PyRe
     let name: String = descriptor.getattr("name")?.extract()?;
     if let Some(expected) = name_of(map)
         && name != expected
-        && !gives_the_same(descriptor, map).unwrap_or(false)
+        && if_it_can(py, gives_the_same(descriptor, map))? != Some(true)
     {
         return Err(value(
             py,
@@ -137,12 +133,13 @@ pub(crate) fn described<'py>(
 ) -> PyResult<Option<Bound<'py, PyAny>>> {
     let py = frame.py();
     let Some(descriptor) = descriptor else {
-        if map.recipe() != Recipe::Ready || !is_image(frame) {
+        if map.recipe() != Recipe::Ready || !is_image(frame)? {
             return Ok(None);
         }
         // An array of floats with more axes than a descriptor is most likely a network's batch of
         // one.
-        let batch = as_array(frame, "frame").ok().filter(|array| dtype_of(array) != "uint8");
+        let batch =
+            if_it_can(py, as_array(frame, "frame"))?.filter(|array| dtype_of(array) != "uint8");
         let batch =
             batch.map(|array| format!("{} of the shape {}", dtype_of(&array), shape_of(&array)));
         let own =
@@ -154,7 +151,7 @@ pub(crate) fn described<'py>(
         let got = batch.unwrap_or_else(|| "an image".to_owned());
         return Err(value(py, format!("frame: expected {expected}, got {got}")));
     };
-    if !is_image(frame) {
+    if !is_image(frame)? {
         return Ok(None);
     }
     vector(frame, descriptor, levels(map)).map(Some)
@@ -168,7 +165,7 @@ pub(crate) fn vector<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     use numpy::PyUntypedArrayMethods as _;
     let py = frame.py();
-    let image = match path_of(frame) {
+    let image = match path_of(frame)? {
         Some(path) => read_image(py, path)?,
         None => as_array(frame, "frame")?.into_any(),
     };
@@ -192,13 +189,17 @@ pub(crate) fn vector<'py>(
 /// Whether an image of bytes shows nothing. Others are the descriptor's own affair.
 fn shows_nothing(image: &Bound<'_, PyAny>) -> PyResult<bool> {
     let py = image.py();
-    let Ok(pixels) = Pixels::new(&as_array(image, "image")?, "image") else { return Ok(false) };
+    let pixels = Pixels::new(&as_array(image, "image")?, "image");
+    let Some(pixels) = if_it_can(py, pixels)? else { return Ok(false) };
     let view = pixels.view(py)?;
-    py.detach(|| surefix::Sad::default().shows_nothing(view)).or_raise(py)
+    detached(py, || surefix::Sad::default().shows_nothing(view))
 }
 
 /// Whether it can only be an image: a file's, or an array of more than one axis.
-pub(crate) fn is_image(frame: &Bound<'_, PyAny>) -> bool {
+pub(crate) fn is_image(frame: &Bound<'_, PyAny>) -> PyResult<bool> {
     use numpy::PyUntypedArrayMethods as _;
-    path_of(frame).is_some() || as_array(frame, "frame").is_ok_and(|array| array.ndim() > 1)
+    if path_of(frame)?.is_some() {
+        return Ok(true);
+    }
+    Ok(if_it_can(frame.py(), as_array(frame, "frame"))?.is_some_and(|array| array.ndim() > 1))
 }

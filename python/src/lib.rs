@@ -32,6 +32,7 @@ mod sad;
 mod saving;
 mod segments;
 mod settings;
+mod signals;
 mod simulate;
 mod traverses;
 mod truth;
@@ -94,9 +95,14 @@ mod _core {
     use super::instruction_set;
 
     use super::{Bound, PyModule, PyModuleMethods as _, PyResult};
+    use half::f16;
+    use numpy::{PyArray1, PyArrayMethods as _};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        // Found now, and not at a first array, in whose midst a fork would leave it half-done.
+        let array = PyArray1::<f16>::zeros(module.py(), [1], false);
+        array.try_readonly()?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

@@ -7,12 +7,13 @@ use surefix::Floor;
 use surefix::calibration::Alarm;
 
 use crate::calibrate::Threshold;
-use crate::error::{OrRaise as _, busy, value};
+use crate::error::{OrRaise as _, busy, if_it_can, value};
 use crate::fix::Fix;
 use crate::images::{files_in, foreign_endings, names_of, path_of, read_image};
 use crate::inputs::{Input, descriptors, listed, maps};
 use crate::map::Map;
-use crate::options::{config, given, settings, whole};
+use crate::options::{config, given, settings, shown, whole};
+use crate::signals::detached;
 
 /// Localizes along a map, one camera frame at a time.
 ///
@@ -111,14 +112,14 @@ impl Localizer {
             let this = shared(slf)?;
             let several = this.1.len() > 1;
             // A list has an input for each map.
-            let each = listed(frame).filter(|_| several);
+            let each = listed(frame)?.filter(|_| several);
             if let Some(each) = each.as_ref().filter(|each| each.len() != this.1.len()) {
                 let (expected, got) = (this.1.len(), each.len());
                 let message =
                     format!("frame: expected one input for each of {expected} maps, got {got}");
                 return Err(value(py, message));
             }
-            let image = match path_of(frame) {
+            let image = match path_of(frame)? {
                 Some(path) if several => Some(read_image(py, path)?),
                 _ => None,
             };
@@ -172,11 +173,12 @@ impl Localizer {
     fn stream(slf: &Bound<'_, Self>, frames: &Bound<'_, PyAny>) -> PyResult<FixStream> {
         let py = slf.py();
         let opened = || py.import("surefix.frames")?.call_method1("open", (frames,))?.try_iter();
-        let frames = match path_of(frames) {
-            Some(place) => match files_in(py, place, "name", &foreign_endings(py)?) {
-                Ok(images) => names_of(&images).into_pyobject(py)?.try_iter()?,
+        let frames = match path_of(frames)? {
+            Some(place) => match if_it_can(py, files_in(py, place, "name", &foreign_endings(py)?))?
+            {
+                Some(images) => names_of(&images).into_pyobject(py)?.try_iter()?,
                 // A video, a bag or a camera; if there is none, the error is its own.
-                Err(_) => opened()?,
+                None => opened()?,
             },
             None if frames.is_instance_of::<PyInt>() => opened()?,
             None => frames.try_iter()?,
@@ -271,7 +273,7 @@ impl Localizer {
         let py = slf.py();
         let this = shared(slf)?;
         let localizer = &this.0;
-        let blob = py.detach(|| localizer.snapshot()).or_raise(py)?;
+        let blob = detached(py, || localizer.snapshot())?;
         Ok(PyBytes::new(py, &blob))
     }
 
@@ -318,10 +320,10 @@ impl Localizer {
             options.map(|options| config(py, Some(options), Floor::Running)).transpose()?;
         let maps = maps(map)?;
         let descriptors = descriptors(descriptor, &maps)?;
-        let localizer = py.detach(|| {
+        let localizer = detached(py, || {
             surefix::Localizer::restore_fused(maps, blob, expected.as_ref())?.with_threads(threads)
-        });
-        Ok(Self(localizer.or_raise(py)?, descriptors))
+        })?;
+        Ok(Self(localizer, descriptors))
     }
 
     // As a snapshot, with the maps: the alarm of a threshold begins anew.
@@ -433,20 +435,29 @@ impl<'py> Reported<'py> {
         let parts =
             (item.getattr_opt("image")?, item.getattr_opt("gap")?, item.getattr_opt("dropped")?);
         let (Some(image), Some(gap), Some(dropped)) = parts else { return Ok(None) };
-        let refuse = |name: &str, expected: &str, got: &Bound<'_, PyAny>| {
-            let got = got.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string());
-            value(item.py(), format!("frame: {name}: expected {expected}, got {got}"))
-        };
-        let cut: bool = gap.extract().map_err(|_| refuse("gap", "True or False", &gap))?;
-        let lost: u64 = dropped
-            .extract()
-            .map_err(|_| refuse("dropped", "a whole number of 0 or more", &dropped))?;
+        let cut: bool = reported("gap", "True or False", &gap, gap.extract())?;
+        let whole = "a whole number of 0 or more";
+        let lost: u64 = reported("dropped", whole, &dropped, dropped.extract())?;
         let advance = match item.getattr_opt("advance")? {
             None => None,
-            Some(places) => places
-                .extract()
-                .map_err(|_| refuse("advance", "a number of places, or None", &places))?,
+            Some(places) => {
+                reported("advance", "a number of places, or None", &places, places.extract())?
+            }
         };
         Ok(Some(Self { image, follows: !cut && lost == 0, advance }))
     }
+}
+
+/// What a frame reports, as it must be.
+fn reported<T>(
+    name: &str,
+    expected: &str,
+    got: &Bound<'_, PyAny>,
+    read: PyResult<T>,
+) -> PyResult<T> {
+    if let Some(read) = if_it_can(got.py(), read)? {
+        return Ok(read);
+    }
+    let got_one = shown(got)?;
+    Err(value(got.py(), format!("frame: {name}: expected {expected}, got {got_one}")))
 }

@@ -18,6 +18,7 @@ use crate::map::Map;
 use crate::options::{config, whole};
 use crate::pickle::pickled;
 use crate::sad::Sad;
+use crate::signals::detached;
 
 /// What a ``LoopCloser`` says of a frame.
 #[pyclass(frozen, eq, module = "surefix")]
@@ -184,7 +185,9 @@ impl LoopCloser {
             None => {}
             Some(given) => match given.cast::<Sad>() {
                 Ok(sad) => this.closer = Some(this.of_images(sad.get().0).or_raise(py)?),
-                Err(_) if learned::is_learned(given) => this.learned = Some(given.clone().unbind()),
+                Err(_) if learned::is_learned(given)? => {
+                    this.learned = Some(given.clone().unbind());
+                }
                 Err(_) => {
                     let expected = "a surefix.Sad, or a learned descriptor, with name, recipe and \
                                     describe(images)";
@@ -226,13 +229,13 @@ impl LoopCloser {
         let py = slf.py();
         let learned = shared(slf)?.learned.as_ref().map(|given| given.clone_ref(py));
         let described = match &learned {
-            Some(descriptor) if learned::is_image(frame) => {
+            Some(descriptor) if learned::is_image(frame)? => {
                 Some(learned::vector(frame, descriptor.bind(py), None)?)
             }
             _ => None,
         };
         let frame = described.as_ref().unwrap_or(frame);
-        let array: Bound<'_, PyUntypedArray> = match path_of(frame) {
+        let array: Bound<'_, PyUntypedArray> = match path_of(frame)? {
             Some(path) => read_image(py, path)?.cast_into()?,
             None => as_array(frame, "frame")?,
         };
@@ -388,7 +391,7 @@ impl LoopCloser {
         let Some(closer) = &mut this.closer else {
             return Err(Error::TooFewPlaces { what: "map", got: 0 }).or_raise(py);
         };
-        let map = py.detach(|| closer.to_map()).or_raise(py)?;
+        let map = detached(py, || closer.to_map())?;
         let Some(learned) = &this.learned else { return Ok(Map(Arc::new(map))) };
         let module = py.import("surefix.descriptors.descriptor")?;
         let recipe = module.call_method1("recipe_of", (learned.bind(py),))?;
@@ -474,13 +477,12 @@ impl LoopCloser {
         let Some(closer) = &this.closer else { return empty(&path, "").or_raise(py) };
         // The old file is kept if the graph is refused.
         let mut text = Vec::new();
-        py.detach(|| {
+        detached(py, || {
             closer.write_g2o(&mut text, &graph)?;
             let io =
                 |source| Error::Io { path: path.clone(), action: "write the pose graph", source };
             write_text(&path, |out| out.write_all(&text)).map_err(io)
         })
-        .or_raise(py)
     }
 
     #[expect(clippy::unused_self, reason = "a method of Python's")]

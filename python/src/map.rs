@@ -18,6 +18,7 @@ use crate::learned;
 use crate::pictures::{html, plotted};
 use crate::post::Post;
 use crate::sad::Sad;
+use crate::signals::detached;
 
 /// A known route: one descriptor a place, in route order, and all that is needed to use them.
 ///
@@ -74,15 +75,15 @@ impl Map {
         screen: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
-        let map = py.detach(|| {
+        let map = detached(py, || {
             if mmap {
                 // SAFETY: the caller has been told above to leave the file alone.
                 unsafe { surefix::Map::open_mapped(path) }
             } else {
                 surefix::Map::open(path)
             }
-        });
-        Ok(Self(Arc::new(screened(py, map.or_raise(py)?, screen)?)))
+        })?;
+        Ok(Self(Arc::new(screened(py, map, screen)?)))
     }
 
     /// The same map with a screen: a copy of its rows in signed bytes, a quarter more memory; the
@@ -133,7 +134,7 @@ impl Map {
     /// SurefixFileError
     ///     If the file cannot be written.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| self.0.save(path)).or_raise(py)
+        detached(py, || self.0.save(path))
     }
 
     /// The bytes of the file that ``save`` writes.
@@ -142,7 +143,7 @@ impl Map {
     /// -------
     /// bytes
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        Ok(PyBytes::new(py, &py.detach(|| self.0.to_bytes()).or_raise(py)?))
+        Ok(PyBytes::new(py, &detached(py, || self.0.to_bytes())?))
     }
 
     /// A map from the bytes of its file. Maps are pickled this way, too.
@@ -176,7 +177,7 @@ impl Map {
         screen: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let screen = screen.map(screen_dtype).transpose().or_raise(py)?;
-        let map = py.detach(|| surefix::Map::from_bytes(data)).or_raise(py)?;
+        let map = detached(py, || surefix::Map::from_bytes(data))?;
         Ok(Self(Arc::new(screened(py, map, screen)?)))
     }
 
@@ -203,7 +204,7 @@ impl Map {
     /// SurefixValueError
     ///     If the file is damaged.
     fn verify(&self, py: Python<'_>) -> PyResult<()> {
-        py.detach(|| self.0.verify()).or_raise(py)
+        detached(py, || self.0.verify())
     }
 
     /// The distances from a query to every place, or from many. A place that shows nothing
@@ -253,7 +254,7 @@ impl Map {
         if let One::Descriptor(array) = &one {
             let numbers = query(array, "descriptor", &self.0)?;
             let view = numbers.view()?;
-            let distances = py.detach(|| self.0.distances(view)).or_raise(py)?;
+            let distances = detached(py, || self.0.distances(view))?;
             return Ok(PyArray1::from_vec(py, distances).into_any());
         }
         let maps = [self.0.clone()];
@@ -435,7 +436,7 @@ pub(crate) fn screened(
     screen: Option<Dtype>,
 ) -> PyResult<surefix::Map> {
     match screen {
-        Some(dtype) => py.detach(|| map.with_screen(dtype)).or_raise(py),
+        Some(dtype) => detached(py, || map.with_screen(dtype)),
         None => Ok(map),
     }
 }

@@ -6,10 +6,11 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 
 use crate::batch::indices;
-use crate::error::{OrRaise as _, value};
+use crate::error::{OrRaise as _, if_it_can, value};
 use crate::map::Map;
 use crate::options::{whole, wrong};
 use crate::segments::{Segments, given_segments};
+use crate::signals::detached;
 
 #[pymethods]
 impl Map {
@@ -79,7 +80,7 @@ impl Map {
         stop: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let (start, stop) = (whole("start", start)?, whole("stop", stop)?);
-        Ok(Self(Arc::new(py.detach(|| self.0.slice(start..stop)).or_raise(py)?)))
+        Ok(Self(Arc::new(detached(py, || self.0.slice(start..stop))?)))
     }
 
     /// The same map without the places that show nothing (``blank``). Those after them move up,
@@ -105,7 +106,7 @@ impl Map {
     /// >>> route.blank, len(route.without_blank())
     /// (array([2]), 4)
     pub(crate) fn without_blank(&self, py: Python<'_>) -> PyResult<Self> {
-        Ok(Self(Arc::new(py.detach(|| self.0.without_blank()).or_raise(py)?)))
+        Ok(Self(Arc::new(detached(py, || self.0.without_blank())?)))
     }
 
     /// The same as ``slice``.
@@ -168,7 +169,7 @@ impl Map {
     /// array([3])
     fn keep(&self, py: Python<'_>, places: &Bound<'_, PyAny>) -> PyResult<Self> {
         let places = indices(places, "places", "places")?;
-        Ok(Self(Arc::new(py.detach(|| self.0.keep(&places)).or_raise(py)?)))
+        Ok(Self(Arc::new(detached(py, || self.0.keep(&places))?)))
     }
 
     /// The map with places about ``metres`` apart: of each segment the first, and each that is at
@@ -197,7 +198,7 @@ impl Map {
     /// >>> route.thin(1.0).positions[:, 0]
     /// array([0. , 1.1, 2.2])
     fn thin(&self, py: Python<'_>, metres: f64) -> PyResult<Self> {
-        Ok(Self(Arc::new(py.detach(|| self.0.thin(metres)).or_raise(py)?)))
+        Ok(Self(Arc::new(detached(py, || self.0.thin(metres))?)))
     }
 
     /// Maps one after the other, as one: each begins a new segment, closed segments stay closed,
@@ -238,13 +239,13 @@ impl Map {
         if maps.is_instance_of::<Self>() {
             return Err(refused(maps));
         }
-        let each = maps.try_iter().map_err(|_| refused(maps))?.map(|given| {
+        let each = if_it_can(py, maps.try_iter())?.ok_or_else(|| refused(maps))?.map(|given| {
             let given = given?;
             given.cast::<Self>().map(|map| Arc::clone(&map.get().0)).map_err(|_| refused(&given))
         });
         let maps = each.collect::<PyResult<Vec<_>>>()?;
         let maps: Vec<&surefix::Map> = maps.iter().map(Arc::as_ref).collect();
-        Ok(Self(Arc::new(py.detach(|| surefix::Map::join(&maps)).or_raise(py)?)))
+        Ok(Self(Arc::new(detached(py, || surefix::Map::join(&maps))?)))
     }
 
     /// The places of this map and then those of ``more``: the map that all their descriptors at
@@ -277,9 +278,9 @@ impl Map {
     #[pyo3(signature = (more, *, new_segment=false))]
     fn extended(&self, py: Python<'_>, more: &Self, new_segment: bool) -> PyResult<Self> {
         let (first, more) = (&self.0, &more.0);
-        let longer = py.detach(|| {
+        let longer = detached(py, || {
             if new_segment { surefix::Map::join(&[first, more]) } else { first.extended(more) }
-        });
-        Ok(Self(Arc::new(longer.or_raise(py)?)))
+        })?;
+        Ok(Self(Arc::new(longer)))
     }
 }

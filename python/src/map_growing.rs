@@ -6,11 +6,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyBool;
 use surefix::Extras;
 
-use crate::error::{OrRaise as _, value};
+use crate::error::value;
 use crate::images::{Images, Terms, progress_callback, with_progress};
 use crate::learned;
 use crate::map::Map;
 use crate::places::{self, positions_of};
+use crate::signals::detached;
 
 #[pymethods]
 impl Map {
@@ -68,7 +69,7 @@ impl Map {
         new_segment: bool,
     ) -> PyResult<()> {
         if let Some(descriptor) = descriptor.filter(|_| !more.is_instance_of::<Self>()) {
-            if !learned::is_learned(descriptor) {
+            if !learned::is_learned(descriptor)? {
                 let expected = "the map's own learned descriptor; images for Sad need none";
                 let got = descriptor.get_type().name()?;
                 return Err(value(py, format!("descriptor: expected {expected}, got {got}")));
@@ -98,14 +99,13 @@ impl Map {
                 ));
             }
             let more = &more.get().0;
-            let appended = py.detach(|| {
+            return detached(py, || {
                 if new_segment {
                     surefix::Map::append_segment(path, more)
                 } else {
                     surefix::Map::append(path, more)
                 }
             });
-            return appended.or_raise(py);
         }
         let images = Images::new(more)?;
         let callback = progress_callback(py, progress, "Mapping")?;

@@ -15,6 +15,7 @@ use crate::map::{Map, screen_dtype, screened};
 use crate::places::{self, positions_of, segments_of_some, with_positions};
 use crate::post;
 use crate::segments::segments_of;
+use crate::signals::detached;
 
 #[pymethods]
 impl Map {
@@ -106,7 +107,9 @@ impl Map {
         thumbnails: Option<&Bound<'py, PyAny>>,
         origin: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, Self>> {
-        if let Some(descriptor) = descriptor.filter(|given| learned::is_learned(given)) {
+        if let Some(descriptor) = descriptor
+            && learned::is_learned(descriptor)?
+        {
             let skip = skip_bad.then(|| PyBool::new(py, true).to_owned().into_any());
             let options = [
                 ("positions", positions),
@@ -286,15 +289,11 @@ impl Map {
         let numbers = Numbers::new(&array, "descriptors")?;
         let rows = numbers.view()?;
         let map = match post {
-            None => py
-                .detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric))
-                .or_raise(py)?,
+            None => detached(py, || surefix::Map::from_descriptors(rows.to_values(), dim, metric))?,
             Some(post) => {
                 let (post, rows) = post::fitted(post, rows, dim)?;
                 let dim = post.output();
-                let map = py
-                    .detach(|| surefix::Map::from_descriptors(rows, dim, metric)?.with_post(post));
-                map.or_raise(py)?
+                detached(py, || surefix::Map::from_descriptors(rows, dim, metric)?.with_post(post))?
             }
         };
         let map = match recipe {

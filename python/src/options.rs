@@ -5,7 +5,7 @@ use pyo3::types::{PyDict, PyFloat, PyInt, PyList, PyString};
 use pythonize::{depythonize, pythonize};
 use surefix::{Config, Error, Floor, Given};
 
-use crate::error::{OrRaise as _, value};
+use crate::error::{OrRaise as _, if_it_can, value};
 use crate::images::path_of;
 use crate::settings::Settings;
 
@@ -33,10 +33,10 @@ pub(crate) fn settings(
     if let Some(given) = given.filter(|given| !given.is_none()) {
         settings = if let Ok(settings) = given.cast::<Settings>() {
             settings.get().0.clone()
-        } else if let Some(path) = path_of(&given) {
+        } else if let Some(path) = path_of(&given)? {
             surefix::Settings::open(path).or_raise(py)?
         } else {
-            let shown = shown(&given);
+            let shown = shown(&given)?;
             let message =
                 format!("config: expected a surefix.Settings or a file of one, got {shown}");
             return Err(value(py, message));
@@ -78,7 +78,8 @@ fn merged(
         };
         merged.set_item(&name, in_serde(&name, &default, &given)?)?;
         // One by one, so that the error names the option.
-        config = depythonize(&merged).or_else(|_| refuse(&name, &default, &given))?;
+        let read = if_it_can(py, depythonize(&merged).map_err(PyErr::from))?;
+        config = read.map_or_else(|| refuse(&name, &default, &given), Ok)?;
     }
     Ok(config)
 }
@@ -92,8 +93,9 @@ fn in_serde<'py>(
     let py = given.py();
     if default.is_instance_of::<PyList>() {
         let each = given.try_iter().and_then(Iterator::collect::<PyResult<Vec<_>>>);
+        let each = if_it_can(py, each)?;
         return each
-            .map_or_else(|_| Ok(given.clone()), |each| Ok(PyList::new(py, each)?.into_any()));
+            .map_or_else(|| Ok(given.clone()), |each| Ok(PyList::new(py, each)?.into_any()));
     }
     if name.eq("motion")? {
         // `surefix.Motion`: its fields.
@@ -128,7 +130,7 @@ fn refuse<T>(
         _ if default.is_instance_of::<PyFloat>() => "a number",
         _ => "another value",
     };
-    Err(value(given.py(), format!("option `{name}`: expected {expected}, got {}", shown(given))))
+    Err(value(given.py(), format!("option `{name}`: expected {expected}, got {}", shown(given)?)))
 }
 
 /// What is known about a query.
@@ -140,18 +142,19 @@ pub(crate) fn given(trusted: Option<bool>, advance: Option<f64>) -> Given {
 
 const WHOLE: &str = "a whole number of 0 or more";
 
-fn shown(given: &Bound<'_, PyAny>) -> String {
-    given.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string())
+pub(crate) fn shown(given: &Bound<'_, PyAny>) -> PyResult<String> {
+    let text = if_it_can(given.py(), given.repr())?;
+    Ok(text.map_or_else(|| "an object".to_owned(), |text| text.to_string()))
 }
 
 /// A whole number of 0 or more.
 pub(crate) fn whole(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<usize> {
-    given.extract().or_else(|_| wrong(name, WHOLE, given))
+    if_it_can(given.py(), given.extract())?.map_or_else(|| wrong(name, WHOLE, given), Ok)
 }
 
 /// Two whole numbers: width and height.
 pub(crate) fn size(name: &'static str, given: &Bound<'_, PyAny>) -> PyResult<(usize, usize)> {
-    let sides: Vec<usize> = given.extract().unwrap_or_default();
+    let sides: Vec<usize> = if_it_can(given.py(), given.extract())?.unwrap_or_default();
     match sides.as_slice() {
         [width, height] => Ok((*width, *height)),
         _ => wrong(name, "a width and a height, two whole numbers of 0 or more", given),
@@ -165,5 +168,5 @@ pub(crate) fn wrong<T>(
     given: &Bound<'_, PyAny>,
 ) -> PyResult<T> {
     let expected = expected.to_owned();
-    Err(Error::Option { name, expected, got: shown(given) }).or_raise(given.py())
+    Err(Error::Option { name, expected, got: shown(given)? }).or_raise(given.py())
 }

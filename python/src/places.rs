@@ -5,8 +5,8 @@ use pyo3::types::PyString;
 use surefix::{Extras, Positions};
 
 use crate::arrays::coordinates;
-use crate::error::{OrRaise as _, value};
-use crate::options::{size, wrong};
+use crate::error::{OrRaise as _, if_it_can, value};
+use crate::options::{shown, size, wrong};
 use crate::sad::Sad;
 
 /// The recipe of a `descriptor` argument.
@@ -34,10 +34,11 @@ pub(crate) fn levelled_recipe(
 /// The range of a `levels` argument.
 pub(crate) fn range(given: &Bound<'_, PyAny>) -> PyResult<surefix::Levels> {
     let py = given.py();
-    let (low, high) = given.extract::<(u16, u16)>().map_err(|_| {
-        let got = given.repr().map_or_else(|_| "something else".to_owned(), |r| r.to_string());
-        value(py, format!("levels: expected (low, high), from 0 to 65535, got {got}"))
-    })?;
+    let Some((low, high)) = if_it_can(py, given.extract::<(u16, u16)>())? else {
+        let got = shown(given)?;
+        let expected = "levels: expected (low, high), from 0 to 65535";
+        return Err(value(py, format!("{expected}, got {got}")));
+    };
     surefix::Levels::new(low, high).or_raise(py)
 }
 
@@ -74,10 +75,10 @@ pub(crate) fn segments_of_some(
 pub(crate) fn thumbnails(given: Option<&Bound<'_, PyAny>>) -> PyResult<Extras<'static>> {
     let none = Extras::default();
     let Some(given) = given.filter(|given| !given.is_none()) else { return Ok(none) };
-    match given.extract::<bool>() {
-        Ok(true) => Ok(none.thumbnails()),
-        Ok(false) => Ok(none),
-        Err(_) => size("thumbnails", given).map(|size| none.thumbnails_of(size)),
+    match if_it_can(given.py(), given.extract::<bool>())? {
+        Some(true) => Ok(none.thumbnails()),
+        Some(false) => Ok(none),
+        None => size("thumbnails", given).map(|size| none.thumbnails_of(size)),
     }
 }
 
@@ -100,7 +101,7 @@ pub(crate) fn names(names: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
         ));
     }
     let each = names.try_iter().and_then(|each| each.map(|name| name?.extract()).collect());
-    each.map_err(|_| {
+    if_it_can(names.py(), each)?.ok_or_else(|| {
         value(names.py(), "names: expected a sequence of strings, one a place".to_owned())
     })
 }
@@ -127,7 +128,7 @@ pub(crate) fn positions(
     if let Ok(plane) = origin.extract::<&str>() {
         return positions.with_plane(plane).or_raise(py).map(Some);
     }
-    let Ok((latitude, longitude)) = origin.extract::<(f64, f64)>() else {
+    let Some((latitude, longitude)) = if_it_can(py, origin.extract::<(f64, f64)>())? else {
         return wrong("origin", "(latitude, longitude), or the name of another plane", origin);
     };
     let origin = surefix::Origin::new(latitude, longitude);

@@ -10,6 +10,7 @@ use crate::arrays::{as_array, check_axes, float32s, rows_to_py};
 use crate::error::{OrRaise as _, busy, value};
 use crate::options::whole;
 use crate::pickle::pickled;
+use crate::signals::detached;
 
 /// A chain of steps of post-processing that has been fitted on references.
 ///
@@ -62,7 +63,7 @@ impl Post {
         }
         let numbers = float32s(&array, "vectors")?;
         let rows = numbers.as_slice()?;
-        let done = py.detach(|| self.0.apply(rows)).or_raise(py)?;
+        let done = detached(py, || self.0.apply(rows))?;
         let many = [done.len() / self.0.output(), self.0.output()];
         rows_to_py(py, View::F32(&done), if array.ndim() == 1 { &many[1..] } else { &many })
     }
@@ -116,7 +117,7 @@ pub(crate) fn fit_post<'py>(
     check_axes(&array, "references", 2)?;
     let numbers = float32s(&array, "references")?;
     let (rows, dim) = (numbers.as_slice()?, array.shape()[1]);
-    let (post, rows) = py.detach(|| surefix::Post::fit(&steps, rows, dim)).or_raise(py)?;
+    let (post, rows) = detached(py, || surefix::Post::fit(&steps, rows, dim))?;
     let shape = [rows.len() / post.output().max(1), post.output()];
     let rows = rows_to_py(py, View::F32(&rows), &shape)?;
     Ok((Post(post), rows))
@@ -165,7 +166,7 @@ impl Running {
                 check_axes(&array, "references", 2)?;
                 let numbers = float32s(&array, "references")?;
                 let (rows, dim) = (numbers.as_slice()?, array.shape()[1]);
-                Ok(Self(py.detach(|| Statistics::after(rows, dim)).or_raise(py)?))
+                Ok(Self(detached(py, || Statistics::after(rows, dim))?))
             }
             _ => {
                 Err(value(py, format!("Running: expected dim, from 1 to {LONGEST}, or references")))
@@ -261,11 +262,11 @@ pub(crate) fn fitted(
             let (what, expected) = ("descriptors: each", post.input());
             return Err(surefix::Error::Length { what, expected, got: dim }).or_raise(py);
         }
-        let done = py.detach(|| post.apply(rows)).or_raise(py)?;
+        let done = detached(py, || post.apply(rows))?;
         return Ok((post.clone(), done));
     }
     let steps: String = py.import("surefix.post")?.call_method1("as_json", (given,))?.extract()?;
     let steps: Vec<Step> =
         serde_json::from_str(&steps).map_err(|e| value(py, format!("post: {e}")))?;
-    py.detach(|| surefix::Post::fit(&steps, rows, dim)).or_raise(py)
+    detached(py, || surefix::Post::fit(&steps, rows, dim))
 }

@@ -4,11 +4,12 @@ use pyo3::prelude::*;
 use surefix::{Dtype, Error};
 
 use crate::arrays::{as_array, image_to_py, rows_to_py};
-use crate::error::OrRaise as _;
+use crate::error::{OrRaise as _, if_it_can};
 use crate::images::Pixels;
 use crate::options::{self, whole};
 use crate::pickle::pickled;
 use crate::places;
+use crate::signals::detached;
 
 /// The SAD descriptor: an image in grey, made small, normalised patch by patch.
 ///
@@ -82,7 +83,7 @@ impl Sad {
     ) -> PyResult<Bound<'py, PyAny>> {
         let pixels = Pixels::new(&as_array(image, "image")?, "image")?;
         let view = pixels.view(py)?;
-        let values = py.detach(|| self.0.describe(view)).or_raise(py)?;
+        let values = detached(py, || self.0.describe(view))?;
         rows_to_py(py, values.view(), &[values.len()])
     }
 
@@ -98,7 +99,7 @@ impl Sad {
     fn shows_nothing(&self, py: Python<'_>, image: &Bound<'_, PyAny>) -> PyResult<bool> {
         let pixels = Pixels::new(&as_array(image, "image")?, "image")?;
         let view = pixels.view(py)?;
-        py.detach(|| self.0.shows_nothing(view)).or_raise(py)
+        detached(py, || self.0.shows_nothing(view))
     }
 
     /// The image that the descriptor normalises: in grey, made small (as Pillow's
@@ -118,7 +119,7 @@ impl Sad {
     ) -> PyResult<Bound<'py, PyAny>> {
         let pixels = Pixels::new(&as_array(image, "image")?, "image")?;
         let view = pixels.view(py)?;
-        let small = py.detach(|| self.0.thumbnail(view)).or_raise(py)?;
+        let small = detached(py, || self.0.thumbnail(view))?;
         image_to_py(py, &small)
     }
 
@@ -173,7 +174,8 @@ fn dtype_named(given: &Bound<'_, PyAny>) -> PyResult<Dtype> {
         Ok("u8") => Some("uint8".to_owned()),
         Ok("f32") => Some("float32".to_owned()),
         _ => {
-            py.import("numpy")?.call_method1("dtype", (given,)).ok().map(|dtype| dtype.to_string())
+            let dtype = py.import("numpy")?.call_method1("dtype", (given,));
+            if_it_can(py, dtype)?.map(|dtype| dtype.to_string())
         }
     };
     match short.as_deref() {

@@ -1,14 +1,14 @@
 //! `surefix.simulate`: the generated route.
 
 use numpy::PyArray1;
-use pyo3::exceptions::PyIndexError;
+use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surefix::Error;
 use surefix_simulate::{Conditions, Leg, RouteConfig};
 
 use crate::arrays::image_to_py;
-use crate::error::{OrRaise as _, value};
+use crate::error::{OrRaise as _, if_it_can, value};
 use crate::options::{self, whole, wrong};
 use crate::pickle::pickled;
 
@@ -188,14 +188,16 @@ impl Route {
 
 /// A leg of its kind, its frames and, perhaps, its speed.
 fn leg(given: &Bound<'_, PyAny>, speed: f64) -> PyResult<Leg> {
-    let parts: Vec<Bound<'_, PyAny>> = given.extract().unwrap_or_default();
+    let py = given.py();
+    let parts: Vec<Bound<'_, PyAny>> = if_it_can(py, given.extract())?.unwrap_or_default();
     let parts = match parts.as_slice() {
-        [kind, frames] => kind.extract().ok().zip(frames.extract().ok()).zip(Some(speed)),
+        [kind, frames] => kind.extract().and_then(|kind| Ok(((kind, frames.extract()?), speed))),
         [kind, frames, own] => {
-            kind.extract().ok().zip(frames.extract().ok()).zip(own.extract().ok())
+            kind.extract().and_then(|kind| Ok(((kind, frames.extract()?), own.extract()?)))
         }
-        _ => None,
+        _ => Err(PyTypeError::new_err("neither two nor three")),
     };
+    let parts = if_it_can(py, parts)?;
     let of_kind = |((kind, frames), speed): ((String, _), _)| match kind.as_str() {
         "drive" => Some(Leg::Drive(frames, speed)),
         "stop" => Some(Leg::Stop(frames)),

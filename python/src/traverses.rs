@@ -16,6 +16,7 @@ use crate::inputs::descriptors;
 use crate::map::Map;
 use crate::options::{config, whole, wrong};
 use crate::pickle::pickled;
+use crate::signals::detached;
 
 /// One drive of a map's road: its ``label``, and the ``places`` that it has a row for, int64.
 #[pyclass(frozen, eq, module = "surefix")]
@@ -138,8 +139,8 @@ impl Map {
             );
             return Err(value(py, message));
         }
+        let folder = path_of(drive)?;
         let label = label.unwrap_or_else(|| {
-            let folder = path_of(drive);
             let name = folder.as_deref().and_then(std::path::Path::file_name);
             let number = self.0.traverses().len().to_string();
             name.map_or(number, |name| name.to_string_lossy().into_owned())
@@ -157,7 +158,7 @@ impl Map {
             let mut each = Rows::of_each(drive, &maps, &given, progress)?;
             let queries = each.remove(0);
             let view = queries.view()?;
-            let rows = py.detach(|| self.0.of_same_kind(view)).or_raise(py)?;
+            let rows = detached(py, || self.0.of_same_kind(view))?;
             (Some(queries), Arc::new(rows))
         };
         let count = rows.places();
@@ -180,7 +181,7 @@ impl Map {
                 queries.view()?
             } else {
                 // Before anything is scanned.
-                py.detach(|| self.0.check_traverse(&rows)).or_raise(py)?;
+                detached(py, || self.0.check_traverse(&rows))?;
                 rows.descriptors()
             };
             let callback = progress_callback(py, progress, "Aligning")?;
@@ -196,7 +197,7 @@ impl Map {
             );
             return Err(value(py, message));
         }
-        let map = py.detach(|| self.0.add_traverse(&rows, &places, &label)).or_raise(py)?;
+        let map = detached(py, || self.0.add_traverse(&rows, &places, &label))?;
         Ok(Self(Arc::new(map)))
     }
 
@@ -230,7 +231,7 @@ impl Map {
     ///     places.
     fn without_traverse(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<Self> {
         let index = whole("traverse", index)?;
-        Ok(Self(Arc::new(py.detach(|| self.0.without_traverse(index)).or_raise(py)?)))
+        Ok(Self(Arc::new(detached(py, || self.0.without_traverse(index))?)))
     }
 
     /// The map with a label for its first traverse.

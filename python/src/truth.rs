@@ -11,6 +11,7 @@ use crate::batch::Run;
 use crate::error::{OrRaise as _, value};
 use crate::pickle::pickled;
 use crate::pictures::plotted;
+use crate::signals::detached;
 
 /// Positions of fewer places or queries may all be near, or far, by chance.
 const FEW: usize = 20;
@@ -54,7 +55,7 @@ fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Truth> {
         let unknown = without_nan(&mut queries, query_axes);
         let places = Positions::new(places, place_axes).or_raise(py)?;
         let queries = Positions::new(queries, query_axes).or_raise(py)?;
-        let truth = py.detach(|| Truth::positions(places, queries, tolerance)).or_raise(py)?;
+        let truth = detached(py, || Truth::positions(places, queries, tolerance))?;
         return Ok(truth.ignoring(unknown));
     }
     let tolerance = frames(py, tolerance)?;
@@ -82,7 +83,7 @@ fn truth_of(object: &Bound<'_, PyAny>, tolerance: f64) -> PyResult<Truth> {
         .ok_or_else(|| value(py, "truth: cannot be read as whole numbers".to_owned()))?;
     let view = cells.as_array();
     let view = view.into_dimensionality().map_err(|e| value(py, e.to_string()))?;
-    py.detach(|| Truth::cells(&view, tolerance)).or_raise(py)
+    detached(py, || Truth::cells(&view, tolerance))
 }
 
 /// [`truth_of`], on the segments of a run.

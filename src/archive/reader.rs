@@ -16,6 +16,7 @@ use super::{
     CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, Refusal, WORD, in_pieces,
     swap_to_file_order,
 };
+use crate::interrupt;
 
 /// What an archive says of itself. All of its tensors lie within the bytes that there are.
 #[derive(Debug)]
@@ -162,6 +163,7 @@ impl<R: Read> Reader<R> {
                 stored = Some(word);
             } else if let Some(memory) = memory {
                 for piece in memory.chunks_mut(PIECE) {
+                    unless_stopped()?;
                     from.read_exact(piece)?;
                     hash.write(piece);
                 }
@@ -172,6 +174,7 @@ impl<R: Read> Reader<R> {
                 data.insert(name, bytes.into());
             } else {
                 in_pieces(size, |piece| {
+                    unless_stopped()?;
                     from.read_exact(piece)?;
                     hash.write(piece);
                     io::Result::Ok(())
@@ -181,6 +184,10 @@ impl<R: Read> Reader<R> {
         check(&self.header, self.hash.finish(), stored)?;
         Ok(Tensors { header: self.header, data })
     }
+}
+
+fn unless_stopped() -> io::Result<()> {
+    interrupt::check().map_err(io::Error::other)
 }
 
 /// Memory for numbers that a file claims to hold: refused if there is not enough.

@@ -12,6 +12,7 @@ use twox_hash::XxHash3_64;
 use super::AtomicFile;
 use super::{CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, swap_to_file_order};
 use crate::error::Error;
+use crate::interrupt::check;
 
 /// Rows begin at a multiple of a cache line in the file, and so do those of a mapped file.
 pub(super) const LINE: usize = 64;
@@ -161,9 +162,13 @@ impl<'a> Writer<'a> {
 
 impl Sink<'_> {
     pub(crate) fn bytes(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.hash.write(bytes);
+        for piece in bytes.chunks(PIECE) {
+            check()?;
+            self.hash.write(piece);
+            self.out.write_all(piece).map_err(self.failed)?;
+        }
         self.written += bytes.len();
-        self.out.write_all(bytes).map_err(self.failed)
+        Ok(())
     }
 
     /// Numbers of `size` bytes each, as they lie in memory.

@@ -9,6 +9,7 @@ use super::{AT_ONCE, Columns, REPORTED, count, of_query};
 use crate::config::Config;
 use crate::error::Error;
 use crate::image::Progress;
+use crate::interrupt::check;
 use crate::map::Map;
 use crate::method::Fusion;
 use crate::numbers::View;
@@ -131,6 +132,7 @@ fn gathered(
         if query.is_multiple_of(REPORTED) && progress(query, queries).is_break() {
             return Err(Error::Interrupted { done: query, total: queries });
         }
+        check()?;
         add(query, &mut all)?;
     }
     if progress(queries, queries).is_break() {

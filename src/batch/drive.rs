@@ -1,6 +1,7 @@
 //! What is known about the queries of a batch: flags, odometry and gaps.
 
 use crate::error::Error;
+use crate::interrupt::check;
 use crate::method::{Fix, Given, Matcher};
 use crate::segments::Segments;
 
@@ -126,6 +127,7 @@ impl<'a> Flags<'a> {
         query: usize,
         distances: &[f32],
     ) -> Result<Fix, Error> {
+        check()?;
         let given = self.before(query, |advance| matcher.gap_of(advance))?;
         matcher.push_with(distances, given)
     }

@@ -9,6 +9,7 @@ use super::{REPORTED, Run, count, fixed, of_query};
 use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
+use crate::interrupt::check;
 use crate::localizer::{Input, Localizer, one_route};
 use crate::map::Map;
 use crate::method::{Fix, Fusion, MAX_TECHNIQUES, Matcher};
@@ -34,6 +35,7 @@ pub fn match_fused_distances(
         let mut fusion = Fusion::new(distances.len(), places, config)?;
         let mut columns = vec![vec![0.0; places]; distances.len()];
         let push = |query: usize| {
+            check()?;
             for (column, distances) in columns.iter_mut().zip(distances) {
                 for (number, &distance) in column.iter_mut().zip(distances.column(query)) {
                     *number = distance;
@@ -112,6 +114,7 @@ pub fn match_fused(
         let mut inputs = Vec::with_capacity(maps.len());
         let mut push = |query: usize| {
             report(query)?;
+            check()?;
             inputs.clear();
             for (map, queries) in maps.iter().zip(queries) {
                 inputs.extend(queries.row(query, map.input_dim()).map(Input::Descriptor));

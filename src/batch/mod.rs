@@ -13,6 +13,7 @@ use ndarray::ArrayView2;
 use crate::config::{Config, Floor};
 use crate::error::Error;
 use crate::image::Progress;
+use crate::interrupt::check;
 use crate::map::{Map, Positions};
 use crate::method::{Fix, Matcher, Memory, is_constant, minimum};
 use crate::numbers::{View, first_not_finite};
@@ -137,14 +138,15 @@ pub fn match_distances(
     let Pieces { lead, length } = Pieces::new(stream.memory(), queries);
     let pieces = 0..queries.div_ceil(length);
     let span = |index: usize| (index * length, queries.min((index + 1) * length));
-    let minima = flatten(each(
+    let minima = each(
         pieces.clone(),
         || (),
         |(), index| {
             let (start, end) = span(index);
             column_minima(&distances, start, end)
         },
-    ))?;
+    )?
+    .concat();
     let lowest = |minima: &[f32]| minima.iter().copied().fold(f32::INFINITY, f32::min);
     let stream = stream.with_floor(match config.floor {
         Floor::Global => fixed(lowest(&minima)),
@@ -154,7 +156,7 @@ pub fn match_distances(
     // The batch is the stream, cut into pieces. Each begins early enough for its first window and
     // gradients to be those of the whole stream, and with the minimum that the stream would have
     // had.
-    let fixes = flatten(each(
+    let fixes = each(
         pieces,
         || (),
         |(), index| {
@@ -172,7 +174,8 @@ pub fn match_distances(
             })?;
             Ok(fixes)
         },
-    ))?;
+    )?
+    .concat();
     Ok(Run { fixes, segments, positions: None })
 }
 
@@ -254,18 +257,11 @@ fn for_each_column(
             }
         }
         for (query, column) in queries.zip(gathered.chunks_exact(places)) {
+            check()?;
             visit(query, column)?;
         }
     }
     Ok(())
-}
-
-fn flatten<T>(pieces: Vec<Result<Vec<T>, Error>>) -> Result<Vec<T>, Error> {
-    let mut all = Vec::new();
-    for piece in pieces {
-        all.extend(piece?);
-    }
-    Ok(all)
 }
 
 /// Matches many descriptors, one after the other in `queries`, against a map: the distances on all
@@ -375,6 +371,7 @@ impl<'a> Columns<'a> {
                 let mut through = ChainState::of_drive(post);
                 let mut passed = Vec::with_capacity(count * map.dim());
                 for query in 0..count {
+                    check()?;
                     let Some(row) = queries.row(query, map.input_dim()) else { continue };
                     let row = map.passed(row, Some(&mut through));
                     if let View::F32(row) = row.map_err(|error| of_query(error, query))? {
@@ -397,7 +394,7 @@ impl<'a> Columns<'a> {
     fn of(&mut self, query: usize) -> Result<&[f32], Error> {
         let Self { map, queries, count, ref passed, at_once, .. } = *self;
         if !(self.first..self.first + self.held.len()).contains(&query) {
-            let columns = each(
+            self.held = each(
                 query..count.min(query + at_once),
                 || (),
                 |(), query| {
@@ -413,8 +410,7 @@ impl<'a> Columns<'a> {
                     };
                     done.map_err(|error| of_query(error, query)).map(|()| out)
                 },
-            );
-            self.held = columns.into_iter().collect::<Result<_, Error>>()?;
+            )?;
             self.first = query;
         }
         Ok(&self.held[query - self.first])

@@ -6,6 +6,7 @@ use super::threshold::{Means, Threshold, sorted};
 use super::{binomial, blocks};
 use crate::error::Error;
 use crate::evaluate::{Match, Truth, Verdict, block_length};
+use crate::interrupt::{check, stopped};
 
 /// From one threshold to the next, how many times as many queries are accepted.
 const STEP: f64 = 1.1;
@@ -84,7 +85,7 @@ impl Calibrate {
         let all = block_length(wrong).unwrap_or(unknown);
         let mut own = all;
         let mut blocks: Vec<usize> = Vec::with_capacity(lines.len());
-        for &line in lines.iter().rev() {
+        for &line in lines.iter().rev().take_while(|_| !stopped()) {
             let each = scores.iter().zip(wrong);
             let accepted: Vec<f64> =
                 each.map(|(&score, &wrong)| if score <= line { wrong } else { 0.0 }).collect();
@@ -201,6 +202,7 @@ pub fn calibrate(
     };
     let lines: Vec<f32> = grid(options, queries).map(|count| strict[count - 1]).collect();
     let blocks = options.blocks(&lines, &scores, &wrong);
+    check()?;
     let tried = || lines.iter().copied().zip(blocks.iter().copied());
     // Without labels but for the blocks: the first is the strictest that passes if a third of the
     // promised are wrong, or, on a short drive, a sixth or none. Of a stricter one, few errors by
@@ -208,12 +210,14 @@ pub fn calibrate(
     let first = FEW.into_iter().find_map(|few| {
         let wrong = few * options.wrong;
         let at = |score| accepted_at(score).map(move |error| error.map(|_| wrong));
-        tried().position(|(score, block)| options.passes(at(score), block))
+        tried().position(|(score, block)| stopped() || options.passes(at(score), block))
     });
+    check()?;
     let tested = tried().skip(first.unwrap_or(lines.len()));
     let passing =
         tested.clone().take_while(|&(score, block)| options.passes(accepted_at(score), block));
-    let passed = passing.last();
+    let passed = passing.take_while(|_| !stopped()).last();
+    check()?;
     let score = passed.map(|(score, _)| score);
     let block = passed.or_else(|| tested.clone().next()).or_else(|| tried().next_back());
     let more = || {

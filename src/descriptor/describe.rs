@@ -136,9 +136,8 @@ impl<'a, I: ImageSource + ?Sized> DescriberPool<'a, I> {
 
     /// Describes the images from `start` on, one a row, into `rows`.
     fn describe(&self, start: usize, rows: &mut [u8]) -> Result<(), Error> {
-        let done =
-            each_row(rows, self.width(), |row, memory| self.describe_one(start + row, memory));
-        done.into_iter().collect()
+        each_row(rows, self.width(), |row, memory| self.describe_one(start + row, memory))?;
+        Ok(())
     }
 
     fn describe_one(&self, index: usize, row: &mut [u8]) -> Result<(), Error> {

@@ -83,9 +83,9 @@ impl Bootstrap {
                         times[(start + offset) % queries] += 1;
                     }
                 }
-                figure(times)
+                Ok(figure(times))
             },
-        );
+        )?;
         figures.sort_by(f64::total_cmp);
         let at = |share: f64| {
             let place = share * (figures.len() - 1) as f64;

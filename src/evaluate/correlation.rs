@@ -1,5 +1,7 @@
 //! For how many queries errors last: the block length of intervals and of promises.
 
+use crate::interrupt::stopped;
+
 /// Lags are summed up to this one at most.
 const MOST_LAGS: usize = 10_000;
 
@@ -26,7 +28,9 @@ pub fn correlation_time(values: &[f64]) -> Option<f64> {
     }
     let pairs = (0..(count / 2).min(MOST_LAGS / 2))
         .map(|pair| (covariance(2 * pair) + covariance(2 * pair + 1)) / variance);
-    Some((2.0 * pairs.take_while(|&pair| pair > 0.0).sum::<f64>() - 1.0).max(1.0))
+    // Stopped work gives its answer to nobody.
+    let pairs = pairs.take_while(|&pair| pair > 0.0 && !stopped());
+    Some((2.0 * pairs.sum::<f64>() - 1.0).max(1.0))
 }
 
 /// The queries a block, by how long its errors last: an upper bound of their

@@ -69,8 +69,7 @@ pub fn recall_at(
             column.iter().enumerate().filter(|&one| comes_before(one)).count()
         }))
     };
-    let ranks: Vec<Option<usize>> =
-        each(0..queries, || (), |(), query| rank(query)).into_iter().collect::<Result<_, _>>()?;
+    let ranks = each(0..queries, || (), |(), query| rank(query))?;
     let known = (0..queries).filter(|&query| truth.exists(query)).count().max(1);
     let share =
         |&k: &usize| ranks.iter().flatten().filter(|&&rank| rank < k).count() as f64 / known as f64;

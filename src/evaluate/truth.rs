@@ -98,8 +98,8 @@ impl Truth {
         let exists = each(
             0..queries.len(),
             || (),
-            |(), query| (0..places.len()).any(|place| near(place, query)),
-        );
+            |(), query| Ok((0..places.len()).any(|place| near(place, query))),
+        )?;
         Ok(Self::of(Kind::Positions { places, queries, metres, exists }))
     }
 

@@ -49,7 +49,7 @@ impl<'a, I: ImageSource + ?Sized> ReadableImages<'a, I> {
         for start in (0..total).step_by(BATCH) {
             go_on(progress(start, total), start, total)?;
             let batch = start..total.min(start + BATCH);
-            let results = each(batch.clone(), || (), |(), index| images.load(index).map(drop));
+            let results = each(batch.clone(), || (), |(), index| Ok(images.load(index).map(drop)))?;
             for (index, result) in batch.zip(results) {
                 match result {
                     Ok(()) => kept.push(index),

@@ -13,8 +13,8 @@ const PAGES: usize = 16;
 /// Says of how many files only the first image is taken: TIFF of several pages, PNG and WebP that
 /// move.
 pub(super) fn several(paths: &[PathBuf]) -> Option<String> {
-    let holds = each(0..paths.len(), || (), |(), index| has_several(&paths[index]));
-    match holds.into_iter().filter(|&holds| holds).count() {
+    let holds = each(0..paths.len(), || (), |(), index| Ok(has_several(&paths[index])));
+    match holds.ok()?.into_iter().filter(|&holds| holds).count() {
         0 => None,
         1 => Some("1 file holds several images: the first of it is taken".to_owned()),
         count => Some(format!("{count} files hold several images: the first of each is taken")),

@@ -115,7 +115,7 @@ impl Map {
         self.blank.get_or_init(|| {
             let mut census = Census::new(&self.kind);
             self.blocks.iter().for_each(|block| census.add(block.rows()));
-            census.places().into()
+            Box::new(census.places().into())
         })
     }
 

@@ -5,12 +5,15 @@
 //! makes a scan up to 1.9 times as fast as one over memory of a block each.
 
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
+
+use once_cell::race::OnceBox;
 
 use super::storage::Storage;
 use crate::distance::{Metric, norm};
 use crate::dtype::Dtype;
 use crate::error::Error;
+use crate::interrupt::check;
 use crate::numbers::{View, each_type};
 
 /// Bytes of rows in a block: far more than it costs to go from one block to the next.
@@ -64,7 +67,7 @@ pub(crate) struct Blocks {
     dim: usize,
     dtype: Dtype,
     /// All rows in one piece, once that was asked for and if it took a copy.
-    joined: OnceLock<Arc<Storage>>,
+    joined: OnceBox<Arc<Storage>>,
 }
 
 impl Blocks {
@@ -89,7 +92,7 @@ impl Blocks {
             start
         });
         let starts = starts.collect();
-        Self { list: blocks, starts, rows, dim, dtype, joined: OnceLock::new() }
+        Self { list: blocks, starts, rows, dim, dtype, joined: OnceBox::new() }
     }
 
     /// These blocks and then those, which have rows of the same kind. None is copied.
@@ -199,7 +202,7 @@ impl Blocks {
                 head.copy_from_slice(rows);
                 memory = tail;
             }
-            joined.into()
+            Box::new(joined.into())
         });
         joined.view()
     }
@@ -207,6 +210,7 @@ impl Blocks {
     /// Refuses a NaN or an infinity, and says where it stands.
     pub(crate) fn check_finite(&self, what: &'static str) -> Result<(), Error> {
         for (block, &start) in self.list.iter().zip(&self.starts) {
+            check()?;
             block.rows().check_finite(what, self.dim).map_err(|error| match error {
                 Error::NotFinite { what, row, index, value } => {
                     Error::NotFinite { what, row: Some(start + row.unwrap_or(0)), index, value }
@@ -249,7 +253,8 @@ pub(super) fn lengths(rows: View<'_>, dim: usize, metric: Metric) -> Result<Vec<
         length => length,
     };
     let rows = (0..rows.len() / dim).filter_map(|row| rows.row(row, dim));
-    let norms: Vec<f64> = rows.map(length).collect();
+    let norms = rows.map(|row| check().map(|()| length(row)));
+    let norms = norms.collect::<Result<Vec<f64>, Error>>()?;
     match norms.iter().position(|&norm| norm == 0.0) {
         Some(row) => Err(Error::NoDirection { what: "descriptors", row: Some(row) }),
         None => Ok(norms),

@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::rc::Rc;
 use std::sync::Arc;
 
+use once_cell::race::OnceBox;
 use safetensors::tensor::{Dtype as FileDtype, TensorInfo};
 use serde::{Deserialize, Serialize};
 
@@ -351,7 +352,7 @@ impl Parts {
         (route.segments, route.thumbnails) = (self.segments, self.thumbnails);
         route.traverses = self.traverses;
         if let Some(blank) = self.blank {
-            map.blank = blank.into();
+            map.blank = OnceBox::with_value(Box::new(blank));
         }
         map
     }

@@ -21,8 +21,9 @@ mod traverses_file;
 
 use std::hash::Hasher as _;
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
+use once_cell::race::OnceBox;
 use twox_hash::XxHash3_64;
 
 use crate::descriptor::Sad;
@@ -63,9 +64,9 @@ pub struct Map {
     kind: Kind,
     /// The rows' codes, if the map has a screen.
     codes: Option<Arc<Codes>>,
-    fingerprint: OnceLock<u64>,
+    fingerprint: OnceBox<u64>,
     /// The places that show nothing, once they are known.
-    blank: OnceLock<Arc<[usize]>>,
+    blank: OnceBox<Arc<[usize]>>,
     isa: Isa,
 }
 
@@ -120,7 +121,7 @@ impl Map {
 
     fn joining(blocks: Blocks, route: Route, kind: Kind, isa: Isa) -> Self {
         let route = Arc::new(route);
-        let (fingerprint, blank) = (OnceLock::new(), OnceLock::new());
+        let (fingerprint, blank) = (OnceBox::new(), OnceBox::new());
         Self { blocks, route, kind, codes: None, fingerprint, blank, isa }
     }
 
@@ -173,7 +174,7 @@ impl Map {
     pub fn with_segments(mut self, segments: Segments) -> Result<Self, Error> {
         self.one_for_each_place("segments: places", segments.places())?;
         self.route_mut().segments = segments;
-        self.fingerprint = OnceLock::new();
+        self.fingerprint = OnceBox::new();
         Ok(self)
     }
 
@@ -330,7 +331,7 @@ impl Map {
             if *self.segments() != Segments::one(self.places()) {
                 hash.write(format!("{:?}", self.segments()).as_bytes());
             }
-            hash.finish()
+            Box::new(hash.finish())
         })
     }
 }

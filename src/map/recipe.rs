@@ -1,8 +1,9 @@
 //! How a map's descriptors were made and how they are compared.
 
 use std::hash::Hasher;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
+use once_cell::race::OnceBox;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -98,7 +99,7 @@ impl Map {
         }
         // A chain without steps is the same as no chain.
         self.kind.post = (!post.fitted_steps().is_empty()).then(|| post.into());
-        self.blank = OnceLock::new();
+        self.blank = OnceBox::new();
         Ok(self)
     }
 

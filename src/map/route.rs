@@ -1,7 +1,8 @@
 //! The route: how rows become places, which places follow each other, their positions and names.
 
 use std::ops::Range;
-use std::sync::OnceLock;
+
+use once_cell::race::OnceBox;
 
 use super::positions::Positions;
 use super::thumbnails::Thumbnails;
@@ -102,7 +103,7 @@ impl Route {
 pub(super) struct Names {
     text: String,
     count: usize,
-    list: OnceLock<Vec<String>>,
+    list: OnceBox<Vec<String>>,
 }
 
 impl Names {
@@ -121,7 +122,7 @@ impl Names {
             text.push('\0');
             count += 1;
         }
-        Ok(Self { text, count, list: OnceLock::new() })
+        Ok(Self { text, count, list: OnceBox::new() })
     }
 
     /// The names in a file, or `None` if they are not UTF-8.
@@ -131,13 +132,13 @@ impl Names {
             text.push('\0');
         }
         let count = text.bytes().filter(|&byte| byte == 0).count();
-        Some(Self { text, count, list: OnceLock::new() })
+        Some(Self { text, count, list: OnceBox::new() })
     }
 
     /// These and then those.
     fn followed_by(&self, more: &Self) -> Self {
         let text = [self.text.as_str(), &more.text].concat();
-        Self { text, count: self.count + more.count, list: OnceLock::new() }
+        Self { text, count: self.count + more.count, list: OnceBox::new() }
     }
 
     /// Those of some places, in order.
@@ -149,7 +150,7 @@ impl Names {
                 text.push_str(name);
             }
         }
-        Self { text, count: places.len(), list: OnceLock::new() }
+        Self { text, count: places.len(), list: OnceBox::new() }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -162,11 +163,12 @@ impl Names {
     }
 
     pub(super) fn list(&self) -> &[String] {
-        self.list.get_or_init(|| self.text.split_terminator('\0').map(str::to_owned).collect())
+        let names = || self.text.split_terminator('\0').map(str::to_owned);
+        self.list.get_or_init(|| Box::new(names().collect()))
     }
 
     fn slice(&self, places: Range<usize>) -> Self {
         let names = self.text.split_inclusive('\0').skip(places.start).take(places.len());
-        Self { text: names.collect(), count: places.len(), list: OnceLock::new() }
+        Self { text: names.collect(), count: places.len(), list: OnceBox::new() }
     }
 }

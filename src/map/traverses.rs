@@ -6,7 +6,9 @@
 //! second's, and so on; [`Map::fold`] makes a distance for each place of those to the rows.
 
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
+
+use once_cell::race::OnceBox;
 
 use super::blank::{Census, SAME, least_of, mean_without};
 use super::block::Blocks;
@@ -56,7 +58,7 @@ pub(super) struct Further {
     pub(super) places: Arc<[u32]>,
     pub(super) blocks: Blocks,
     /// The rows that show nothing, once they are known.
-    pub(super) blank: OnceLock<Arc<[usize]>>,
+    pub(super) blank: OnceBox<Arc<[usize]>>,
 }
 
 /// A route's traverses.
@@ -65,7 +67,7 @@ pub(crate) struct Traverses {
     /// The label of the first.
     pub(super) first: Arc<str>,
     pub(super) further: Vec<Further>,
-    quiet: OnceLock<Quiet>,
+    quiet: OnceBox<Quiet>,
 }
 
 /// What several traverses say nothing of.
@@ -80,7 +82,7 @@ struct Quiet {
 
 impl Traverses {
     pub(super) fn new(first: Arc<str>, further: Vec<Further>) -> Self {
-        Self { first, further, quiet: OnceLock::new() }
+        Self { first, further, quiet: OnceBox::new() }
     }
 
     /// How many rows the further traverses have.
@@ -119,7 +121,7 @@ impl Traverses {
             if let Some(own) = own {
                 own.places = own.places.iter().copied().chain(moved).collect();
                 own.blocks = own.blocks.followed_by(&traverse.blocks);
-                own.blank = OnceLock::new();
+                own.blank = OnceBox::new();
             } else {
                 further.push(Further { places: moved.collect(), ..traverse.clone() });
             }
@@ -145,7 +147,7 @@ impl Further {
             return None;
         }
         let blocks = self.blocks.keep(&runs);
-        let blank = OnceLock::new();
+        let blank = OnceBox::new();
         Some(Self { label: self.label.clone(), places: kept.into(), blocks, blank })
     }
 
@@ -153,7 +155,7 @@ impl Further {
         self.blank.get_or_init(|| {
             let mut census = Census::new(kind);
             self.blocks.iter().for_each(|block| census.add(block.rows()));
-            census.places().into()
+            Box::new(census.places().into())
         })
     }
 
@@ -241,7 +243,7 @@ impl Map {
             label: label.into(),
             places: order.iter().map(|&(place, _)| place as u32).collect(),
             blocks,
-            blank: OnceLock::new(),
+            blank: OnceBox::new(),
         });
         self.with_traverses(Traverses::new(own.first.clone(), further))
     }
@@ -430,7 +432,7 @@ impl Map {
             });
             let unpaired = unpaired.collect();
             let places = (0..silent.len()).filter(|&place| silent[place]).collect();
-            Quiet { places, unpaired }
+            Box::new(Quiet { places, unpaired })
         })
     }
 }

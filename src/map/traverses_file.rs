@@ -3,8 +3,9 @@
 
 use std::io;
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
+use once_cell::race::OnceBox;
 use safetensors::tensor::Dtype as FileDtype;
 
 use super::blank::{flagged, flags};
@@ -231,7 +232,9 @@ impl TraverseParts {
                 label: label.clone(),
                 places: places[own.clone()].into(),
                 blocks: all.slice(own.clone()),
-                blank: blank.as_ref().map_or_else(OnceLock::new, |blank| within(blank).into()),
+                blank: blank.as_ref().map_or_else(OnceBox::new, |blank| {
+                    OnceBox::with_value(Box::new(within(blank)))
+                }),
             }
         });
         let further = further.collect();

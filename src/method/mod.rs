@@ -62,8 +62,12 @@ use crate::simd::{Compiled, Isa};
 /// Turns distance vectors into fixes, one at a time: the paper's method, for any technique that
 /// yields distances.
 ///
-/// `push` allocates nothing, takes no lock and does not panic, whatever the data. Its cost grows
-/// with `L`: one addition a place and query of the window. The memory is set at construction:
+/// `push` allocates nothing, takes no lock and does not panic, whatever the data. Its cost is a
+/// constant for each of the `n` places, and one addition for each place, query of the window and
+/// speed: `n (c + L V)`. With a motion, the tracker's cost a place comes to it, for each of its own
+/// speeds. Data and flags make a push at most three times as dear as the usual one of the same
+/// options, in instructions: a robot that stands still, matches that are all trusted, trusted
+/// matches anywhere, ties, gaps, odometry that jumps. The memory is set at construction:
 /// `max(L, smoothing)` f32 numbers a place, less if no segment is closed and all are shorter.
 ///
 /// ```

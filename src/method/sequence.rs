@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::argmin::{Candidate, Search, beats, first_better, first_least};
 use super::estimator::{Estimator, Memory, Seen};
+use super::single::Single;
 use super::window::{Exact, Ring, Window};
 use crate::config::{Config, reach};
 use crate::error::Error;
@@ -27,10 +28,19 @@ pub struct Sequence {
     pub speed: f64,
 }
 
-/// Eq. 4: the trusted cell's distance, drawn towards the floor by `weight`.
-fn weighted(distance: f32, weight: f64, floor: f64) -> f32 {
-    let distance = f64::from(distance);
-    (distance - weight * (distance - floor)) as f32
+/// Eq. 4: trusted cells, drawn towards the floor.
+#[derive(Clone, Copy)]
+struct Weighted<'a> {
+    seen: &'a Seen<'a>,
+    weight: f64,
+}
+
+impl Weighted<'_> {
+    /// A trusted cell's distance, as both of its bounds.
+    fn cell(self, single: Single) -> [f32; 2] {
+        let distance = f64::from(single.distance);
+        [(distance - self.weight * (distance - self.seen.floor)) as f32; 2]
+    }
 }
 
 /// The estimator of the paper: the best diagonal of the weighted window.
@@ -40,8 +50,8 @@ pub(super) struct SequenceSearch {
     /// `w` of Eq. 4.
     weight: f64,
     diagonals: Vec<Diagonal>,
-    /// Memory for the diagonals with trusted cells, by the place where they end.
-    anchored: Preallocated<Vec<(usize, f64)>>,
+    /// Memory for the distances of the trusted cells while the weighted ones are in their place.
+    unweighted: Preallocated<Vec<[f32; 2]>>,
 }
 
 /// A slope, and how many places back its diagonals lie `k` queries ago: `round(v k)`.
@@ -65,8 +75,8 @@ impl SequenceSearch {
                 diagonals.push(Diagonal { speed, back });
             }
         }
-        let anchored = Preallocated(reserved(length)?);
-        Ok(Self { length, weight: config.weight, diagonals, anchored })
+        let unweighted = Preallocated(reserved(length)?);
+        Ok(Self { length, weight: config.weight, diagonals, unweighted })
     }
 }
 
@@ -93,23 +103,32 @@ impl Estimator for SequenceSearch {
         if window.len() < self.length {
             return None;
         }
+        // Eq. 4: the window is `D_w` until the sums are made. So a push costs the same however many
+        // diagonals hold trusted cells.
+        let weighted = Weighted { seen, weight: self.weight };
+        self.unweighted.clear();
+        for (age, single) in seen.anchors.trusted() {
+            self.unweighted.push(window.cells.replace(age, single.place, weighted.cell(single)));
+        }
         let mut best: Option<(Candidate, &Diagonal)> = None;
         for diagonal in &self.diagonals {
-            let sums = Sums { diagonal, seen, weight: self.weight };
-            sums.of_anchored(&window.cells.lower, &mut self.anchored);
+            let sums = Sums { diagonal, weighted };
             let before = best.map(|(least, _)| least);
             let least = if E::BOUNDS {
-                sums.least_of_bounds(window, &self.anchored, before, ask)
+                sums.least_of_bounds(window, before, ask)
             } else {
-                sums.least(&window.cells.lower, &self.anchored)
+                sums.least(&window.cells.lower)
             };
             if let Some(least) = least.filter(|&least| beats(least, before)) {
                 best = Some((least, diagonal));
             }
         }
+        for ((age, single), &distance) in seen.anchors.trusted().zip(&*self.unweighted) {
+            window.cells.replace(age, single.place, distance);
+        }
         best.map(|((sum, place), diagonal)| {
             let segment = seen.segments.of(place);
-            let ends_here = |&(age, at): &(usize, usize)| {
+            let ends_here = |&(age, Single { place: at, .. }): &(usize, Single)| {
                 segment.places().contains(&at)
                     && segment.onward(at, diagonal.back[age] as isize) == Some(place)
             };
@@ -122,32 +141,27 @@ impl Estimator for SequenceSearch {
 }
 
 /// Eq. 5 for one slope, without the division by `L`: `S[i, j]` is the sum of `D_w[i - back(k), j -
-/// k]` from the oldest query to the newest, in f64. The raw sums are made for all places together;
-/// the few diagonals with trusted cells have sums of their own, with the weights of this query.
+/// k]` from the oldest query to the newest, in f64.
 struct Sums<'a> {
     diagonal: &'a Diagonal,
-    seen: &'a Seen<'a>,
-    weight: f64,
+    weighted: Weighted<'a>,
 }
 
 impl Sums<'_> {
     /// The smallest sum, and the first place that has it; `None` if no diagonal fits a segment.
     #[inline(always)]
-    fn least(&self, columns: &Ring, mut anchored: &[(usize, f64)]) -> Option<Candidate> {
+    fn least(&self, columns: &Ring) -> Option<Candidate> {
         let mut least: Candidate = (f64::INFINITY, 0);
         let mut sums = [0.0_f64; BLOCK];
         for span in self.spans() {
             let (mut start, last) = (span.places.start, span.places.end);
             while start < last {
                 let end = last.min(start + BLOCK);
-                let plain = anchored.first().is_none_or(|&(place, _)| place >= end);
                 // The last block overlaps the one before, to be a whole one.
                 let whole = !span.around && span.places.len() >= BLOCK;
-                let known = whole && plain;
-                if !known || self.any_below(columns, start.min(last - BLOCK), least.0) {
+                if !whole || self.any_below(columns, start.min(last - BLOCK), least.0) {
                     let sums = &mut sums[..end - start];
-                    self.raw(columns, &span, start, sums);
-                    overwrite(&mut anchored, start, sums);
+                    self.along(columns, &span, start, sums);
                     if let Some((at, sum)) = first_better(sums, least.0, |a, b| a < b) {
                         least = (sum, start + at);
                     }
@@ -162,7 +176,6 @@ impl Sums<'_> {
     fn least_of_bounds<E: Exact>(
         &self,
         window: &mut Window,
-        mut anchored: &[(usize, f64)],
         best: Option<Candidate>,
         ask: &mut E,
     ) -> Option<Candidate> {
@@ -173,17 +186,26 @@ impl Sums<'_> {
         for span in self.spans() {
             let bounds = &mut scratch.sums[span.places.clone()];
             for (block, sums) in bounds.chunks_mut(BLOCK).enumerate() {
-                self.raw(&cells.lower, &span, span.places.start + block * BLOCK, sums);
+                self.along(&cells.lower, &span, span.places.start + block * BLOCK, sums);
             }
-            overwrite(&mut anchored, span.places.start, bounds);
         }
+        let Seen { segments, anchors, .. } = self.weighted.seen;
         let sum = |place: usize, best: Option<Candidate>| {
-            let segment = self.seen.segments.of(place);
+            let segment = segments.of(place);
+            let mut asked: usize = 0;
             for (age, &back) in self.diagonal.back.iter().enumerate() {
                 let at = segment.onward(place, -(back as isize))?;
-                if cells.resolve(age, at..at + 1, ask)
-                    && !beats((self.of(place, &cells.lower), place), best)
-                {
+                if !cells.resolve(age, at..at + 1, ask) {
+                    continue;
+                }
+                // If all of the column was resolved, its trusted cell was, too.
+                let anchor = anchors.get(age);
+                if anchor.trusted {
+                    cells.replace(age, anchor.single.place, self.weighted.cell(anchor.single));
+                }
+                // A sum costs `L` additions: after 1, 2, 4, ... distances.
+                asked += 1;
+                if asked.is_power_of_two() && !beats((self.of(place, &cells.lower), place), best) {
                     return None;
                 }
             }
@@ -200,7 +222,7 @@ impl Sums<'_> {
     /// it, of a closed one all.
     fn spans(&self) -> impl Iterator<Item = Span> {
         let reach = self.reach();
-        self.seen.segments.iter().flat_map(move |&segment| {
+        self.weighted.seen.segments.iter().flat_map(move |&segment| {
             let from = segment.start.saturating_add(reach).min(segment.end);
             let around = segment.closed.then_some(segment.start..from);
             let around = around.map(|places| Span { places, segment, around: true });
@@ -214,52 +236,23 @@ impl Sums<'_> {
         self.diagonal.back.last().copied().unwrap_or(0)
     }
 
-    /// The sum of the diagonal that ends in `place`, which has one, its trusted cells weighted.
+    /// The sum of the diagonal that ends in `place`, which has one.
     #[inline(always)]
     fn of(&self, place: usize, columns: &Ring) -> f64 {
-        let Seen { segments, anchors, floor, .. } = *self.seen;
-        let segment = segments.of(place);
+        let segment = self.weighted.seen.segments.of(place);
         let mut sum = 0.0;
         for (age, &back) in self.diagonal.back.iter().enumerate().rev() {
-            let at = segment.before(place, back);
-            let anchor = anchors.get(age);
-            sum += f64::from(if anchor.trusted && anchor.single.place == at {
-                weighted(anchor.single.distance, self.weight, floor)
-            } else {
-                columns.column(age)[at]
-            });
+            sum += f64::from(columns.column(age)[segment.before(place, back)]);
         }
         sum
     }
 
-    /// The diagonals that hold trusted cells, by the place where they end, in order, each with its
-    /// weighted sum.
-    #[inline(always)]
-    fn of_anchored(&self, columns: &Ring, anchored: &mut Vec<(usize, f64)>) {
-        anchored.clear();
-        for (age, at) in self.seen.anchors.trusted() {
-            let segment = self.seen.segments.of(at);
-            let first = if segment.closed { segment.start } else { segment.start + self.reach() };
-            let place = segment.onward(at, self.diagonal.back[age] as isize);
-            // On a drive that is followed well, all lie on one diagonal.
-            let known = |place| anchored.last().is_some_and(|&(last, _)| last == place);
-            if let Some(place) = place.filter(|&place| place >= first && !known(place)) {
-                anchored.push((place, 0.0));
-            }
-        }
-        anchored.sort_unstable_by_key(|&(place, _)| place);
-        anchored.dedup_by_key(|&mut (place, _)| place);
-        for (place, sum) in anchored {
-            *sum = self.of(*place, columns);
-        }
-    }
-
-    /// Writes the raw sums of the diagonals that end in `start`, `start + 1`, ..., at most
+    /// Writes the sums of the diagonals that end in `start`, `start + 1`, ..., at most
     /// [`BLOCK`] places of a span.
     #[inline(always)]
-    fn raw(&self, columns: &Ring, span: &Span, start: usize, sums: &mut [f64]) {
+    fn along(&self, columns: &Ring, span: &Span, start: usize, sums: &mut [f64]) {
         if span.around {
-            return self.raw_around(columns, span.segment, start, sums);
+            return self.around(columns, span.segment, start, sums);
         }
         let count = sums.len();
         let term = |age: usize| &columns.column(age)[start - self.diagonal.back[age]..][..count];
@@ -289,9 +282,9 @@ impl Sums<'_> {
         }
     }
 
-    /// [`raw`](Self::raw) of diagonals that go round a closed segment, a column at a time.
+    /// [`along`](Self::along) of diagonals that go round a closed segment, a column at a time.
     #[inline(always)]
-    fn raw_around(&self, columns: &Ring, segment: Segment, start: usize, sums: &mut [f64]) {
+    fn around(&self, columns: &Ring, segment: Segment, start: usize, sums: &mut [f64]) {
         sums.fill(0.0);
         for (age, &back) in self.diagonal.back.iter().enumerate().rev() {
             let column = &columns.column(age)[segment.places()];
@@ -306,7 +299,7 @@ impl Sums<'_> {
         }
     }
 
-    /// Whether any diagonal that ends in a block of places has a raw sum below `least`: few blocks
+    /// Whether any diagonal that ends in a block of places has a sum below `least`: few blocks
     /// of windows of up to three columns have, and no sum is written.
     #[inline(always)]
     fn any_below(&self, columns: &Ring, start: usize, least: f64) -> bool {
@@ -332,17 +325,6 @@ struct Span {
     places: Range<usize>,
     segment: Segment,
     around: bool,
-}
-
-/// Puts the sums of anchored diagonals in place of the raw ones, from `start` on.
-#[inline(always)]
-fn overwrite(anchored: &mut &[(usize, f64)], start: usize, sums: &mut [f64]) {
-    while let Some((&(place, sum), later)) = anchored.split_first()
-        && place < start + sums.len()
-    {
-        sums[place - start] = sum;
-        *anchored = later;
-    }
 }
 
 /// Each sum with the distances of three columns.

@@ -49,11 +49,11 @@ impl Anchors {
         self.ring[self.mirrored(age)]
     }
 
-    /// The age and the place of each trusted match, in any order; `length` queries must have been
-    /// pushed.
-    pub(super) fn trusted(&self) -> impl Iterator<Item = (usize, usize)> {
+    /// The age of each trusted match, and the match, in any order, which is always the same;
+    /// `length` queries must have been pushed.
+    pub(super) fn trusted(&self) -> impl Iterator<Item = (usize, Single)> {
         let trusted = self.ring.iter().enumerate().filter(|(_, anchor)| anchor.trusted);
-        trusted.map(|(index, anchor)| (self.mirrored(index), anchor.single.place))
+        trusted.map(|(index, anchor)| (self.mirrored(index), anchor.single))
     }
 
     /// The index of an age, and the age of an index.

@@ -221,6 +221,15 @@ impl Cells {
         }
     }
 
+    /// Puts numbers in place of a distance's bounds, or of the distance itself, and gives back what
+    /// was there.
+    #[inline(always)]
+    pub(super) fn replace(&mut self, age: usize, place: usize, [low, high]: [f32; 2]) -> [f32; 2] {
+        let low = std::mem::replace(&mut self.lower.column_mut(age)[place], low);
+        let upper = self.upper.as_mut().map(|upper| &mut upper.column_mut(age)[place]);
+        [low, upper.map_or(low, |upper| std::mem::replace(upper, high))]
+    }
+
     /// Upper bounds of the distances.
     pub(super) fn upper(&self) -> &Ring {
         self.upper.as_ref().unwrap_or(&self.lower)

@@ -170,10 +170,10 @@ fn apply(
     let done = each(0..rows.len() / input, ChainState::default, |state, row| {
         let vector = &rows[row * input..(row + 1) * input];
         pass(steps, vector, state, named.then_some(row)).map(<[f32]>::to_vec)
-    });
+    })?;
     let mut all = Vec::with_capacity(rows.len() / input * output);
     for row in done {
-        all.extend(row?);
+        all.extend(row);
     }
     Ok(all)
 }

@@ -4,6 +4,7 @@
 use super::pca::principal;
 use super::step::{FittedStep, Step};
 use crate::error::Error;
+use crate::interrupt::check;
 use crate::numbers::View;
 use crate::random::SplitMix64;
 
@@ -32,12 +33,12 @@ pub(super) fn fit(step: Step, rows: &[f32], dim: usize) -> Result<FittedStep, Er
     match step {
         Step::Standardize | Step::StandardizeRunning => {
             let deviation;
-            (fitted.offset, deviation) = moments(rows, dim);
+            (fitted.offset, deviation) = moments(rows, dim)?;
             let unit = |&s: &f64| if s > 0.0 { s.recip() } else { 0.0 };
             fitted.scale = deviation.iter().map(unit).collect();
         }
         Step::Pca { dim: wanted, whiten } => {
-            (fitted.offset, _) = moments(rows, dim);
+            (fitted.offset, _) = moments(rows, dim)?;
             fitted.matrix = principal(rows, &fitted.offset, wanted, whiten)?;
         }
         Step::Projection { dim: wanted, seed } => {
@@ -67,10 +68,14 @@ fn principal(_: &[f32], _: &[f64], wanted: usize, _: bool) -> Result<Vec<f32>, E
 
 /// The mean of each dimension over the rows, and its population standard deviation: exactly 0 if
 /// all are the same.
-pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
+///
+/// # Errors
+/// [`Error::Interrupted`] if the work is to stop.
+pub(super) fn moments(rows: &[f32], dim: usize) -> Result<(Vec<f64>, Vec<f64>), Error> {
     let count = (rows.len() / dim) as f64;
     let mut mean = vec![0.0; dim];
     for row in rows.chunks_exact(dim) {
+        check()?;
         mean.iter_mut().zip(row).for_each(|(mean, &x)| *mean += f64::from(x));
     }
     for mean in &mut mean {
@@ -79,6 +84,7 @@ pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
     let mut square = vec![0.0; dim];
     let mut differs = vec![false; dim];
     for row in rows.chunks_exact(dim) {
+        check()?;
         for (((square, differs), mean), (&x, &first)) in
             square.iter_mut().zip(&mut differs).zip(&mean).zip(row.iter().zip(rows))
         {
@@ -89,7 +95,7 @@ pub(super) fn moments(rows: &[f32], dim: usize) -> (Vec<f64>, Vec<f64>) {
     let deviation = square.iter().zip(&differs);
     let deviation =
         deviation.map(|(square, &differs)| if differs { (square / count).sqrt() } else { 0.0 });
-    (mean, deviation.collect())
+    Ok((mean, deviation.collect()))
 }
 
 /// `rows` rows of `dim` signs, 1 or -1, drawn by `SplitMix64` from `seed`: 64 a draw, the lowest

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 
 use crate::distance::wide_products;
 use crate::error::Error;
+use crate::interrupt::apart;
 use crate::parallel::each;
 use crate::simd::Isa;
 
@@ -57,11 +58,11 @@ pub(super) fn principal(
                 sides,
                 &mut products,
             );
-            products
+            Ok(products)
         },
-    );
-    let eigen =
-        SymmetricEigen::new(DMatrix::from_fn(side, side, |row, column| products[row][column]));
+    )?;
+    let products = DMatrix::from_fn(side, side, |row, column| products[row][column]);
+    let eigen = apart(|| SymmetricEigen::new(products))?;
     let mut order: Vec<usize> = (0..side).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let value = |at: usize| eigen.eigenvalues[order[at]];
@@ -92,9 +93,9 @@ pub(super) fn principal(
             for x in &mut component {
                 *x *= unit;
             }
-            component
+            Ok(component)
         },
-    );
+    )?;
     Ok(components.concat().into_iter().map(|x| x as f32).collect())
 }
 

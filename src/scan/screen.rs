@@ -60,9 +60,9 @@ impl Map {
     /// This pays if the map is larger than the cache and its places differ: a push then costs
     /// little more than the scan of the bytes. If it does not pay, the localizer notices, and
     /// scans the rows for a while before it tries again. Rows of fewer than 256 numbers are always
-    /// scanned as they are, and so is a map of several traverses. A screen is not saved with the map:
-    /// making it takes about as long as a
-    /// few pushes.
+    /// scanned as they are, and so is a map of several traverses. In the worst case one push computes
+    /// the distances of all queries of the window, once: for a bound on every push, do without. A
+    /// screen is not saved with the map: making it takes about as long as a few pushes.
     ///
     /// ```
     /// use surefix::{Dtype, Map, Metric};
@@ -93,7 +93,7 @@ impl Map {
             );
         }
         self.blocks().check_finite("descriptors")?;
-        let Some(codes) = Codes::of(&self) else {
+        let Some(codes) = Codes::of(&self)? else {
             return refused("memory for a quarter more", "none left".to_owned());
         };
         Ok(self.with_codes(codes))
@@ -145,9 +145,12 @@ struct Coded {
 
 impl Codes {
     /// The codes of a map's rows, which are finite; `None` if there is no memory for them.
-    fn of(map: &Map) -> Option<Self> {
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if the work is to stop.
+    fn of(map: &Map) -> Result<Option<Self>, Error> {
         let (isa, dim) = (map.isa(), map.dim());
-        let (least, most) = ranges(map);
+        let (least, most) = ranges(map)?;
         let half = |sign: f64| {
             let ends = least.iter().zip(&most);
             ends.map(|(&least, &most)| 0.5 * (f64::from(most) + sign * f64::from(least)))
@@ -161,11 +164,14 @@ impl Codes {
             .zip(&scale)
             .map(|(offset, scale)| (offset.abs() + (CODE + 1.0) * scale).powi(2));
         let extent = reach.sum::<f64>().sqrt();
-        let mut codes = Storage::try_zeros(Dtype::I8, map.blocks().rows() * dim)?;
+        let room = Storage::try_zeros(Dtype::I8, map.blocks().rows() * dim);
+        let Some(mut codes) = room else { return Ok(None) };
         let made = each_row(codes.bytes_mut(), dim, |row, codes| {
-            let Some(View::F32(numbers)) = map.blocks().row(row) else { return Coded::default() };
-            isa.run(|| encode(numbers, &offset, &scale, bytemuck::must_cast_slice_mut(codes)))
-        });
+            let Some(View::F32(numbers)) = map.blocks().row(row) else {
+                return Ok(Coded::default());
+            };
+            Ok(isa.run(|| encode(numbers, &offset, &scale, bytemuck::must_cast_slice_mut(codes))))
+        })?;
         let longest = made.iter().map(|row| row.length).fold(0.0, f64::max).sqrt();
         let error = made
             .iter()
@@ -173,7 +179,7 @@ impl Codes {
             .collect();
         let square = made.iter().map(|row| row.square).collect();
         let row_square = made.iter().map(|row| row.row_square).collect();
-        Some(Self { rows: codes, offset, scale, error, square, row_square, longest, extent })
+        Ok(Some(Self { rows: codes, offset, scale, error, square, row_square, longest, extent }))
     }
 
     /// Encodes a query of float32.
@@ -349,7 +355,7 @@ fn in_lanes<const N: usize>(
 }
 
 /// The smallest and the largest number of each dimension.
-fn ranges(map: &Map) -> (Vec<f32>, Vec<f32>) {
+fn ranges(map: &Map) -> Result<(Vec<f32>, Vec<f32>), Error> {
     let (isa, dim) = (map.isa(), map.dim());
     let nothing = || (vec![f32::INFINITY; dim], vec![f32::NEG_INFINITY; dim]);
     let mut pieces: Vec<&[f32]> = Vec::new();
@@ -366,13 +372,13 @@ fn ranges(map: &Map) -> (Vec<f32>, Vec<f32>) {
             for row in pieces[piece].chunks_exact(dim) {
                 isa.run(|| widen(&mut least, &mut most, row, row));
             }
-            (least, most)
+            Ok((least, most))
         },
-    );
-    found.into_iter().fold(nothing(), |(mut least, mut most), (low, high)| {
+    )?;
+    Ok(found.into_iter().fold(nothing(), |(mut least, mut most), (low, high)| {
         widen(&mut least, &mut most, &low, &high);
         (least, most)
-    })
+    }))
 }
 
 #[inline(always)]

@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::str::FromStr;
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::error::Error;
 
@@ -36,12 +36,18 @@ impl Isa {
     /// The one that `SUREFIX_ISA` names if this CPU has it, else the widest one of the CPU.
     /// Detected once.
     pub fn best() -> Self {
-        static BEST: OnceLock<Isa> = OnceLock::new();
-        *BEST.get_or_init(|| {
-            let asked = std::env::var("SUREFIX_ISA").ok().and_then(|name| name.parse().ok());
-            let widest = Self::available().last().unwrap_or(Self::Scalar);
-            asked.filter(|isa: &Self| isa.is_available()).unwrap_or(widest)
-        })
+        // Its index in `ALL`; another number until it is known. Threads may find it twice, and none
+        // waits for another, which a fork would leave behind.
+        static BEST: AtomicU8 = AtomicU8::new(u8::MAX);
+        if let Some(&best) = Self::ALL.get(usize::from(BEST.load(Ordering::Relaxed))) {
+            return best;
+        }
+        let asked = std::env::var("SUREFIX_ISA").ok().and_then(|name| name.parse().ok());
+        let widest = Self::available().last().unwrap_or(Self::Scalar);
+        let best = asked.filter(|isa: &Self| isa.is_available()).unwrap_or(widest);
+        let index = Self::ALL.iter().position(|&isa| isa == best).unwrap_or(usize::MAX);
+        BEST.store(u8::try_from(index).unwrap_or(u8::MAX), Ordering::Relaxed);
+        best
     }
 
     /// Those of this CPU, from the plainest to the widest.

@@ -13,6 +13,7 @@ use super::{Hubness, Step, Taken, Track, Tracker};
 use crate::archive::Refusal;
 use crate::config::Config;
 use crate::error::Error;
+use crate::interrupt::check;
 use crate::method::fusion::Fusion;
 use crate::method::single::{Single, minimum};
 use crate::method::{Column, Given};
@@ -140,6 +141,7 @@ impl<'a> Aligner<'a> {
             let recorded = span.map(|query| self.push(source, query, |recorded| recorded()));
             let recorded = recorded.collect::<Result<Vec<_>, _>>()?;
             for one in recorded.iter().rev() {
+                check()?;
                 let asked = at.iter().zip(&mut right);
                 let asked = asked.map(|(at, right)| (at[one.query], &mut right[one.query]));
                 aligned.push(self.answer(one, &later, asked));
@@ -165,6 +167,7 @@ impl<'a> Aligner<'a> {
     ) -> Result<T, Error> {
         use crate::method::estimator::Estimator as _;
         let Self { tracker, fusion, segments, isa, columns } = self;
+        check()?;
         for (technique, column) in columns.iter_mut().enumerate() {
             source.column(technique, query, column)?;
         }

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -70,3 +74,48 @@ def test_a_forked_child_goes_on_alone() -> None:
             os._exit(status)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     assert fixes(localizer) == expected
+
+
+MANY = np.tile(ROWS, (30, 8))
+# What is computed once, and asked for on a fresh map.
+FIRST_LOOKS: dict[str, Callable[[surefix.Map], Callable[[], bytes]]] = {
+    "fingerprint": lambda route: surefix.Localizer(route, threads=1).snapshot,
+    "blank": lambda route: lambda: route.blank.tobytes(),
+    "in one piece": lambda route: lambda: route.descriptors.tobytes()[-64:],
+    "distances": lambda route: (lambda run: lambda: run.distances.tobytes()[-64:])(
+        surefix.match_distances([MANY.T[:60], MANY.T[:60]])
+    ),
+}
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.parametrize("what", FIRST_LOOKS)
+def test_a_child_forked_amid_a_first_look_goes_on_alone(what: str) -> None:
+    """The thread that computes it does not come along, and the child does not wait for it."""
+    first = surefix.Map.from_descriptors(MANY, metric="euclidean")
+    expected = FIRST_LOOKS[what](first.extended(first.slice(0, 2)))()
+    for attempt in range(6):
+        look = FIRST_LOOKS[what](first.extended(first.slice(0, 2)))
+        begun = threading.Event()
+
+        def looks(look: Callable[[], bytes] = look, begun: threading.Event = begun) -> None:
+            begun.set()
+            look()
+
+        thread = threading.Thread(target=looks)
+        thread.start()
+        begun.wait()
+        time.sleep(0.001 * attempt)
+        child = os.fork()
+        if child == 0:
+            status = 1
+            try:
+                # A child that waits for ever is ended by the signal.
+                signal.signal(signal.SIGALRM, signal.SIG_DFL)
+                signal.alarm(60)
+                status = 0 if look() == expected else 2
+            finally:
+                os._exit(status)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+        thread.join()

@@ -81,3 +81,19 @@ def test_without_valgrind_it_is_skipped_in_one_line(tmp_path: Path) -> None:
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "instructions: skipped: cargo is not installed\n"
+
+
+def test_an_adversary_may_cost_three_times_the_usual_push_of_its_configuration(
+    guard: ModuleType,
+) -> None:
+    counted = {
+        "L = 2; a drive": 100,
+        "L = 2; still": 300,
+        "L = 9; a drive": 500,
+        "L = 9; ties": 900,
+    }
+    verdict = guard.dear(counted)
+    assert not verdict.failures
+    assert verdict.notes == ["4 adversaries, the dearest 3.00 times the usual push: L = 2; still"]
+    verdict = guard.dear(counted | {"L = 9; ties": 1600})
+    assert verdict.failures == ["dear: L = 9; ties: 3.2 times the usual push, 1,600 instructions"]
