@@ -69,6 +69,7 @@ mod image;
 mod localizer;
 mod loops;
 mod map;
+mod memory;
 mod method;
 mod motion;
 mod numbers;
@@ -77,6 +78,7 @@ mod plain;
 mod post;
 mod preallocated;
 mod random;
+mod regular;
 mod scan;
 mod segments;
 mod settings;
@@ -89,7 +91,7 @@ pub use crate::image::{
     Channels, Image, ImageSource, ImageView, Levels, Progress, ReadableImages, quiet,
 };
 #[cfg(feature = "image")]
-pub use crate::image::{ImageFiles, Order, decode_image, read_image};
+pub use crate::image::{ImageFiles, Order, decode_image, max_pixels, read_image, set_max_pixels};
 pub use batch::{
     Alignment, Drive, Run, align_descriptors, align_distances, drive_distances, fused_distances,
     match_descriptors, match_distances, match_fused, match_fused_distances,

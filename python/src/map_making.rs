@@ -287,7 +287,7 @@ impl Map {
         let rows = numbers.view()?;
         let map = match post {
             None => py
-                .detach(|| surefix::Map::from_descriptors(rows.to_values(), dim, metric))
+                .detach(|| surefix::Map::from_descriptors(rows.try_to_values()?, dim, metric))
                 .or_raise(py)?,
             Some(post) => {
                 let (post, rows) = post::fitted(post, rows, dim)?;

@@ -19,6 +19,7 @@ use crate::distance::Metric;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress, go_on};
 use crate::numbers::{Values, View};
+use crate::regular;
 
 /// Bytes of rows that are copied at a time.
 const PIECE: usize = 1 << 18;
@@ -255,7 +256,7 @@ struct Existing<'a> {
 impl<'a> Existing<'a> {
     fn open(path: &'a Path) -> Result<Self, Error> {
         let read = || -> Result<Self, Refusal> {
-            let file = File::open(path)?;
+            let (file, _) = regular::open(path)?;
             let (parts, start, pictures, signed) = Parts::read(&file)?;
             if !signed {
                 // Nothing vouches for its rows: they are read.

@@ -1,5 +1,6 @@
 """Image files of formats that other libraries read: ``surefix[heif]``."""
 
+import warnings
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ import numpy.typing as npt
 from surefix._core import read_image
 from surefix.errors import SurefixValueError, refusal
 from surefix.frames.pillow import array_of
+from surefix.frames.pixels import check_pixels
+from surefix.tables.regular import check_regular
 
 
 @cache
@@ -38,9 +41,14 @@ def read_any(path: str) -> npt.NDArray[Any]:
         return read_image(path)
     from PIL import Image
 
+    check_regular(path, "cannot read the image")
     try:
-        with Image.open(path) as image:
+        # The limit is surefix's own: Pillow warns of another.
+        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
+            check_pixels(*image.size, f"image {path}")
             return array_of(image, path)
+    except Image.DecompressionBombError as error:
+        raise SurefixValueError(f"image {path}: {error}") from None
     except (SyntaxError, ValueError, RuntimeError) as error:
         raise SurefixValueError(f"image {path}: {error}") from None
     except OSError as error:
