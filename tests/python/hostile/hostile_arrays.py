@@ -68,15 +68,15 @@ NPZ: dict[str, tuple[Make, str, str]] = {
 
 
 def bomb(folder: Path) -> Path:
-    """A real one: 400 MB of zeros in 400 kB."""
+    """A real one: 300 MB of zeros in 300 kB."""
     import zipfile
 
     with (
         zipfile.ZipFile(folder / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive,
         archive.open("arr_0.npy", "w") as member,
     ):
-        member.write(npy((10**8, 4), "|u1"))
-        for _ in range(400):
+        member.write(npy((75_000_000, 4), "|u1"))
+        for _ in range(300):
             member.write(bytes(10**6))
     return folder / "a.npz"
 
@@ -95,15 +95,14 @@ def hdf5(**how: Any) -> Make:
 
 
 def packed_hdf5(folder: Path) -> Path:
-    """400 MB of zeros, packed."""
+    """300 MB of zeros, packed."""
     import h5py
 
     with h5py.File(folder / "a.h5", "w") as file:
-        rows = file.create_dataset(
-            "rows", (100_000, 1024), "f4", compression=4, chunks=(1000, 1024)
-        )
-        for start in range(0, 100_000, 1000):
-            rows.id.write_direct_chunk((start, 0), zeros_packed(4 * 1024 * 1000))
+        rows = file.create_dataset("rows", (75_000, 1024), "f4", compression=4, chunks=(1000, 1024))
+        packed = zeros_packed(4 * 1024 * 1000)
+        for start in range(0, 75_000, 1000):
+            rows.id.write_direct_chunk((start, 0), packed)
     return folder / "a.h5"
 
 
@@ -138,10 +137,10 @@ ARRAYS = [
     Row("npy, run: a pipe", command("run", "{}", "{}"), NPY["a pipe"][0], COMMAND, "got a pipe"),
     *(Row(f"npz, descriptors: {name}", load, *row) for name, row in NPZ.items()),
     *(Row(f"npz, truth: {name}", truth, *row) for name, row in NPZ.items()),
-    Row("npz, descriptors: a bomb of 400 MB", load, bomb, ANY, "memory|needs"),
+    Row("npz, descriptors: a bomb of 300 MB", load, bomb, ANY, "memory|needs"),
     Row("hdf5: 10^13 numbers of which none is stored", load, hdf5(shape=(10**9, 10**4), chunks=(1, 10**4)), VALUE, "bytes of numbers", H5),
     Row("hdf5: 200 GB of which none is stored", load, hdf5(shape=(HUGE // 4096, 1024)), VALUE, "bytes of numbers", H5),
-    Row("hdf5: a bomb of 400 MB", load, packed_hdf5, ANY, "memory|needs", H5),
+    Row("hdf5: a bomb of 300 MB", load, packed_hdf5, ANY, "memory|needs", H5),
     Row("hdf5: numbers in a device", load, hdf5(shape=(10, 10), external=[("/dev/zero", 0, 400)]), VALUE, "in another file", H5),
     Row("hdf5: damaged", load, damaged_hdf5, VALUE, "not an HDF5 file", H5),
     Row("hdf5: zeros of 200 GB", load, sparse("a.h5"), VALUE, "not an HDF5 file", H5),

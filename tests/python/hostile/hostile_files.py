@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import socket
 import struct
@@ -20,29 +21,32 @@ BYTES = {"U8": 1, "I8": 1, "F16": 2, "F32": 4, "F64": 8, "U64": 8}
 
 def archive(
     tensors: Mapping[str, tuple[str, Sequence[int]]],
-    entry: Mapping[str, Any] | None = None,
+    entry: Mapping[str, Any] | Callable[[], Mapping[str, Any]] | None = None,
     *,
     format: str = "surefix-map",
-    header: str | None = None,
+    header: Callable[[], str] | str | None = None,
     length: int | None = None,
     data: bytes = b"",
 ) -> Make:
-    """A container: names with types and shapes, the entry, and zeros after it (``data`` first)."""
-    named: dict[str, Any] = {}
-    end = 0
-    for name, (dtype, shape) in tensors.items():
-        start = end
-        size = BYTES[dtype]
-        for side in shape:
-            size *= side
-        end += size
-        named[name] = {"dtype": dtype, "shape": list(shape), "data_offsets": [start, end]}
-    stamp = {"format": format, "version": 1, **(RECORD if entry is None else entry)}
-    named["__metadata__"] = {"surefix": json.dumps(stamp)}
-    text = (json.dumps(named) if header is None else header).encode()
+    """A container: names with types and shapes, the entry, and zeros after it (``data`` first). A long
+    header or entry is made when it is written.
+    """
+
+    def text_and_end() -> tuple[bytes, int]:
+        named: dict[str, Any] = {}
+        end = 0
+        for name, (dtype, shape) in tensors.items():
+            start, end = end, end + BYTES[dtype] * math.prod(shape)
+            named[name] = {"dtype": dtype, "shape": list(shape), "data_offsets": [start, end]}
+        rest = entry() if callable(entry) else RECORD if entry is None else entry
+        stamp = json.dumps({"format": format, "version": 1, **rest})
+        whole = json.dumps(named | {"__metadata__": {"surefix": stamp}})
+        text = whole if header is None else header() if callable(header) else header
+        return text.encode(), end
 
     def make(folder: Path) -> Path:
         path = folder / "route.safetensors"
+        text, end = text_and_end()
         with path.open("wb") as file:
             file.write(struct.pack("<Q", len(text) if length is None else length))
             file.write(text)
