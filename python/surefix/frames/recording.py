@@ -238,7 +238,9 @@ def _opened(path: Path, skip_bad: bool) -> Any:
     typesys = require("rosbags.typesys", "a bag", "rosbags", "surefix[bags]")
     if not path.exists():
         raise SurefixFileError(f"{path}: cannot read the bag: there is no such file or folder")
-    check_regular(path, "cannot read the bag", folder=True)
+    # The files of a folder are opened one by one.
+    for part in (path, *(path.iterdir() if path.is_dir() else ())):
+        check_regular(part, "cannot read the bag", folder=True)
     usual = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     for kind, text in DEFINITIONS.items():
         usual.register(typesys.get_types_from_msg(text, kind))

@@ -111,7 +111,8 @@ def _array(
         claim = f"its shape {header.shape} takes {size} bytes, and it has {length - header.end}"
         raise SurefixValueError(f"{path}: not a .npy array, or a truncated one ({claim})")
     if mapped:
-        return np.load(path, mmap_mode="r", allow_pickle=False)
+        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        return array
     check_room(size, path)
     opened.seek(0)
     return np.asarray(np.lib.format.read_array(opened, allow_pickle=False))

@@ -161,6 +161,13 @@ def lz4_bomb(folder: Path) -> Path:
     return folder / "a.mcap"
 
 
+def folder_bag(folder: Path) -> Path:
+    (folder / "bag").mkdir()
+    (folder / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    pipe("a.db3")(folder / "bag")
+    return folder / "bag"
+
+
 ROS1 = b"#ROSBAG V2.0\n"
 
 
@@ -264,6 +271,7 @@ FRAMES = [
     Row("bag, mcap: a pipe", all_frames, pipe("a.mcap"), FILE, "got a pipe", BAGS),
     Row("bag, db3: zeros of 200 GB", all_frames, sparse("a.db3"), VALUE, "a bag", BAGS),
     Row("bag, db3: a pipe", all_frames, pipe("a.db3"), FILE, "got a pipe", BAGS),
+    Row("bag, folder: a pipe in it", all_frames, folder_bag, FILE, "got a pipe", BAGS),
     Row("bag, ros1: 2^32 chunks", all_frames, written("a.bag", ROS1 + BAG_HEAD), VALUE, "a bag", BAGS),
     Row("bag, ros1: a header of 4 GB", all_frames, written("a.bag", ROS1 + struct.pack("<I", 2**32 - 1)), VALUE, "a bag", BAGS),
     Row("bag, ros1: zeros of 200 GB", all_frames, sparse("a.bag", ROS1), VALUE, "a bag", BAGS),
