@@ -30,7 +30,7 @@ HEADINGS = {
     for name in names.split()
 }
 
-FRAME_OPTIONS = frozenset({"topic", "order", "strict", "mixed_sizes"})
+FRAME_OPTIONS = frozenset({"topic", "order", "strict", "mixed_sizes", "data"})
 # Of every command that reads images.
 MAX_PIXELS = inspect.Parameter(
     "max_pixels",

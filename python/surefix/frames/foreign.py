@@ -1,6 +1,5 @@
 """Image files of formats that other libraries read: ``surefix[heif]``."""
 
-import warnings
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -43,8 +42,7 @@ def read_any(path: str) -> npt.NDArray[Any]:
 
     check_regular(path, "cannot read the image")
     try:
-        # The limit is surefix's own: Pillow warns of another.
-        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
+        with Image.open(path) as image:
             check_pixels(*image.size, f"image {path}")
             return array_of(image, path)
     except Image.DecompressionBombError as error:
