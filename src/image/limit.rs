@@ -63,8 +63,9 @@ impl Share {
             let taken = taken_here(word);
             let next = mark() | (taken + pixels).min(MASK);
             if taken == 0 || taken + pixels <= limit {
-                let order = (Ordering::AcqRel, Ordering::Relaxed);
-                if TAKEN.compare_exchange(word, next, order.0, order.1).is_ok() {
+                let swapped =
+                    TAKEN.compare_exchange(word, next, Ordering::AcqRel, Ordering::Relaxed);
+                if swapped.is_ok() {
                     return Ok(Self(pixels));
                 }
             } else {
