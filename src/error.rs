@@ -66,6 +66,13 @@ pub enum Error {
         columns: usize,
     },
 
+    /// Not enough memory for numbers that lie in a mapped file, for one.
+    #[error("not enough memory for a copy of {bytes} bytes of numbers")]
+    Copy {
+        /// The bytes of the numbers.
+        bytes: usize,
+    },
+
     /// A limit of memory that the next place would pass.
     #[error(
         "loop closer: the next place needs {needed} bytes of memory, and the limit is {limit}: set a higher one, or `freeze` the places that there are"

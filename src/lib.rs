@@ -70,6 +70,7 @@ mod interrupt;
 mod localizer;
 mod loops;
 mod map;
+mod memory;
 mod method;
 mod motion;
 mod numbers;
@@ -78,6 +79,7 @@ mod plain;
 mod post;
 mod preallocated;
 mod random;
+mod regular;
 mod scan;
 mod segments;
 mod settings;
@@ -90,7 +92,7 @@ pub use crate::image::{
     Channels, Image, ImageSource, ImageView, Levels, Progress, ReadableImages, quiet,
 };
 #[cfg(feature = "image")]
-pub use crate::image::{ImageFiles, Order, decode_image, read_image};
+pub use crate::image::{ImageFiles, Order, decode_image, max_pixels, read_image, set_max_pixels};
 /// What the binding for Python writes its files with.
 #[doc(hidden)]
 pub mod saving {

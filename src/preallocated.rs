@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut};
 
 use crate::error::Error;
+use crate::memory;
 
 /// A list that is cloned with its capacity.
 #[derive(Debug)]
@@ -46,6 +47,6 @@ impl<L> DerefMut for Preallocated<L> {
 /// [`Error::Memory`] if there is not enough.
 pub(crate) fn reserved<T>(length: usize) -> Result<Vec<T>, Error> {
     let mut list = Vec::new();
-    list.try_reserve_exact(length).map_err(|_| Error::Memory { places: 1, columns: length })?;
+    memory::reserve(&mut list, length).map_err(|_| Error::Memory { places: 1, columns: length })?;
     Ok(list)
 }

@@ -11,6 +11,14 @@ use crate::error::Error;
 use crate::localizer::Localizer;
 use crate::map::Map;
 
+/// The longest file in bytes. Far longer than a threshold's; what is parsed takes about 60 times its
+/// memory.
+#[cfg(feature = "toml")]
+const MOST: usize = 1 << 20;
+/// Characters of a line that an error shows.
+#[cfg(feature = "toml")]
+const SHOWN: usize = 200;
+
 /// The options and the threshold that suit a route, as `surefix tune` writes them (`route.toml`).
 ///
 /// ```
@@ -124,7 +132,8 @@ impl Settings {
     pub fn open(path: impl AsRef<std::path::Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let io = |source| Error::Io { path: path.to_owned(), action: "read the settings", source };
-        let text = std::fs::read_to_string(path).map_err(io)?;
+        let bytes = crate::regular::read(path, MOST as u64).map_err(io)?;
+        let text = String::from_utf8(bytes).map_err(|error| io(std::io::Error::other(error)))?;
         Self::from_toml(&text).map_err(|error| match error {
             Error::Settings { reason } => {
                 Error::Settings { reason: format!("{}: {reason}", path.display()) }
@@ -148,11 +157,12 @@ impl Settings {
     /// # Errors
     /// [`Error::Settings`].
     pub fn from_toml(text: &str) -> Result<Self, Error> {
+        check_length(text)?;
         let refused = |error: toml::de::Error| {
             let before = error.span().and_then(|span| text.get(..span.start));
             let line = before.map(|before| format!("line {}: ", 1 + before.matches('\n').count()));
             let reason = format!("{}{}", line.unwrap_or_default(), error.message());
-            Error::Settings { reason }
+            Error::Settings { reason: shortened(&reason) }
         };
         let settings: Self = toml::from_str(text).map_err(refused)?;
         settings.threshold.as_ref().map_or(Ok(()), Threshold::check)?;
@@ -164,6 +174,26 @@ impl Settings {
     /// # Errors
     /// [`Error::Settings`].
     pub fn to_toml(&self) -> Result<String, Error> {
-        toml::to_string(self).map_err(|error| Error::Settings { reason: error.to_string() })
+        let text = toml::to_string(self);
+        let text = text.map_err(|error| Error::Settings { reason: error.to_string() })?;
+        check_length(&text)?;
+        Ok(text)
     }
+}
+
+#[cfg(feature = "toml")]
+fn check_length(text: &str) -> Result<(), Error> {
+    let got = text.len();
+    let reason = || format!("expected at most {MOST} bytes of text, got {got}");
+    if got > MOST { Err(Error::Settings { reason: reason() }) } else { Ok(()) }
+}
+
+/// The text, of whose lines the ends are left out if they are long.
+#[cfg(feature = "toml")]
+fn shortened(text: &str) -> String {
+    let lines = text.lines().map(|line| match line.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{}...", &line[..end]),
+        None => line.to_owned(),
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }

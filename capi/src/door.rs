@@ -72,7 +72,7 @@ impl From<Error> for Failure {
             | Error::MapVersion { .. }
             | Error::Snapshot { .. }
             | Error::Settings { .. } => Status::Format,
-            Error::Memory { .. } | Error::MemoryLimit { .. } => Status::Memory,
+            Error::Memory { .. } | Error::MemoryLimit { .. } | Error::Copy { .. } => Status::Memory,
             Error::Length { .. }
             | Error::Shape { .. }
             | Error::NotFinite { .. }

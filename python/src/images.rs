@@ -344,8 +344,7 @@ pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> PyResult<Option<PathBuf>> {
 /// SurefixFileError
 ///     If the file cannot be opened.
 /// SurefixValueError
-///     If it is not an image that can be decoded whole, or takes more than 512 MiB (or more than
-///     the environment variable ``SUREFIX_MAX_IMAGE_MIB``).
+///     If it is not an image that can be decoded whole, or has more pixels than ``max_pixels()``.
 #[pyfunction]
 pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     if may_be_foreign(&path) && foreign_endings(py)?.contains(&ending_of(&path)) {
@@ -353,6 +352,51 @@ pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
     }
     let image = detached(py, || surefix::read_image(path))?;
     image_to_py(py, &image)
+}
+
+/// The most pixels that are decoded at once, by all threads together: 100,000,000 unless
+/// ``set_max_pixels`` has set another number.
+///
+/// Returns
+/// -------
+/// int
+#[pyfunction]
+pub(crate) fn max_pixels() -> u64 {
+    surefix::max_pixels()
+}
+
+/// Sets how many pixels are decoded at once, in the whole process: of image files, and of the frames
+/// of bags and videos. A larger image is refused; smaller ones wait for each other if several threads
+/// read them. Pixels of more than 4 bytes, such as RGB of 16 bits, count as more. Decoding takes up
+/// to about 8 bytes a pixel. The command line has ``--max-pixels``.
+///
+/// Parameters
+/// ----------
+/// pixels : int
+///     More than 0.
+///
+/// Raises
+/// ------
+/// SurefixValueError
+///     For another number.
+///
+/// Examples
+/// --------
+/// >>> import surefix
+/// >>> surefix.set_max_pixels(242_000_000)   # panoramas of 22,000 x 11,000
+/// >>> surefix.max_pixels()
+/// 242000000
+/// >>> surefix.set_max_pixels(100_000_000)
+#[pyfunction]
+pub(crate) fn set_max_pixels(pixels: &Bound<'_, PyAny>) -> PyResult<()> {
+    let wrong =
+        || value(pixels.py(), format!("pixels: expected a whole number above 0, got {pixels}"));
+    let count = pixels.extract::<u64>().map_err(|_| wrong())?;
+    if count == 0 {
+        return Err(wrong());
+    }
+    surefix::set_max_pixels(count);
+    Ok(())
 }
 
 /// The endings of the images that Python reads with what is installed.

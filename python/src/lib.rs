@@ -61,7 +61,9 @@ mod _core {
     #[pymodule_export]
     use crate::fix::{Fix, Peak, Sequence, Single, Track};
     #[pymodule_export]
-    use crate::images::{decode_image, find_images, image_files, read_image};
+    use crate::images::{
+        decode_image, find_images, image_files, max_pixels, read_image, set_max_pixels,
+    };
     #[pymodule_export]
     use crate::localizer::{FixStream, Localizer};
     #[pymodule_export]

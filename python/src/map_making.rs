@@ -289,7 +289,9 @@ impl Map {
         let numbers = Numbers::new(&array, "descriptors")?;
         let rows = numbers.view()?;
         let map = match post {
-            None => detached(py, || surefix::Map::from_descriptors(rows.to_values(), dim, metric))?,
+            None => {
+                detached(py, || surefix::Map::from_descriptors(rows.try_to_values()?, dim, metric))?
+            }
             Some(post) => {
                 let (post, rows) = post::fitted(post, rows, dim)?;
                 let dim = post.output();

@@ -41,8 +41,10 @@ from surefix._core import (
     find_images,
     match,
     match_distances,
+    max_pixels,
     read_image,
     recall_at,
+    set_max_pixels,
 )
 from surefix.auditing import Audit, Estimate, audit
 from surefix.comparing import compare
@@ -100,8 +102,10 @@ __all__ = [
     "find_images",
     "match",
     "match_distances",
+    "max_pixels",
     "read_image",
     "recall_at",
+    "set_max_pixels",
     "tune",
 ]
 

@@ -73,8 +73,10 @@ __all__ = [
     "judged",
     "match",
     "match_distances",
+    "max_pixels",
     "read_image",
     "recall_at",
+    "set_max_pixels",
     "thumbnail",
 ]
 
@@ -3401,8 +3403,7 @@ def read_image(path: _Path) -> npt.NDArray[Any]:
     SurefixFileError
         If the file cannot be opened.
     SurefixValueError
-        If it is not an image that can be decoded whole, or takes more than 512 MiB (or more than
-        the environment variable ``SUREFIX_MAX_IMAGE_MIB``).
+        If it is not an image that can be decoded whole, or has more pixels than ``max_pixels()``.
     """
 
 def decode_image(data: bytes, name: str = "image") -> npt.NDArray[Any]:
@@ -3423,6 +3424,40 @@ def decode_image(data: bytes, name: str = "image") -> npt.NDArray[Any]:
     ------
     SurefixValueError
         As for ``read_image``.
+    """
+
+def max_pixels() -> int:
+    """The most pixels that are decoded at once, by all threads together: 100,000,000 unless
+    ``set_max_pixels`` has set another number.
+
+    Returns
+    -------
+    int
+    """
+
+def set_max_pixels(pixels: int) -> None:
+    """Sets how many pixels are decoded at once, in the whole process: of image files, and of the frames
+    of bags and videos. A larger image is refused; smaller ones wait for each other if several threads
+    read them. Pixels of more than 4 bytes, such as RGB of 16 bits, count as more. Decoding takes up
+    to about 8 bytes a pixel. The command line has ``--max-pixels``.
+
+    Parameters
+    ----------
+    pixels : int
+        More than 0.
+
+    Raises
+    ------
+    SurefixValueError
+        For another number.
+
+    Examples
+    --------
+    >>> import surefix
+    >>> surefix.set_max_pixels(242_000_000)   # panoramas of 22,000 x 11,000
+    >>> surefix.max_pixels()
+    242000000
+    >>> surefix.set_max_pixels(100_000_000)
     """
 
 def thumbnail(

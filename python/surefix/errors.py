@@ -4,6 +4,9 @@ from pathlib import Path
 
 from surefix._words import plain
 
+# Characters of a value in a message.
+LONGEST = 500
+
 
 class SurefixError(Exception):
     """Every error of surefix. A call that raises one has left its object as it was.
@@ -25,7 +28,10 @@ class SurefixFileError(SurefixError, OSError):
 
 def mismatch(where: object, expected: object, got: object) -> SurefixValueError:
     """The error of a value: where it is, the expected one, and the one that it got."""
-    return SurefixValueError(f"{where}: expected {expected}, got {got}")
+    said = str(got)
+    # A cell of a damaged file may be of any length.
+    said = said if len(said) <= LONGEST else f"{said[:LONGEST]}..."
+    return SurefixValueError(f"{where}: expected {expected}, got {said}")
 
 
 def check_folder(file: Path, problem: str) -> None:

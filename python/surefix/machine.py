@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 from pathlib import Path
 
 from surefix.errors import SurefixError
@@ -39,18 +40,26 @@ def limits_left() -> list[tuple[int, str]]:
     try:
         import resource
 
-        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-        if limit != resource.RLIM_INFINITY:
-            used = _kilobytes("/proc/self/status", "VmSize:") or 0
-            raising = f"ulimit -v, {limit // 1024} KB: ulimit -v unlimited lifts it if it may"
-            found.append((limit - used, f"left by the limit of this shell ({raising})"))
+        for kind, name, option in (
+            (resource.RLIMIT_AS, "VmSize:", "-v"),
+            (resource.RLIMIT_DATA, "VmData:", "-d"),
+        ):
+            limit, _ = resource.getrlimit(kind)
+            if limit != resource.RLIM_INFINITY:
+                used = _kilobytes("/proc/self/status", name) or 0
+                lifts = f"ulimit {option} unlimited lifts it if it may"
+                raising = f"ulimit {option}, {limit // 1024} KB: {lifts}"
+                found.append((limit - used, f"left by the limit of this shell ({raising})"))
     except ImportError:
         pass
     group = Path("/sys/fs/cgroup")
     try:
         limit = int((group / "memory.max").read_text(encoding="ascii"))
         used = int((group / "memory.current").read_text(encoding="ascii"))
-        found.append((limit - used, "left by the limit of this container (docker run --memory)"))
+        # Pages of files are given back when memory is short.
+        files = re.search(r"^file (\d+)$", (group / "memory.stat").read_text("ascii"), re.MULTILINE)
+        left = limit - max(used - int(files[1] if files else 0), 0)
+        found.append((left, "left by the limit of this container (docker run --memory)"))
     except (OSError, ValueError):
         pass
     free = _kilobytes("/proc/meminfo", "MemAvailable:")

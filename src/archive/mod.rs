@@ -7,6 +7,7 @@
 //! program wrote may do without both.
 
 mod atomic;
+mod bounds;
 mod folder;
 mod part;
 mod reader;
@@ -109,7 +110,10 @@ pub(crate) fn swap_to_file_order(bytes: &mut [u8], size: usize) {
 }
 
 /// Calls `each` with memory for the next bytes, until `count` bytes are done.
-fn in_pieces<E>(count: usize, mut each: impl FnMut(&mut [u8]) -> Result<(), E>) -> Result<(), E> {
+pub(crate) fn in_pieces<E>(
+    count: usize,
+    mut each: impl FnMut(&mut [u8]) -> Result<(), E>,
+) -> Result<(), E> {
     let mut memory = vec![0; count.min(PIECE)];
     let mut left = count;
     while left > 0 {

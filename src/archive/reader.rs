@@ -12,11 +12,13 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use twox_hash::XxHash3_64;
 
+use super::bounds::Bounded;
 use super::{
     CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, Refusal, WORD, in_pieces,
     swap_to_file_order,
 };
 use crate::interrupt;
+use crate::memory;
 
 /// What an archive says of itself. All of its tensors lie within the bytes that there are.
 #[derive(Debug)]
@@ -78,6 +80,8 @@ impl Header {
         from.read_exact(&mut text)?;
         hash.write(&first);
         hash.write(&text);
+        // Its bounds first: what is parsed takes far more memory than the text.
+        serde_json::from_slice::<Bounded>(&text).map_err(|e| broken(&e))?;
         let metadata: Metadata = serde_json::from_slice(&text).map_err(|e| broken(&e))?;
         let start = WORD + text.len();
         let (expected, got) = (metadata.data_len() as u64, length - start as u64);
@@ -193,8 +197,7 @@ fn unless_stopped() -> io::Result<()> {
 /// Memory for numbers that a file claims to hold: refused if there is not enough.
 fn zeros<T: bytemuck::Zeroable + Clone>(count: usize) -> Result<Vec<T>, Refusal> {
     let mut memory = Vec::new();
-    let refused = |_| io::Error::from(io::ErrorKind::OutOfMemory);
-    memory.try_reserve_exact(count).map_err(refused)?;
+    memory::reserve(&mut memory, count)?;
     memory.resize(count, T::zeroed());
     Ok(memory)
 }

@@ -10,6 +10,7 @@ use serde::Serialize;
 use twox_hash::XxHash3_64;
 
 use super::AtomicFile;
+use super::bounds::MAX_TENSORS;
 use super::{CHECKSUM, ENTRY, Format, MAX_HEADER, Number, PIECE, WORD, swap_to_file_order};
 use crate::error::Error;
 use crate::interrupt::check;
@@ -81,6 +82,11 @@ impl<'a> Writer<'a> {
         self.data.push(Box::new(data));
     }
 
+    /// The bytes of the tensors so far.
+    pub(crate) fn len(&self) -> usize {
+        self.end
+    }
+
     /// Lets the tensor that is added next begin at a multiple of 64 bytes in the file.
     pub(crate) fn align(&mut self) {
         self.aligned = self.end;
@@ -144,6 +150,11 @@ impl<'a> Writer<'a> {
 
     fn header(mut self, format: &Format, entry: &impl Serialize) -> io::Result<Vec<u8>> {
         self.stream(CHECKSUM, Dtype::U8, vec![WORD], |_| Ok(()));
+        if self.tensors.len() > MAX_TENSORS {
+            let many =
+                format!("expected at most {MAX_TENSORS} tensors, got {}", self.tensors.len());
+            return Err(io::Error::other(many));
+        }
         let &Format { name: format, version } = format;
         let entry = Stamped { format, version, checksum: "xxh3-64", rest: entry };
         let entries = HashMap::from([(ENTRY.to_owned(), serde_json::to_string(&entry)?)]);

@@ -2,20 +2,20 @@
 
 use std::io::Cursor;
 use std::path::Path;
-use std::{env, fs};
 
 use image::ColorType::{L16, La16, Rgb16, Rgb32F, Rgba16, Rgba32F};
-use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
+use super::limit::{Share, max_pixels};
 use super::orientation;
 use super::view::{Channels, Image};
 use crate::error::Error;
+use crate::{memory, regular};
 
-/// The most bytes of an image's pixels in MiB, unless [`LIMIT`] says otherwise: a file of a few
-/// bytes can claim to be of any size.
-const MAX_MIB: u64 = 512;
-/// The environment variable that sets another limit.
-const LIMIT: &str = "SUREFIX_MAX_IMAGE_MIB";
+/// The most bytes of a pixel: of RGB and alpha, as floats.
+const WIDEST: u64 = 16;
+/// Bytes beside the pixels: of profiles and other metadata, and of a decoder's own work.
+const BESIDE: u64 = 64 << 20;
 
 /// Reads one image file, upright: turned and mirrored as its EXIF orientation says. Grey ones are
 /// grey, all others RGB; transparency is ignored. Files of more than 8 bits a sample give deep
@@ -23,12 +23,15 @@ const LIMIT: &str = "SUREFIX_MAX_IMAGE_MIB";
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be opened, [`Error::Image`] if it is not an image that
-/// can be decoded whole, or one of more than 512 MiB (the environment variable
-/// `SUREFIX_MAX_IMAGE_MIB` sets another limit).
+/// can be decoded whole, or one of more than [`max_pixels`] ([`set_max_pixels`] sets another
+/// limit).
+///
+/// [`set_max_pixels`]: crate::set_max_pixels
 pub fn read_image(path: impl AsRef<Path>) -> Result<Image, Error> {
     let path = path.as_ref();
     let io = |source| Error::Io { path: path.to_owned(), action: "read the image", source };
-    decode_image(&fs::read(path).map_err(io)?, &path.display().to_string())
+    let most = max_pixels().saturating_mul(WIDEST).saturating_add(BESIDE);
+    decode_image(&regular::read(path, most).map_err(io)?, &path.display().to_string())
 }
 
 /// Decodes the bytes of an image file, such as a camera driver's compressed frame, as
@@ -46,7 +49,8 @@ pub fn decode_image(bytes: &[u8], name: &str) -> Result<Image, Error> {
     if is_cut_short(bytes) {
         return Err(unreadable("a truncated JPEG: its end marker is missing".to_owned()));
     }
-    let upright = upright(bytes).map_err(unreadable)?;
+    // The share is held until the pixels are handed on.
+    let (upright, _share) = upright(bytes).map_err(unreadable)?;
     let (width, height) = (upright.width() as usize, upright.height() as usize);
     let image = match upright.color() {
         L16 | La16 => {
@@ -75,25 +79,27 @@ fn big_tiff(start: &[u8]) -> Option<ImageFormat> {
     big.then_some(ImageFormat::Tiff)
 }
 
-fn upright(bytes: &[u8]) -> Result<DynamicImage, String> {
+fn upright(bytes: &[u8]) -> Result<(DynamicImage, Share), String> {
     let is_jpeg = bytes.starts_with(&[0xFF, 0xD8]);
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let mut reader = reader.map_err(|e| e.to_string())?;
     if let Some(format) = big_tiff(bytes) {
         reader.set_format(format);
     }
-    // The limit is this function's own, which names it.
-    reader.no_limits();
+    // Of the decoder's own work. The limit of pixels is surefix's, which names it.
+    let limits = |bytes| {
+        let mut limits = Limits::no_limits();
+        limits.max_alloc = Some(bytes);
+        limits
+    };
+    reader.limits(limits(BESIDE));
     let mut decoder = reader.into_decoder().map_err(|e| said(&e))?;
     let (size, (width, height)) = (decoder.total_bytes(), decoder.dimensions());
-    let limit = env::var(LIMIT).ok().and_then(|text| text.trim().parse().ok()).unwrap_or(MAX_MIB);
-    if size > limit << 20 {
-        let mib = size.div_ceil(1 << 20);
-        return Err(format!(
-            "{width} x {height} pixels take {mib} MiB, and surefix reads images of up to {limit} \
-             MiB: make it smaller, or set the environment variable {LIMIT}={mib}"
-        ));
-    }
+    let share = Share::of((width, height), size)?;
+    decoder.set_limits(limits(size.saturating_add(BESIDE))).map_err(|e| said(&e))?;
+    // The pixels as they are decoded, and as they are handed on.
+    memory::reserve(&mut Vec::<u8>::new(), 2 * size as usize)
+        .map_err(|e| format!("{width} x {height} pixels: {e}"))?;
     let orientation = orientation::of(&mut decoder, bytes);
     let mut decoded = DynamicImage::from_decoder(decoder).map_err(|e| said(&e))?;
     if is_jpeg && is_filled_up(&decoded) {
@@ -106,7 +112,7 @@ fn upright(bytes: &[u8]) -> Result<DynamicImage, String> {
         ));
     }
     decoded.apply_orientation(orientation);
-    Ok(decoded)
+    Ok((decoded, share))
 }
 
 /// The range of floats if one in 1000 or more is not from 0 to 1; some that overshoot are cut.

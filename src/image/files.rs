@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -14,6 +14,7 @@ use super::several::several;
 use super::source::ImageSource;
 use super::view::Image;
 use crate::error::Error;
+use crate::regular;
 
 /// The endings that count as images in a folder.
 const ENDINGS: [&str; 14] = [
@@ -181,7 +182,8 @@ fn is_hidden(path: &Path) -> bool {
 /// By its first bytes.
 fn is_image(path: &Path) -> bool {
     let mut start = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(32).read_to_end(&mut start));
+    let opened = regular::open(path);
+    let read = opened.and_then(|(file, _)| file.take(32).read_to_end(&mut start));
     read.is_ok() && looks_like_an_image(&start)
 }
 

@@ -18,6 +18,8 @@ mod files;
 mod grey;
 mod levels;
 #[cfg(feature = "image")]
+mod limit;
+#[cfg(feature = "image")]
 mod order;
 #[cfg(feature = "image")]
 mod orientation;
@@ -33,6 +35,8 @@ pub use decode::{decode_image, read_image};
 #[cfg(feature = "image")]
 pub use files::ImageFiles;
 pub use levels::Levels;
+#[cfg(feature = "image")]
+pub use limit::{max_pixels, set_max_pixels};
 #[cfg(feature = "image")]
 pub use order::Order;
 pub use readable::ReadableImages;

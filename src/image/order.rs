@@ -2,13 +2,14 @@
 
 use std::cmp::Ordering;
 use std::fmt;
-use std::fs::{self, File};
+use std::fs;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::SystemTime;
 
 use crate::error::Error;
+use crate::regular;
 
 /// The order of image files, first to last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -108,7 +109,7 @@ fn changed(path: &Path) -> Result<SystemTime, Error> {
 fn taken(path: &Path) -> Result<(String, String), Error> {
     use exif::{In, Tag, Value};
     let io = |source| Error::Io { path: path.to_owned(), action: "read the image", source };
-    let mut file = BufReader::new(File::open(path).map_err(io)?);
+    let mut file = BufReader::new(regular::open(path).map_err(io)?.0);
     let found = exif::Reader::new().read_from_container(&mut file).ok();
     let text = |tag: Tag| match &found.as_ref()?.get_field(tag, In::PRIMARY)?.value {
         Value::Ascii(texts) => {
@@ -223,4 +224,50 @@ fn fractions(stem: &str) -> Vec<std::ops::Range<usize>> {
         at += length;
     }
     found
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::ffi::OsString;
+    use std::os::unix::ffi::OsStringExt as _;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Digits, letters and marks, bytes that are no UTF-8, and letters beyond them.
+    fn name() -> impl Strategy<Value = PathBuf> {
+        let part = prop_oneof![
+            prop::sample::select(vec!["0", "00", "1", "9", "10", "a", "f", "A", ".", "-", "_"])
+                .prop_map(|text| text.as_bytes().to_vec()),
+            prop::sample::select(vec!["é", "點", "\u{fffd}", "٣"])
+                .prop_map(|text| text.as_bytes().to_vec()),
+            prop::sample::select(vec![0xFF_u8, 0xC3, 0x80]).prop_map(|byte| vec![byte]),
+        ];
+        prop::collection::vec(part, 1..6)
+            .prop_map(|parts| PathBuf::from(OsString::from_vec(parts.concat())))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        /// One order of all names, those that are no UTF-8 among them.
+        #[test]
+        fn names_have_a_total_order(names in prop::collection::vec(name(), 3)) {
+            let before = |a: &PathBuf, b: &PathBuf| {
+                Key::of(a).compare(&Key::of(b)).then_with(|| a.cmp(b))
+            };
+            for a in &names {
+                for b in &names {
+                    prop_assert_eq!(before(a, b), before(b, a).reverse());
+                    prop_assert_eq!(before(a, b).is_eq(), a == b);
+                    for c in &names {
+                        if before(a, b).is_le() && before(b, c).is_le() {
+                            prop_assert!(before(a, c).is_le(), "{a:?} {b:?} {c:?}");
+                        }
+                    }
+                }
+            }
+        }
+    }
 }

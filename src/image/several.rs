@@ -1,11 +1,11 @@
 //! Files that hold more than one image.
 
 use std::ffi::OsStr;
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use crate::parallel::each;
+use crate::regular;
 
 /// The most pages of a TIFF that are looked at.
 const PAGES: usize = 16;
@@ -28,8 +28,8 @@ fn has_several(path: &Path) -> bool {
         return false;
     }
     // What is wrong with a file shows when it is read.
-    File::open(path)
-        .and_then(|file| counts_several(BufReader::with_capacity(512, file)))
+    regular::open(path)
+        .and_then(|(file, _)| counts_several(BufReader::with_capacity(512, file)))
         .unwrap_or(false)
 }
 

@@ -23,7 +23,7 @@ use crate::archive::{Format, Header, Reader, Refusal, Sink, Tensors, Writer};
 use crate::distance::Metric;
 use crate::dtype::Dtype;
 use crate::error::Error;
-use crate::post::{FittedStep, Post, Step};
+use crate::post::{FittedStep, MAX_STEPS, Post, Step};
 use crate::segments::Segments;
 
 pub(super) const FORMAT: Format = Format { name: "surefix-map", version: 1 };
@@ -241,6 +241,12 @@ impl Head {
         let span = header.span(rows);
         let places = count_places(span.len() / dtype.size(), dim)?;
         let ready = entry.descriptor == Recipe::Ready;
+        if entry.post.len() > MAX_STEPS {
+            return foreign(&format!(
+                "post-processing: expected at most {MAX_STEPS} steps, got {}",
+                entry.post.len()
+            ));
+        }
         if !entry.post.is_empty() && (dtype != Dtype::F32 || !ready) {
             return foreign("post-processing: expected ready descriptors of F32");
         }

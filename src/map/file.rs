@@ -2,7 +2,6 @@
 //! memory.
 
 use std::cell::RefCell;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 #[cfg(feature = "mmap")]
@@ -33,6 +32,7 @@ use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress};
 use crate::numbers::{Values, View};
+use crate::regular;
 
 /// The largest relative difference between a norm in a file and that of its row: far above
 /// rounding, far below damage.
@@ -252,7 +252,7 @@ impl Map {
     pub unsafe fn open_mapped(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let io = |source| Error::Io { path: path.to_owned(), action: "map the file", source };
-        let file = File::open(path).map_err(io)?;
+        let (file, _) = regular::open(path).map_err(io)?;
         // SAFETY: the caller has promised that the file stays as it is.
         let mapping = unsafe { memmap2::Mmap::map(&file) }.map_err(io)?;
         of_mapping(mapping).map_err(|refusal| refusal.of_map(path))
@@ -304,15 +304,8 @@ impl Refusal {
 }
 
 fn read_file(path: &Path) -> Result<Map, Refusal> {
-    let mut file = File::open(path)?;
-    let about = file.metadata()?;
-    if about.is_file() {
-        return read(file, about.len());
-    }
-    // A pipe, for one, has no length in advance.
-    let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes)?;
-    read(&bytes[..], bytes.len() as u64)
+    let (file, length) = regular::open(path)?;
+    read(file, length)
 }
 
 /// Reads a map from `length` bytes, its rows straight to the memory where they stay.

@@ -19,6 +19,7 @@ use crate::distance::Metric;
 use crate::error::Error;
 use crate::image::{ImageSource, Progress, go_on};
 use crate::numbers::{Values, View};
+use crate::regular;
 
 /// Bytes of rows that are copied at a time.
 const PIECE: usize = 1 << 18;
@@ -260,7 +261,7 @@ impl<'a> Existing<'a> {
         there.map_err(|error| Refusal::from(error).of_map(path))?;
         let new = begin(path)?;
         let read = || -> Result<Self, Refusal> {
-            let file = File::open(path)?;
+            let (file, _) = regular::open(path)?;
             let (parts, start, pictures, signed) = Parts::read(&file)?;
             if !signed {
                 // Nothing vouches for its rows: they are read.

@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::dtype::Dtype;
+use crate::memory;
 use crate::numbers::{Values, View, each_type};
 
 /// Rows begin at a multiple of a cache line, which is also the widest vector register. Loads that
@@ -57,11 +58,11 @@ impl Storage {
 
     /// The same, or `None` if the system has too little memory.
     pub(crate) fn try_zeros(dtype: Dtype, len: usize) -> Option<Self> {
+        let bytes = len.checked_mul(dtype.size()).filter(|&bytes| memory::is_there(bytes))?;
         #[cfg(feature = "mmap")]
         if let Some(pages) = pages(dtype, len) {
             return Some(pages);
         }
-        let bytes = len.checked_mul(dtype.size())?;
         Vec::<u8>::new().try_reserve_exact(bytes).ok()?;
         Some(Self::zeros(dtype, len))
     }

@@ -336,7 +336,7 @@ impl Map {
         descriptors.check_finite("descriptors", dim)?;
         let rows = match (self.post(), descriptors) {
             (Some(post), View::F32(rows)) => Values::F32(post.apply(rows)?),
-            _ => descriptors.to_values(),
+            _ => descriptors.try_to_values()?,
         };
         let rows = Storage::from(rows);
         let norms = lengths(rows.view(), self.dim(), self.metric())?;

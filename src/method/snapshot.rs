@@ -2,12 +2,13 @@
 //! an [`archive`](crate::archive) of the tensors `columns` (newest first) and, of a localizer,
 //! `running.K`: statistics of the drive, each as its own archive.
 
+use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 
 use super::single::{is_constant, minimum};
 use super::trust::Anchor;
 use super::{Fusion, Matcher, track, track::Tracker};
-use crate::archive::{self, Format, Refusal, Tensors, Writer};
+use crate::archive::{self, Format, Refusal, Tensors, Writer, in_pieces};
 use crate::config::Config;
 use crate::error::Error;
 use crate::segments::Segments;
@@ -15,6 +16,10 @@ use crate::segments::Segments;
 const FORMAT: Format = Format { name: "surefix-snapshot", version: 1 };
 /// More queries than any camera has sent, and far below an overflow.
 const MAX_FRAMES: u64 = 1 << 60;
+/// The bytes of memory that any snapshot may ask for, and those for each of its own bytes: one that
+/// is forged takes no more. A snapshot of a large matcher with few columns is made longer.
+const ANY: usize = 64 << 20;
+const EACH: usize = 64;
 
 #[derive(Serialize, Deserialize)]
 struct Entry {
@@ -118,6 +123,13 @@ impl Matcher {
         for (index, bytes) in running.iter().enumerate() {
             writer.numbers(running_name(index), vec![bytes.len()], vec![bytes.as_slice()]);
         }
+        let room = asked(&self.segments, &self.config).saturating_sub(ANY).div_ceil(EACH);
+        let room = room.saturating_sub(writer.len());
+        if room > 0 {
+            writer.stream("room", Dtype::U8, vec![room], move |out| {
+                in_pieces(room, |zeros| out.bytes(zeros))
+            });
+        }
         writer.to_bytes(&FORMAT, &entry)
     }
 }
@@ -152,11 +164,23 @@ pub(crate) fn load(
             return Err(Error::Snapshot { reason: reason.to_owned() });
         }
     }
-    read(&tensors, entry, segments).map_err(damaged)
+    read(&tensors, entry, segments, snapshot.len()).map_err(damaged)
 }
 
-/// The matcher of a snapshot, whose numbers must fit together.
-fn read(tensors: &Tensors<'_>, entry: Entry, segments: Segments) -> Result<Saved, Refusal> {
+/// About how many bytes of memory a matcher takes.
+fn asked(segments: &Segments, config: &Config) -> usize {
+    let speeds = config.motion.as_ref().map_or(0, |motion| motion.speeds.len());
+    let of_a_place = (4 * config.columns(segments)).saturating_add(32 * speeds).saturating_add(32);
+    segments.places().saturating_mul(of_a_place)
+}
+
+/// The matcher of a snapshot of `given` bytes, whose numbers must fit together.
+fn read(
+    tensors: &Tensors<'_>,
+    entry: Entry,
+    segments: Segments,
+    given: usize,
+) -> Result<Saved, Refusal> {
     let refused = |reason: &str| Refusal::Foreign(reason.to_owned());
     let Entry { places, config, frames, anchors, track, .. } = entry;
     let places_of = format!("({places})");
@@ -169,6 +193,11 @@ fn read(tensors: &Tensors<'_>, entry: Entry, segments: Segments) -> Result<Saved
     }
     let length = config.sequence_length;
     let reach = config.columns(&segments);
+    let asked = asked(&segments, &config);
+    if asked > given.saturating_mul(EACH).saturating_add(ANY) {
+        let more = format!("{given} bytes that ask for {asked} bytes of memory");
+        return Err(refused(&more));
+    }
     // The shape first: columns of a forged size must not take memory.
     let expected = format!("(columns, {places})");
     let fits = |shape: &[usize]| shape.len() == 2 && shape[1] == places;

@@ -12,6 +12,7 @@ use std::ops::Range;
 use super::argmin::{Candidate, Search, first_least};
 use super::single::{Single, checked_minimum, is_constant, minimum};
 use crate::error::Error;
+use crate::memory;
 use crate::preallocated::Preallocated;
 
 /// If more than one place in four is unresolved, all of the column is computed: in order, that is
@@ -309,7 +310,7 @@ impl Ring {
         let refused = || Error::Memory { places: height, columns: capacity };
         let count = capacity.checked_mul(height).ok_or_else(refused)?;
         let mut numbers = Vec::new();
-        numbers.try_reserve_exact(count).map_err(|_| refused())?;
+        memory::reserve(&mut numbers, count).map_err(|_| refused())?;
         numbers.resize(count, 0.0);
         Ok(Self { numbers, height, capacity, newest: 0, len: 0 })
     }

@@ -4,6 +4,7 @@ use half::f16;
 
 use crate::dtype::Dtype;
 use crate::error::Error;
+use crate::memory;
 use crate::simd::Isa;
 
 /// Numbers that are checked at a time.
@@ -120,6 +121,17 @@ impl<'a> View<'a> {
             Self::I8(v) => View::I8(v.get(span)?),
             Self::U8(v) => View::U8(v.get(span)?),
         })
+    }
+
+    /// [`to_values`](Self::to_values), of numbers that there may be no memory for: those of a mapped
+    /// file.
+    ///
+    /// # Errors
+    /// [`Error::Copy`] if there is not enough memory.
+    pub fn try_to_values(&self) -> Result<Values, Error> {
+        let bytes = self.bytes().len();
+        memory::reserve(&mut Vec::<u8>::new(), bytes).map_err(|_| Error::Copy { bytes })?;
+        Ok(self.to_values())
     }
 
     /// A copy that owns its numbers.

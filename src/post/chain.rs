@@ -9,6 +9,9 @@ use crate::numbers::first_not_finite;
 use crate::parallel::each;
 use serde::{Deserialize, Serialize};
 
+/// The most steps of a chain: each has tensors in a map's file.
+pub(crate) const MAX_STEPS: usize = 64;
+
 /// A chain of steps that has been fitted on the references, so that queries are treated as these
 /// were.
 ///
@@ -34,8 +37,13 @@ impl Post {
     /// # Errors
     /// [`Error::Shape`] if `dim` does not divide the numbers; [`Error::NotFinite`] for a NaN or
     /// an infinity, in the references or after a step; [`Error::Option`] for a `dim` of 0, or of
-    /// more than the references span or memory holds; [`Error::TooFewPlaces`] below two rows.
+    /// more than the references span or memory holds, and for more than 64 steps;
+    /// [`Error::TooFewPlaces`] below two rows.
     pub fn fit(steps: &[Step], rows: &[f32], dim: usize) -> Result<(Self, Vec<f32>), Error> {
+        if steps.len() > MAX_STEPS {
+            let (expected, got) = (format!("at most {MAX_STEPS}"), steps.len().to_string());
+            return Err(Error::Option { name: "steps", expected, got });
+        }
         check_references(rows, dim)?;
         let mut post = Self { steps: Vec::new(), input: dim, output: dim };
         let mut rows = rows.to_vec();

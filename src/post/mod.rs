@@ -10,7 +10,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use chain::ChainState;
+pub(crate) use chain::{ChainState, MAX_STEPS};
 pub use chain::{Post, standardized};
 pub use running::Running;
 pub(crate) use step::FittedStep;

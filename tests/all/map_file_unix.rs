@@ -166,3 +166,36 @@ fn threads_that_save_at_once_leave_one_whole_map() {
     assert_eq!(Map::open(path).unwrap().places(), 1000);
     assert_eq!(names(folder.path()), ["map.safetensors"]);
 }
+
+#[test]
+fn pipes_and_devices_are_no_files() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let refused = |error: surefix::Error, kind: &str| {
+        assert!(matches!(error, surefix::Error::Io { .. }), "{error}");
+        let expected = format!("expected a file, got a {kind}");
+        assert!(error.to_string().contains(&expected), "{error}");
+    };
+    for (path, kind) in [(&*path, "pipe"), (Path::new("/dev/zero"), "device")] {
+        refused(Map::open(path).unwrap_err(), kind);
+        refused(Map::append(path, &large_map()).unwrap_err(), kind);
+        #[cfg(feature = "mmap")]
+        {
+            // SAFETY: the file is refused.
+            #[allow(unsafe_code)]
+            let mapped = unsafe { Map::open_mapped(path) };
+            refused(mapped.unwrap_err(), kind);
+        }
+        #[cfg(feature = "toml")]
+        refused(surefix::Settings::open(path).unwrap_err(), kind);
+        #[cfg(feature = "image")]
+        {
+            use surefix::{ImageFiles, ImageSource as _};
+            refused(surefix::read_image(path).unwrap_err(), kind);
+            let files = ImageFiles::list(vec![path.to_owned()]);
+            refused(files.load(0).unwrap_err(), kind);
+            assert!(files.remarks().is_empty());
+        }
+    }
+}

@@ -331,3 +331,12 @@ fn files_that_do_not_fit_together_are_refused() {
         assert!(Map::open(&tried).is_err(), "cut at {cut}");
     }
 }
+
+#[test]
+fn a_chain_has_at_most_64_steps() {
+    let steps = vec![Step::Normalize; 65];
+    let rows = signed(12, 1);
+    assert!(Post::fit(&steps[..64], &rows, 3).is_ok());
+    let refused = Post::fit(&steps, &rows, 3).unwrap_err();
+    assert!(matches!(refused, Error::Option { name: "steps", .. }), "{refused}");
+}

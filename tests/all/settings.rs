@@ -141,3 +141,13 @@ proptest! {
         prop_assert_eq!(Settings::open(&path).unwrap(), settings);
     }
 }
+
+#[test]
+fn long_settings_are_refused_and_a_long_line_is_shown_in_short() {
+    let refused = |text: &str| Settings::from_toml(text).unwrap_err().to_string();
+    let long = refused(&"#".repeat((1 << 20) + 1));
+    assert!(long.contains("at most 1048576 bytes of text, got 1048577"), "{long}");
+    assert_eq!(Settings::from_toml(&"#".repeat(1 << 20)).unwrap(), Settings::default());
+    let digits = refused(&format!("[config]\nsequence_length = {}", "9".repeat(100_000)));
+    assert!(digits.contains("line 2") && digits.len() < 1000, "{} bytes", digits.len());
+}

@@ -437,3 +437,30 @@ fn a_snapshot_is_small_and_the_same_each_time() {
     assert_eq!(blob, matcher.snapshot().unwrap());
     assert!(blob.len() < (5 + 3) * 100 * 4 + 1500, "{} bytes", blob.len());
 }
+
+#[test]
+fn a_large_matcher_without_columns_comes_back_and_a_claim_of_one_is_refused() {
+    let config = config! { sequence_length: 100 };
+    let mut matcher = Matcher::new(200_000, config.clone()).unwrap();
+    let column: Vec<f32> = (0..200_000_u32).map(|i| (i * 7919 % 1000) as f32).collect();
+    matcher.push(&column).unwrap();
+    matcher.gap();
+    let snapshot = matcher.snapshot().unwrap();
+    assert!(snapshot.len() < 1 << 20, "{} bytes", snapshot.len());
+    let mut restored = Matcher::restore(&snapshot, None).unwrap();
+    let (one, other) = (matcher.push(&column).unwrap(), restored.push(&column).unwrap());
+    assert_eq!(one, other);
+
+    // The window of 4 TB of a matcher of a million places, in a few hundred bytes.
+    let small = Matcher::new(5, Config::default()).unwrap().snapshot().unwrap();
+    assert!(small.len() < 1000, "no room is made for what any snapshot may ask for");
+    let claim = forged(&small, |outer, _| {
+        let entry = outer["__metadata__"]["surefix"].as_str().unwrap();
+        let mut inner: Value = serde_json::from_str(entry).unwrap();
+        inner["places"] = 1_000_000.into();
+        inner["config"]["sequence_length"] = 1_000_000.into();
+        outer["__metadata__"]["surefix"] = inner.to_string().into();
+        outer["columns"]["shape"] = json!([0, 1_000_000]);
+    });
+    assert!(reason(Matcher::restore(&claim, None)).contains("bytes that ask for"));
+}

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 import typer
 from typer.models import OptionInfo
 
-from surefix import Settings, SurefixValueError
+from surefix import Settings, SurefixValueError, set_max_pixels
 from surefix.cli.inputs import Place, one_place
 from surefix.options import OPTIONS, Option
 
@@ -29,6 +29,24 @@ HEADINGS = {
     }.items()
     for name in names.split()
 }
+
+FRAME_OPTIONS = frozenset({"topic", "order", "strict", "mixed_sizes", "data"})
+# Of every command that reads images.
+MAX_PIXELS = inspect.Parameter(
+    "max_pixels",
+    inspect.Parameter.KEYWORD_ONLY,
+    default=None,
+    annotation=Annotated[
+        int | None,
+        typer.Option(
+            "--max-pixels",
+            min=1,
+            metavar="N",
+            help="The most pixels that are decoded at once; 100,000,000 by default.",
+            rich_help_panel=SELDOM,
+        ),
+    ],
+)
 
 
 def documented(command: Command) -> Command:
@@ -61,13 +79,17 @@ def documented(command: Command) -> Command:
             info.help = helps[parameter.name]
             parameter = parameter.replace(annotation=Annotated[kind, info])
         parameters.append(_headed(parameter))
+    if any(parameter.name in FRAME_OPTIONS for parameter in parameters):
+        parameters.append(MAX_PIXELS)
     # A heading stands in the help at its first option.
     seldom = [each for each in parameters if _heading(each) == SELDOM]
     others = [each for each in parameters if each not in seldom]
     last = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in seldom]
 
     @wraps(command)
-    def run(**given: Any) -> None:
+    def run(*, max_pixels: int | None = None, **given: Any) -> None:
+        if max_pixels is not None:
+            set_max_pixels(max_pixels)
         command(**(given | {name: one_place(given[name]) for name in places}))
 
     # A line break of the source is none of the help's.

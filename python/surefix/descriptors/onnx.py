@@ -13,6 +13,8 @@ from surefix._extra import require
 from surefix.descriptors.descriptor import check_one_each, checked_batch, checked_rows, in_batches
 from surefix.descriptors.network_input import IMAGENET_MEAN, IMAGENET_STD, NetworkInput
 from surefix.errors import SurefixValueError, mismatch, refusal
+from surefix.frames.pixels import check_pixels
+from surefix.tables.regular import check_regular
 
 NUMBERS: dict[str, Any] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 # Calls a service in the cloud: never wanted here.
@@ -90,6 +92,8 @@ class Onnx:
             raise mismatch(self.path, "an input of float32 or float16", node.type)
         self._number = NUMBERS[node.type]
         fixed_batch, fixed_size = self._fixed(node)
+        if fixed_size is not None:
+            check_pixels(*fixed_size, f"{self.path}, images")
         wanted = NetworkInput(size, mean, std)
         if fixed_size is not None and wanted.size not in (None, fixed_size):
             fixed = f"which the model is fixed to (its input is {_shape(node)})"
@@ -214,6 +218,7 @@ def open_session(path: Path, providers: Sequence[str] | None, threads: int | Non
 
 
 def file_sha256(path: Path) -> str:
+    check_regular(path, "cannot read the model")
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._extra import require
-from surefix.errors import SurefixValueError, mismatch, refusal
+from surefix.errors import SurefixError, SurefixValueError, mismatch
 from surefix.tables.npy import read_npy
+from surefix.tables.rows import read_text
 
 
 class PatchNetVlad:
@@ -126,8 +127,7 @@ class _Settings:
         path = given if given.suffix else Path(package, "configs", f"{given}.ini")
         parser = configparser.ConfigParser()
         try:
-            with path.open(encoding="utf-8") as file:
-                parser.read_file(file)
+            parser.read_string(read_text(path, "the configuration"))
             self.matching = parser["feature_match"]
             shape = parser["global_params"]
             self.matcher = self.matching["matcher"]
@@ -135,9 +135,9 @@ class _Settings:
             self.strides = [int(stride) for stride in shape["strides"].split(",")]
             weights = self.matching["patchWeights2Use"]
             self.weights = [float(weight) for weight in weights.split(",")]
-        except OSError as error:
-            raise refusal(path, "cannot read the configuration", error) from None
         except (configparser.Error, KeyError, ValueError) as error:
+            if isinstance(error, SurefixError):
+                raise
             said = str(error).split("\n")[0]
             expected = "expected a configuration of Patch-NetVLAD's matching"
             raise SurefixValueError(f"{path}: {expected}: {said}") from None

@@ -18,6 +18,7 @@ from surefix.descriptors.reranked import reranked_distances
 from surefix.descriptors.verifier import Verifier, require_verifier
 from surefix.errors import SurefixValueError, check_folder, mismatch, refusal
 from surefix.frames.images import frames_of
+from surefix.tables.regular import check_regular
 
 CANDIDATES = 10
 KEPT = "a file of local features, by Reranker.save"
@@ -206,6 +207,7 @@ class Reranker:
         """
         library = _safetensors("")
         expected = _of(verifier, route, len(route))
+        check_regular(path, "cannot read the features")
         try:
             with library.safe_open(path, framework="np") as file:
                 _check_of(path, expected, file.metadata() or {})

@@ -9,6 +9,8 @@ import numpy.typing as npt
 from surefix._core import read_image
 from surefix.errors import SurefixValueError, refusal
 from surefix.frames.pillow import array_of
+from surefix.frames.pixels import check_pixels
+from surefix.tables.regular import check_regular
 
 
 @cache
@@ -38,9 +40,13 @@ def read_any(path: str) -> npt.NDArray[Any]:
         return read_image(path)
     from PIL import Image
 
+    check_regular(path, "cannot read the image")
     try:
         with Image.open(path) as image:
+            check_pixels(*image.size, f"image {path}")
             return array_of(image, path)
+    except Image.DecompressionBombError as error:
+        raise SurefixValueError(f"image {path}: {error}") from None
     except (SyntaxError, ValueError, RuntimeError) as error:
         raise SurefixValueError(f"image {path}: {error}") from None
     except OSError as error:

@@ -5,7 +5,7 @@ from collections.abc import Generator, Iterable
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from surefix._extra import require
 from surefix.errors import mismatch
@@ -90,9 +90,28 @@ class McapStream:
     def _all(self) -> Generator[Any, None, None]:
         with self._path.open("rb") as file:
             try:
-                yield from self._reader.StreamReader(file, record_size_limit=None).records
+                # No record is longer than the file, whatever it says.
+                most = self._path.stat().st_size
+                read = self._reader.StreamReader(_Records(file), record_size_limit=most)
+                yield from read.records
             except Exception as error:  # It depends on where it is cut.
                 self.damage = str(error) or type(error).__name__
+
+
+class _Records:
+    """A file's bytes, up to a record of the kind 0, which there is not: what follows is no part of
+    it, such as the zeros of a file that was made longer than it is.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def read(self, size: int) -> bytes:
+        """So many bytes; one at a time is the kind of a record."""
+        data = self._file.read(size)
+        if size == 1 and data == b"\0":
+            raise ValueError("a record of the kind 0, which there is not")
+        return data
 
 
 def _kind(name: str) -> str:

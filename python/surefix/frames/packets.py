@@ -7,6 +7,7 @@ from typing import Any
 
 from surefix._extra import require
 from surefix.errors import SurefixValueError, mismatch
+from surefix.frames.pixels import most_pixels
 from surefix.frames.ros_image import bytes_of
 
 PACKETS = (
@@ -66,7 +67,7 @@ def decoded(
     av = require("av", "a video in a bag", "PyAV", "surefix[video]")
     context = av.CodecContext.create(codec, "r")
     context.thread_type = "SLICE"
-    context.options = {"err_detect": "explode"}
+    context.options = {"err_detect": "explode", "max_pixels": most_pixels()}
     # The numbers of the packets whose pictures have not come.
     waiting: deque[int] = deque()
 

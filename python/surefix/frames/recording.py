@@ -19,6 +19,7 @@ from surefix.errors import (
     refusal,
 )
 from surefix.frames.mcap_stream import McapStream
+from surefix.tables.regular import check_regular
 
 Place = str | PathLike[str]
 
@@ -237,6 +238,9 @@ def _opened(path: Path, skip_bad: bool) -> Any:
     typesys = require("rosbags.typesys", "a bag", "rosbags", "surefix[bags]")
     if not path.exists():
         raise SurefixFileError(f"{path}: cannot read the bag: there is no such file or folder")
+    # The files of a folder are opened one by one.
+    for part in (path, *(path.iterdir() if path.is_dir() else ())):
+        check_regular(part, "cannot read the bag", folder=True)
     usual = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     for kind, text in DEFINITIONS.items():
         usual.register(typesys.get_types_from_msg(text, kind))

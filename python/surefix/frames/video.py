@@ -14,6 +14,8 @@ import numpy.typing as npt
 from surefix._extra import require
 from surefix.errors import SurefixFileError, SurefixValueError, mismatch, refusal
 from surefix.frames.frame import Frames, Shot
+from surefix.frames.pixels import check_pixels, most_pixels
+from surefix.tables.regular import check_regular
 
 # A video is known by its name; VideoFrames itself takes any file.
 VIDEO_ENDINGS = frozenset((
@@ -80,7 +82,7 @@ class VideoFrames(Frames):
         with self._open() as container:
             track = container.streams.video[0]
             # Otherwise FFmpeg fills a damaged frame up from the frame before.
-            track.codec_context.options = {"err_detect": "explode"}
+            track.codec_context.options |= {"err_detect": "explode"}
             self.bad = []
             index, end, lost, given, whole = 0, 0.0, 0, 0, True
             # The times of packets whose frames have not come yet.
@@ -122,8 +124,9 @@ class VideoFrames(Frames):
 
     def _open(self) -> Any:
         # FFmpeg also takes URLs, devices and lists of files.
-        if not Path(self.path).is_file():
+        if not Path(self.path).exists():
             raise SurefixFileError(f"{self.path}: cannot read the video: there is no such file")
+        check_regular(self.path, "cannot read the video")
         try:
             container = self._av.open(self.path)
         except (FileNotFoundError, PermissionError) as error:
@@ -133,6 +136,14 @@ class VideoFrames(Frames):
         if not container.streams.video:
             container.close()
             raise self._no_video("it has no picture track")
+        codec = container.streams.video[0].codec_context
+        try:
+            check_pixels(codec.width or 0, codec.height or 0, self.path)
+        except SurefixValueError:
+            container.close()
+            raise
+        # FFmpeg refuses a frame that becomes larger on the way.
+        codec.options = {"max_pixels": most_pixels()}
         return container
 
     def _check_whole(self, container: Any, count: int, end: float) -> None:

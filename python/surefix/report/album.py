@@ -92,10 +92,14 @@ def fit(albums: Iterable[Album], budget: int = BUDGET) -> None:
 def _read(images: Any, paths: list[str] | None, number: int) -> Any:
     if paths is None or not paths[number].lower().endswith((".jpg", ".jpeg")):
         return images[number]
-    with Image.open(paths[number]) as image:
-        # Decodes an eighth, a quarter or a half of the pixels, if that is enough.
-        image.draft(None, (2 * SIZES[0][0], 2 * SIZES[0][0]))
-        return ImageOps.exif_transpose(image)
+    try:
+        with Image.open(paths[number]) as image:
+            # Decodes an eighth, a quarter or a half of the pixels, if that is enough.
+            image.draft(None, (2 * SIZES[0][0], 2 * SIZES[0][0]))
+            return ImageOps.exif_transpose(image)
+    except Image.DecompressionBombError:
+        # The limit is surefix's own, which may be set higher.
+        return images[number]
 
 
 def _again(file: bytes, longest: int, quality: int) -> bytes:

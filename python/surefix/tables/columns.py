@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch, refusal
+from surefix.tables.objects import header_of
+from surefix.tables.regular import check_regular
 
 Float32 = npt.NDArray[np.float32]
 
@@ -53,6 +55,7 @@ class MatrixColumns(Columns):
 
     def __init__(self, path: str | Path, similarity: bool = False) -> None:
         self.path, self.similarity = Path(path), similarity
+        length = check_regular(path, "cannot read the matrix")
         try:
             with self.path.open("rb") as file:
                 self.shape, self._fortran, self._dtype = _header(file)
@@ -64,9 +67,8 @@ class MatrixColumns(Columns):
             raise SurefixValueError(f"{path}: {said}") from None
         places, queries = self.shape
         size = self._start + places * queries * self._dtype.itemsize
-        if self.path.stat().st_size < size:
-            got = f"{self.path.stat().st_size} bytes"
-            raise mismatch(path, f"a whole .npy of {size} bytes", got)
+        if length < size:
+            raise mismatch(path, f"a whole .npy of {size} bytes", f"{length} bytes")
 
     def block(self, start: int, stop: int) -> Float32:
         """Some columns, checked to be finite."""
@@ -91,13 +93,10 @@ class MatrixColumns(Columns):
 
 
 def _header(file: BinaryIO) -> tuple[tuple[int, int], bool, Any]:
-    version = np.lib.format.read_magic(file)
-    read: Any = np.lib.format
-    header = read.read_array_header_1_0 if version == (1, 0) else read.read_array_header_2_0
-    shape, fortran, dtype = header(file)
+    shape, fortran, dtype, _ = header_of(file)
     if len(shape) != 2 or dtype.kind not in "fiu" or shape[0] < 2 or not shape[1]:
         raise ValueError(f"{dtype} {shape} is no matrix of distances")
-    return shape, fortran, dtype
+    return (shape[0], shape[1]), fortran, dtype
 
 
 def _exactly(file: Any, size: int) -> bytes:

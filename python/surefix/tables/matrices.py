@@ -8,6 +8,7 @@ import numpy.typing as npt
 from surefix.errors import SurefixError, mismatch
 from surefix.tables.columns import MatrixColumns, is_held
 from surefix.tables.npy import read_npy
+from surefix.tables.regular import check_room, within_memory
 
 
 def read_matrix(path: str | Path, similarity: bool = False) -> npt.NDArray[np.float32]:
@@ -16,7 +17,9 @@ def read_matrix(path: str | Path, similarity: bool = False) -> npt.NDArray[np.fl
     if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or len(matrix) < 2 or not matrix.size:
         expected = "a matrix of numbers, (2 or more places, 1 or more queries)"
         raise mismatch(path, expected, f"{matrix.dtype} {matrix.shape}")
-    values = np.empty(matrix.shape, np.float32)
+    check_room(4 * matrix.size, path)
+    with within_memory(path):
+        values = np.empty(matrix.shape, np.float32)
     # Row by row: in float64, as similarities are subtracted, a large one would not fit.
     for place, row in enumerate(matrix):
         if not np.isfinite(row).all():

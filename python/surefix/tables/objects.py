@@ -3,14 +3,52 @@
 import io
 import pickle
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from surefix.errors import SurefixValueError, mismatch
 
+# The longest header of a .npy, in bytes: NumPy takes no longer ones.
+LONGEST = 1 << 16
 HOLDS = "an array of numbers, or of lists of numbers"
+
+
+class Header(NamedTuple):
+    """What a ``.npy`` says of its numbers, which begin at the byte ``end``."""
+
+    shape: tuple[int, ...]
+    fortran: bool
+    dtype: Any
+    end: int
+
+
+def header_of(file: BinaryIO) -> Header:
+    """The header at the start of a ``.npy``.
+
+    Raises
+    ------
+    ValueError, EOFError
+        If there is none.
+    """
+    version = np.lib.format.read_magic(file)
+    read: Any = np.lib.format
+    header = read.read_array_header_1_0 if version == (1, 0) else read.read_array_header_2_0
+    start = file.tell()
+    length = int.from_bytes(file.read(2 if version == (1, 0) else 4), "little")
+    if length > LONGEST:
+        raise ValueError(f"a header of {length} bytes")
+    file.seek(start)
+    try:
+        shape, fortran, dtype = header(file)
+    except EOFError:
+        raise
+    except Exception as error:  # It depends on the damaged bytes: those of Python's own parser.
+        raise ValueError(str(error)) from None
+    if any(side < 0 for side in shape):
+        raise ValueError(f"the shape {shape}")
+    return Header(shape, fortran, dtype, file.tell())
 
 
 def read_objects(file: BinaryIO, path: Path) -> npt.NDArray[Any]:
@@ -25,10 +63,7 @@ def read_objects(file: BinaryIO, path: Path) -> npt.NDArray[Any]:
         For any other object, and a file that is damaged.
     """
     try:
-        version = np.lib.format.read_magic(file)
-        read: Any = np.lib.format
-        header = read.read_array_header_1_0 if version == (1, 0) else read.read_array_header_2_0
-        shape, _, _ = header(file)
+        shape = header_of(file).shape
         array = _Restricted(io.BytesIO(file.read())).load()
     except SurefixValueError as error:
         raise mismatch(path, HOLDS, error) from None

@@ -262,7 +262,7 @@ def _json_lines(path: Path) -> tuple[list[int], Cells]:
             continue
         try:
             row = json.loads(line)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise mismatch(f"{path}, row {number}", "a JSON object a line", error) from None
         if not isinstance(row, dict) or {*OF_RUN} - {*row}:
             raise mismatch(

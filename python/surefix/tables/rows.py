@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import mismatch, refusal
+from surefix.errors import mismatch
+from surefix.tables.regular import OF_TEXT, read_bytes
 
 DECIMAL_COMMA = re.compile(r"^([-+]?\d+),(\d+)$")
 # Cells of a value that is not known.
@@ -19,12 +20,10 @@ UNKNOWN = frozenset({"", "nan", "na", "n/a", "none", "null", "<na>"})
 def read_text(path: Path, what: str = "the table") -> str:
     """A text file in UTF-8; ``what`` names it in an error."""
     try:
-        content = path.read_bytes()
+        content = read_bytes(path, f"cannot read {what}", OF_TEXT)
         # Excel's "Unicode text" is UTF-16, with a mark in front.
         wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         return content.decode("utf-16" if wide else "utf-8-sig")
-    except OSError as error:
-        raise refusal(path, f"cannot read {what}", error) from None
     except UnicodeDecodeError as error:
         raise mismatch(path, "a text file in UTF-8", error.reason) from None
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix.errors import mismatch
+from surefix.errors import SurefixError, mismatch
 from surefix.tables.npy import names_in, read_npy
 from surefix.tables.rows import UNKNOWN, cells_of, is_number, read_text
 
@@ -214,7 +214,9 @@ def _numbers(path: Path, query: int, item: Any) -> npt.NDArray[np.float64]:
 def _of_json(path: Path, places: int, queries: int) -> npt.NDArray[Any]:
     try:
         read = json.loads(read_text(path, "the truth"))
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, SurefixError):
+            raise
         raise mismatch(path, "a list in JSON", error) from None
     if isinstance(read, dict):
         missing = [query for query in range(queries) if str(query) not in read]

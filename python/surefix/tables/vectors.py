@@ -1,8 +1,9 @@
 """Ready descriptors in NumPy, safetensors, HDF5 and faiss files."""
 
+import math
 import os
 import re
-import zipfile
+import struct
 from collections import Counter
 from collections.abc import Callable, Sequence
 from os import PathLike
@@ -14,12 +15,25 @@ import numpy.typing as npt
 
 from surefix._extra import require
 from surefix.errors import SurefixError, SurefixValueError, mismatch, refusal
-from surefix.tables.npy import read_npy
+from surefix.tables.npy import names_in, read_member, read_npy
+from surefix.tables.regular import check_regular, check_room, within_memory
 
 Rows = npt.NDArray[Any]
 NUMBERS = ("float32", "float16", "int8", "uint8")
 # The number of names that an error lists.
 LISTED = 12
+# Of HDF5, the most bytes that a packed one may be: DEFLATE makes 1032 of one.
+PACKED = 2000
+# The first bytes of faiss's flat indices, and of some others.
+FLAT = (b"IxFI", b"IxF2", b"IxFl")
+OTHER = {
+    b"IxMp": "IndexIDMap",
+    b"IxM2": "IndexIDMap2",
+    b"IHNf": "IndexHNSWFlat",
+    b"IwFl": "IndexIVFFlat",
+    b"IwPQ": "IndexIVFPQ",
+    b"IxPT": "IndexPreTransform",
+}
 # How far from 1 the length of a normalised float32 vector may be.
 UNIT = 1e-3
 
@@ -72,12 +86,14 @@ def load(path: str | PathLike[str], key: str | None = None) -> Rows:
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
         raise SurefixValueError(f"{file}: expected a file that ends in {', '.join(ENDINGS)}")
+    check_regular(file, "cannot read the descriptors")
     try:
         with file.open("rb"):
             pass
     except OSError as error:
         raise refusal(file, "cannot read the descriptors", error) from None
-    return _checked(file, key, reader(file, key))
+    with within_memory(file):
+        return _checked(file, key, reader(file, key))
 
 
 def metric_of(path: str | PathLike[str]) -> Literal["cosine", "euclidean"] | None:
@@ -105,24 +121,18 @@ def _npy(path: Path, key: str | None) -> Rows:
 
 
 def _npz(path: Path, key: str | None) -> Rows:
-    try:
-        # Opened here: NumPy leaves a file open that is no archive.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise mismatch(path, "an archive (.npz)", "one array (.npy)")
-            array: Rows = archive[_one_of(path, key, archive.files)]
-    except (ValueError, EOFError, OSError, zipfile.BadZipFile, KeyError) as error:
-        if isinstance(error, SurefixError):
-            raise
-        raise _none(path, "a .npz archive", error) from None
-    return array
+    names = names_in(path, "the descriptors")
+    return read_member(path, _one_of(path, key, names), "the descriptors")
 
 
 def _safetensors(path: Path, key: str | None) -> Rows:
     library = require("safetensors", "a .safetensors file", "safetensors", "surefix[files]")
     try:
         with library.safe_open(path, framework="np") as tensors:
-            array: Rows = tensors.get_tensor(_one_of(path, key, list(tensors.keys())))
+            name = _one_of(path, key, list(tensors.keys()))
+            # Its type may be one that NumPy has not: at most 8 bytes a number.
+            check_room(8 * math.prod(tensors.get_slice(name).get_shape()), path)
+            array: Rows = tensors.get_tensor(name)
     except library.SafetensorError as error:
         raise _none(path, "a .safetensors file", error) from None
     except (TypeError, AttributeError) as error:
@@ -143,7 +153,9 @@ def _hdf5(path: Path, key: str | None) -> Rows:
 
             file.visititems(visit)
             return _data_set(path, key, found)
-    except OSError as error:
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        if isinstance(error, SurefixError):
+            raise
         raise _none(path, "an HDF5 file", error) from None
 
 
@@ -153,7 +165,7 @@ def _data_set(path: Path, key: str | None, found: dict[str, Any]) -> Rows:
     if key is None and len(found) == 1:
         (key,) = found
     if key in found:
-        return np.asarray(found[key])
+        return _numbers(path, found[key])
     folder, _, name = (key or "").rpartition("/")
     groups = {full: full.rpartition("/")[0] for full in found if full.rpartition("/")[2] == name}
     of_images = [full for full, group in groups.items() if group]
@@ -171,12 +183,26 @@ def _data_set(path: Path, key: str | None, found: dict[str, Any]) -> Rows:
         got = "no key" if key is None else f"the key {key!r}"
         raise mismatch(path, f"one of the data sets {short or '(there are none)'}", got)
     of_images.sort(key=_as_counted)
-    rows = [np.asarray(found[full]) for full in of_images]
+    first = found[of_images[0]]
+    check_room(2 * first.size * first.dtype.itemsize * len(of_images), path)
+    rows = [_numbers(path, found[full]) for full in of_images]
     for full, row in zip(of_images, rows, strict=True):
         if row.ndim != 1 or row.shape != rows[0].shape:
             expected = f"a vector of {rows[0].size} numbers as in the first group"
             raise mismatch(f"{path}, {full}", expected, f"the shape {row.shape}")
     return np.stack(rows)
+
+
+def _numbers(path: Path, data: Any) -> Rows:
+    """The numbers of a data set, which the file has: a shape alone is no reason to take memory."""
+    where, size = f"{path}, {data.name}", data.size * data.dtype.itemsize
+    if data.external:
+        raise mismatch(where, "numbers in this file", "a data set that lies in another file")
+    stored = data.id.get_storage_size()
+    if not data.is_virtual and size > PACKED * stored + PACKED:
+        raise mismatch(where, f"{size} bytes of numbers, of the shape {data.shape}", stored)
+    check_room(size, where)
+    return np.asarray(data)
 
 
 def _as_counted(name: str) -> list[tuple[int, int, str]]:
@@ -193,14 +219,12 @@ def _faiss(path: Path, key: str | None) -> Rows:
 def _read_index(path: Path) -> tuple[Rows, Literal["cosine", "euclidean"]]:
     """The vectors in a flat faiss index, and its metric."""
     library = require("faiss", "a faiss index", "faiss", "surefix[faiss]")
+    _check_flat(path)
     try:
-        index: Any = library.read_index(str(path))
+        with within_memory(path):
+            index: Any = library.read_index(str(path))
     except RuntimeError as error:
         raise _none(path, "a faiss index", str(error).strip().split("\n")[-1]) from None
-    if not isinstance(index, library.IndexFlat):
-        holds = "which holds the vectors themselves in their order"
-        expected = f"a flat index (IndexFlatL2, IndexFlatIP), {holds}"
-        raise mismatch(path, expected, type(index).__name__)
     empty: Rows = np.empty((0, index.d), np.float32)
     rows = index.reconstruct_n(0, index.ntotal) if index.ntotal else empty
     if index.metric_type == library.METRIC_L2:
@@ -213,6 +237,25 @@ def _read_index(path: Path) -> tuple[Rows, Literal["cosine", "euclidean"]]:
         got = f"lengths from {lengths.min():.4g} to {lengths.max():.4g}"
         raise mismatch(path, expected, got)
     return rows, "cosine"
+
+
+def _check_flat(path: Path) -> None:
+    """Refuses another index than a flat one, and one that claims more vectors than the file has."""
+    length = check_regular(path, "cannot read the descriptors")
+    with path.open("rb") as file:
+        start = file.read(16)
+    mark = start[:4]
+    if len(start) < 16 or not re.fullmatch(rb"I[\x21-\x7e]{3}", mark):
+        raise _none(path, "a faiss index", "it does not begin as one does")
+    if mark not in FLAT:
+        name = OTHER.get(mark, repr(mark.decode()))
+        holds = "which holds the vectors themselves in their order"
+        raise mismatch(path, f"a flat index (IndexFlatL2, IndexFlatIP), {holds}", name)
+    dim, count = struct.unpack("<iq", start[4:])
+    if dim < 0 or count < 0 or 4 * dim * count > length:
+        expected = f"{count} vectors of {dim} numbers, as a faiss index says"
+        raise mismatch(path, expected, f"{length} bytes")
+    check_room(2 * length, path)
 
 
 _READERS: dict[str, Callable[[Path, str | None], Rows]] = {

@@ -188,7 +188,7 @@ def test_other_endings_and_other_numbers_are_refused(tmp_path: Path) -> None:
     with pytest.raises(surefix.SurefixValueError, match=r"got the shape \(2, 6, 7\)"):
         load(write(tmp_path / "a.npy", ROWS.reshape(2, 6, 7)[:, :, :].copy()))
     np.save(tmp_path / "a.npy", np.array([{}], dtype=object), allow_pickle=True)
-    with pytest.raises(surefix.SurefixValueError, match=r"not a \.npy array"):
+    with pytest.raises(surefix.SurefixValueError, match="got one of Python objects"):
         load(tmp_path / "a.npy")
 
 

@@ -4,6 +4,7 @@ import csv
 import io
 import logging
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
@@ -391,10 +392,29 @@ def test_the_limit_of_a_panorama_is_surefix_s_and_can_be_raised(
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", None)
     path = tmp_path / "panorama.png"
     Image.new("RGB", (2200, 1100)).save(path)
-    monkeypatch.setenv("SUREFIX_MAX_IMAGE_MIB", "6")
-    with pytest.raises(surefix.SurefixValueError) as caught:
-        surefix.read_image(path)
-    for words in ("panorama.png", "2200 x 1100", "7 MiB", "surefix", "SUREFIX_MAX_IMAGE_MIB=7"):
-        assert words in str(caught.value)
-    monkeypatch.setenv("SUREFIX_MAX_IMAGE_MIB", "7")
-    assert surefix.read_image(path).shape == (1100, 2200, 3)
+    Image.new("RGB", (2200, 1100)).save(tmp_path / "foreign.avif")
+    write_video(tmp_path / "drive.mp4", pictures(2), codec="libx264", pixels="yuv420p")
+    before = surefix.max_pixels()
+    try:
+        surefix.set_max_pixels(2_400_000)
+        for name in ("panorama.png", "foreign.avif"):
+            with pytest.raises(surefix.SurefixValueError) as caught:
+                surefix.read_image(tmp_path / name)
+            for words in (name, "2200 x 1100", "surefix", "max_pixels = 2400000", "2420000"):
+                assert words in str(caught.value)
+        surefix.set_max_pixels(2_420_000)
+        assert surefix.read_image(path).shape == (1100, 2200, 3)
+        assert surefix.read_image(tmp_path / "foreign.avif").shape == (1100, 2200, 3)
+        surefix.set_max_pixels(3071)
+        with pytest.raises(surefix.SurefixValueError, match="64 x 48 pixels count as 3072"):
+            VideoFrames(tmp_path / "drive.mp4")
+        for wrong in (0, -1, 1.5, "many"):
+            with pytest.raises(surefix.SurefixValueError, match="a whole number above 0"):
+                surefix.set_max_pixels(wrong)
+        shutil.copy(path, tmp_path / "panorama2.png")
+        command = ["map", "build", tmp_path, "-o", tmp_path / "m", "--max-pixels"]
+        refused = surefix_(*command, 2_400_000, code=1)
+        assert "2200 x 1100 pixels" in refused.stderr
+        assert "--max-pixels" in refused.stderr
+    finally:
+        surefix.set_max_pixels(before)
