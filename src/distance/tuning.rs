@@ -40,7 +40,7 @@ impl Tuning {
     };
     const ZEN: Self = Self { narrow: Reading { rows: 4, ahead: 4096 }, ..Self::USUAL };
     const ZEN_BEYOND_THE_CACHE: Self =
-        Self { f32s: Reading { rows: 1, ahead: 16_384 }, bytes: 8192, ..Self::ZEN };
+        Self { f32s: Reading { rows: 1, ahead: 12_288 }, bytes: 8192, ..Self::ZEN };
 
     /// All that are chosen from.
     #[cfg(test)]
