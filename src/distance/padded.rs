@@ -28,9 +28,10 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
     }
 
     /// `side` rows are read side by side, and memory is prefetched that is read `ahead` bytes later
-    /// in each: near the end of a row, that is a row on, past those beside it. Gives the blocks of a
-    /// row in two parts, each with the distance to that memory in bytes. A row alone is not parted:
-    /// two loops would take turns, and Zen's own prefetch follows each instruction by itself.
+    /// in each: near the end of a row, that is a row on, past those beside it. Gives the blocks of
+    /// a row in two parts, each with the distance to that memory in bytes. A row alone is not
+    /// parted: two loops would take turns, and Zen's own prefetch follows each instruction by
+    /// itself.
     #[inline(always)]
     pub(super) fn ahead_of<R>(&self, side: usize, ahead: usize) -> [(Range<usize>, usize); 2] {
         let (row, count) = (self.dim * size_of::<R>(), self.blocks.len());
