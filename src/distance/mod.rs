@@ -18,6 +18,9 @@
 //!   fused with their addition or not: two numbers of 24 bits have a product of 48, which f64 holds
 //!   as it is.
 //!
+//! In which order rows are read, and how far ahead memory is prefetched, depends on the processor's
+//! maker and the map's size ([`Tuning`]). It changes the speed only.
+//!
 //! So a manhattan or euclidean distance has the relative error of its differences, at most `2^-24`,
 //! that of its f64 sum, at most `(dim / 16 + 8) 2^-53`, and then the one rounding to f32: up to
 //! tens of millions of numbers a row it is within two units in the last place of the true one. The
@@ -34,6 +37,7 @@ mod scan;
 mod term;
 #[cfg(test)]
 mod tests;
+mod tuning;
 
 use crate::dtype::Dtype;
 use crate::error::Error;
@@ -42,6 +46,7 @@ use crate::simd::{Byte, Isa, Number};
 use term::{Differences, Products, Squares};
 
 pub use metric::Metric;
+pub(crate) use tuning::Tuning;
 
 /// The rows of a map as the kernels see them.
 #[derive(Clone, Copy)]
@@ -55,6 +60,8 @@ pub(crate) struct Rows<'a> {
     pub(crate) norms: &'a [f64],
     /// The instruction set of the kernels. It decides the speed only.
     pub(crate) isa: Isa,
+    /// How they read the rows. It decides the speed only, too.
+    pub(crate) tuning: Tuning,
 }
 
 /// A query that has been checked: it can be compared with the rows of a map.
@@ -104,39 +111,42 @@ pub(crate) fn distances(query: Query<'_>, rows: Rows<'_>, out: &mut [f32]) {
 
 /// Writes the sum of the products of `query`, numbers of up to 14 bits, with each row of signed
 /// bytes into `out`, which has a number for each row: the exact sum, rounded once.
-pub(crate) fn short_products(isa: Isa, query: &[i16], rows: &[i8], out: &mut [f32]) {
-    scan::shorts(isa, query, rows, out, |_, sum| sum as f32);
+pub(crate) fn short_products(how: (Isa, Tuning), query: &[i16], rows: &[i8], out: &mut [f32]) {
+    scan::shorts(how, query, rows, out, |_, sum| sum as f32);
 }
 
 /// Writes the product of `vector` with each row into `out`, which has a number for each row: summed
 /// in f64, rounded once.
 pub(crate) fn products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f32]) {
-    scan::floats::<Products, _, _, _>(isa, vector, rows, out, |_, sum| sum as f32);
+    let how = (isa, Tuning::of(size_of_val(rows)));
+    scan::floats::<Products, _, _, _>(how, vector, rows, out, |_, sum| sum as f32);
 }
 
 /// The same, not rounded.
 #[cfg(feature = "pca")]
 pub(crate) fn wide_products(isa: Isa, vector: &[f32], rows: &[f32], out: &mut [f64]) {
-    scan::floats::<Products, _, _, _>(isa, vector, rows, out, |_, sum| sum);
+    let how = (isa, Tuning::of(size_of_val(rows)));
+    scan::floats::<Products, _, _, _>(how, vector, rows, out, |_, sum| sum);
 }
 
 /// The distances of bytes to bytes, exact until the one rounding at the end.
 fn bytes<B: Byte>(query: &[B], values: &[B], length: f64, rows: Rows<'_>, out: &mut [f32]) {
-    let Rows { dim, metric, unit, norms, isa, .. } = rows;
+    let Rows { dim, metric, unit, norms, isa, tuning, .. } = rows;
+    let how = (isa, tuning);
     match metric {
         Metric::Manhattan => {
             let count = dim as f64 * unit;
-            scan::bytes::<Differences, _, _>(isa, query, values, out, |_, sum| {
+            scan::bytes::<Differences, _, _>(how, query, values, out, |_, sum| {
                 (sum as f64 / count) as f32
             });
         }
         Metric::Euclidean => {
             let finish = |_, sum| ((sum as f64).sqrt() / unit) as f32;
-            scan::bytes::<Squares, _, _>(isa, query, values, out, finish);
+            scan::bytes::<Squares, _, _>(how, query, values, out, finish);
         }
         Metric::Cosine => {
             let finish = |row: usize, sum| cosine(sum as f64, length, norms[row]);
-            scan::bytes::<Products, _, _>(isa, query, values, out, finish);
+            scan::bytes::<Products, _, _>(how, query, values, out, finish);
         }
     }
 }
@@ -149,21 +159,22 @@ fn floats<Q: Number, R: Number>(
     rows: Rows<'_>,
     out: &mut [f32],
 ) {
-    let Rows { dim, metric, unit, norms, isa, .. } = rows;
+    let Rows { dim, metric, unit, norms, isa, tuning, .. } = rows;
+    let how = (isa, tuning);
     match metric {
         Metric::Manhattan => {
             let count = dim as f64 * unit;
-            scan::floats::<Differences, _, _, _>(isa, query, values, out, |_, sum| {
+            scan::floats::<Differences, _, _, _>(how, query, values, out, |_, sum| {
                 (sum / count) as f32
             });
         }
         Metric::Euclidean => {
             let finish = |_, sum: f64| (sum.sqrt() / unit) as f32;
-            scan::floats::<Squares, _, _, _>(isa, query, values, out, finish);
+            scan::floats::<Squares, _, _, _>(how, query, values, out, finish);
         }
         Metric::Cosine => {
             let finish = |row: usize, sum| cosine(sum, length, norms[row]);
-            scan::floats::<Products, _, _, _>(isa, query, values, out, finish);
+            scan::floats::<Products, _, _, _>(how, query, values, out, finish);
         }
     }
 }
@@ -179,11 +190,12 @@ pub(crate) fn norm(row: View<'_>) -> f64 {
 
 fn norm_on(row: View<'_>, isa: Isa) -> f64 {
     let mut square = [0.0];
+    let how = (isa, Tuning::of(row.bytes().len()));
     match row {
-        View::U8(v) => scan::bytes::<Products, _, _>(isa, v, v, &mut square, |_, sum| sum as f64),
-        View::I8(v) => scan::bytes::<Products, _, _>(isa, v, v, &mut square, |_, sum| sum as f64),
-        View::F16(v) => scan::floats::<Products, _, _, _>(isa, v, v, &mut square, |_, sum| sum),
-        View::F32(v) => scan::floats::<Products, _, _, _>(isa, v, v, &mut square, |_, sum| sum),
+        View::U8(v) => scan::bytes::<Products, _, _>(how, v, v, &mut square, |_, sum| sum as f64),
+        View::I8(v) => scan::bytes::<Products, _, _>(how, v, v, &mut square, |_, sum| sum as f64),
+        View::F16(v) => scan::floats::<Products, _, _, _>(how, v, v, &mut square, |_, sum| sum),
+        View::F32(v) => scan::floats::<Products, _, _, _>(how, v, v, &mut square, |_, sum| sum),
     }
     square[0].sqrt()
 }

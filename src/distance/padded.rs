@@ -27,15 +27,21 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
         &values[start..start + self.dim].as_chunks().0[..self.blocks.len()]
     }
 
-    /// A row and the next are read side by side, and memory is prefetched that is read `ahead`
-    /// bytes later in each: near the end of a row, that is two rows on. Gives the blocks of a row
-    /// in two parts, each with the distance to that memory in bytes.
+    /// `side` rows are read side by side, and memory is prefetched that is read `ahead` bytes later
+    /// in each: near the end of a row, that is a row on, past those beside it. Gives the blocks of
+    /// a row in two parts, each with the distance to that memory in bytes. A row alone is not
+    /// parted: two loops would take turns, and Zen's own prefetch follows each instruction by
+    /// itself.
     #[inline(always)]
-    pub(super) fn ahead_of_two<R>(&self, ahead: usize) -> [(Range<usize>, usize); 2] {
+    pub(super) fn ahead_of<R>(&self, side: usize, ahead: usize) -> [(Range<usize>, usize); 2] {
         let (row, count) = (self.dim * size_of::<R>(), self.blocks.len());
+        if side == 1 {
+            return [(0..count, ahead), (count..count, ahead)];
+        }
         let (rows, rest) = (ahead / row.max(1), ahead % row.max(1));
         let here = (row - rest).div_ceil(WIDTH * size_of::<R>()).min(count);
-        [(0..here, ahead + rows * row), (here..count, ahead + (rows + 1) * row)]
+        let beside = (side - 1) * row;
+        [(0..here, ahead + rows * beside), (here..count, ahead + (rows + 1) * beside)]
     }
 
     /// The last, broken block of a row, padded with zeros.

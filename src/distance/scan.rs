@@ -1,11 +1,13 @@
 //! A query against rows, written once for every [`Machine`].
 
+use std::array;
 use std::marker::PhantomData;
 
 use bytemuck::must_cast_ref;
 
 use super::padded::Padded;
 use super::term::Term;
+use super::tuning::{Reading, Tuning};
 use crate::simd::{BLOCK, Byte, Isa, Kernel, LANES, Machine, Number, run, scalar};
 
 /// The sums are emptied after this many blocks of bytes. A lane of 32 bits gets at most sixteen
@@ -20,47 +22,44 @@ const SHORTS_RUN: usize = 64;
 /// Blocks of a row that are taken at a time, each with sums of its own: none waits for another.
 const UNROLLED: usize = 4;
 
-/// A scan prefetches this many bytes ahead: by itself the CPU stops at the end of a page.
-const AHEAD: usize = 4096;
-/// Of f32, whose rows are read two at a time.
-const AHEAD_OF_F32: usize = 2560;
-/// Of bytes under a query of bytes.
-const AHEAD_OF_BYTES: usize = 2048;
-
 /// The sums of `T` over the query and each row of `values`, in f64, each handed to `finish` with
 /// its row's number.
 pub(super) fn floats<T: Term, Q: Number, R: Number, O>(
-    isa: Isa,
+    (isa, tuning): (Isa, Tuning),
     query: &[Q],
     values: &[R],
     out: &mut [O],
     finish: impl Fn(usize, f64) -> O,
 ) {
-    run(isa, Floats::<T, Q, R, O, _> { query, values, out, finish, term: PhantomData });
+    let single = size_of::<R>() == size_of::<f32>();
+    let reading = if single { tuning.f32s } else { tuning.narrow };
+    run(isa, Floats::<T, Q, R, O, _> { query, values, out, finish, reading, term: PhantomData });
 }
 
 /// The sums of `T` over the query and each row of `values`, exactly, each handed to `finish` with
 /// its row's number.
 pub(super) fn bytes<T: Term, B: Byte, O>(
-    isa: Isa,
+    (isa, tuning): (Isa, Tuning),
     query: &[B],
     values: &[B],
     out: &mut [O],
     finish: impl Fn(usize, i64) -> O,
 ) {
-    run(isa, Whole::<OfBytes<T, B>, O, _> { query, values, out, finish });
+    let ahead = tuning.bytes;
+    run(isa, Whole::<OfBytes<T, B>, O, _> { query, values, out, finish, ahead });
 }
 
 /// The sums of the products of numbers of up to 14 bits with the bytes of each row, exactly, each
 /// handed to `finish` with its row's number.
 pub(super) fn shorts<O>(
-    isa: Isa,
+    (isa, tuning): (Isa, Tuning),
     query: &[i16],
     values: &[i8],
     out: &mut [O],
     finish: impl Fn(usize, i64) -> O,
 ) {
-    run(isa, Whole::<OfShorts, O, _> { query, values, out, finish });
+    let ahead = tuning.bytes;
+    run(isa, Whole::<OfShorts, O, _> { query, values, out, finish, ahead });
 }
 
 struct Floats<'a, T, Q, R, O, F> {
@@ -68,7 +67,28 @@ struct Floats<'a, T, Q, R, O, F> {
     values: &'a [R],
     out: &'a mut [O],
     finish: F,
+    reading: Reading,
     term: PhantomData<T>,
+}
+
+impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Floats<'_, T, Q, R, O, F> {
+    #[inline(always)]
+    fn side_by_side<M: Machine, const ROWS: usize>(self, machine: M) {
+        let Self { query, values, out, finish, reading: Reading { ahead, .. }, .. } = self;
+        let query = Padded::new(query);
+        let (groups, alone) = out.as_chunks_mut::<ROWS>();
+        let first_alone = ROWS * groups.len();
+        for (first, out) in (0..).step_by(ROWS).zip(groups) {
+            let sums = sums::<M, T, Q, R, ROWS>(machine, &query, values, first, ahead);
+            for ((row, out), sum) in (first..).zip(out).zip(sums) {
+                *out = finish(row, sum);
+            }
+        }
+        for (row, out) in (first_alone..).zip(alone) {
+            let [sum] = sums::<M, T, Q, R, 1>(machine, &query, values, row, ahead);
+            *out = finish(row, sum);
+        }
+    }
 }
 
 impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Kernel
@@ -76,19 +96,10 @@ impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Kernel
 {
     #[inline(always)]
     fn simd<M: Machine>(self, machine: M) {
-        let query = Padded::new(self.query);
-        let (couples, alone) = if size_of::<R>() == size_of::<f32>() {
-            self.out.as_chunks_mut()
-        } else {
-            (&mut [][..], self.out)
-        };
-        let first_alone = 2 * couples.len();
-        for (couple, out) in couples.iter_mut().enumerate() {
-            let sums = two_sums::<M, T, Q, R>(machine, &query, self.values, 2 * couple);
-            *out = [0, 1].map(|at: usize| (self.finish)(2 * couple + at, sums[at]));
-        }
-        for (row, out) in (first_alone..).zip(alone) {
-            *out = (self.finish)(row, sum::<M, T, Q, R>(machine, &query, self.values, row));
+        match self.reading.rows {
+            4 => self.side_by_side::<M, 4>(machine),
+            2 => self.side_by_side::<M, 2>(machine),
+            _ => self.side_by_side::<M, 1>(machine),
         }
     }
 
@@ -106,6 +117,7 @@ struct Whole<'a, C: Counted, O, F> {
     values: &'a [C::Row],
     out: &'a mut [O],
     finish: F,
+    ahead: usize,
 }
 
 impl<C: Counted, O, F: Fn(usize, i64) -> O> Kernel for Whole<'_, C, O, F> {
@@ -114,7 +126,7 @@ impl<C: Counted, O, F: Fn(usize, i64) -> O> Kernel for Whole<'_, C, O, F> {
         let excess = C::excess::<M>(self.query);
         let query = Padded::new(self.query);
         for (row, out) in self.out.iter_mut().enumerate() {
-            let total = total::<M, C>(machine, &query, self.values, row);
+            let total = total::<M, C>(machine, &query, self.values, row, self.ahead);
             *out = (self.finish)(row, total - excess);
         }
     }
@@ -128,50 +140,33 @@ impl<C: Counted, O, F: Fn(usize, i64) -> O> Kernel for Whole<'_, C, O, F> {
     }
 }
 
-/// The sum of a row, in the lanes of method 1.6.
+/// The sums of some rows, which are read side by side, each in the lanes of method 1.6.
 #[inline(always)]
-fn sum<M: Machine, T: Term, Q: Number, R: Number>(
+fn sums<M: Machine, T: Term, Q: Number, R: Number, const ROWS: usize>(
     machine: M,
     query: &Padded<'_, Q, LANES>,
     values: &[R],
-    row: usize,
-) -> f64 {
-    let mut lanes = machine.lanes();
-    for (query, row) in query.blocks.iter().zip(query.row::<R>(values, row)) {
-        machine.fetch(row.as_ptr().wrapping_byte_add(AHEAD));
-        T::add(machine, &mut lanes, Q::load(machine, query), R::load(machine, row));
-    }
-    finish::<M, T, Q, R>(machine, lanes, query, values, row)
-}
-
-/// The sums of a row and the next, read side by side: each is the one that [`sum`] gives.
-#[inline(always)]
-fn two_sums<M: Machine, T: Term, Q: Number, R: Number>(
-    machine: M,
-    query: &Padded<'_, Q, LANES>,
-    values: &[R],
-    row: usize,
-) -> [f64; 2] {
-    let (mut first_lanes, mut second_lanes) = (machine.lanes(), machine.lanes());
-    let (first, second) = (query.row::<R>(values, row), query.row::<R>(values, row + 1));
-    for (blocks, ahead) in query.ahead_of_two::<R>(AHEAD_OF_F32) {
-        let (query, first, second) =
-            (&query.blocks[blocks.clone()], &first[blocks.clone()], &second[blocks]);
-        let [after_first, after_second] =
-            [first, second].map(|row| row.as_ptr().wrapping_byte_add(ahead));
-        let (first, second) = (&first[..query.len()], &second[..query.len()]);
+    first: usize,
+    ahead: usize,
+) -> [f64; ROWS] {
+    let mut lanes = [machine.lanes(); ROWS];
+    let rows: [_; ROWS] = array::from_fn(|at| query.row::<R>(values, first + at));
+    for (blocks, ahead) in query.ahead_of::<R>(ROWS, ahead) {
+        let query = &query.blocks[blocks.clone()];
+        let rows = rows.map(|row| &row[blocks.clone()][..query.len()]);
         for at in 0..query.len() {
-            machine.fetch(after_first.wrapping_add(at));
-            machine.fetch(after_second.wrapping_add(at));
             let query = Q::load(machine, &query[at]);
-            T::add(machine, &mut first_lanes, query, R::load(machine, &first[at]));
-            T::add(machine, &mut second_lanes, query, R::load(machine, &second[at]));
+            for (lanes, row) in lanes.iter_mut().zip(rows) {
+                machine.fetch(row.as_ptr().wrapping_add(at).wrapping_byte_add(ahead));
+                T::add(machine, lanes, query, R::load(machine, &row[at]));
+            }
         }
     }
-    [
-        finish::<M, T, Q, R>(machine, first_lanes, query, values, row),
-        finish::<M, T, Q, R>(machine, second_lanes, query, values, row + 1),
-    ]
+    let mut sums = [0.0; ROWS];
+    for ((row, sum), lanes) in (first..).zip(&mut sums).zip(lanes) {
+        *sum = finish::<M, T, Q, R>(machine, lanes, query, values, row);
+    }
+    sums
 }
 
 /// Adds the row's last, broken block, and the lanes.
@@ -283,6 +278,7 @@ fn total<M: Machine, C: Counted>(
     query: &Padded<'_, C::Query, BLOCK>,
     values: &[C::Row],
     row: usize,
+    ahead: usize,
 ) -> i64 {
     let run = UNROLLED * C::RUN;
     let mut total = 0;
@@ -291,9 +287,9 @@ fn total<M: Machine, C: Counted>(
         let ((queries, last_of_query), (rows, last_of_row)) =
             (query.as_chunks::<UNROLLED>(), row.as_chunks::<UNROLLED>());
         for (query, row) in queries.iter().zip(rows) {
-            count::<M, C>(machine, &mut counts, query, row);
+            count::<M, C>(machine, &mut counts, query, row, ahead);
         }
-        count::<M, C>(machine, &mut counts, last_of_query, last_of_row);
+        count::<M, C>(machine, &mut counts, last_of_query, last_of_row, ahead);
         for count in counts {
             total += C::total(machine, count);
         }
@@ -312,9 +308,10 @@ fn count<M: Machine, C: Counted>(
     counts: &mut [M::Counts; UNROLLED],
     query: &[[C::Query; BLOCK]],
     row: &[[C::Row; BLOCK]],
+    ahead: usize,
 ) {
     for (count, (query, row)) in counts.iter_mut().zip(query.iter().zip(row)) {
-        machine.fetch(row.as_ptr().cast::<u8>().wrapping_add(AHEAD_OF_BYTES));
+        machine.fetch(row.as_ptr().cast::<u8>().wrapping_add(ahead));
         *count = C::count(machine, *count, query, row);
     }
 }

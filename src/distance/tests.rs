@@ -7,7 +7,7 @@ use half::f16;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::{Metric, Query, Rows, distances, norm};
+use super::{Metric, Query, Rows, Tuning, distances, norm};
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::numbers::{Values, View};
@@ -75,21 +75,26 @@ fn run(metric: Metric, query: View<'_>, values: View<'_>, unit: f64) -> Result<V
         }
         _ => Vec::new(),
     };
-    let on = |isa| {
+    let on = |isa, tuning| {
         let mut out = vec![f32::NAN; values.len() / dim];
-        let rows = Rows { values, dim, metric, unit, norms: &norms, isa };
+        let rows = Rows { values, dim, metric, unit, norms: &norms, isa, tuning };
         distances(Query::new(query, rows)?, rows, &mut out);
         Ok(out)
     };
-    let plain = on(Isa::Scalar);
-    for isa in Isa::available() {
+    let plain = on(Isa::Scalar, Tuning::of(0));
+    for (isa, tuning) in every_way() {
         // Every bit: one unit off would be another answer on that machine.
-        match (&plain, on(isa)) {
+        match (&plain, on(isa, tuning)) {
             (Ok(plain), Ok(out)) => assert_eq!(bits(plain), bits(&out), "{isa}"),
             (plain, out) => assert_eq!(format!("{plain:?}"), format!("{out:?}"), "{isa}"),
         }
     }
     plain
+}
+
+/// Each instruction set of this processor, with each order of reading.
+fn every_way() -> impl Iterator<Item = (Isa, Tuning)> {
+    Isa::available().flat_map(|isa| Tuning::ALL.map(|tuning| (isa, tuning)))
 }
 
 fn bits(numbers: &[f32]) -> Vec<u32> {

@@ -142,7 +142,7 @@ impl GrowingMap {
             return Ok(Query { numbers: descriptor, length: 1.0 });
         }
         let none = part(descriptor, 0..0);
-        Query::new(descriptor, self.kind.rows(none, &[], self.isa))
+        Query::new(descriptor, self.kind.rows(none, &[], self.isa, 0))
     }
 
     /// Bytes of memory: rows, their lengths and the buffer of the file.
@@ -291,12 +291,12 @@ impl GrowingMap {
     pub(crate) fn scan(&mut self, query: Query<'_>, out: &mut [f32]) -> Result<(), Error> {
         let nothing = self.shows_nothing(query.numbers);
         let Self { kind, isa, step, full, open, buffer, file, .. } = self;
-        let dim = kind.dim;
+        let (dim, all) = (kind.dim, out.len());
         let compare = |rows: View<'_>, norms: &[f64], out: &mut [f32]| {
             let count = out.len();
             let rows = part(rows, 0..count * dim);
             let norms = norms.get(..count).unwrap_or_default();
-            distance::distances(query, kind.rows(rows, norms, *isa), out);
+            distance::distances(query, kind.rows(rows, norms, *isa, all), out);
         };
         let mut chunks = out.chunks_mut(*step);
         let mut read = 0;

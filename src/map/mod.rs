@@ -282,7 +282,7 @@ impl Map {
         rows: Range<usize>,
         mut work: impl FnMut(Rows<'_>, Range<usize>),
     ) {
-        let dim = self.kind.dim;
+        let (dim, all) = (self.kind.dim, self.rows());
         let (mut start, mut done) = (0, 0);
         for blocks in self.all_blocks() {
             let end = start + blocks.rows();
@@ -292,7 +292,8 @@ impl Map {
                 blocks.each(own, |block, within, out| {
                     let values = block::part(block.rows(), within.start * dim..within.end * dim);
                     let norms = block.norms().get(within).unwrap_or_default();
-                    work(self.kind.rows(values, norms, self.isa), done + out.start..done + out.end);
+                    let rows = self.kind.rows(values, norms, self.isa, all);
+                    work(rows, done + out.start..done + out.end);
                 });
             }
             (start, done) = (end, done + count);
@@ -308,7 +309,7 @@ impl Map {
     /// No rows, to check a query against.
     pub(crate) fn no_rows(&self) -> Rows<'_> {
         let values = block::part(self.blocks.first(), 0..0);
-        self.kind.rows(values, &[], self.isa)
+        self.kind.rows(values, &[], self.isa, 0)
     }
 
     /// A hash of everything that decides a distance: a snapshot identifies its map by it. Computed

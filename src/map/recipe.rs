@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::Map;
 use crate::descriptor::Sad;
-use crate::distance::{Metric, Rows};
+use crate::distance::{Metric, Rows, Tuning};
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::numbers::View;
@@ -48,13 +48,20 @@ pub(super) struct Kind {
 }
 
 impl Kind {
-    /// Rows of this kind, as the kernels take them.
-    pub(super) fn rows<'a>(&self, values: View<'a>, norms: &'a [f64], isa: Isa) -> Rows<'a> {
+    /// Rows of this kind, as the kernels take them: some of `all`.
+    pub(super) fn rows<'a>(
+        &self,
+        values: View<'a>,
+        norms: &'a [f64],
+        isa: Isa,
+        all: usize,
+    ) -> Rows<'a> {
+        let tuning = Tuning::of(all * self.dim * self.dtype.size());
         let unit = match self.recipe {
             Recipe::Sad(sad) => sad.unit(),
             Recipe::Ready => 1.0,
         };
-        Rows { values, dim: self.dim, metric: self.metric, unit, norms, isa }
+        Rows { values, dim: self.dim, metric: self.metric, unit, norms, isa, tuning }
     }
 }
 

@@ -10,7 +10,7 @@
 
 use std::ops::{Add as _, Range};
 
-use crate::distance::{Metric, Query, short_products};
+use crate::distance::{Metric, Query, Tuning, short_products};
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::map::{Codes, Map, Storage};
@@ -236,7 +236,7 @@ impl Codes {
     pub(crate) fn scan(&self, isa: Isa, codes: &[i16], places: Range<usize>, out: &mut [f32]) {
         if let View::I8(rows) = self.rows.view() {
             short_products(
-                isa,
+                (isa, Tuning::of(rows.len())),
                 codes,
                 &rows[places.start * codes.len()..places.end * codes.len()],
                 out,

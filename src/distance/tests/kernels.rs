@@ -5,10 +5,11 @@ use std::any::type_name;
 
 use half::f16;
 
+use super::every_way;
 use crate::distance::scan;
 use crate::distance::term::{Differences, Products, Squares, Term};
 use crate::random::SplitMix64;
-use crate::simd::{Byte, Isa, Number};
+use crate::simd::{Byte, Number};
 
 /// Numbers that rows and queries are cut from, at any start.
 const POOL: usize = 1 << 13;
@@ -177,10 +178,10 @@ fn check_floats<T: Term + Rounded, Q: Number + Drawn, R: Number + Drawn>(
         })
         .collect();
     let mut out = vec![f64::NAN; rows];
-    for isa in Isa::available() {
-        scan::floats::<T, Q, R, f64>(isa, query, values, &mut out, |_, sum| sum);
+    for how in every_way() {
+        scan::floats::<T, Q, R, f64>(how, query, values, &mut out, |_, sum| sum);
         let same = out.iter().zip(&expected).all(|(a, b)| a.to_bits() == b.to_bits());
-        assert!(same, "{isa} {} {dim}: {out:?} {expected:?}", type_name::<(T, Q, R)>());
+        assert!(same, "{how:?} {} {dim}: {out:?} {expected:?}", type_name::<(T, Q, R)>());
     }
 }
 
@@ -191,9 +192,9 @@ fn check_bytes<T: Term, B: Byte>(query: &[B], values: &[B], rows: usize) {
         |row: usize| query.iter().zip(&values[row * dim..(row + 1) * dim]).map(term).sum::<i64>();
     let expected: Vec<i64> = (0..rows).map(sum).collect();
     let mut out = vec![-1; rows];
-    for isa in Isa::available() {
-        scan::bytes::<T, B, i64>(isa, query, values, &mut out, |_, sum| sum);
-        assert_eq!(out, expected, "{isa} {} {dim}", type_name::<(T, B)>());
+    for how in every_way() {
+        scan::bytes::<T, B, i64>(how, query, values, &mut out, |_, sum| sum);
+        assert_eq!(out, expected, "{how:?} {} {dim}", type_name::<(T, B)>());
     }
 }
 
@@ -205,9 +206,9 @@ fn check_shorts(query: &[i16], values: &[i8], rows: usize) {
     };
     let expected: Vec<i64> = (0..rows).map(sum).collect();
     let mut out = vec![-1; rows];
-    for isa in Isa::available() {
-        scan::shorts(isa, query, values, &mut out, |_, sum| sum);
-        assert_eq!(out, expected, "{isa} {dim}");
+    for how in every_way() {
+        scan::shorts(how, query, values, &mut out, |_, sum| sum);
+        assert_eq!(out, expected, "{how:?} {dim}");
     }
 }
 
