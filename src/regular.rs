@@ -1,10 +1,8 @@
 //! Files to be read: regular ones. A pipe may never end, and a device never does.
 
 use std::fs::{self, File, Metadata};
-use std::io::{self, Read as _};
+use std::io;
 use std::path::Path;
-
-use crate::memory;
 
 /// Opens a regular file, and gives its length.
 ///
@@ -23,6 +21,7 @@ pub(crate) fn open(path: &Path) -> io::Result<(File, u64)> {
 ///
 /// # Errors
 /// As for [`open`], and one in words for a longer file.
+#[cfg(any(feature = "image", feature = "toml"))]
 pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let (file, length) = open(path)?;
     if length > most {
@@ -30,9 +29,9 @@ pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
         return Err(io::Error::other(long));
     }
     let mut bytes = Vec::new();
-    memory::reserve(&mut bytes, length as usize)?;
+    crate::memory::reserve(&mut bytes, length as usize)?;
     // It may have become longer since.
-    file.take(most).read_to_end(&mut bytes)?;
+    io::Read::read_to_end(&mut io::Read::take(file, most), &mut bytes)?;
     Ok(bytes)
 }
 
