@@ -20,15 +20,18 @@ TOOLS := .tools/bin
 # What the public names are compared with: the last release before this commit, or the commit before it.
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
-.PHONY: demo test test-long fuzz fuzz-seeds quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
+.PHONY: demo test test-long soak asan tsan mutants fuzz fuzz-seeds quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
 .PHONY: clippy style types rivals-quick stubs clean help capi capi-check header
 .PHONY: sdist release-check check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
 help:
 	@echo "make demo    a generated route, mapped and localized along, with a report in out/demo"
 	@echo "make test    every check: formatting, lints, Rust, the wheel, Python, examples, the demo"
-	@echo "make test-long            the kernels once more, 100,000 cases each"
 	@echo "make fuzz                 files, images, settings and the method under libFuzzer, HOURS=1 each; or SECONDS=60"
+	@echo "make test-long            the properties once more, ten times as many cases: 100,000 a kernel"
+	@echo "make soak    drives of ten million pushes (PUSHES): allocator calls, memory, latency; LOAD=1 with busy cores; PAGE=1"
+	@echo "make asan    the Rust tests under AddressSanitizer; make tsan: threads under ThreadSanitizer, with Rust's sources"
+	@echo "make mutants code changed on purpose: the tests must notice (SHARD=0/8 for an eighth)"
 	@echo "make quick   after an edit: Rust's unit tests, and Python's without the slow ones"
 	@echo "make stubs   the docstrings of the binding, copied into its stub"
 	@echo "make docs    the documentation, in out/docs/index.html"
@@ -89,10 +92,34 @@ style: $(VENV)/dev
 	$(BIN)/ruff check python tests benches examples fuzz packaging ros2 docs/*.py docs/_ext
 	$(BIN)/ruff format --check python tests benches examples fuzz packaging ros2 docs/*.py docs/_ext
 
-# Every kernel in ten times as many cases; 10,000 roads against the oracle.
+# Every property in ten times as many cases: 100,000 for a kernel. 10,000 roads and tracks against the oracle.
 test-long: $(VENV)/installed $(VENV)/dev
-	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib kernels
-	LONG=1 $(BIN)/python -m pytest -n auto tests/python/core/test_differential.py
+	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib --test all
+	LONG=1 $(BIN)/python -m pytest -n auto $(DIFFERENTIAL)
+DIFFERENTIAL := tests/python/core/test_differential.py tests/python/core/test_track.py tests/python/core/test_track_roads.py
+
+# Allocator calls and growing memory fail; PAGE=1 puts the figures into docs/reliability.md.
+PUSHES ?= 10000000
+soak: $(VENV)/dev
+	$(BIN)/python benches/python/soak.py --pushes $(PUSHES) $(if $(LOAD),--load) $(if $(PAGE),--page docs/reliability.md)
+
+# The sanitizers belong to the compiler: RUSTC_BOOTSTRAP lets a stable one use them. With --target, build scripts go
+# without.
+SANITIZED := RUSTC_BOOTSTRAP=1 PROPTEST_CASES=$(or $(PROPTEST_CASES),500) cargo test --locked --target $$(rustc --print host-tuple) --profile quick
+asan:
+	RUSTFLAGS=-Zsanitizer=address $(SANITIZED) --all-features --lib --tests
+
+# Threads without rayon, whose fences ThreadSanitizer does not know. It must see the standard library, too: the
+# component rust-src.
+tsan:
+	$(TSAN) --lib scan::
+	$(TSAN) --test threads_realtime
+	$(TSAN) --test soak --test all -- threads
+TSAN = RUSTFLAGS=-Zsanitizer=thread $(SANITIZED) -Zbuild-std --no-default-features --features mmap
+
+# Stopped, it goes on where it was. Without a SHARD it takes hours.
+mutants: $(TOOLS)/cargo-mutants
+	PROPTEST_CASES=64 $(TOOLS)/cargo-mutants mutants --iterate --output target --sharding round-robin $(if $(SHARD),--shard $(SHARD))
 
 # Each target of fuzz/ for a time, one a core; corpora stay in fuzz/corpus, findings in fuzz/artifacts. A minute each:
 # make fuzz SECONDS=60. Some only: make fuzz TARGETS="map snapshot".

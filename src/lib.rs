@@ -60,6 +60,8 @@
 
 mod archive;
 mod batch;
+#[cfg(test)]
+mod cases;
 mod config;
 mod descriptor;
 mod distance;

@@ -1,5 +1,4 @@
 //! What a control loop needs: no allocation, no lock, values that can be copied and sent.
-#![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 #[macro_use]
@@ -8,15 +7,16 @@ mod options;
 
 #[path = "all/cases.rs"]
 mod cases;
+#[path = "all/counting.rs"]
+mod counting;
 #[path = "../src/random.rs"]
 mod random;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 use std::thread;
 
 use cases::{DTYPES, Kind, all_bits, columns, numbers};
+use counting::allocations;
 use random::SplitMix64;
 use surefix::calibration::{Alarm, Calibrate, calibrate};
 use surefix::evaluate::Match;
@@ -25,52 +25,6 @@ use surefix::{
     LoopCloser, LoopConfig, Map, Matcher, Metric, Motion, Post, Run, Sad, Segments, Step, Values,
     View,
 };
-
-/// The system's allocator, counting what each thread asks of it.
-struct Counting;
-
-thread_local! {
-    static CALLS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: every method hands its arguments on to `System` unchanged; a counter without a destructor
-// is no allocation.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        CALLS.set(CALLS.get() + 1);
-        // SAFETY: the caller's promise is `System`'s.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        // Giving memory back can take as long as getting it: it counts.
-        CALLS.set(CALLS.get() + 1);
-        // SAFETY: the caller's promise is `System`'s.
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        CALLS.set(CALLS.get() + 1);
-        // SAFETY: the caller's promise is `System`'s.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        CALLS.set(CALLS.get() + 1);
-        // SAFETY: the caller's promise is `System`'s.
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// How often `work` called the allocator.
-fn allocations(work: impl FnOnce()) -> usize {
-    let before = CALLS.get();
-    work();
-    CALLS.get() - before
-}
 
 #[test]
 fn a_loop_closer_allocates_for_blocks_of_places_and_nothing_within_what_is_reserved() {

@@ -1,6 +1,5 @@
 //! A push with several threads allocates nothing, on none of them. (The counter is the whole
 //! process's: one test, by itself.)
-#![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 #[macro_use]
@@ -9,38 +8,16 @@ mod options;
 
 #[path = "all/cases.rs"]
 mod cases;
+#[path = "all/counting.rs"]
+mod counting;
 #[path = "../src/random.rs"]
 mod random;
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cases::{DTYPES, numbers};
+use counting::calls;
 use surefix::{Config, Dtype, Localizer, Map, Metric};
-
-/// The system's allocator, counting the calls of all threads.
-struct Counting;
-
-static CALLS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every method hands its arguments on to `System` unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        CALLS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise is `System`'s.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        CALLS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise is `System`'s.
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_pool_allocates_nothing_after_its_first_frame() {
@@ -61,8 +38,8 @@ fn a_pool_allocates_nothing_after_its_first_frame() {
         // A thread that is still being started allocates for itself: it has had its time.
         std::thread::sleep(std::time::Duration::from_millis(200));
         push();
-        let before = CALLS.load(Ordering::Relaxed);
+        let before = calls();
         (0..20).for_each(|_| push());
-        assert_eq!(CALLS.load(Ordering::Relaxed) - before, 0, "{dtype}");
+        assert_eq!(calls() - before, 0, "{dtype}");
     }
 }

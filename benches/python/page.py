@@ -145,12 +145,12 @@ def three(number: float) -> str:
     return f"{number:.{0 if number >= 100 else 1 if number >= 10 else 2}f}"
 
 
-def replaced(page: str, part: str) -> str:
+def replaced(page: str, part: str, first: str = BEGIN, last: str = END) -> str:
     """The page with `part` between its marks."""
-    before, begin, rest = page.partition(BEGIN)
-    _old, end, after = rest.partition(END)
-    if not (begin and end) or BEGIN in after or END in before + after:
-        raise ValueError(f"expected the lines {BEGIN} and {END} once each, in this order")
+    before, begin, rest = page.partition(first)
+    _old, end, after = rest.partition(last)
+    if not (begin and end) or first in after or last in before + after:
+        raise ValueError(f"expected the lines {first} and {last} once each, in this order")
     return f"{before}{begin}\n\n{part}\n{end}{after}"
 
 

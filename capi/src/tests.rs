@@ -1,8 +1,6 @@
 //! What only Rust can see: memory that is asked for, a panic, a second thread.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::ffi::{CStr, CString};
 use std::mem::MaybeUninit;
 use std::ptr;
@@ -16,37 +14,9 @@ use crate::localizer::*;
 use crate::map::*;
 use crate::options::*;
 
-/// The system's allocator, counting what each thread asks of it.
-struct Counting;
-
-thread_local! {
-    static CALLS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: every method hands its arguments on to `System` unchanged; a counter without a destructor
-// is no allocation. `realloc` and `alloc_zeroed` call these by default.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        CALLS.set(CALLS.get() + 1);
-        // SAFETY: the caller's promise is `System`'s.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        CALLS.set(CALLS.get() + 1);
-        // SAFETY: the caller's promise is `System`'s.
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn allocations(work: impl FnOnce()) -> usize {
-    let before = CALLS.get();
-    work();
-    CALLS.get() - before
-}
+#[path = "../../tests/all/counting.rs"]
+mod counting;
+use counting::allocations;
 
 /// A localizer through the functions of the header.
 struct Robot(*mut Localizer);

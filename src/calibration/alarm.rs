@@ -223,8 +223,11 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::cases::cases;
 
     proptest! {
+        #![proptest_config(cases(300))]
+
         /// Whatever has come, the next block leaves the evidence as it is on average, if it is as
         /// likely to lie between any two of those that came.
         #[test]

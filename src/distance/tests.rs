@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 use super::{Metric, Query, Rows, Tuning, distances, norm};
+use crate::cases::cases;
 use crate::dtype::Dtype;
 use crate::error::Error;
 use crate::numbers::{Values, View};
@@ -155,7 +156,7 @@ fn every_length_around_the_blocks() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(10_000))]
 
     #[test]
     fn every_metric_is_its_formula(

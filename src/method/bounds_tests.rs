@@ -7,6 +7,7 @@ use proptest::sample::select;
 
 use super::tests::route;
 use super::{Column, Exact, Fix, Given, Matcher};
+use crate::cases::cases;
 use crate::config::{Config, Floor, Gradient};
 use crate::motion::Motion;
 use crate::random::SplitMix64;
@@ -92,7 +93,7 @@ fn config(places: usize) -> impl Strategy<Value = Config> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(20_000))]
 
     #[test]
     fn bounds_change_no_answer(

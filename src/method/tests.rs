@@ -12,15 +12,12 @@ use super::sequence::SequenceSearch;
 use super::single::{Single, checked_minimum, minimum};
 use super::trust::{Anchor, Anchors};
 use super::window::{Ring, Window};
+use crate::cases::cases;
 use crate::config::{Config, Gradient};
 use crate::error::Error;
 use crate::random::SplitMix64;
 use crate::segments::Segments;
 use crate::simd::{Compiled, Isa};
-
-fn cases() -> ProptestConfig {
-    ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() }
-}
 
 /// Whole numbers and halves that tie, both zeros, and now and then any number of like size.
 fn number() -> impl Strategy<Value = f32> {
@@ -151,7 +148,7 @@ impl Compiled for Estimate<'_> {
 }
 
 proptest! {
-    #![proptest_config(cases())]
+    #![proptest_config(cases(10_000))]
 
     #[test]
     fn first_better_is_argmin_and_argmax_where_they_beat_the_best(numbers in numbers(1..200), best in number()) {

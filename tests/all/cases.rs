@@ -6,11 +6,10 @@ use proptest::sample::select;
 use surefix::{Config, Drive, Dtype, Fix, Floor, Given, Gradient, Matcher, Motion, Values};
 
 use crate::random::SplitMix64;
-
-/// This many cases, and no files left behind by those that fail: the shrunk case is in the message.
-pub(crate) fn cases(cases: u32) -> ProptestConfig {
-    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
-}
+#[path = "../../src/cases.rs"]
+mod property;
+#[allow(unused_imports, reason = "each test program uses its part")]
+pub(crate) use property::cases;
 
 /// The file of a map that was changed, with the checksum of its new bytes.
 pub(crate) fn sealed(mut file: Vec<u8>) -> Vec<u8> {

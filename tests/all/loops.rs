@@ -8,6 +8,7 @@ use surefix::{
     LoopConfig, Metric, Poses, Sad, View,
 };
 
+use crate::cases::cases;
 use crate::random::SplitMix64;
 
 /// A circle of `around` places, seen again with a little noise.
@@ -277,7 +278,7 @@ fn reset_begins_anew() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(cases(24))]
 
     /// Whatever the drive, it never panics, beliefs sum to 1, and all instruction sets agree to the
     /// last bit.

@@ -3,6 +3,7 @@
 
 use surefix::{Channels, Describer, Dtype, Image, ImageView, Isa, Sad, Values, View};
 
+use crate::cases::cases;
 use crate::random::SplitMix64;
 
 /// Bits behind the point of a weight.
@@ -153,7 +154,7 @@ fn hold(image: &Image, describer: &mut Describer) {
 #[test]
 fn every_image_has_the_same_descriptor_on_every_instruction_set() {
     let mut dice = Dice(SplitMix64(1));
-    for case in 0..12_000 {
+    for case in 0..cases(12_000).cases {
         let sad = dice.recipe(6);
         let mut size = (1 + dice.0.below(70), 1 + dice.0.below(70));
         match case % 8 {

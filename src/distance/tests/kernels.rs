@@ -1,11 +1,12 @@
-//! Every kernel of every instruction set against naive sums: 10,000 cases each, or the number in
-//! `PROPTEST_CASES` (`make test-long` has 100,000).
+//! Every kernel of every instruction set against naive sums: 10,000 cases each (`make test-long` has
+//! 100,000).
 
 use std::any::type_name;
 
 use half::f16;
 
 use super::every_way;
+use crate::cases::cases;
 use crate::distance::scan;
 use crate::distance::term::{Differences, Products, Squares, Term};
 use crate::random::SplitMix64;
@@ -91,10 +92,6 @@ impl Drawn for i16 {
 
 fn pools<T: Drawn>(random: &mut SplitMix64, size: usize) -> [Vec<T>; 4] {
     [0, 1, 2, 3].map(|kind| (0..size).map(|_| T::draw(random, kind)).collect())
-}
-
-fn cases() -> usize {
-    std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(10_000)
 }
 
 /// The sixteen sums of method 1.6, one number at a time.
@@ -216,7 +213,7 @@ fn check_shorts(query: &[i16], values: &[i8], rows: usize) {
 fn each_case<Q: Drawn, R: Drawn>(seed: u64, mut check: impl FnMut(&[Q], &[R], usize)) {
     let mut random = SplitMix64(seed);
     let (queries, values) = (pools::<Q>(&mut random, POOL), pools::<R>(&mut random, POOL));
-    for case in 0..cases() {
+    for case in 0..cases(10_000).cases as usize {
         let (dim, rows) = (case % LENGTHS, 1 + random.below(6));
         let (query, values) = (&queries[random.below(4)], &values[random.below(4)]);
         let (from, start) = (random.below(POOL - dim), random.below(POOL - rows * dim));

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use super::later::leading;
 use super::links::{FARTHEST, Links};
 use super::steps::{Tap, Way, arriving, lost};
+use crate::cases::cases;
 use crate::random::SplitMix64;
 use crate::segments::Segments;
 
@@ -75,7 +76,7 @@ fn taps() -> impl Strategy<Value = Vec<Tap>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(500))]
 
     #[test]
     fn moves_are_those_of_walks(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from oracle import Array
 from oracle_track import Roads
 from surefix.simulate import Route
 
-SEEDS, CASES_PER_SEED = range(10), 60
+# With make test-long 10,000 cases.
+SEEDS, CASES_PER_SEED = range(10), 1000 if "LONG" in os.environ else 60
 
 
 def town(rng: np.random.Generator, n: int) -> surefix.Segments:

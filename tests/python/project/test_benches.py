@@ -1,5 +1,7 @@
-"""The comparison with rivals: the rival is the method, and the page is the generator's."""
+"""The comparison with rivals: the rival is the method, and the page is the generator's. The soak."""
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,8 @@ import page
 from surefix import Matcher
 from work import caches, equal, same_best, same_distances, same_fixes, shortage, summary
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "performance.md"
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = ROOT / "docs" / "performance.md"
 
 
 def result(seconds: float, *, ours: bool = False, **more: Any) -> dict[str, Any]:
@@ -121,3 +124,11 @@ def test_caches_and_free_memory_are_said_if_the_system_tells_them(tmp_path: Path
     assert caches(tmp_path / "missing") == "unknown"
     assert "GB are free" in shortage(1 << 60)
     assert shortage(1) == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory in use is read from /proc")
+def test_pushes_from_python_are_those_of_a_batch_and_keep_no_memory() -> None:
+    soak = [sys.executable, ROOT / "benches" / "python" / "soak.py", "Python", "--pushes", "4000"]
+    row = subprocess.run(soak, check=True, stdout=subprocess.PIPE, text=True).stdout
+    assert row.startswith("| Python | 4000 |")
+    assert row.endswith(" 1000 | \n")
