@@ -27,15 +27,13 @@ pub use seeds::write;
 type Target = (&'static str, fn(&[u8]));
 
 /// The targets.
-const TARGETS: [Target; 8] = [
+const TARGETS: [Target; 6] = [
     ("image", image::image),
     ("map", map::map),
     ("matcher", matcher::matcher),
     ("screen", screen::screen),
     ("settings", settings::settings),
     ("snapshot", snapshot::snapshot),
-    ("tracker", matcher::tracker),
-    ("truth", truth::truth),
 ];
 
 /// Runs a target with some bytes.

@@ -1,4 +1,4 @@
-//! Targets `matcher` and `tracker`: a stream on all instruction sets, the batch and the oracle give
+//! Target `matcher`, with and without a tracker: a stream on all instruction sets, the batch and the oracle give
 //! the same bits.
 
 use arbitrary::{Result, Unstructured};
@@ -15,14 +15,8 @@ use crate::oracle::{Oracle, Query};
 /// Queries of one input, at most.
 const LONGEST: usize = 12;
 
-/// The paper alone.
 pub(crate) fn matcher(data: &[u8]) {
-    let _ = run(&mut Unstructured::new(data), false);
-}
-
-/// With a tracker.
-pub(crate) fn tracker(data: &[u8]) {
-    let _ = run(&mut Unstructured::new(data), true);
+    let _ = run(&mut Unstructured::new(data));
 }
 
 /// A stream on every instruction set, and what it was told since the last reset.
@@ -38,10 +32,10 @@ struct Stream {
     gaps: Vec<Option<f64>>,
 }
 
-fn run(u: &mut Unstructured<'_>, tracked: bool) -> Result<()> {
+fn run(u: &mut Unstructured<'_>) -> Result<()> {
     let segments = route(u, 520)?;
     let mut config = config(u)?;
-    if tracked {
+    if u.arbitrary()? {
         config.motion = Some(motion(u)?);
     }
     let matcher = match Matcher::along(segments.clone(), config.clone()) {

@@ -28,8 +28,6 @@ pub fn write(folder: &Path) -> io::Result<()> {
         ("settings", settings()),
         ("matcher", random(6)),
         ("screen", random(6)),
-        ("tracker", random(6)),
-        ("truth", random(6)),
     ];
     for (target, seeds) in sets {
         let folder = folder.join(target);
@@ -198,7 +196,7 @@ fn settings() -> Seeds {
     let json = |value: serde_json::Result<String>| value.expect("numbers and texts");
     let text = |kind: char, text: String| [vec![kind as u8 - b'0'], text.into_bytes()].concat();
     let short = "[config]\nsequence_length = 5\nmotion = \"free\"\nfloor = { fixed = 0.5 }\n";
-    named(vec![
+    let texts = named(vec![
         ("short", text('7', short.to_owned())),
         ("whole", text('7', toml(&whole))),
         ("judged", text('7', toml(&judged))),
@@ -209,5 +207,9 @@ fn settings() -> Seeds {
         ("run", text('4', json(serde_json::to_string(&run)))),
         ("alignment", text('5', json(serde_json::to_string(&alignment.expect("a matrix"))))),
         ("fix", text('6', json(serde_json::to_string(&run.fixes[2])))),
-    ])
+    ]);
+    let truth = |(name, bytes): (String, Vec<u8>)| {
+        (name.replace("random", "truth"), [vec![8], bytes].concat())
+    };
+    texts.into_iter().chain(random(6).into_iter().map(truth)).collect()
 }

@@ -1,5 +1,5 @@
-//! Target `settings`: texts as settings, options and what else is read from JSON. What opens means
-//! the same when it is saved and opened again, and can be used.
+//! Target `settings`: texts as settings, options and what else is read from JSON, and truths. A text
+//! that opens means the same when it is saved and opened again, and can be used.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -12,8 +12,11 @@ use crate::snapshot::{PLACES, maps, numbers};
 
 pub(crate) fn settings(data: &[u8]) {
     let Some((&kind, text)) = data.split_first() else { return };
+    if kind % 9 == 8 {
+        return crate::truth::truth(text);
+    }
     let Ok(text) = std::str::from_utf8(text) else { return };
-    match kind % 8 {
+    match kind % 9 {
         0 => json::<Segments>(text),
         1 => json::<Config>(text),
         2 => json::<Motion>(text),

@@ -1,4 +1,0 @@
-#![cfg_attr(fuzzing, no_main)]
-//! The target `tracker`.
-
-surefix_fuzz::program!("tracker");
