@@ -257,7 +257,7 @@ impl<'a> Existing<'a> {
     /// With the new file, which is begun before the old one is read and held to the end: no other
     /// writer's places can be lost.
     fn open(path: &'a Path) -> Result<(Self, AtomicFile), Error> {
-        let there = File::open(path).map(drop);
+        let there = regular::open(path).map(drop);
         there.map_err(|error| Refusal::from(error).of_map(path))?;
         let new = begin(path)?;
         let read = || -> Result<Self, Refusal> {
