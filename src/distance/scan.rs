@@ -154,12 +154,20 @@ fn sums<M: Machine, T: Term, Q: Number, R: Number, const ROWS: usize>(
     for (blocks, ahead) in query.ahead_of::<R>(ROWS, ahead) {
         let query = &query.blocks[blocks.clone()];
         let rows = rows.map(|row| &row[blocks.clone()][..query.len()]);
+        let later = rows.map(|row| row.as_ptr().wrapping_byte_add(ahead));
         for at in 0..query.len() {
             let query = Q::load(machine, &query[at]);
-            for (lanes, row) in lanes.iter_mut().zip(rows) {
-                machine.fetch(row.as_ptr().wrapping_add(at).wrapping_byte_add(ahead));
-                T::add(machine, lanes, query, R::load(machine, &row[at]));
+            // Not a loop: its sums would lie in memory.
+            macro_rules! add {
+                ($($side:literal)*) => {$(
+                    if $side < ROWS {
+                        machine.fetch(later[$side].wrapping_add(at));
+                        let row = R::load(machine, &rows[$side][at]);
+                        T::add(machine, &mut lanes[$side], query, row);
+                    }
+                )*};
             }
+            add!(0 1 2 3);
         }
     }
     let mut sums = [0.0; ROWS];

@@ -192,7 +192,9 @@ def test_a_drive_goes_on_behind_a_bad_frame(drives: Path, tmp_path: Path) -> Non
     assert "7.png" in last
     stopped = surefix_(*run, "--strict", code=1)
     assert "7.png" in stopped.stderr
-    assert len(rows(tmp_path / "fixes.csv")) == 7
+    assert "fixes.part.csv" in stopped.stderr
+    assert len(rows(tmp_path / "fixes.part.csv")) == 7
+    assert len(rows(tmp_path / "fixes.csv")) == len(LEFT)
 
 
 def test_a_truth_stays_with_its_queries(drives: Path, tmp_path: Path) -> None:

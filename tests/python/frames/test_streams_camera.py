@@ -124,9 +124,11 @@ def test_a_robot_runs_along_a_route_by_its_camera(address: str, tmp_path: Path) 
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     # The camera's end is an error; the frames before it are kept.
     assert done.returncode == 1, done.stderr
-    *_, summary, _, error = done.stderr.splitlines()
+    *_, summary, _, kept, error = done.stderr.splitlines()
     assert error.startswith(f"surefix: camera {address}: it gives no frame any more")
-    rows = list(csv.DictReader(out.read_text().splitlines()))
+    assert not out.exists()
+    assert "fixes.part.csv" in kept
+    rows = list(csv.DictReader((tmp_path / "fixes.part.csv").read_text().splitlines()))
     assert summary.startswith(f"{len(rows)} fixes, ")
     assert [int(row["single_place"]) for row in rows] == [int(row["query"]) for row in rows]
     seen = len(rows) + sum(int(row["dropped"]) for row in rows)

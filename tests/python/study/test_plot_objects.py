@@ -56,6 +56,7 @@ THINGS: dict[str, Callable[..., Axes]] = {
 
 @pytest.fixture(autouse=True)
 def closed() -> Iterator[None]:
+    pyplot.close("all")
     yield
     pyplot.close("all")
 
@@ -263,7 +264,7 @@ def test_an_axis_ends_at_the_tick_just_behind_it() -> None:
 
 
 def test_a_picture_that_cannot_be_written_says_so(tmp_path: Path) -> None:
-    with pytest.raises(SurefixFileError, match="cannot write the picture: No such file"):
+    with pytest.raises(SurefixFileError, match="cannot write the picture: there is no folder"):
         plot.png(CURVE.plot(), tmp_path / "no" / "it.png")
 
 
