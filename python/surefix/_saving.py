@@ -5,9 +5,9 @@ The writer is that of Rust, which maps are saved with (``src/archive/atomic.rs``
 
 import io
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, cast
 
 from surefix._core import _AtomicFile, _is_stream
 from surefix.errors import check_folder, refusal
@@ -44,23 +44,16 @@ def written(path: Path, problem: str, kept: Kept | None = None) -> Iterator[IO[b
         return
     if kept is not None and part.left is not None:
         kept(part.left, True)
-    raw = _Raw(part, lambda error: refusal(path, problem, error))
-    file = io.BufferedWriter(raw)
+    file = _Part(part, lambda error: refusal(path, problem, error))
     try:
-        yield file
-        # One that is closed was flushed.
-        if not file.closed:
-            file.flush()
-        raw.end(part.commit)
+        yield cast(IO[bytes], file)
+        file.end(part.commit)
     except BaseException:
-        if kept is not None:
-            with suppress(OSError, ValueError):
-                file.flush()
-            if (name := raw.end(part.keep)) is not None:
-                kept(name, False)
+        if kept is not None and (name := file.end(part.keep)) is not None:
+            kept(name, False)
         raise
     finally:
-        raw.end(part.discard)
+        file.end(part.discard)
 
 
 def save(path: Path, content: str | bytes, problem: str) -> None:
@@ -82,8 +75,12 @@ def words_on_kept(out: Path, kept: Path, earlier: bool) -> str:
     return f"stopped: the rows so far are in {kept}, not in {out}"
 
 
-class _Raw(io.RawIOBase):
-    """The part as Python's file. Buffers above it may still be closed when it has ended."""
+class _Part(io.BufferedIOBase):
+    """The part as Python's file. Buffers above it may still be closed when it has ended.
+
+    It keeps no bytes back. Python's own buffer would: if Ctrl-C ends its flush behind the last
+    byte, it writes all of them again.
+    """
 
     def __init__(self, part: _AtomicFile, refused: Callable[[OSError], OSError]) -> None:
         self.part: _AtomicFile | None = part
