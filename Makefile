@@ -20,7 +20,8 @@ TOOLS := .tools/bin
 # What the public names are compared with: the last release before this commit, or the commit before it.
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
-.PHONY: demo test test-long soak asan tsan mutants fuzz fuzz-seeds quick lint rust instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
+.PHONY: demo test test-long soak asan tsan mutants fuzz fuzz-seeds quick lint rust
+.PHONY: instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
 .PHONY: clippy style types rivals-quick stubs clean help capi capi-check header
 .PHONY: sdist release-check check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
@@ -96,7 +97,7 @@ style: $(VENV)/dev
 test-long: $(VENV)/installed $(VENV)/dev
 	PROPTEST_CASES=100000 $(CARGO_TEST) --all-features --lib --test all
 	LONG=1 $(BIN)/python -m pytest -n auto $(DIFFERENTIAL)
-DIFFERENTIAL := tests/python/core/test_differential.py tests/python/core/test_track.py tests/python/core/test_track_roads.py
+DIFFERENTIAL := $(addprefix tests/python/core/test_,differential.py track.py track_roads.py)
 
 # Allocator calls and growing memory fail; PAGE=1 puts the figures into docs/reliability.md.
 PUSHES ?= 10000000
@@ -105,7 +106,8 @@ soak: $(VENV)/dev
 
 # The sanitizers belong to the compiler: RUSTC_BOOTSTRAP lets a stable one use them. With --target, build scripts go
 # without.
-SANITIZED := RUSTC_BOOTSTRAP=1 PROPTEST_CASES=$(or $(PROPTEST_CASES),500) cargo test --locked --target $$(rustc --print host-tuple) --profile quick
+SANITIZED := RUSTC_BOOTSTRAP=1 PROPTEST_CASES=$(or $(PROPTEST_CASES),500) \
+	cargo test --locked --target $$(rustc --print host-tuple) --profile quick
 asan:
 	RUSTFLAGS=-Zsanitizer=address $(SANITIZED) --all-features --lib --tests
 
@@ -119,7 +121,8 @@ TSAN = RUSTFLAGS=-Zsanitizer=thread $(SANITIZED) -Zbuild-std --no-default-featur
 
 # Stopped, it goes on where it was. Without a SHARD it takes hours.
 mutants: $(TOOLS)/cargo-mutants
-	PROPTEST_CASES=64 $(TOOLS)/cargo-mutants mutants --iterate --output target --sharding round-robin $(if $(SHARD),--shard $(SHARD))
+	PROPTEST_CASES=64 $(TOOLS)/cargo-mutants mutants --iterate --output target \
+		--sharding round-robin $(if $(SHARD),--shard $(SHARD))
 
 # Each target of fuzz/ for a time, one a core; corpora stay in fuzz/corpus, findings in fuzz/artifacts. A minute each:
 # make fuzz SECONDS=60. Some only: make fuzz TARGETS="map snapshot".

@@ -129,7 +129,10 @@ pub enum Error {
     },
 
     /// Images of one traverse must have one size.
-    #[error("image {}: expected {} x {} pixels like the ones before it, got {} x {}", Plain(.name), .expected.0, .expected.1, .got.0, .got.1)]
+    #[error(
+        "image {}: expected {} x {} pixels like the ones before it, got {} x {}",
+        Plain(.name), .expected.0, .expected.1, .got.0, .got.1
+    )]
     ImageSize {
         /// The file, or the index in a list.
         name: String,
@@ -140,7 +143,10 @@ pub enum Error {
     },
 
     /// A folder or a pattern without images.
-    #[error("{}: expected images (png, jpeg, bmp, tiff, webp or pnm), found none{}{}", Plain(.place), if left_out.is_empty() { "" } else { "; " }, Plain(.left_out))]
+    #[error(
+        "{}: expected images (png, jpeg, bmp, tiff, webp or pnm), found none{}{}",
+        Plain(.place), if left_out.is_empty() { "" } else { "; " }, Plain(.left_out)
+    )]
     NoImages {
         /// The folder or the pattern.
         place: String,
@@ -169,7 +175,10 @@ pub enum Error {
     },
 
     /// A map written by a newer version of the library.
-    #[error("{}: map format {found}, but this version of surefix reads up to {supported}: upgrade surefix", Plain(.path.display()))]
+    #[error(
+        "{}: map format {found}, but this version of surefix reads up to {supported}: upgrade surefix",
+        Plain(.path.display())
+    )]
     MapVersion {
         /// The file.
         path: PathBuf,

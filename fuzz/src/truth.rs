@@ -1,5 +1,5 @@
-//! Truths, a part of the target `settings`: matches with truths of each kind. Curves are those of a count at every threshold,
-//! and a threshold that is calibrated on them keeps its promise there.
+//! Truths, a part of the target `settings`: matches with truths of each kind. Curves are those of a
+//! count at every threshold, and a threshold that is calibrated on them keeps its promise there.
 
 use arbitrary::{Result, Unstructured};
 use ndarray::Array2;

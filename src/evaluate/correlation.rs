@@ -28,7 +28,7 @@ pub fn correlation_time(values: &[f64]) -> Option<f64> {
     }
     let pairs = (0..(count / 2).min(MOST_LAGS / 2))
         .map(|pair| (covariance(2 * pair) + covariance(2 * pair + 1)) / variance);
-    // Stopped work gives its answer to nobody.
+    // The answer of stopped work is thrown away.
     let pairs = pairs.take_while(|&pair| pair > 0.0 && !stopped());
     Some((2.0 * pairs.sum::<f64>() - 1.0).max(1.0))
 }

@@ -64,7 +64,10 @@ proptest! {
                 map.scan(query, 0..places, &mut distances);
                 for (place, d) in distances.into_iter().enumerate() {
                     let (low, high) = (low[place], high[place]);
-                    prop_assert!((low..=high).contains(&d), "{}, place {}: {:e} from {:e} to {:e}", isa, place, d, low, high);
+                    prop_assert!(
+                        (low..=high).contains(&d),
+                        "{}, place {}: {:e} from {:e} to {:e}", isa, place, d, low, high
+                    );
                     prop_assert!(!near || high < MAX_SCREENED);
                 }
             }

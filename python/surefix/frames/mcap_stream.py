@@ -107,7 +107,7 @@ class _Records:
         self._file = file
 
     def read(self, size: int) -> bytes:
-        """So many bytes; one at a time is the kind of a record."""
+        """The next ``size`` bytes; a single one is the kind of a record."""
         data = self._file.read(size)
         if size == 1 and data == b"\0":
             raise ValueError("a record of the kind 0, which there is not")

@@ -82,7 +82,7 @@ def sparse(name: str, start: bytes = b"", size: int = HUGE) -> Make:
 
 
 def pipe(name: str) -> Make:
-    """A pipe whose other end nobody opens."""
+    """A pipe whose other end stays closed."""
 
     def make(folder: Path) -> Path:
         os.mkfifo(folder / name)
