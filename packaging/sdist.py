@@ -22,8 +22,9 @@ SOURCES = (
     ("python/src", "*.rs"),
     ("python/surefix", "*.py"),
     ("python/surefix", "*.css"),
+    ("python/surefix", "*.js"),
 )
-SUFFIXES = {".css", ".lock", ".md", ".py", ".pyi", ".rs", ".toml", ".typed"}
+SUFFIXES = {".css", ".js", ".lock", ".md", ".py", ".pyi", ".rs", ".toml", ".typed"}
 NAMES = {"LICENSE-APACHE", "LICENSE-MIT", "PKG-INFO"}
 
 
