@@ -34,10 +34,11 @@ impl Patches {
             self.add_up(band);
             self.measure();
             for (row, out) in band.chunks_exact(width).zip(out.chunks_exact_mut(width)) {
-                let patch = self.totals.iter().zip(&self.scales);
-                for ((out, &pixel), (total, scale)) in out.iter_mut().zip(row).zip(patch) {
+                let (totals, scales) = (&self.totals[..width], &self.scales[..width]);
+                for at in 0..width {
+                    let above = count * f64::from(row[at]) - totals[at];
                     // A zero, never a negative one: a flat patch is 0 to the last bit.
-                    *out = store((count * f64::from(pixel) - total) * scale + 0.0);
+                    out[at] = store(above * scales[at] + 0.0);
                 }
             }
         }
@@ -47,11 +48,13 @@ impl Patches {
     fn add_up(&mut self, band: &[u8]) {
         self.sums.fill(0);
         self.squares.fill(0);
-        for row in band.chunks_exact(self.sums.len()) {
-            for ((sum, squares), &pixel) in self.sums.iter_mut().zip(&mut self.squares).zip(row) {
-                let pixel = u32::from(pixel);
-                *sum += pixel;
-                *squares += pixel * pixel;
+        let width = self.sums.len();
+        let (sums, squares) = (&mut self.sums[..width], &mut self.squares[..width]);
+        for row in band.chunks_exact(width) {
+            for at in 0..width {
+                let pixel = u32::from(row[at]);
+                sums[at] += pixel;
+                squares[at] += pixel * pixel;
             }
         }
     }

@@ -53,8 +53,8 @@ impl<'a, N: Copy + Default, const WIDTH: usize> Padded<'a, N, WIDTH> {
             // The numbers behind the row are read as well, and dropped: a copy of a fixed size is
             // far faster.
             Some(numbers) => {
-                for (index, (last, number)) in last.iter_mut().zip(numbers).enumerate() {
-                    *last = if index < self.broken { *number } else { R::default() };
+                for index in 0..WIDTH {
+                    last[index] = if index < self.broken { numbers[index] } else { R::default() };
                 }
             }
             None => last[..self.broken].copy_from_slice(&values[start..start + self.broken]),

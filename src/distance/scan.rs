@@ -1,7 +1,7 @@
 //! A query against rows, written once for every [`Machine`].
 
-use std::array;
 use std::marker::PhantomData;
+use std::ptr;
 
 use bytemuck::must_cast_ref;
 
@@ -78,13 +78,15 @@ impl<T: Term, Q: Number, R: Number, O, F: Fn(usize, f64) -> O> Floats<'_, T, Q, 
         let query = Padded::new(query);
         let (groups, alone) = out.as_chunks_mut::<ROWS>();
         let first_alone = ROWS * groups.len();
-        for (first, out) in (0..).step_by(ROWS).zip(groups) {
+        for (group, out) in groups.iter_mut().enumerate() {
+            let first = ROWS * group;
             let sums = sums::<M, T, Q, R, ROWS>(machine, &query, values, first, ahead);
-            for ((row, out), sum) in (first..).zip(out).zip(sums) {
-                *out = finish(row, sum);
+            for side in 0..ROWS {
+                out[side] = finish(first + side, sums[side]);
             }
         }
-        for (row, out) in (first_alone..).zip(alone) {
+        for (at, out) in alone.iter_mut().enumerate() {
+            let row = first_alone + at;
             let [sum] = sums::<M, T, Q, R, 1>(machine, &query, values, row, ahead);
             *out = finish(row, sum);
         }
@@ -149,30 +151,36 @@ fn sums<M: Machine, T: Term, Q: Number, R: Number, const ROWS: usize>(
     first: usize,
     ahead: usize,
 ) -> [f64; ROWS] {
-    let mut lanes = [machine.lanes(); ROWS];
-    let rows: [_; ROWS] = array::from_fn(|at| query.row::<R>(values, first + at));
-    for (blocks, ahead) in query.ahead_of::<R>(ROWS, ahead) {
-        let query = &query.blocks[blocks.clone()];
-        let rows = rows.map(|row| &row[blocks.clone()][..query.len()]);
-        let later = rows.map(|row| row.as_ptr().wrapping_byte_add(ahead));
-        for at in 0..query.len() {
-            let query = Q::load(machine, &query[at]);
-            // Not a loop: its sums would lie in memory.
-            macro_rules! add {
-                ($($side:literal)*) => {$(
-                    if $side < ROWS {
-                        machine.fetch(later[$side].wrapping_add(at));
-                        let row = R::load(machine, &rows[$side][at]);
-                        T::add(machine, &mut lanes[$side], query, row);
-                    }
-                )*};
+    // Not a loop: what it has an index of would lie in memory.
+    macro_rules! each_side {
+        ([$($at:literal)*] |$side:ident| $work:expr) => {$(
+            if $at < ROWS {
+                let $side: usize = $at;
+                $work
             }
-            add!(0 1 2 3);
+        )*};
+    }
+    let mut lanes = [machine.lanes(); ROWS];
+    for (blocks, ahead) in query.ahead_of::<R>(ROWS, ahead) {
+        let query_blocks = &query.blocks[blocks.clone()];
+        let (mut rows, mut later) = ([[].as_slice(); ROWS], [ptr::null(); ROWS]);
+        each_side!([0 1 2 3] |side| {
+            let row = query.row::<R>(values, first + side);
+            rows[side] = &row[blocks.clone()][..query_blocks.len()];
+            later[side] = rows[side].as_ptr().wrapping_byte_add(ahead);
+        });
+        for at in 0..query_blocks.len() {
+            let numbers = Q::load(machine, &query_blocks[at]);
+            each_side!([0 1 2 3] |side| {
+                machine.fetch(later[side].wrapping_add(at));
+                let row = R::load(machine, &rows[side][at]);
+                T::add(machine, &mut lanes[side], numbers, row);
+            });
         }
     }
     let mut sums = [0.0; ROWS];
-    for ((row, sum), lanes) in (first..).zip(&mut sums).zip(lanes) {
-        *sum = finish::<M, T, Q, R>(machine, lanes, query, values, row);
+    for side in 0..ROWS {
+        sums[side] = finish::<M, T, Q, R>(machine, lanes[side], query, values, first + side);
     }
     sums
 }
@@ -230,7 +238,7 @@ impl<T: Term, B: Byte> Counted for OfBytes<T, B> {
         query: &[B; BLOCK],
         row: &[B; BLOCK],
     ) -> M::Counts {
-        let [query, row] = [query, row].map(|numbers| machine.block(must_cast_ref(numbers)));
+        let (query, row) = (machine.block(must_cast_ref(query)), machine.block(must_cast_ref(row)));
         T::count::<M, B>(machine, sum, query, row)
     }
 
@@ -290,16 +298,20 @@ fn total<M: Machine, C: Counted>(
 ) -> i64 {
     let run = UNROLLED * C::RUN;
     let mut total = 0;
-    for (query, row) in query.blocks.chunks(run).zip(query.row::<C::Row>(values, row).chunks(run)) {
+    let (mut rest, mut rest_of_row) = (query.blocks, query.row::<C::Row>(values, row));
+    while !rest.is_empty() {
+        let some = rest.len().min(run);
+        let (query, row) = (&rest[..some], &rest_of_row[..some]);
+        (rest, rest_of_row) = (&rest[some..], &rest_of_row[some..]);
         let mut counts = [machine.counts(); UNROLLED];
         let ((queries, last_of_query), (rows, last_of_row)) =
             (query.as_chunks::<UNROLLED>(), row.as_chunks::<UNROLLED>());
-        for (query, row) in queries.iter().zip(rows) {
-            count::<M, C>(machine, &mut counts, query, row, ahead);
+        for at in 0..queries.len() {
+            count::<M, C>(machine, &mut counts, &queries[at], &rows[at], ahead);
         }
         count::<M, C>(machine, &mut counts, last_of_query, last_of_row, ahead);
-        for count in counts {
-            total += C::total(machine, count);
+        for count in &counts {
+            total += C::total(machine, *count);
         }
     }
     if query.broken > 0 {
@@ -318,8 +330,8 @@ fn count<M: Machine, C: Counted>(
     row: &[[C::Row; BLOCK]],
     ahead: usize,
 ) {
-    for (count, (query, row)) in counts.iter_mut().zip(query.iter().zip(row)) {
-        machine.fetch(row.as_ptr().cast::<u8>().wrapping_add(ahead));
-        *count = C::count(machine, *count, query, row);
+    for at in 0..query.len() {
+        machine.fetch(row[at].as_ptr().cast::<u8>().wrapping_add(ahead));
+        counts[at] = C::count(machine, counts[at], &query[at], &row[at]);
     }
 }

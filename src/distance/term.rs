@@ -57,8 +57,9 @@ impl Term for Differences {
     #[inline(always)]
     fn add<M: Machine>(machine: M, lanes: &mut M::Lanes, a: M::Floats, b: M::Floats) {
         let differences = machine.widen(machine.subtract(a, b));
-        for (sum, difference) in lanes.as_mut().iter_mut().zip(differences) {
-            *sum = machine.absolute(*sum, difference);
+        let (sums, differences) = (lanes.as_mut(), differences.as_ref());
+        for at in 0..sums.len() {
+            sums[at] = machine.absolute(sums[at], differences[at]);
         }
     }
     #[inline(always)]
@@ -88,8 +89,9 @@ impl Term for Squares {
     #[inline(always)]
     fn add<M: Machine>(machine: M, lanes: &mut M::Lanes, a: M::Floats, b: M::Floats) {
         let differences = machine.widen(machine.subtract(a, b));
-        for (sum, difference) in lanes.as_mut().iter_mut().zip(differences) {
-            *sum = machine.product(*sum, difference, difference);
+        let (sums, differences) = (lanes.as_mut(), differences.as_ref());
+        for at in 0..sums.len() {
+            sums[at] = machine.product(sums[at], differences[at], differences[at]);
         }
     }
     #[inline(always)]
@@ -114,9 +116,10 @@ impl Term for Products {
     }
     #[inline(always)]
     fn add<M: Machine>(machine: M, lanes: &mut M::Lanes, a: M::Floats, b: M::Floats) {
-        let both = machine.widen(a).into_iter().zip(machine.widen(b));
-        for (sum, (a, b)) in lanes.as_mut().iter_mut().zip(both) {
-            *sum = machine.product(*sum, a, b);
+        let (a, b) = (machine.widen(a), machine.widen(b));
+        let (sums, a, b) = (lanes.as_mut(), a.as_ref(), b.as_ref());
+        for at in 0..sums.len() {
+            sums[at] = machine.product(sums[at], a[at], b[at]);
         }
     }
     #[inline(always)]
@@ -135,7 +138,11 @@ impl Term for Products {
     #[inline(always)]
     fn excess<M: Machine, B: Byte>(query: &[B]) -> i64 {
         if B::SIGNED {
-            M::OFFSET * query.iter().map(|&x| i64::from(x.into())).sum::<i64>()
+            let mut sum = 0;
+            for &x in query {
+                sum += i64::from(x.into());
+            }
+            M::OFFSET * sum
         } else {
             0
         }

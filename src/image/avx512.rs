@@ -112,17 +112,17 @@ impl Columns {
             }
             for (lines, wide) in self.grey.iter().zip(self.wide.as_chunks_mut::<ROWS>().0) {
                 let columns = turned(lines);
-                for (column, group) in columns.into_iter().zip(GROUPS) {
-                    store(&mut wide[group], column);
+                for (column, group) in columns.iter().zip(GROUPS) {
+                    store(&mut wide[group], *column);
                 }
             }
             self.reduce();
             for (at, lines) in self.narrow.as_chunks::<ROWS>().0.iter().enumerate() {
                 let rows = turned(lines);
-                for (out, row) in out.chunks_exact_mut(narrow).zip(rows) {
+                for (out, row) in out.chunks_exact_mut(narrow).zip(&rows) {
                     let out = &mut out[at * BYTES..];
                     let mut line = EMPTY;
-                    store(&mut line, row);
+                    store(&mut line, *row);
                     match out.first_chunk_mut() {
                         Some(out) => *out = line.0,
                         None => out.copy_from_slice(&line.0[..out.len()]),
@@ -161,7 +161,8 @@ impl Columns {
         let firsts = self.firsts.as_chunks::<4>().0;
         let weights = self.weights.chunks_exact(4 * self.reach);
         for ((narrow, firsts), weights) in self.narrow.iter_mut().zip(firsts).zip(weights) {
-            let [a, b, c, d] = [0, 1, 2, 3].map(|place| {
+            let mut sums = [half; 4];
+            for (place, sum) in sums.iter_mut().enumerate() {
                 let weights = &weights[place * self.reach..][..self.reach];
                 let wide = &self.wide[firsts[place]..][..self.reach];
                 let (mut low, mut middle, mut high) =
@@ -174,9 +175,10 @@ impl Columns {
                 }
                 let (middle, high) =
                     (_mm512_slli_epi32::<8>(middle), _mm512_slli_epi32::<16>(high));
-                let sum = _mm512_add_epi32(low, _mm512_add_epi32(middle, high));
-                _mm512_min_epi32(_mm512_srai_epi32::<PRECISION>(sum), most)
-            });
+                let total = _mm512_add_epi32(low, _mm512_add_epi32(middle, high));
+                *sum = _mm512_min_epi32(_mm512_srai_epi32::<PRECISION>(total), most);
+            }
+            let [a, b, c, d] = sums;
             let ab = _mm512_or_si512(a, _mm512_slli_epi32::<8>(b));
             let cd = _mm512_or_si512(_mm512_slli_epi32::<16>(c), _mm512_slli_epi32::<24>(d));
             store(narrow, _mm512_or_si512(ab, cd));
@@ -196,7 +198,7 @@ fn digits(weight: i32) -> [i8; 3] {
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn four(bytes: [i8; 4]) -> __m512i {
-    _mm512_set1_epi32(i32::from_le_bytes(bytes.map(i8::cast_unsigned)))
+    _mm512_set1_epi32(bytemuck::must_cast(bytes))
 }
 
 /// 64 of the bytes, from `at`.
@@ -244,7 +246,8 @@ fn grey(rgb: &[u8; 3 * BYTES]) -> __m512i {
     let high = _mm512_set1_epi32(i32::from_le_bytes([77, 75, 29, 75]));
     let low = _mm512_set1_epi32(i32::from_le_bytes([-117_i8 as u8, 35, 47, 35]));
     let half = _mm512_set1_epi32(128);
-    let sums = [0, 1, 2, 3].map(|part| {
+    let mut sums = [half; 4];
+    for (part, sum) in sums.iter_mut().enumerate() {
         let bytes = if part < 3 {
             _mm512_permutexvar_epi32(lanes, load(rgb, 48 * part))
         } else {
@@ -252,8 +255,8 @@ fn grey(rgb: &[u8; 3 * BYTES]) -> __m512i {
         };
         let pixels = _mm512_shuffle_epi8(bytes, expand);
         let above = _mm512_slli_epi32::<8>(_mm512_dpbusd_epi32(half, pixels, high));
-        _mm512_dpbusd_epi32(above, pixels, low)
-    });
+        *sum = _mm512_dpbusd_epi32(above, pixels, low);
+    }
     // The third byte of each sum is the brightness: sixteen words of four pixels that are sixteen
     // apart.
     let [a, b, c, d] = sums;
@@ -281,7 +284,8 @@ fn turned(rows: &[Line; ROWS]) -> [__m512i; ROWS] {
     // quarter q.
     let mut quarters = [_mm512_setzero_si512(); ROWS];
     for part in 0..4 {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|row| fetch(&rows[4 * part + row]));
+        let [a, b, c, d] = &rows.as_chunks::<4>().0[part];
+        let (a, b, c, d) = (fetch(a), fetch(b), fetch(c), fetch(d));
         let (ab, cd) = (_mm512_unpacklo_epi32(a, b), _mm512_unpacklo_epi32(c, d));
         let (ab_high, cd_high) = (_mm512_unpackhi_epi32(a, b), _mm512_unpackhi_epi32(c, d));
         quarters[4 * part] = _mm512_unpacklo_epi64(ab, cd);
@@ -291,7 +295,8 @@ fn turned(rows: &[Line; ROWS]) -> [__m512i; ROWS] {
     }
     let mut columns = quarters;
     for word in 0..4 {
-        let [a, b, c, d] = [0, 4, 8, 12].map(|part| quarters[part + word]);
+        let (a, b) = (quarters[word], quarters[word + 4]);
+        let (c, d) = (quarters[word + 8], quarters[word + 12]);
         let (ab, cd) = (_mm512_shuffle_i32x4::<0x88>(a, b), _mm512_shuffle_i32x4::<0x88>(c, d));
         let (ab_odd, cd_odd) =
             (_mm512_shuffle_i32x4::<0xDD>(a, b), _mm512_shuffle_i32x4::<0xDD>(c, d));

@@ -8,10 +8,14 @@
 /// `L` are at most `255 * 255` and `255 * 256`.
 #[inline(always)]
 pub(super) fn brightness(rgb: &[u8], grey: &mut [u8]) {
-    for (grey, &[red, green, blue]) in grey.iter_mut().zip(rgb.as_chunks::<3>().0) {
+    let pixels = rgb.as_chunks::<3>().0;
+    let count = pixels.len().min(grey.len());
+    let (pixels, grey) = (&pixels[..count], &mut grey[..count]);
+    for at in 0..count {
+        let [red, green, blue] = pixels[at];
         let (red, green, blue) = (u16::from(red), u16::from(green), u16::from(blue));
         let high = 76 * red + 150 * green + 29 * blue;
         let low = 139 * red + 70 * green + 47 * blue;
-        *grey = ((high + (low >> 8) + 128) >> 8) as u8;
+        grey[at] = ((high + (low >> 8) + 128) >> 8) as u8;
     }
 }

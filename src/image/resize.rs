@@ -62,15 +62,20 @@ impl Resize {
             return;
         }
         self.sums.resize(to.0, 0);
+        let sums = &mut self.sums[..to.0];
         for (out, (first, weights)) in out.chunks_exact_mut(to.0).zip(self.down.each()) {
-            self.sums.fill(0);
+            sums.fill(0);
             for (row, &weight) in narrow[first * to.0..].chunks_exact(to.0).zip(weights) {
                 if weight == END {
                     break;
                 }
-                self.sums.iter_mut().zip(row).for_each(|(sum, &p)| *sum += i32::from(p) * weight);
+                for at in 0..to.0 {
+                    sums[at] += i32::from(row[at]) * weight;
+                }
             }
-            out.iter_mut().zip(&self.sums).for_each(|(pixel, &sum)| *pixel = rounded(sum));
+            for at in 0..to.0 {
+                out[at] = rounded(sums[at]);
+            }
         }
     }
 
@@ -154,7 +159,9 @@ impl Block {
                     sums[row] += i32::from(column[row]) * weight;
                 }
             }
-            *narrow = sums.map(rounded);
+            for row in 0..ROWS {
+                narrow[row] = rounded(sums[row]);
+            }
         }
     }
 
@@ -189,8 +196,9 @@ fn rounded(sum: i32) -> u8 {
 /// this loop into the shuffles of any instruction set.
 #[inline(always)]
 fn interleave<T: Copy>(rows: [&[T]; 4], out: &mut [[T; 4]]) {
-    let [a, b, c, d] = rows.map(|row| &row[..out.len()]);
-    for i in 0..out.len() {
+    let ([a, b, c, d], count) = (rows, out.len());
+    let (a, b, c, d) = (&a[..count], &b[..count], &c[..count], &d[..count]);
+    for i in 0..count {
         out[i] = [a[i], b[i], c[i], d[i]];
     }
 }
@@ -198,8 +206,9 @@ fn interleave<T: Copy>(rows: [&[T]; 4], out: &mut [[T; 4]]) {
 /// The way back: the `i`-th of each row is from `columns[i]`.
 #[inline(always)]
 fn deinterleave<T: Copy>(columns: &[[T; 4]], rows: [&mut [T]; 4]) {
-    let [a, b, c, d] = rows.map(|row| &mut row[..columns.len()]);
-    for i in 0..columns.len() {
+    let ([a, b, c, d], count) = (rows, columns.len());
+    let (a, b, c, d) = (&mut a[..count], &mut b[..count], &mut c[..count], &mut d[..count]);
+    for i in 0..count {
         [a[i], b[i], c[i], d[i]] = columns[i];
     }
 }

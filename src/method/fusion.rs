@@ -151,11 +151,13 @@ impl Compiled for Add<'_> {
         // A column that says nothing adds nothing.
         let Some(standard) = hubness.learn(column, motion) else { return false };
         let clip = motion.clip;
-        let outs = fused.iter_mut().zip(evidence);
-        for ((&distance, &sum), (fused, evidence)) in column.iter().zip(&hubness.sums).zip(outs) {
-            let z = standard.z(distance, sum);
-            *fused += (share * z) as f32;
-            *evidence += weight * z.max(-clip).min(clip);
+        let count = column.len();
+        let sums = &hubness.sums[..count];
+        let (fused, evidence) = (&mut fused[..count], &mut evidence[..count]);
+        for place in 0..count {
+            let z = standard.z(column[place], sums[place]);
+            fused[place] += (share * z) as f32;
+            evidence[place] += weight * z.max(-clip).min(clip);
         }
         true
     }

@@ -73,14 +73,19 @@ pub(super) fn gradient(
     if first >= last {
         return;
     }
-    let around = around[first - 1..last - 1].iter().zip(&around[first + 1..=last]);
-    let inside = out[first - from..last - from].iter_mut().zip(d[first..last].iter().zip(around));
+    let count = last - first;
+    let (before, after) = (&around[first - 1..][..count], &around[first + 1..][..count]);
+    let (d, out) = (&d[first..][..count], &mut out[first - from..][..count]);
     match kind {
         Gradient::Halved => {
-            inside.for_each(|(out, (&d, (&before, &after)))| put(out, halved(before, d, after)));
+            for at in 0..count {
+                put(&mut out[at], halved(before[at], d[at], after[at]));
+            }
         }
         Gradient::Unhalved => {
-            inside.for_each(|(out, (&d, (&before, &after)))| put(out, unhalved(before, d, after)));
+            for at in 0..count {
+                put(&mut out[at], unhalved(before[at], d[at], after[at]));
+            }
         }
     }
 }

@@ -336,8 +336,10 @@ fn each(
     c: &[f32],
     sum_of: impl Fn(f64, f64, f64, f64) -> f64,
 ) {
-    for (sum, ((&a, &b), &c)) in sums.iter_mut().zip(a.iter().zip(b).zip(c)) {
-        *sum = sum_of(*sum, f64::from(a), f64::from(b), f64::from(c));
+    let count = sums.len();
+    let (a, b, c) = (&a[..count], &b[..count], &c[..count]);
+    for at in 0..count {
+        sums[at] = sum_of(sums[at], f64::from(a[at]), f64::from(b[at]), f64::from(c[at]));
     }
 }
 

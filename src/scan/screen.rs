@@ -261,14 +261,16 @@ impl Codes {
         high: &mut [f32],
     ) {
         let length = query.length * (1.0 + rounding(self.offset.len()));
-        let rows = sums.iter().zip(&self.error[places]).zip(norms);
-        for (((&sum, error), norm), (low, high)) in rows.zip(low.iter_mut().zip(high)) {
-            let part = query.step * f64::from(sum);
+        let count = sums.len();
+        let (error, norms) = (&self.error[places][..count], &norms[..count]);
+        let (low, high) = (&mut low[..count], &mut high[..count]);
+        for at in 0..count {
+            let part = query.step * f64::from(sums[at]);
             let (product, around) =
-                (query.constant + part, length * error + query.slack + part.abs() * ROUNDED);
-            let cosine =
-                |product: f64| (1.0 - product / (query.length * norm)).clamp(0.0, 2.0) as f32;
-            (*low, *high) = (cosine(product + around), cosine(product - around));
+                (query.constant + part, length * error[at] + query.slack + part.abs() * ROUNDED);
+            let both = query.length * norms[at];
+            low[at] = (1.0 - (product + around) / both).clamp(0.0, 2.0) as f32;
+            high[at] = (1.0 - (product - around) / both).clamp(0.0, 2.0) as f32;
         }
     }
 
@@ -283,11 +285,13 @@ impl Codes {
     fn euclideans(&self, query: &EncodedQuery, sums: &[f32], low: &mut [f32], high: &mut [f32]) {
         let rounding = rounding(self.offset.len());
         let length = 2.0 * query.length * (1.0 + rounding);
-        let rows = sums.iter().zip(&self.error).zip(self.square.iter().zip(&self.row_square));
-        for (((&sum, error), (square, row_square)), (low, high)) in
-            rows.zip(low.iter_mut().zip(high))
-        {
-            let part = 2.0 * query.step * f64::from(sum);
+        let count = sums.len();
+        let (errors, squares) = (&self.error[..count], &self.square[..count]);
+        let row_squares = &self.row_square[..count];
+        let (low, high) = (&mut low[..count], &mut high[..count]);
+        for at in 0..count {
+            let (error, square, row_square) = (errors[at], squares[at], row_squares[at]);
+            let part = 2.0 * query.step * f64::from(sums[at]);
             let slack = query.slack + part.abs() * ROUNDED;
             let (codes, row) = (query.constant - part + square, query.constant - part + row_square);
             let around_codes = slack + rounding * square;
@@ -296,8 +300,8 @@ impl Codes {
             let farthest = (codes + around_codes).max(0.0).sqrt() + error;
             let nearest = nearest.max((row - around_row).max(0.0).sqrt());
             let farthest = farthest.min((row + around_row).max(0.0).sqrt());
-            *low = (nearest * (1.0 - rounding - ROUNDED)) as f32;
-            *high = (farthest * (1.0 + rounding + ROUNDED)) as f32;
+            low[at] = (nearest * (1.0 - rounding - ROUNDED)) as f32;
+            high[at] = (farthest * (1.0 + rounding + ROUNDED)) as f32;
         }
     }
 }

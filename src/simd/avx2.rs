@@ -31,45 +31,39 @@ impl Machine for Avx2 {
     #[inline(always)]
     fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        [0, 1, 2, 3].map(|part: usize| intrinsics!(_mm_loadu_ps(parts[part].as_ptr())))
+        parts!([0 1 2 3] |part| _mm_loadu_ps(parts[part].as_ptr()))
     }
 
     #[inline(always)]
     fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        [0, 1, 2, 3].map(|part: usize| {
-            intrinsics!(_mm_cvtph_ps(_mm_loadl_epi64(parts[part].as_ptr().cast())))
-        })
+        parts!([0 1 2 3] |part| _mm_cvtph_ps(_mm_loadl_epi64(parts[part].as_ptr().cast())))
     }
 
     #[inline(always)]
     fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        [0, 1, 2, 3].map(|part: usize| {
-            intrinsics!(_mm_cvtepi32_ps(_mm_cvtepi8_epi32(_mm_loadu_si32(
-                parts[part].as_ptr().cast()
-            ))))
+        parts!([0 1 2 3] |part| {
+            _mm_cvtepi32_ps(_mm_cvtepi8_epi32(_mm_loadu_si32(parts[part].as_ptr().cast())))
         })
     }
 
     #[inline(always)]
     fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        [0, 1, 2, 3].map(|part: usize| {
-            intrinsics!(_mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_loadu_si32(
-                parts[part].as_ptr().cast()
-            ))))
+        parts!([0 1 2 3] |part| {
+            _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_loadu_si32(parts[part].as_ptr().cast())))
         })
     }
 
     #[inline(always)]
     fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        [0, 1, 2, 3].map(|part: usize| intrinsics!(_mm_sub_ps(a[part], b[part])))
+        parts!([0 1 2 3] |part| _mm_sub_ps(a[part], b[part]))
     }
 
     #[inline(always)]
     fn widen(self, numbers: Self::Floats) -> Self::Lanes {
-        numbers.map(|part| intrinsics!(_mm256_cvtps_pd(part)))
+        parts!([0 1 2 3] |part| _mm256_cvtps_pd(numbers[part]))
     }
 
     #[inline(always)]
@@ -90,9 +84,8 @@ impl Machine for Avx2 {
     #[inline(always)]
     fn store(self, lanes: Self::Lanes) -> [f64; LANES] {
         let mut sums = [0.0; LANES];
-        for (sums, register) in sums.as_chunks_mut::<4>().0.iter_mut().zip(lanes) {
-            intrinsics!(_mm256_storeu_pd(sums.as_mut_ptr(), register));
-        }
+        let parts = sums.as_chunks_mut::<4>().0;
+        parts!([0 1 2 3] |part| _mm256_storeu_pd(parts[part].as_mut_ptr(), lanes[part]));
         sums
     }
 
@@ -103,13 +96,13 @@ impl Machine for Avx2 {
 
     #[inline(always)]
     fn block(self, bytes: &[u8; BLOCK]) -> Self::Block {
-        let [low, high] = [0, 1].map(|half| bytes.as_chunks::<32>().0[half].as_ptr());
-        intrinsics!([_mm256_loadu_si256(low.cast()), _mm256_loadu_si256(high.cast())])
+        let halves = bytes.as_chunks::<32>().0;
+        parts!([0 1] |half| _mm256_loadu_si256(halves[half].as_ptr().cast()))
     }
 
     #[inline(always)]
     fn flip(self, block: Self::Block) -> Self::Block {
-        block.map(|half| intrinsics!(_mm256_xor_si256(half, _mm256_set1_epi8(i8::MIN))))
+        parts!([0 1] |half| _mm256_xor_si256(block[half], _mm256_set1_epi8(i8::MIN)))
     }
 
     #[inline(always)]
@@ -122,23 +115,22 @@ impl Machine for Avx2 {
 
     #[inline(always)]
     fn squares(self, sum: __m256i, a: Self::Block, b: Self::Block) -> __m256i {
-        let differences = [0, 1].map(|half| {
-            intrinsics!(_mm256_sub_epi8(
-                _mm256_max_epu8(a[half], b[half]),
-                _mm256_min_epu8(a[half], b[half])
-            ))
+        let differences = parts!([0 1] |half| {
+            _mm256_sub_epi8(_mm256_max_epu8(a[half], b[half]), _mm256_min_epu8(a[half], b[half]))
         });
         self.products_u8(sum, differences, differences)
     }
 
     #[inline(always)]
     fn products_u8(self, mut sum: __m256i, a: Self::Block, b: Self::Block) -> __m256i {
-        for (a, b) in a.into_iter().zip(b) {
+        for half in 0..2 {
             intrinsics!({
-                let even = |x| _mm256_and_si256(x, _mm256_set1_epi16(0xFF));
-                let odd = |x| _mm256_srli_epi16::<8>(x);
-                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(even(a), even(b)));
-                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(odd(a), odd(b)));
+                let (a, b) = (a[half], b[half]);
+                let bytes = _mm256_set1_epi16(0xFF);
+                let even = [_mm256_and_si256(a, bytes), _mm256_and_si256(b, bytes)];
+                let odd = [_mm256_srli_epi16::<8>(a), _mm256_srli_epi16::<8>(b)];
+                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(even[0], even[1]));
+                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(odd[0], odd[1]));
             });
         }
         sum
@@ -146,12 +138,14 @@ impl Machine for Avx2 {
 
     #[inline(always)]
     fn products_i8(self, mut sum: __m256i, query: Self::Block, row: Self::Block) -> __m256i {
-        for (a, b) in query.into_iter().zip(row) {
+        for half in 0..2 {
             intrinsics!({
-                let even = |x| _mm256_srai_epi16::<8>(_mm256_slli_epi16::<8>(x));
-                let odd = |x| _mm256_srai_epi16::<8>(x);
-                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(even(a), even(b)));
-                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(odd(a), odd(b)));
+                let (a, b) = (query[half], row[half]);
+                let low = [_mm256_slli_epi16::<8>(a), _mm256_slli_epi16::<8>(b)];
+                let even = [_mm256_srai_epi16::<8>(low[0]), _mm256_srai_epi16::<8>(low[1])];
+                let odd = [_mm256_srai_epi16::<8>(a), _mm256_srai_epi16::<8>(b)];
+                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(even[0], even[1]));
+                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(odd[0], odd[1]));
             });
         }
         sum
@@ -160,15 +154,16 @@ impl Machine for Avx2 {
     #[inline(always)]
     fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
         let parts = numbers.as_chunks::<16>().0;
-        [0, 1, 2, 3].map(|part: usize| intrinsics!(_mm256_loadu_si256(parts[part].as_ptr().cast())))
+        parts!([0 1 2 3] |part| _mm256_loadu_si256(parts[part].as_ptr().cast()))
     }
 
     #[inline(always)]
     fn products_i16(self, mut sum: __m256i, query: Self::Shorts, row: &[i8; BLOCK]) -> __m256i {
-        for (query, row) in query.into_iter().zip(row.as_chunks::<16>().0) {
+        let parts = row.as_chunks::<16>().0;
+        for part in 0..4 {
             intrinsics!({
-                let row = _mm256_cvtepi8_epi16(_mm_loadu_si128(row.as_ptr().cast()));
-                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(query, row));
+                let row = _mm256_cvtepi8_epi16(_mm_loadu_si128(parts[part].as_ptr().cast()));
+                sum = _mm256_add_epi32(sum, _mm256_madd_epi16(query[part], row));
             });
         }
         sum
@@ -178,7 +173,7 @@ impl Machine for Avx2 {
     fn total_differences(self, sum: __m256i) -> i64 {
         let mut sums = [0_i64; 4];
         intrinsics!(_mm256_storeu_si256(sums.as_mut_ptr().cast(), sum));
-        sums.iter().sum()
+        sums[0] + sums[1] + sums[2] + sums[3]
     }
 
     #[inline(always)]

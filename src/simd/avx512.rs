@@ -31,45 +31,39 @@ impl Machine for Avx512 {
     #[inline(always)]
     fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        [0, 1].map(|part: usize| intrinsics!(_mm256_loadu_ps(parts[part].as_ptr())))
+        parts!([0 1] |part| _mm256_loadu_ps(parts[part].as_ptr()))
     }
 
     #[inline(always)]
     fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        [0, 1].map(|part: usize| {
-            intrinsics!(_mm256_cvtph_ps(_mm_loadu_si128(parts[part].as_ptr().cast())))
-        })
+        parts!([0 1] |part| _mm256_cvtph_ps(_mm_loadu_si128(parts[part].as_ptr().cast())))
     }
 
     #[inline(always)]
     fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        [0, 1].map(|part: usize| {
-            intrinsics!(_mm256_cvtepi32_ps(_mm256_cvtepi8_epi32(_mm_loadl_epi64(
-                parts[part].as_ptr().cast()
-            ))))
+        parts!([0 1] |part| {
+            _mm256_cvtepi32_ps(_mm256_cvtepi8_epi32(_mm_loadl_epi64(parts[part].as_ptr().cast())))
         })
     }
 
     #[inline(always)]
     fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        [0, 1].map(|part: usize| {
-            intrinsics!(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(
-                parts[part].as_ptr().cast()
-            ))))
+        parts!([0 1] |part| {
+            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(parts[part].as_ptr().cast())))
         })
     }
 
     #[inline(always)]
     fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        [0, 1].map(|part: usize| intrinsics!(_mm256_sub_ps(a[part], b[part])))
+        parts!([0 1] |part| _mm256_sub_ps(a[part], b[part]))
     }
 
     #[inline(always)]
     fn widen(self, numbers: Self::Floats) -> Self::Lanes {
-        numbers.map(|part| intrinsics!(_mm512_cvtps_pd(part)))
+        parts!([0 1] |part| _mm512_cvtps_pd(numbers[part]))
     }
 
     #[inline(always)]
@@ -90,9 +84,8 @@ impl Machine for Avx512 {
     #[inline(always)]
     fn store(self, lanes: Self::Lanes) -> [f64; LANES] {
         let mut sums = [0.0; LANES];
-        for (sums, register) in sums.as_chunks_mut::<8>().0.iter_mut().zip(lanes) {
-            intrinsics!(_mm512_storeu_pd(sums.as_mut_ptr(), register));
-        }
+        let parts = sums.as_chunks_mut::<8>().0;
+        parts!([0 1] |part| _mm512_storeu_pd(parts[part].as_mut_ptr(), lanes[part]));
         sums
     }
 
@@ -127,9 +120,11 @@ impl Machine for Avx512 {
     #[inline(always)]
     fn products_u8(self, sum: __m512i, a: __m512i, b: __m512i) -> __m512i {
         intrinsics!({
-            let (even, low) = (|x| _mm512_and_si512(x, _mm512_set1_epi16(0xFF)), sum);
-            let odd = |x| _mm512_srli_epi16::<8>(x);
-            _mm512_dpwssd_epi32(_mm512_dpwssd_epi32(low, even(a), even(b)), odd(a), odd(b))
+            let bytes = _mm512_set1_epi16(0xFF);
+            let even = [_mm512_and_si512(a, bytes), _mm512_and_si512(b, bytes)];
+            let odd = [_mm512_srli_epi16::<8>(a), _mm512_srli_epi16::<8>(b)];
+            let sum = _mm512_dpwssd_epi32(sum, even[0], even[1]);
+            _mm512_dpwssd_epi32(sum, odd[0], odd[1])
         })
     }
 
@@ -141,15 +136,16 @@ impl Machine for Avx512 {
     #[inline(always)]
     fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
         let parts = numbers.as_chunks::<32>().0;
-        [0, 1].map(|part: usize| intrinsics!(_mm512_loadu_si512(parts[part].as_ptr().cast())))
+        parts!([0 1] |part| _mm512_loadu_si512(parts[part].as_ptr().cast()))
     }
 
     #[inline(always)]
     fn products_i16(self, mut sum: __m512i, query: Self::Shorts, row: &[i8; BLOCK]) -> __m512i {
-        for (query, row) in query.into_iter().zip(row.as_chunks::<32>().0) {
+        let parts = row.as_chunks::<32>().0;
+        for part in 0..2 {
             intrinsics!({
-                let row = _mm512_cvtepi8_epi16(_mm256_loadu_si256(row.as_ptr().cast()));
-                sum = _mm512_dpwssd_epi32(sum, query, row);
+                let row = _mm512_cvtepi8_epi16(_mm256_loadu_si256(parts[part].as_ptr().cast()));
+                sum = _mm512_dpwssd_epi32(sum, query[part], row);
             });
         }
         sum

@@ -27,7 +27,7 @@ pub(crate) trait Machine: Copy {
     /// A register of f64.
     type Wide: Copy;
     /// [`LANES`] of f64: an array of registers.
-    type Lanes: Copy + AsMut<[Self::Wide]> + IntoIterator<Item = Self::Wide>;
+    type Lanes: Copy + AsRef<[Self::Wide]> + AsMut<[Self::Wide]>;
     /// [`BLOCK`] bytes.
     type Block: Copy;
     /// [`BLOCK`] numbers of 16 bits.

@@ -1,4 +1,8 @@
 //! The kernels' instruction sets, and registers that look the same on each.
+//!
+//! What works on registers here and in `distance` is loops over indices: `zip`, `map` on arrays and
+//! closures are functions, which a build without link-time optimisation may compile by themselves,
+//! for the plainest instruction set.
 #![allow(
     clippy::inline_always,
     clippy::wildcard_imports,
@@ -32,6 +36,16 @@ macro_rules! intrinsics {
         // SAFETY: a machine's value exists only if the CPU has its instructions, and a load or a
         // store stays inside the array that it is given.
         unsafe { $call }
+    };
+}
+
+/// An array with the intrinsics of each part, written out.
+macro_rules! parts {
+    ([$($at:literal)*] |$part:ident| $call:expr) => {
+        [$({
+            let $part: usize = $at;
+            intrinsics!($call)
+        }),*]
     };
 }
 

@@ -32,20 +32,18 @@ impl Machine for Neon {
     #[inline(always)]
     fn f32s(self, numbers: &[f32; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        [0, 1, 2, 3].map(|part: usize| intrinsics!(vld1q_f32(parts[part].as_ptr())))
+        parts!([0 1 2 3] |part| vld1q_f32(parts[part].as_ptr()))
     }
 
     #[inline(always)]
     fn f16s(self, numbers: &[f16; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<4>().0;
-        [0, 1, 2, 3].map(|part: usize| {
+        parts!([0 1 2 3] |part| {
             let wide: float32x4_t;
+            let numbers = vld1_u16(parts[part].as_ptr().cast());
             // Stable Rust has no name for this instruction.
-            intrinsics!({
-                let numbers = vld1_u16(parts[part].as_ptr().cast());
-                asm!("fcvtl {0:v}.4s, {1:v}.4h", out(vreg) wide, in(vreg) numbers,
-                    options(pure, nomem, nostack));
-            });
+            asm!("fcvtl {0:v}.4s, {1:v}.4h", out(vreg) wide, in(vreg) numbers,
+                options(pure, nomem, nostack));
             wide
         })
     }
@@ -53,43 +51,35 @@ impl Machine for Neon {
     #[inline(always)]
     fn i8s(self, numbers: &[i8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        [0, 1, 2, 3].map(|part: usize| {
-            intrinsics!({
-                let numbers = vmovl_s8(vld1_s8(parts[part / 2].as_ptr()));
-                let four =
-                    if part % 2 == 1 { vget_high_s16(numbers) } else { vget_low_s16(numbers) };
-                vcvtq_f32_s32(vmovl_s16(four))
-            })
+        parts!([0 1 2 3] |part| {
+            let numbers = vmovl_s8(vld1_s8(parts[part / 2].as_ptr()));
+            let four =
+                if part % 2 == 1 { vget_high_s16(numbers) } else { vget_low_s16(numbers) };
+            vcvtq_f32_s32(vmovl_s16(four))
         })
     }
 
     #[inline(always)]
     fn u8s(self, numbers: &[u8; LANES]) -> Self::Floats {
         let parts = numbers.as_chunks::<8>().0;
-        [0, 1, 2, 3].map(|part: usize| {
-            intrinsics!({
-                let numbers = vmovl_u8(vld1_u8(parts[part / 2].as_ptr()));
-                let four =
-                    if part % 2 == 1 { vget_high_u16(numbers) } else { vget_low_u16(numbers) };
-                vcvtq_f32_u32(vmovl_u16(four))
-            })
+        parts!([0 1 2 3] |part| {
+            let numbers = vmovl_u8(vld1_u8(parts[part / 2].as_ptr()));
+            let four =
+                if part % 2 == 1 { vget_high_u16(numbers) } else { vget_low_u16(numbers) };
+            vcvtq_f32_u32(vmovl_u16(four))
         })
     }
 
     #[inline(always)]
     fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        [0, 1, 2, 3].map(|part: usize| intrinsics!(vsubq_f32(a[part], b[part])))
+        parts!([0 1 2 3] |part| vsubq_f32(a[part], b[part]))
     }
 
     #[inline(always)]
     fn widen(self, numbers: Self::Floats) -> Self::Lanes {
-        [0, 1, 2, 3, 4, 5, 6, 7].map(|part: usize| {
+        parts!([0 1 2 3 4 5 6 7] |part| {
             let four = numbers[part / 2];
-            if part % 2 == 1 {
-                intrinsics!(vcvt_high_f64_f32(four))
-            } else {
-                intrinsics!(vcvt_f64_f32(vget_low_f32(four)))
-            }
+            if part % 2 == 1 { vcvt_high_f64_f32(four) } else { vcvt_f64_f32(vget_low_f32(four)) }
         })
     }
 
@@ -106,9 +96,8 @@ impl Machine for Neon {
     #[inline(always)]
     fn store(self, lanes: Self::Lanes) -> [f64; LANES] {
         let mut sums = [0.0; LANES];
-        for (sums, register) in sums.as_chunks_mut::<2>().0.iter_mut().zip(lanes) {
-            intrinsics!(vst1q_f64(sums.as_mut_ptr(), register));
-        }
+        let parts = sums.as_chunks_mut::<2>().0;
+        parts!([0 1 2 3 4 5 6 7] |part| vst1q_f64(parts[part].as_mut_ptr(), lanes[part]));
         sums
     }
 
@@ -120,20 +109,20 @@ impl Machine for Neon {
     #[inline(always)]
     fn block(self, bytes: &[u8; BLOCK]) -> Self::Block {
         let parts = bytes.as_chunks::<16>().0;
-        [0, 1, 2, 3].map(|part: usize| intrinsics!(vld1q_u8(parts[part].as_ptr())))
+        parts!([0 1 2 3] |part| vld1q_u8(parts[part].as_ptr()))
     }
 
     #[inline(always)]
     fn flip(self, block: Self::Block) -> Self::Block {
-        block.map(|part| intrinsics!(veorq_u8(part, vdupq_n_u8(0x80))))
+        parts!([0 1 2 3] |part| veorq_u8(block[part], vdupq_n_u8(0x80)))
     }
 
     #[inline(always)]
     fn differences(self, sum: int32x4_t, a: Self::Block, b: Self::Block) -> int32x4_t {
         intrinsics!({
             let mut sums = vdupq_n_u16(0);
-            for (a, b) in a.into_iter().zip(b) {
-                sums = vpadalq_u8(sums, vabdq_u8(a, b));
+            for part in 0..4 {
+                sums = vpadalq_u8(sums, vabdq_u8(a[part], b[part]));
             }
             vreinterpretq_s32_u32(vpadalq_u16(vreinterpretq_u32_s32(sum), sums))
         })
@@ -141,7 +130,7 @@ impl Machine for Neon {
 
     #[inline(always)]
     fn squares(self, sum: int32x4_t, a: Self::Block, b: Self::Block) -> int32x4_t {
-        let differences = [0, 1, 2, 3].map(|part: usize| intrinsics!(vabdq_u8(a[part], b[part])));
+        let differences = parts!([0 1 2 3] |part| vabdq_u8(a[part], b[part]));
         self.products_u8(sum, differences, differences)
     }
 
@@ -149,7 +138,8 @@ impl Machine for Neon {
     fn products_u8(self, sum: int32x4_t, a: Self::Block, b: Self::Block) -> int32x4_t {
         intrinsics!({
             let mut sum = vreinterpretq_u32_s32(sum);
-            for (a, b) in a.into_iter().zip(b) {
+            for part in 0..4 {
+                let (a, b) = (a[part], b[part]);
                 sum = vpadalq_u16(sum, vmull_u8(vget_low_u8(a), vget_low_u8(b)));
                 sum = vpadalq_u16(sum, vmull_high_u8(a, b));
             }
@@ -159,9 +149,9 @@ impl Machine for Neon {
 
     #[inline(always)]
     fn products_i8(self, mut sum: int32x4_t, query: Self::Block, row: Self::Block) -> int32x4_t {
-        for (a, b) in query.into_iter().zip(row) {
+        for part in 0..4 {
             intrinsics!({
-                let (a, b) = (vreinterpretq_s8_u8(a), vreinterpretq_s8_u8(b));
+                let (a, b) = (vreinterpretq_s8_u8(query[part]), vreinterpretq_s8_u8(row[part]));
                 sum = vpadalq_s16(sum, vmull_s8(vget_low_s8(a), vget_low_s8(b)));
                 sum = vpadalq_s16(sum, vmull_high_s8(a, b));
             });
@@ -172,14 +162,15 @@ impl Machine for Neon {
     #[inline(always)]
     fn shorts(self, numbers: &[i16; BLOCK]) -> Self::Shorts {
         let parts = numbers.as_chunks::<8>().0;
-        [0, 1, 2, 3, 4, 5, 6, 7].map(|part: usize| intrinsics!(vld1q_s16(parts[part].as_ptr())))
+        parts!([0 1 2 3 4 5 6 7] |part| vld1q_s16(parts[part].as_ptr()))
     }
 
     #[inline(always)]
     fn products_i16(self, mut sum: int32x4_t, query: Self::Shorts, row: &[i8; BLOCK]) -> int32x4_t {
-        for (query, row) in query.into_iter().zip(row.as_chunks::<8>().0) {
+        let parts = row.as_chunks::<8>().0;
+        for part in 0..8 {
             intrinsics!({
-                let row = vmovl_s8(vld1_s8(row.as_ptr()));
+                let (query, row) = (query[part], vmovl_s8(vld1_s8(parts[part].as_ptr())));
                 sum = vmlal_s16(sum, vget_low_s16(query), vget_low_s16(row));
                 sum = vmlal_high_s16(sum, query, row);
             });

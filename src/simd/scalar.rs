@@ -16,10 +16,14 @@ pub(crate) fn sum<A: Widen, B: Widen>(a: &[A], b: &[B], term: impl Fn(f32, f32) 
     let mut lanes = [0.0; LANES];
     for (a, b) in a.chunks(SPACE).zip(b.chunks(SPACE)) {
         let (a, b) = (A::widen(a, &mut space_a), B::widen(b, &mut space_b));
-        for (a, b) in a.chunks(LANES).zip(b.chunks(LANES)) {
-            for (lane, (&a, &b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
-                *lane += term(a, b);
+        let ((a, rest_of_a), (b, rest_of_b)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+        for at in 0..a.len() {
+            for lane in 0..LANES {
+                lanes[lane] += term(a[at][lane], b[at][lane]);
             }
+        }
+        for lane in 0..rest_of_a.len() {
+            lanes[lane] += term(rest_of_a[lane], rest_of_b[lane]);
         }
     }
     sum_of_lanes(lanes)
@@ -31,8 +35,8 @@ pub(crate) fn sum_of_lanes(mut lanes: [f64; LANES]) -> f64 {
     let mut half = LANES / 2;
     while half > 0 {
         let (low, high) = lanes.split_at_mut(half);
-        for (low, high) in low.iter_mut().zip(high) {
-            *low += *high;
+        for lane in 0..half {
+            low[lane] += high[lane];
         }
         half /= 2;
     }
@@ -41,16 +45,26 @@ pub(crate) fn sum_of_lanes(mut lanes: [f64; LANES]) -> f64 {
 
 /// The sum of `term(a, b)` over two vectors of bytes of one length, exactly.
 pub(crate) fn total<B: Copy + Into<i32>>(a: &[B], b: &[B], term: impl Fn(i32, i32) -> i32) -> i64 {
-    let blocks = a.chunks(BYTES).zip(b.chunks(BYTES));
-    let sums =
-        blocks.map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| term(a.into(), b.into())).sum::<i32>());
-    sums.map(i64::from).sum()
+    let mut total = 0;
+    for (a, b) in a.chunks(BYTES).zip(b.chunks(BYTES)) {
+        let (b, mut sum) = (&b[..a.len()], 0);
+        for at in 0..a.len() {
+            sum += term(a[at].into(), b[at].into());
+        }
+        total += i64::from(sum);
+    }
+    total
 }
 
 /// The sum of the products of numbers of 14 bits with bytes, exactly.
 pub(crate) fn short_total(a: &[i16], b: &[i8]) -> i64 {
-    let blocks = a.chunks(SHORTS).zip(b.chunks(SHORTS));
-    let sums = blocks
-        .map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>());
-    sums.map(i64::from).sum()
+    let mut total = 0;
+    for (a, b) in a.chunks(SHORTS).zip(b.chunks(SHORTS)) {
+        let (b, mut sum) = (&b[..a.len()], 0);
+        for at in 0..a.len() {
+            sum += i32::from(a[at]) * i32::from(b[at]);
+        }
+        total += i64::from(sum);
+    }
+    total
 }

@@ -29,9 +29,9 @@ impl Says<'_> {
         match self {
             Says::Nothing => out.fill(0.0),
             Says::Column(standard) => {
-                let column = column[range.clone()].iter().zip(&sums[range]);
-                for (out, (&distance, &sum)) in out.iter_mut().zip(column) {
-                    *out = standard.z(distance, sum);
+                let (column, sums) = (&column[range.clone()], &sums[range]);
+                for at in 0..column.len() {
+                    out[at] = standard.z(column[at], sums[at]);
                 }
             }
             Says::Fused(z) => out.copy_from_slice(&z[range]),

@@ -101,7 +101,9 @@ fn add(column: &[f32], sums: &mut [f64]) -> (f64, f64) {
     let (mut of_distances, mut of_sums) = ([0.0; LANES], [0.0; LANES]);
     let (distances, rest) = column.as_chunks::<LANES>();
     let (sums, rest_of_sums) = sums.as_chunks_mut::<LANES>();
-    for (distances, sums) in distances.iter().zip(sums) {
+    let sums = &mut sums[..distances.len()];
+    for at in 0..distances.len() {
+        let (distances, sums) = (&distances[at], &mut sums[at]);
         for lane in 0..LANES {
             let distance = f64::from(distances[lane]);
             sums[lane] += distance;
@@ -123,7 +125,9 @@ fn moments(column: &[f32], sums: &[f64], share: f64, centre: f64) -> (f64, f64) 
     let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
     let (distances, rest) = column.as_chunks::<LANES>();
     let (sums, rest_of_sums) = sums.as_chunks::<LANES>();
-    for (distances, sums) in distances.iter().zip(sums) {
+    let sums = &sums[..distances.len()];
+    for at in 0..distances.len() {
+        let (distances, sums) = (&distances[at], &sums[at]);
         for lane in 0..LANES {
             let x = f64::from(distances[lane]) - share * sums[lane] - centre;
             first[lane] += x;

@@ -143,9 +143,10 @@ fn moments(a: &[f64], b: &[f64]) -> Moments {
         lanes[3][lane] += a * a;
         lanes[4][lane] += b * b;
     };
-    for (a, b) in groups_a.iter().zip(groups_b) {
+    let groups_b = &groups_b[..groups_a.len()];
+    for at in 0..groups_a.len() {
         for lane in 0..LANES {
-            one(lane, a[lane], b[lane]);
+            one(lane, groups_a[at][lane], groups_b[at][lane]);
         }
     }
     for (lane, (&a, &b)) in rest_a.iter().zip(rest_b).enumerate() {

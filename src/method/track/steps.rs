@@ -205,30 +205,32 @@ fn arriving_inside(source: &[f64], taps: &[Tap], factor: f64, start: usize, out:
     match *taps {
         [a] => {
             let w = factor * a.weight;
-            for (out, &x) in out.iter_mut().zip(from(a)) {
-                *out = w * x;
+            let a = from(a);
+            for at in 0..count {
+                out[at] = w * a[at];
             }
         }
         [a, b, c] => {
             let w = [factor * a.weight, factor * b.weight, factor * c.weight];
-            let sources = from(a).iter().zip(from(b)).zip(from(c));
-            for (out, ((&a, &b), &c)) in out.iter_mut().zip(sources) {
-                *out = w[0] * a + w[1] * b + w[2] * c;
+            let (a, b, c) = (from(a), from(b), from(c));
+            for at in 0..count {
+                out[at] = w[0] * a[at] + w[1] * b[at] + w[2] * c[at];
             }
         }
         [a, b, c, d] => {
             let w = [factor * a.weight, factor * b.weight, factor * c.weight, factor * d.weight];
-            let sources = from(a).iter().zip(from(b)).zip(from(c)).zip(from(d));
-            for (out, (((&a, &b), &c), &d)) in out.iter_mut().zip(sources) {
-                *out = w[0] * a + w[1] * b + w[2] * c + w[3] * d;
+            let (a, b, c, d) = (from(a), from(b), from(c), from(d));
+            for at in 0..count {
+                out[at] = w[0] * a[at] + w[1] * b[at] + w[2] * c[at] + w[3] * d[at];
             }
         }
         _ => {
             out.fill(0.0);
             for &tap in taps {
                 let w = factor * tap.weight;
-                for (out, &x) in out.iter_mut().zip(from(tap)) {
-                    *out += w * x;
+                let source = from(tap);
+                for at in 0..count {
+                    out[at] += w * source[at];
                 }
             }
         }

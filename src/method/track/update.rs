@@ -86,16 +86,18 @@ fn stay(row: &[f64], factor: f64, start: usize, out: &mut [f64]) {
     if factor == 0.0 {
         return;
     }
-    for (out, &mass) in out.iter_mut().zip(&row[start..]) {
-        *out += factor * mass;
+    let row = &row[start..][..out.len()];
+    for at in 0..out.len() {
+        out[at] += factor * row[at];
     }
 }
 
 /// The arriving mass becomes the prediction, and that is weighed by the evidence.
 #[inline(always)]
 fn weigh(mass: &mut [f64], anew: f64, e: &[f64]) {
-    for (mass, &e) in mass.iter_mut().zip(e) {
-        *mass = (*mass + anew) * e;
+    let e = &e[..mass.len()];
+    for at in 0..mass.len() {
+        mass[at] = (mass[at] + anew) * e[at];
     }
 }
 
@@ -104,8 +106,9 @@ fn weigh(mass: &mut [f64], anew: f64, e: &[f64]) {
 fn add_up(chunk: &[f64], out: &mut [f64]) {
     out.fill(0.0);
     for row in chunk.chunks_exact(CHUNK) {
-        for (out, &mass) in out.iter_mut().zip(row) {
-            *out += mass;
+        let row = &row[..out.len()];
+        for at in 0..out.len() {
+            out[at] += row[at];
         }
     }
 }
@@ -118,8 +121,8 @@ fn switched(chunk: &[f64], speed: usize, steps: &Steps, out: &mut [f64]) {
     let [a, b, c] = steps.switches(speed);
     let count = out.len();
     let row = |speed: usize| &chunk[speed * CHUNK..][..count];
-    let rows = row(below).iter().zip(row(speed)).zip(row(above));
-    for (out, ((&below, &own), &above)) in out.iter_mut().zip(rows) {
-        *out = a * below + b * own + c * above;
+    let (below, own, above) = (row(below), row(speed), row(above));
+    for at in 0..count {
+        out[at] = a * below[at] + b * own[at] + c * above[at];
     }
 }
