@@ -20,7 +20,7 @@ TOOLS := .tools/bin
 # What the public names are compared with: the last release before this commit, or the commit before it.
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
-.PHONY: demo test test-long soak asan tsan mutants fuzz fuzz-seeds quick lint rust
+.PHONY: demo test test-long soak asan tsan mutants fuzz fuzz-seeds quick lint rust rust-docs
 .PHONY: instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
 .PHONY: clippy style types rivals-quick stubs clean help capi capi-check header
 .PHONY: sdist release-check check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
@@ -73,7 +73,7 @@ stubs: $(VENV)/installed $(VENV)/dev
 test:
 	$(BESIDE) clippy style $(VENV)/dev
 	$(MAKE) rust
-	$(BESIDE) capi-check instructions types docs
+	$(BESIDE) capi-check instructions types docs rust-docs
 	$(MAKE) python examples rivals-quick
 	$(BIN)/surefix demo --out out/demo
 	@echo; echo "== summaries"
@@ -137,6 +137,8 @@ fuzz-seeds:
 rust:
 	@mkdir -p target
 	$(CARGO_TEST) --all-features 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
+
+rust-docs:
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --all-features
 
 # Against the installed wheel, never against the source folder.
