@@ -86,6 +86,7 @@ mod scan;
 mod segments;
 mod settings;
 mod simd;
+mod sums;
 
 pub mod calibration;
 pub mod evaluate;

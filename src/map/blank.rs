@@ -4,6 +4,7 @@
 //! nothing, and are made to: a place that shows nothing is as far from a query as the mean of the
 //! others, and a query that shows nothing is equally far from all places.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use twox_hash::XxHash3_64;
@@ -14,6 +15,7 @@ use super::recipe::Kind;
 use super::{Map, Recipe};
 use crate::error::Error;
 use crate::numbers::{View, each_type};
+use crate::sums::BLOCK;
 
 /// This many equal rows, and no camera saw their places.
 const EQUAL: usize = 5;
@@ -169,19 +171,41 @@ pub(super) fn quieten(blank: &[usize], nothing: bool, distances: &mut [f32]) {
 
 /// The mean of the distances to all places but those `skipped`, which are in order; `None` if it is
 /// no number: then a distance is none, and is refused where it stands.
-pub(super) fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
-    let (mut sum, mut start) = (0.0, 0);
-    for &end in skipped.iter().chain([&distances.len()]) {
-        sum += distances[start..end].iter().map(|&d| f64::from(d)).sum::<f64>();
-        start = end + 1;
-    }
+fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
+    let blocks = blocks(distances.len());
+    let sum: f64 =
+        blocks.map(|block| sum_without(block, skipped, |at| f64::from(distances[at]))).sum();
     let mean = sum / (distances.len() - skipped.len()) as f64;
     mean.is_finite().then_some(mean)
 }
 
-/// The least of some of the distances; infinity if there are none.
-pub(super) fn least_of(distances: &[f32], some: &[usize]) -> f32 {
-    some.iter().map(|&at| distances[at]).fold(f32::INFINITY, f32::min)
+/// The blocks of so many places.
+pub(super) fn blocks(places: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..places).step_by(BLOCK).map(move |start| start..places.min(start + BLOCK))
+}
+
+/// The sum of a number for each index of a range but those `skipped`, which are in order.
+pub(super) fn sum_without(
+    range: Range<usize>,
+    skipped: &[usize],
+    of: impl Fn(usize) -> f64,
+) -> f64 {
+    between(range, skipped).map(|part| part.map(&of).sum::<f64>()).sum()
+}
+
+/// What is left of a range without some indices, which are in order.
+pub(super) fn between(
+    range: Range<usize>,
+    skipped: &[usize],
+) -> impl Iterator<Item = Range<usize>> {
+    let ends = within(&range, skipped).iter().copied().chain([range.end]);
+    ends.scan(range.start, |start, end| Some(std::mem::replace(start, end + 1)..end))
+}
+
+/// Those of some indices, which are in order, that lie in a range.
+pub(super) fn within<'a>(range: &Range<usize>, indices: &'a [usize]) -> &'a [usize] {
+    let first = |from: usize| indices.partition_point(|&index| index < from);
+    &indices[first(range.start)..first(range.end)]
 }
 
 /// Whether a descriptor shows nothing by itself.

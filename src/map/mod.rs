@@ -8,6 +8,7 @@ mod contents;
 mod edit;
 mod extras;
 mod file;
+mod fold;
 mod grow;
 mod growing;
 mod join;

@@ -3,15 +3,16 @@
 //!
 //! The rows of the first traverse are those of the map's places, in order. Each further traverse
 //! has a row for some of the places. A scan goes through all rows, the first traverse's before the
-//! second's, and so on; [`Map::fold`] makes a distance for each place of those to the rows.
+//! second's, and so on; `fold.rs` makes a distance for each place of those to the rows.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use once_cell::race::OnceBox;
 
-use super::blank::{Census, SAME, least_of, mean_without};
+use super::blank::Census;
 use super::block::Blocks;
+use super::fold::Quiet;
 use super::join::{About, check};
 use super::recipe::Kind;
 use super::{Map, Storage, lengths};
@@ -67,17 +68,7 @@ pub(crate) struct Traverses {
     /// The label of the first.
     pub(super) first: Arc<str>,
     pub(super) further: Vec<Further>,
-    quiet: OnceBox<Quiet>,
-}
-
-/// What several traverses say nothing of.
-#[derive(Clone, Debug)]
-struct Quiet {
-    /// The places all of whose rows show nothing.
-    places: Arc<[usize]>,
-    /// Of each further traverse the rows that are not compared with the first's row of their place,
-    /// because one of the two shows nothing.
-    unpaired: Vec<Vec<usize>>,
+    pub(super) quiet: OnceBox<Quiet>,
 }
 
 impl Traverses {
@@ -157,20 +148,6 @@ impl Further {
             self.blocks.iter().for_each(|block| census.add(block.rows()));
             Box::new(census.places().into())
         })
-    }
-
-    /// The mean of the differences between the first traverse's distances and these, over the
-    /// places that have both: so much nearer this traverse is to the query as a whole.
-    fn shift(&self, first: &[f32], own: &[f32], unpaired: &[usize]) -> f64 {
-        let (mut sum, mut start) = (0.0, 0);
-        for &end in unpaired.iter().chain([&own.len()]) {
-            for (&place, &distance) in self.places[start..end].iter().zip(&own[start..end]) {
-                sum += f64::from(first[place as usize]) - f64::from(distance);
-            }
-            start = end + 1;
-        }
-        let pairs = own.len() - unpaired.len();
-        if pairs == 0 { 0.0 } else { sum / pairs as f64 }
     }
 }
 
@@ -366,74 +343,6 @@ impl Map {
     /// Whether places may have several rows.
     pub(crate) fn has_several(&self) -> bool {
         !self.route.traverses.further.is_empty()
-    }
-
-    /// Makes the column of places from the distances to all rows, which are changed. What says
-    /// nothing is taken out, as by [`quieten`](Self::quieten).
-    pub(crate) fn fold(&self, nothing: bool, rows: &mut [f32], column: &mut [f32]) {
-        let Quiet { places: blank, unpaired } = self.quiet();
-        let (first, mut rest) = rows.split_at_mut(column.len());
-        column.copy_from_slice(first);
-        if blank.len() == column.len() {
-            return self.quieten(nothing, column);
-        }
-        let mut nearest = least_of(first, self.blank_rows());
-        for &row in self.blank_rows() {
-            column[row] = f32::INFINITY;
-        }
-        for (traverse, unpaired) in self.route.traverses.further.iter().zip(unpaired) {
-            let (own, after) = rest.split_at_mut(traverse.places.len());
-            rest = after;
-            let shift = traverse.shift(first, own, unpaired);
-            let silent = traverse.blank(&self.kind);
-            nearest = nearest.min(least_of(own, silent));
-            for &row in silent {
-                own[row] = f32::INFINITY;
-            }
-            for (&place, &distance) in traverse.places.iter().zip(&*own) {
-                let distance = (f64::from(distance) + shift) as f32;
-                let least = &mut column[place as usize];
-                // A NaN stays, so that it is refused.
-                if distance < *least || distance.is_nan() {
-                    *least = distance;
-                }
-            }
-        }
-        let Some(mean) = mean_without(column, blank) else { return };
-        if nothing || f64::from(nearest) <= SAME * mean {
-            column.fill(mean as f32);
-        }
-        for &place in &**blank {
-            column[place] = mean as f32;
-        }
-    }
-
-    /// The places all of whose rows show nothing.
-    pub(super) fn blank_places(&self) -> &[usize] {
-        // Both are known from now on, so that a push need not find them.
-        let first = self.blank_rows();
-        if self.has_several() { &self.quiet().places } else { first }
-    }
-
-    fn quiet(&self) -> &Quiet {
-        let Traverses { further, quiet, .. } = &self.route.traverses;
-        quiet.get_or_init(|| {
-            let mut silent = vec![false; self.places()];
-            self.blank_rows().iter().for_each(|&row| silent[row] = true);
-            let shown = silent.clone();
-            let unpaired = further.iter().map(|traverse| {
-                let mut own = vec![false; traverse.places.len()];
-                traverse.blank(&self.kind).iter().for_each(|&row| own[row] = true);
-                for (&place, &blank) in traverse.places.iter().zip(&own) {
-                    silent[place as usize] &= blank;
-                }
-                let of = |row: &usize| own[*row] || shown[traverse.places[*row] as usize];
-                (0..own.len()).filter(of).collect()
-            });
-            let unpaired = unpaired.collect();
-            let places = (0..silent.len()).filter(|&place| silent[place]).collect();
-            Box::new(Quiet { places, unpaired })
-        })
     }
 }
 

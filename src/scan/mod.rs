@@ -90,7 +90,7 @@ impl Map {
         if self.has_several() {
             let mut rows = vec![0.0; self.rows()];
             self.scan(query, 0..rows.len(), &mut rows);
-            self.fold(nothing, &mut rows, out);
+            self.fold(nothing, &rows, out);
         } else {
             self.scan(query, 0..expected, out);
             self.quieten(nothing, out);

@@ -8,27 +8,37 @@ pub(crate) fn lanes(numbers: impl Iterator<Item = f64>) -> f64 {
     (a + b) + (c + d)
 }
 
-/// Adds the lanes of pieces of `piece` numbers, in order.
-fn pieces(from: usize, to: usize, piece: usize, of: &impl Fn(usize) -> f64) -> f64 {
-    let mut total = 0.0;
-    for start in (from..to).step_by(piece) {
-        total += lanes((start..to.min(start + piece)).map(of));
-    }
-    total
+/// The first place and the end of each part of a range that a multiple of `piece` begins.
+pub(crate) fn spans(from: usize, to: usize, piece: usize) -> impl Iterator<Item = (usize, usize)> {
+    let pieces = from / piece..to.div_ceil(piece);
+    pieces.map(move |at| (from.max(at * piece), to.min((at + 1) * piece)))
 }
 
 /// The sum of `of(0)`, `of(1)`, ... by blocks of 4,096 in one piece.
 pub(crate) fn blocks(count: usize, of: impl Fn(usize) -> f64) -> f64 {
-    pieces(0, count, 4096, &of)
+    spans(0, count, 4096).map(|(a, b)| lanes((a..b).map(&of))).sum()
 }
 
 /// The same by blocks of 4,096 in chunks of 256.
 pub(crate) fn chunks(count: usize, of: impl Fn(usize) -> f64) -> f64 {
-    let mut total = 0.0;
-    for block in (0..count).step_by(4096) {
-        total += pieces(block, count.min(block + 4096), 256, &of);
-    }
-    total
+    let block = |(a, b)| spans(a, b, 256).map(|(a, b)| lanes((a..b).map(&of))).sum::<f64>();
+    spans(0, count, 4096).map(block).sum()
+}
+
+/// The sum of the products of `a` and `b` about their means: in each block about its own, and then
+/// that of the blocks' means (Chan, Golub and LeVeque).
+pub(crate) fn about(a: &[f64], b: &[f64]) -> f64 {
+    let all = a.len();
+    let mean = |x: &[f64]| blocks(all, |i| x[i]) / all as f64;
+    let (mean_a, mean_b) = (mean(a), mean(b));
+    let of_block = |(from, to): (usize, usize)| {
+        let count = (to - from) as f64;
+        let own = |x: &[f64]| lanes(x[from..to].iter().copied()) / count;
+        let (own_a, own_b) = (own(a), own(b));
+        let inside = lanes((from..to).map(|i| (a[i] - own_a) * (b[i] - own_b)));
+        inside + count * ((own_a - mean_a) * (own_b - mean_b))
+    };
+    spans(0, all, 4096).map(of_block).sum()
 }
 
 /// `e^x` by the Taylor polynomial up to `r^10 / 10!`, for `x = k ln 2 + r`.

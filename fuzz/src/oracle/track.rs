@@ -2,7 +2,7 @@
 
 use surefix::{Motion, Segments, Track};
 
-use super::sums::{blocks, chunks, exp};
+use super::sums::{about, blocks, chunks, exp, lanes, spans};
 use super::{Query, Road};
 
 /// The belief may be off by this much if there are links, by the order of sums.
@@ -24,7 +24,7 @@ pub(crate) struct Filter {
     way: f64,
     gap: Option<f64>,
     fresh: bool,
-    /// The `z` of the view before.
+    /// The corrected distances of the query before, unless they are constant.
     view: Option<Vec<f64>>,
     /// The newest answer: the belief in each place, and the speed in it.
     places: Vec<f64>,
@@ -88,13 +88,16 @@ impl Filter {
         }
         let gap = self.gap.take();
         let advance = query.advance.map_or(gap, |by| Some(by + gap.unwrap_or(0.0)));
-        let z = self.standardised(&query.column);
-        let alike = z.as_ref().and_then(|z| self.alike(z));
+        let (z, alike) = match self.standardised(&query.column) {
+            None => (None, None),
+            Some((x, z)) => (Some(z), self.alike(x)),
+        };
         self.follow(z, advance, alike);
     }
 
-    /// 1 and the first half of 2: hubs, and `z`; `None` if the column says nothing.
-    fn standardised(&mut self, d: &[f32]) -> Option<Vec<f64>> {
+    /// 1 and the first half of 2: the distances corrected for hubs, unless they are all equal, and
+    /// their `z`; `None` if the column says nothing.
+    fn standardised(&mut self, d: &[f32]) -> Option<(Option<Vec<f64>>, Vec<f64>)> {
         if d.iter().all(|&x| x == d[0]) {
             return None;
         }
@@ -103,35 +106,28 @@ impl Filter {
         for (hub, &x) in self.hubs.iter_mut().zip(d) {
             *hub += f64::from(x);
         }
-        let hubs = &self.hubs;
         let share = 1.0 / (self.columns as f64 + self.motion.hubness);
+        let x = d.iter().zip(&self.hubs).map(|(&d, hub)| f64::from(d) - share * hub);
+        let x: Vec<f64> = x.collect();
         let distance = blocks(d.len(), |i| f64::from(d[i])) / count;
-        let hub = share * blocks(d.len(), |i| hubs[i]) / count;
-        let centre = distance - hub;
-        let x = |i: usize| f64::from(d[i]) - share * hubs[i] - centre;
-        let mean = blocks(d.len(), x) / count;
-        let square = blocks(d.len(), |i| x(i) * x(i)) / count;
-        let std = (square - mean * mean).max(0.0).sqrt();
-        let flat = std <= 1e-12 * (distance.abs() + hub.abs());
-        let inverse = if flat { 0.0 } else { 1.0 / std };
-        let z = |i: usize| (f64::from(d[i]) - share * hubs[i] - (centre + mean)) * inverse;
-        Some((0..d.len()).map(z).collect())
+        let mean = blocks(d.len(), |i| x[i]) / count;
+        let std = (about(&x, &x) / count).sqrt();
+        if std <= 1e-12 * (distance.abs() + (distance - mean).abs()) {
+            return Some((None, vec![0.0; d.len()]));
+        }
+        let inverse = 1.0 / std;
+        let z = x.iter().map(|x| (x - mean) * inverse).collect();
+        Some((Some(x), z))
     }
 
     /// The correlation with the view before, if views are compared.
-    fn alike(&mut self, z: &[f64]) -> Option<f64> {
+    fn alike(&mut self, x: Option<Vec<f64>>) -> Option<f64> {
         if self.motion.repeat >= 1.0 {
             return None;
         }
-        let before = self.view.replace(z.to_vec());
-        let (n, count) = (z.len(), z.len() as f64);
-        let b = before?;
-        let mean = |of: &dyn Fn(usize) -> f64| chunks(n, of) / count;
-        let (mean_a, mean_b) = (mean(&|i| z[i]), mean(&|i| b[i]));
-        let spread_a = mean(&|i| z[i] * z[i]) - mean_a * mean_a;
-        let spread_b = mean(&|i| b[i] * b[i]) - mean_b * mean_b;
-        let spread = (spread_a * spread_b).max(0.0).sqrt();
-        (spread > 1e-12).then(|| (mean(&|i| z[i] * b[i]) - mean_a * mean_b) / spread)
+        let before = std::mem::replace(&mut self.view, x)?;
+        let x = self.view.as_ref()?;
+        Some(about(x, &before) / (about(x, x).sqrt() * about(&before, &before).sqrt()))
     }
 
     /// The rest of 2, and 3 to 5.
@@ -183,11 +179,11 @@ impl Filter {
         }
 
         // 4
-        let mut lost = 0.0;
+        let mut lost = vec![0.0; spans(0, count, 4096).count()];
         for (row, share, taps) in &lines {
-            lost += share * self.lost(row, taps);
+            self.lost(row, taps, *share, &mut lost);
         }
-        let left = moves * self.scale * lost;
+        let left = moves * self.scale * lost.iter().sum::<f64>();
         let [leave, restart, rejoin] = [leave, restart, rejoin].map(|rate| rate * happens);
         let keep = (1.0 - leave) * (1.0 - restart);
         let anew = rejoin * self.off + (1.0 - leave) * restart * self.on + keep * left;
@@ -310,24 +306,24 @@ impl Filter {
         (0..row.len()).map(arrived).collect()
     }
 
-    /// The belief that leaves the route by its ends.
-    fn lost(&self, row: &[f64], taps: &[Tap]) -> f64 {
+    /// Adds to each block of places the belief that leaves the route from there, by its ends.
+    fn lost(&self, row: &[f64], taps: &[Tap], share: f64, blocks: &mut [f64]) {
         if !self.links.is_empty() {
             let mut out = vec![0.0; row.len() + 1];
-            self.walk(row, taps, 1.0, &mut out);
-            return out[row.len()];
+            self.walk(row, taps, share, &mut out);
+            blocks[0] += out[row.len()];
+            return;
         }
-        let mut lost = 0.0;
         for road in self.roads.iter().filter(|road| !road.closed) {
             for &(shift, weight) in taps {
                 let leaves = |&place: &usize| road.back(place, shift.saturating_neg()).is_none();
                 let leaving: Vec<usize> = (road.first..road.end).filter(leaves).collect();
-                if !leaving.is_empty() {
-                    lost += weight * leaving.into_iter().map(|place| row[place]).sum::<f64>();
+                for of_block in leaving.chunk_by(|a, b| a / 4096 == b / 4096) {
+                    let mass: f64 = of_block.iter().map(|&place| row[place]).sum();
+                    blocks[of_block[0] / 4096] += (share * weight) * mass;
                 }
             }
         }
-        lost
     }
 
     /// Every walk from every place (method 1.14). The last number is for those that leave the route.
@@ -400,7 +396,18 @@ impl Filter {
     /// of its own.
     fn near(&self, place: usize) -> f64 {
         let road = self.road(place);
-        let of = |from: usize, to: usize| self.places[from..to].iter().sum::<f64>();
+        let of = |from: usize, to: usize| {
+            let mut sum = 0.0;
+            for (a, b) in spans(from, to, 256) {
+                let chunk = &self.places[a..b];
+                if a % 256 == 0 && (b % 256 == 0 || b == self.places.len()) {
+                    sum += lanes(chunk.iter().copied());
+                } else {
+                    chunk.iter().for_each(|mass| sum += mass);
+                }
+            }
+            sum
+        };
         let all = road.closed && self.tolerance >= road.count() / 2;
         if !road.closed || all {
             let reach = if all { road.count() } else { self.tolerance };
@@ -417,7 +424,8 @@ impl Filter {
         self.scale * (of(from, road.end) + of(road.first, to + 1))
     }
 
-    /// 2.5 % of the belief at most lie on either side of the interval, and more with its ends.
+    /// 2.5 % of the belief at most lie on either side of the interval, and more with its ends. (Of
+    /// at most 65,536 places.)
     fn check_interval(&self, track: &Track) {
         let (count, road) = (self.places.len(), self.road(track.place));
         let round = road.closed && self.roads.len() == 1;

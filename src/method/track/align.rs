@@ -5,10 +5,9 @@
 //! places` numbers, so that only the tracker's state at every `sqrt(queries)`-th query is kept, and
 //! the queries between two of these are tracked again.
 
-use super::answer::Belief;
+use super::answer::{Belief, most_probable};
 use super::later::Later;
 use super::state::Saved;
-use super::sums::{CHUNK, sum};
 use super::{Hubness, Step, Taken, Track, Tracker};
 use crate::archive::Refusal;
 use crate::config::Config;
@@ -19,6 +18,7 @@ use crate::method::single::{Single, minimum};
 use crate::method::{Column, Given};
 use crate::segments::Segments;
 use crate::simd::Isa;
+use crate::sums::{CHUNK, sum};
 use serde::{Deserialize, Serialize};
 
 /// A drive that can be read twice.
@@ -237,10 +237,18 @@ impl<'a> Aligner<'a> {
         let sums: Vec<f64> = mass.chunks(CHUNK).map(sum).collect();
         let (on, off) = (sums.iter().sum::<f64>(), one.off * later.off);
         let scale = 1.0 / (on + off);
-        let belief = Belief { mass: &mass, sums: &sums, on: scale * on, off: scale * off, scale };
-        let track = belief.answer(*tolerance, self.segments, |place| {
-            one.advance.unwrap_or(motion.pace * speed[place] / mass[place])
-        });
+        let masses = &mass[..];
+        let belief = Belief {
+            places,
+            mass: |places| &masses[places],
+            sums: &sums,
+            on: scale * on,
+            off: scale * off,
+            scale,
+        };
+        let (place, _) = most_probable(masses);
+        let speed = one.advance.unwrap_or(motion.pace * speed[place] / mass[place]);
+        let track = belief.answer(place, *tolerance, self.segments, speed);
         let near = |place| belief.near(place, *tolerance, self.segments);
         asked.for_each(|(place, right)| *right = near(place));
         let single = one.single;

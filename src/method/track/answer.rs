@@ -1,15 +1,19 @@
 //! The answer (method 1.9, 6): the most probable place, and how sure it is.
 
 use super::steps::arriving;
-use super::sums::{CHUNK, LANES, sum};
 use super::{Prediction, State, Step, Taken, Tracker};
 use crate::method::argmin::first_better;
 use crate::segments::{Segment, Segments};
+use crate::sums::{CHUNK, LANES, sum};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// The share of the belief on either side of [`Track::interval`].
 const TAIL: f64 = 0.025;
+
+/// On a route of more places, the interval's ends far from the most probable place are those of
+/// chunks: their masses need not be known place by place.
+const FINE: usize = 1 << 16;
 
 /// Where the robot is by all queries so far (method 1.9).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,7 +29,9 @@ pub struct Track {
     /// The speed in places a query, or the advance if it is known.
     pub speed: f64,
     /// The first and the last place of the interval that holds 95 % of the belief on the map. On a
-    /// route that is one closed segment it may go round: the first is then the greater.
+    /// route that is one closed segment it may go round: the first is then the greater. On a route
+    /// of more than 65,536 places, ends far from `place` are rounded outwards, to places that 256
+    /// divides and those before them.
     pub interval: (usize, usize),
 }
 
@@ -33,12 +39,14 @@ impl Tracker {
     #[inline(always)]
     pub(super) fn answer(&self, taken: &Taken<'_>, segments: &Segments) -> Track {
         let State { on, off, scale, .. } = self.state;
-        let mass = self.mass(segments.places());
-        let belief = Belief { mass, sums: &self.scratch.sums, on, off, scale };
-        belief.answer(self.tolerance, segments, |place| {
-            let Taken { step, prediction, .. } = *taken;
-            taken.advance.unwrap_or_else(|| self.speed(step, prediction, place, segments))
-        })
+        let places = segments.places();
+        let masses = self.mass(places);
+        let (place, _) = most_probable(masses);
+        let Taken { step, prediction, .. } = *taken;
+        let speed = taken.advance.unwrap_or_else(|| self.speed(step, prediction, place, segments));
+        let (mass, sums) = (|places| &masses[places], &self.scratch.sums[..]);
+        let belief = Belief { places, mass, sums, on, off, scale };
+        belief.answer(place, self.tolerance, segments, speed)
     }
 
     /// The mass in each place.
@@ -63,10 +71,24 @@ impl Tracker {
     }
 }
 
+/// The most probable of the places that these masses are in, the first of equals, and its mass.
+#[inline(always)]
+pub(super) fn most_probable(mass: &[f64]) -> (usize, f64) {
+    let mut best = (0, f64::NEG_INFINITY);
+    for (index, chunk) in mass.chunks(CHUNK).enumerate() {
+        if let Some((at, mass)) = first_better(chunk, best.1, |a, b| a > b) {
+            best = (index * CHUNK + at, mass);
+        }
+    }
+    best
+}
+
 /// A belief over places.
-pub(super) struct Belief<'a> {
-    /// The belief in each place, divided by `scale`.
-    pub(super) mass: &'a [f64],
+pub(super) struct Belief<'a, M> {
+    pub(super) places: usize,
+    /// Gives the belief in some places of one chunk, divided by `scale`. It is asked for those near
+    /// the most probable place, on a route of more than [`FINE`] places for no others.
+    pub(super) mass: M,
     /// The sum of each chunk of it.
     pub(super) sums: &'a [f64],
     pub(super) on: f64,
@@ -74,28 +96,21 @@ pub(super) struct Belief<'a> {
     pub(super) scale: f64,
 }
 
-impl Belief<'_> {
-    /// The most probable place and what is known of it; `speed` gives the speed there.
+impl<'a, M: Fn(Range<usize>) -> &'a [f64]> Belief<'a, M> {
+    /// What is known of the most probable place, at which the robot has this speed.
     #[inline(always)]
     pub(super) fn answer(
         &self,
+        place: usize,
         tolerance: usize,
         segments: &Segments,
-        speed: impl FnOnce(usize) -> f64,
+        speed: f64,
     ) -> Track {
-        let mut best = (0, f64::NEG_INFINITY);
-        for (index, chunk) in self.mass.chunks(CHUNK).enumerate() {
-            if let Some((at, mass)) = first_better(chunk, best.1, |a, b| a > b) {
-                best = (index * CHUNK + at, mass);
-            }
-        }
-        let place = best.0;
-        let confidence = self.near(place, tolerance, segments);
         Track {
             place,
-            confidence,
+            confidence: self.near(place, tolerance, segments),
             off_map: self.off,
-            speed: speed(place),
+            speed,
             interval: self.interval(place, segments),
         }
     }
@@ -103,35 +118,54 @@ impl Belief<'_> {
     /// The belief within `tolerance` places of a place, on its segment.
     pub(super) fn near(&self, place: usize, tolerance: usize, segments: &Segments) -> f64 {
         let segment = segments.of(place);
-        let of = |places: Range<usize>| self.mass[places].iter().sum::<f64>();
         if segment.closed && tolerance < segment.len() / 2 {
             let end = |by: isize| segment.onward(place, by).unwrap_or(place);
             let (first, after) = (end(-(tolerance as isize)), end(tolerance as isize) + 1);
             if first < after {
-                return self.scale * of(first..after);
+                return self.scale * self.within(first..after);
             }
-            return self.scale * (of(first..segment.end) + of(segment.start..after));
+            return self.scale
+                * (self.within(first..segment.end) + self.within(segment.start..after));
         }
         // Within half a lap lies the whole of a closed segment.
         let tolerance = if segment.closed { segment.len() } else { tolerance };
         let near = place.saturating_sub(tolerance).max(segment.start)
             ..place.saturating_add(1).saturating_add(tolerance).min(segment.end);
-        self.scale * of(near)
+        self.scale * self.within(near)
+    }
+
+    /// The mass in some places: whole chunks at once, the others one by one.
+    fn within(&self, places: Range<usize>) -> f64 {
+        let mut total = 0.0;
+        for part in parts(places) {
+            if self.is_chunk(&part) {
+                total += self.sums[part.start / CHUNK];
+            } else {
+                (self.mass)(part).iter().for_each(|mass| total += mass);
+            }
+        }
+        total
+    }
+
+    fn is_chunk(&self, part: &Range<usize>) -> bool {
+        let whole = part.end.is_multiple_of(CHUNK) || part.end == self.places;
+        part.start.is_multiple_of(CHUNK) && whole
     }
 
     /// The places beside which [`TAIL`] of the mass lies on either side, `place` or those beyond it
     /// at most. On a route that is one closed segment, the sides begin at the place opposite.
     fn interval(&self, place: usize, segments: &Segments) -> (usize, usize) {
-        let places = self.mass.len();
+        let places = self.places;
         let seam = match segments.of(place) {
             Segment { closed: true, .. } if segments.len() == 1 => {
-                (place + places.div_ceil(2)) % places
+                let opposite = (place + places.div_ceil(2)) % places;
+                if places > FINE { opposite - opposite % CHUNK } else { opposite }
             }
             _ => 0,
         };
-        let tail = TAIL * self.on / self.scale;
-        let parts = || [seam..places, 0..seam];
-        let (low, high) = (self.first_above(tail, parts()), self.last_above(tail, parts()));
+        let in_order = || parts(seam..places).chain(parts(0..seam));
+        let low = self.end(place, in_order(), false);
+        let high = self.end(place, in_order().rev(), true);
         // How far along from the seam.
         let along = |at: usize| if at < seam { at + places - seam } else { at - seam };
         (
@@ -140,65 +174,59 @@ impl Belief<'_> {
         )
     }
 
-    /// The first place, by one part after the other, with which the mass exceeds `tail`.
-    fn first_above(&self, tail: f64, parts: [Range<usize>; 2]) -> usize {
-        let Self { mass, sums, .. } = *self;
-        let (mut below, mut last) = (0.0, 0);
+    /// The place, by one part after the other, with which the mass exceeds [`TAIL`]. On a route of
+    /// more than [`FINE`] places, if its chunk is not near `place`, the first of the chunk.
+    fn end(
+        &self,
+        place: usize,
+        parts: impl Iterator<Item = Range<usize>>,
+        backwards: bool,
+    ) -> usize {
+        let tail = TAIL * self.on / self.scale;
+        let (mut beside, mut last) = (0.0, place);
         for part in parts {
-            let mut at = part.start;
-            while at < part.end {
-                let next = (at + CHUNK).min(mass.len());
-                if at.is_multiple_of(CHUNK) && next <= part.end && below + sums[at / CHUNK] <= tail
-                {
-                    below += sums[at / CHUNK];
-                    at = next;
-                    continue;
-                }
-                let next = at + LANES;
-                if next <= part.end && below + sum(&mass[at..next]) <= tail {
-                    below += sum(&mass[at..next]);
-                    at = next;
-                    continue;
-                }
-                if below + mass[at] > tail {
-                    return at;
-                }
-                below += mass[at];
-                at += 1;
+            let chunk = part.start / CHUNK;
+            let ends =
+                if backwards { (part.end - 1, part.start) } else { (part.start, part.end - 1) };
+            last = ends.1;
+            if self.is_chunk(&part) && beside + self.sums[chunk] <= tail {
+                beside += self.sums[chunk];
+                continue;
             }
-            last = part.end.checked_sub(1).unwrap_or(last);
+            if self.places > FINE && chunk.abs_diff(place / CHUNK) > 1 {
+                return ends.0;
+            }
+            if let Some(at) = exceeding((self.mass)(part.clone()), tail, &mut beside, backwards) {
+                return part.start + at;
+            }
         }
         last
     }
+}
 
-    /// The same backwards, by the last part first.
-    fn last_above(&self, tail: f64, parts: [Range<usize>; 2]) -> usize {
-        let Self { mass, sums, .. } = *self;
-        let (mut above, mut first) = (0.0, 0);
-        for part in parts.into_iter().rev() {
-            let mut at = part.end;
-            while at > part.start {
-                let chunk = (at - 1) / CHUNK;
-                let whole = at.is_multiple_of(CHUNK) || at == mass.len();
-                if whole && chunk * CHUNK >= part.start && above + sums[chunk] <= tail {
-                    above += sums[chunk];
-                    at = chunk * CHUNK;
-                    continue;
-                }
-                let next = at.saturating_sub(LANES);
-                if at >= part.start + LANES && above + sum(&mass[next..at]) <= tail {
-                    above += sum(&mass[next..at]);
-                    at = next;
-                    continue;
-                }
-                if above + mass[at - 1] > tail {
-                    return at - 1;
-                }
-                above += mass[at - 1];
-                at -= 1;
-            }
-            first = part.start;
+/// Some places by chunks.
+fn parts(places: Range<usize>) -> impl DoubleEndedIterator<Item = Range<usize>> {
+    let chunks = places.start / CHUNK..places.end.div_ceil(CHUNK);
+    chunks
+        .map(move |chunk| (chunk * CHUNK).max(places.start)..((chunk + 1) * CHUNK).min(places.end))
+}
+
+/// The index of the number with which `so_far` exceeds `limit`; else all are added to it.
+fn exceeding(mass: &[f64], limit: f64, so_far: &mut f64, backwards: bool) -> Option<usize> {
+    for group in 0..mass.len().div_ceil(LANES) {
+        let (near, far) = (group * LANES, mass.len().min((group + 1) * LANES));
+        let mut at = if backwards { mass.len() - far..mass.len() - near } else { near..far };
+        let all = sum(&mass[at.clone()]);
+        if *so_far + all <= limit {
+            *so_far += all;
+            continue;
         }
-        first
+        while let Some(at) = if backwards { at.next_back() } else { at.next() } {
+            if *so_far + mass[at] > limit {
+                return Some(at);
+            }
+            *so_far += mass[at];
+        }
     }
+    None
 }

@@ -1,7 +1,7 @@
 //! How much a query speaks for each place (method 1.9, 2).
 
 use super::exp::exp;
-use super::hubness::Standard;
+use super::hubness::{Standard, corrected};
 
 /// `e[i] = exp(-weight z[i])`.
 #[derive(Clone, Copy)]
@@ -35,6 +35,21 @@ impl Says<'_> {
                 }
             }
             Says::Fused(z) => out.copy_from_slice(&z[range]),
+        }
+    }
+
+    /// Writes what views are compared by: the corrected distances, or what several techniques say.
+    #[inline(always)]
+    pub(super) fn view(self, column: &[f32], sums: &[f64], start: usize, out: &mut [f64]) {
+        let range = start..start + out.len();
+        match self {
+            Says::Column(Standard { share, .. }) => {
+                let column = column[range.clone()].iter().zip(&sums[range]);
+                for (out, (&distance, &sum)) in out.iter_mut().zip(column) {
+                    *out = corrected(distance, sum, share);
+                }
+            }
+            says => says.z(column, sums, start, out),
         }
     }
 }

@@ -1,18 +1,16 @@
 //! A tracker on a route that grows by a place a query (method 1.14): rows with room for more, and
 //! the hubness of places that were not there from the start.
 
+use super::hubness::FLAT;
 use super::novelty::View;
 use super::state::State;
 use super::steps::Steps;
-use super::sums::{BLOCK, CHUNK, LANES, sum, total};
 use super::{Hubness, Scratch, Tracker};
 use crate::error::Error;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
 use crate::segments::Segments;
-
-/// A column whose standard deviation is below this share of its size says nothing.
-const FLAT: f64 = 1e-12;
+use crate::sums::{BLOCK, CHUNK, sum, sum_of};
 
 impl Tracker {
     /// On a route of no places: the robot is off the map.
@@ -34,8 +32,8 @@ impl Tracker {
             mass: Vec::new(),
             before: Vec::new(),
             state: State::OFF_THE_MAP,
-            view: View { z: Vec::new(), known: false },
-            scratch: Scratch { chunk, places: Vec::new(), sums: Vec::new() },
+            view: View::new(0, motion)?,
+            scratch: Scratch { chunk, ..Scratch::default() },
         })
     }
 
@@ -62,15 +60,16 @@ impl Tracker {
         };
         let of_places = kept(&scratch.places, if speeds > 1 { places } else { 0 })?;
         let sums = kept(&scratch.sums, places.div_ceil(CHUNK))?;
-        let z = kept(&view.z, if motion.repeat < 1.0 { places } else { 0 })?;
+        let lost = reserved(places.div_ceil(BLOCK))?;
+        view.reserve(places, motion)?;
         let row = mass.len() / speeds;
         for speed in 0..speeds {
             longer.extend_from_slice(&mass[speed * row..][..row]);
             longer.resize((speed + 1) * places, 0.0);
         }
         spare.resize(count, 0.0);
-        (*mass, *before, view.z) = (longer, spare, z);
-        (scratch.places, scratch.sums) = (of_places, sums);
+        (*mass, *before) = (longer, spare);
+        (scratch.places, scratch.sums, scratch.lost) = (of_places, sums, lost);
         Ok(())
     }
 
@@ -82,6 +81,7 @@ impl Tracker {
             scratch.places.push(0.0);
         }
         scratch.sums.resize(places.div_ceil(CHUNK), 0.0);
+        scratch.lost.resize(places.div_ceil(BLOCK), 0.0);
     }
 
     /// The robot is off the map.
@@ -162,7 +162,7 @@ impl GrowingHubness {
         }
         let Self { sums, before, columns, z } = self;
         let places = column.len() as f64;
-        let mean = column.chunks(BLOCK).map(sum_of_distances).sum::<f64>() / places;
+        let mean = column.chunks(BLOCK).map(|block| sum_of(block, f64::from)).sum::<f64>() / places;
         *columns += 1;
         let known = sums.iter_mut().zip(&*before);
         for ((z, &distance), (sum, &before)) in z.iter_mut().zip(column).zip(known) {
@@ -174,7 +174,7 @@ impl GrowingHubness {
         for z in &mut *z {
             *z -= centre;
         }
-        let squares = z.chunks(BLOCK).map(sum_of_squares).sum::<f64>();
+        let squares = z.chunks(BLOCK).map(|block| sum_of(block, |z| z * z)).sum::<f64>();
         let std = (squares / places).sqrt();
         let inverse = if std <= FLAT * mean.abs() { 0.0 } else { 1.0 / std };
         let clip = motion.clip;
@@ -183,34 +183,4 @@ impl GrowingHubness {
         }
         Some(z)
     }
-}
-
-#[inline(always)]
-fn sum_of_distances(distances: &[f32]) -> f64 {
-    let mut lanes = [0.0; LANES];
-    let (groups, rest) = distances.as_chunks::<LANES>();
-    for group in groups {
-        for lane in 0..LANES {
-            lanes[lane] += f64::from(group[lane]);
-        }
-    }
-    for (lane, &distance) in lanes.iter_mut().zip(rest) {
-        *lane += f64::from(distance);
-    }
-    total(&lanes)
-}
-
-#[inline(always)]
-fn sum_of_squares(numbers: &[f64]) -> f64 {
-    let mut lanes = [0.0; LANES];
-    let (groups, rest) = numbers.as_chunks::<LANES>();
-    for group in groups {
-        for lane in 0..LANES {
-            lanes[lane] += group[lane] * group[lane];
-        }
-    }
-    for (lane, &number) in lanes.iter_mut().zip(rest) {
-        *lane += number * number;
-    }
-    total(&lanes)
 }

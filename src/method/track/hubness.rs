@@ -1,12 +1,12 @@
 //! The distances corrected for hubness and standardised (method 1.9, 1 and 2).
 
-use super::sums::{BLOCK, LANES, total};
 use crate::error::Error;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
+use crate::sums::{BLOCK, LANES, sum, sum_of, total};
 
 /// A column whose standard deviation is below this share of its size says nothing.
-const FLAT: f64 = 1e-12;
+pub(super) const FLAT: f64 = 1e-12;
 
 /// More columns than any camera has sent.
 const MAX_COLUMNS: u64 = 1 << 60;
@@ -19,6 +19,20 @@ pub(crate) struct Hubness {
     pub(in crate::method) sums: Vec<f64>,
     /// `k`: how many columns were summed.
     pub(in crate::method) columns: u64,
+    /// What the newest column came to.
+    pub(super) blocks: Vec<BlockMoments>,
+}
+
+/// What a column comes to in a block of places.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::method) struct BlockMoments {
+    pub(in crate::method) places: usize,
+    /// The sum of the distances.
+    pub(in crate::method) distance: f64,
+    /// The sum of the corrected distances `x`.
+    pub(in crate::method) x: f64,
+    /// The sum of the squares of `x` about its mean in the block.
+    pub(in crate::method) squares: f64,
 }
 
 /// From a place's distance and the sum of its distances to its `z`.
@@ -38,7 +52,12 @@ impl Hubness {
     pub(in crate::method) fn new(places: usize) -> Result<Self, Error> {
         let mut sums = reserved(places)?;
         sums.resize(places, 0.0);
-        Ok(Self { sums, columns: 0 })
+        Ok(Self::of(0, sums))
+    }
+
+    fn of(columns: u64, sums: Vec<f64>) -> Self {
+        let blocks = vec![BlockMoments::default(); sums.len().div_ceil(BLOCK)];
+        Self { sums, columns, blocks }
     }
 
     pub(in crate::method) fn clear(&mut self) {
@@ -51,7 +70,12 @@ impl Hubness {
         // A little more, for the rounding of the sums.
         let most = 1.001 * columns as f64 * f64::from(f32::MAX);
         let known = columns <= MAX_COLUMNS && sums.iter().all(|sum| sum.abs() <= most);
-        known.then_some(Self { sums, columns })
+        known.then(|| Self::of(columns, sums))
+    }
+
+    /// `1 / (k + hubness)` of the next column.
+    pub(in crate::method) fn next_share(&self, motion: &Motion) -> f64 {
+        1.0 / ((self.columns + 1) as f64 + motion.hubness)
     }
 
     /// Adds a column; `None` if it says nothing, and then nothing has changed.
@@ -61,83 +85,123 @@ impl Hubness {
         if column.iter().all(|&d| d == first) {
             return None;
         }
-        let places = column.len() as f64;
+        let share = self.next_share(motion);
         self.columns += 1;
-        let (mut distance, mut sum) = (0.0, 0.0);
-        for (column, sums) in column.chunks(BLOCK).zip(self.sums.chunks_mut(BLOCK)) {
-            let of_block = add(column, sums);
-            distance += of_block.0;
-            sum += of_block.1;
+        let Self { sums, blocks, .. } = self;
+        let parts = column.chunks(BLOCK).zip(sums.chunks_mut(BLOCK));
+        for (block, (column, sums)) in blocks.iter_mut().zip(parts) {
+            *block = BlockMoments::of(column, sums, share);
+            add(column, sums);
         }
-        // x = d - k / (k + hubness) (s / k - mean), and its mean is that of d.
-        let share = 1.0 / (self.columns as f64 + motion.hubness);
-        let (distance, sum) = (distance / places, share * sum / places);
-        let centre = distance - sum;
-        let (mut first, mut second) = (0.0, 0.0);
-        for (column, sums) in column.chunks(BLOCK).zip(self.sums.chunks(BLOCK)) {
-            let of_block = moments(column, sums, share, centre);
-            first += of_block.0;
-            second += of_block.1;
-        }
-        let mean = first / places;
-        let std = (second / places - mean * mean).max(0.0).sqrt();
-        let flat = std <= FLAT * (distance.abs() + sum.abs());
-        let inverse = if flat { 0.0 } else { 1.0 / std };
-        Some(Standard { share, mean: centre + mean, inverse })
+        Some(Standard::of(blocks, share))
     }
 }
 
 impl Standard {
+    /// Of the whole route's blocks, in order.
+    #[inline(always)]
+    pub(in crate::method) fn of(blocks: &[BlockMoments], share: f64) -> Self {
+        let places = blocks.iter().map(|block| block.places).sum::<usize>() as f64;
+        let distance = blocks.iter().map(|block| block.distance).sum::<f64>() / places;
+        let Spread { mean, squares } = Spread::of(blocks);
+        let std = (squares / places).sqrt();
+        // The second is the mean of what was taken off.
+        let flat = std <= FLAT * (distance.abs() + (distance - mean).abs());
+        let inverse = if flat { 0.0 } else { 1.0 / std };
+        Self { share, mean, inverse }
+    }
+
     /// `z`, not yet clipped.
     #[inline(always)]
     pub(in crate::method) fn z(self, distance: f32, sum: f64) -> f64 {
-        (f64::from(distance) - self.share * sum - self.mean) * self.inverse
+        (corrected(distance, sum, self.share) - self.mean) * self.inverse
     }
 }
 
-/// Adds the distances to the sums; the totals of both.
-#[inline(always)]
-fn add(column: &[f32], sums: &mut [f64]) -> (f64, f64) {
-    let (mut of_distances, mut of_sums) = ([0.0; LANES], [0.0; LANES]);
-    let (distances, rest) = column.as_chunks::<LANES>();
-    let (sums, rest_of_sums) = sums.as_chunks_mut::<LANES>();
-    let sums = &mut sums[..distances.len()];
-    for at in 0..distances.len() {
-        let (distances, sums) = (&distances[at], &mut sums[at]);
-        for lane in 0..LANES {
-            let distance = f64::from(distances[lane]);
-            sums[lane] += distance;
-            of_distances[lane] += distance;
-            of_sums[lane] += sums[lane];
-        }
+/// The mean of `x` in all places, and the sum of its squares about it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spread {
+    pub(super) mean: f64,
+    pub(super) squares: f64,
+}
+
+impl Spread {
+    /// Of the whole route's blocks, in order.
+    #[inline(always)]
+    pub(super) fn of(blocks: &[BlockMoments]) -> Self {
+        let places = blocks.iter().map(|block| block.places).sum::<usize>() as f64;
+        let mean = blocks.iter().map(|block| block.x).sum::<f64>() / places;
+        let about = |block: &BlockMoments| {
+            let off = block.mean() - mean;
+            block.squares + block.places as f64 * (off * off)
+        };
+        Self { mean, squares: blocks.iter().map(about).sum() }
     }
-    for (lane, (&distance, sum)) in rest.iter().zip(rest_of_sums).enumerate() {
+}
+
+impl BlockMoments {
+    /// Of a block's part of a column, and of the sums before it. They are left as they are.
+    #[inline(always)]
+    pub(in crate::method) fn of(column: &[f32], sums: &[f64], share: f64) -> Self {
+        let (mut distance, mut x) = ([0.0; LANES], [0.0; LANES]);
+        each(column, sums, |lane, d, sum| {
+            distance[lane] += f64::from(d);
+            x[lane] += corrected(d, sum + f64::from(d), share);
+        });
+        let places = column.len();
+        let (distance, x) = (total(&distance), total(&x));
+        let (mean, mut squares) = (x / places as f64, [0.0; LANES]);
+        each(column, sums, |lane, d, sum| {
+            let off = corrected(d, sum + f64::from(d), share) - mean;
+            squares[lane] += off * off;
+        });
+        Self { places, distance, x, squares: total(&squares) }
+    }
+
+    /// Of a block of `x`: the same but for the distances.
+    #[inline(always)]
+    pub(super) fn of_corrected(numbers: &[f64]) -> Self {
+        let places = numbers.len();
+        let x = sum(numbers);
+        let mean = x / places as f64;
+        let squares = sum_of(numbers, |x| (x - mean) * (x - mean));
+        Self { places, distance: 0.0, x, squares }
+    }
+
+    /// The mean of `x` in the block.
+    #[inline(always)]
+    pub(super) fn mean(&self) -> f64 {
+        self.x / self.places as f64
+    }
+}
+
+/// `x`, given the sum with this distance in it.
+#[inline(always)]
+pub(super) fn corrected(distance: f32, sum: f64, share: f64) -> f64 {
+    f64::from(distance) - share * sum
+}
+
+/// Adds the distances to the sums.
+#[inline(always)]
+pub(in crate::method) fn add(column: &[f32], sums: &mut [f64]) {
+    for (sum, &distance) in sums.iter_mut().zip(column) {
         *sum += f64::from(distance);
-        of_distances[lane] += f64::from(distance);
-        of_sums[lane] += *sum;
     }
-    (total(&of_distances), total(&of_sums))
 }
 
-/// The sums of `d - share s - centre` and of its square.
+/// Calls `visit` with a lane and what is in it, place by place.
 #[inline(always)]
-fn moments(column: &[f32], sums: &[f64], share: f64, centre: f64) -> (f64, f64) {
-    let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
+fn each(column: &[f32], sums: &[f64], mut visit: impl FnMut(usize, f32, f64)) {
     let (distances, rest) = column.as_chunks::<LANES>();
     let (sums, rest_of_sums) = sums.as_chunks::<LANES>();
     let sums = &sums[..distances.len()];
     for at in 0..distances.len() {
         let (distances, sums) = (&distances[at], &sums[at]);
         for lane in 0..LANES {
-            let x = f64::from(distances[lane]) - share * sums[lane] - centre;
-            first[lane] += x;
-            second[lane] += x * x;
+            visit(lane, distances[lane], sums[lane]);
         }
     }
     for (lane, (&distance, &sum)) in rest.iter().zip(rest_of_sums).enumerate() {
-        let x = f64::from(distance) - share * sum - centre;
-        first[lane] += x;
-        second[lane] += x * x;
+        visit(lane, distance, sum);
     }
-    (total(&first), total(&second))
 }

@@ -2,8 +2,8 @@
 
 use super::align::Recorded;
 use super::steps::{Steps, Tap, Way, arriving, beyond, known};
-use super::sums::{CHUNK, sum};
 use super::{Step, Tracker};
+use crate::sums::{CHUNK, sum};
 
 /// How likely the queries after one are, for each speed and place after the change of speed, and
 /// off the map.

@@ -7,8 +7,8 @@
 use std::ops::Range;
 
 use super::steps::Tap;
-use super::sums::CHUNK;
 use crate::segments::{Segment, Segments};
+use crate::sums::{BLOCK, CHUNK};
 
 /// Moves by more places do not follow links: the cost is bounded.
 pub(super) const FARTHEST: usize = 64;
@@ -148,19 +148,30 @@ impl Links {
         direction.natural(first..line.segment.end)
     }
 
-    /// The mass that walks past forks lose beyond the ends of segments.
-    pub(super) fn lost(&self, source: &[f64], taps: &[Tap]) -> f64 {
+    /// Adds to each block the mass that walks past forks take from its places beyond the ends of
+    /// segments, as `lost` in `steps.rs`.
+    pub(super) fn lost(
+        &self,
+        mass: &[f64],
+        start: usize,
+        taps: &[Tap],
+        share: f64,
+        blocks: &mut [f64],
+    ) {
         let split = Split::new(taps);
-        let mut lost = 0.0;
         for (direction, moves) in [(&self.onward, split.onward), (&self.back, split.back)] {
             direction.each_divided(moves.reach(), |spot| {
-                let mass = source[direction.at(spot.place)];
+                let own = direction.at(spot.place).checked_sub(start);
+                let Some((own, mass)) = own.and_then(|own| Some((own, *mass.get(own)?))) else {
+                    return;
+                };
                 direction.walks(moves, spot, |weight, to| {
-                    lost += if to.is_none() { weight * mass } else { 0.0 };
+                    if to.is_none() {
+                        blocks[own / BLOCK] += share * weight * mass;
+                    }
                 });
             });
         }
-        lost
     }
 
     /// Writes what arrives at the places near junctions among those from `start` on.

@@ -24,7 +24,6 @@ mod links;
 mod novelty;
 mod state;
 mod steps;
-mod sums;
 #[cfg(test)]
 mod tests;
 mod update;
@@ -37,6 +36,7 @@ use crate::error::Error;
 use crate::motion::{MAX_JITTER, Motion};
 use crate::preallocated::reserved;
 use crate::segments::Segments;
+use crate::sums::{BLOCK, CHUNK};
 pub use align::Aligned;
 pub(crate) use align::{Aligner, Source, stretch};
 pub use answer::Track;
@@ -48,7 +48,6 @@ use novelty::{Novelty, View};
 pub(super) use state::Saved;
 use state::State;
 use steps::{Steps, Tap, Way, known, lost};
-use sums::CHUNK;
 
 /// The longest move: all whole numbers up to it are known exactly.
 const MAX_SHIFT: f64 = (1_u64 << 53) as f64;
@@ -73,7 +72,7 @@ pub(super) struct Tracker {
     scratch: Scratch,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Scratch {
     /// A chunk's belief for each speed.
     chunk: Vec<f64>,
@@ -81,6 +80,8 @@ struct Scratch {
     places: Vec<f64>,
     /// The sum of each chunk.
     sums: Vec<f64>,
+    /// What each block has lost beyond the ends of segments.
+    lost: Vec<f64>,
 }
 
 impl Tracker {
@@ -113,6 +114,7 @@ impl Tracker {
                 chunk: zeros(Some(speeds * CHUNK))?,
                 places: zeros(Some(several))?,
                 sums: zeros(Some(places.div_ceil(CHUNK)))?,
+                lost: zeros(Some(places.div_ceil(BLOCK)))?,
             },
         };
         tracker.clear();
@@ -281,12 +283,15 @@ impl Tracker {
         Way { segments, links: self.links.as_ref() }
     }
 
-    fn predict(&self, step: Step, novelty: Novelty, segments: &Segments) -> Prediction {
-        let Self { motion, state, .. } = self;
-        let mut lost_mass = 0.0;
+    fn predict(&mut self, step: Step, novelty: Novelty, segments: &Segments) -> Prediction {
+        let mut blocks = std::mem::take(&mut self.scratch.lost);
+        blocks.fill(0.0);
         self.each_row(step, |row, taps, share| {
-            lost_mass += share * lost(row, taps, self.way(segments));
+            lost(&row[..segments.places()], 0, taps, share, self.way(segments), &mut blocks);
         });
+        let lost_mass = blocks.iter().sum::<f64>();
+        self.scratch.lost = blocks;
+        let Self { motion, state, .. } = self;
         let left = step.moved() * state.scale * lost_mass;
         let [leave, restart, rejoin] = motion.rates(novelty.happens);
         let keep = (1.0 - leave) * (1.0 - restart);

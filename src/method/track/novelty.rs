@@ -2,19 +2,16 @@
 //! nothing happens to it (method 1.9, 2 and 3).
 
 use super::evidence::Says;
-use super::hubness::Hubness;
-use super::sums::{BLOCK, CHUNK, LANES, total};
+use super::hubness::{BlockMoments, FLAT, Hubness, Spread};
 use crate::error::Error;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
+use crate::sums::{BLOCK, CHUNK, LANES, total};
 
 /// With odometry, a robot that stands still learns this share of the evidence.
 const LEAST_BY_WAY: f64 = 0.05;
 /// By the view alone, it learns this share.
 const LEAST_BY_VIEW: f64 = 0.1;
-
-/// Views whose deviations have a product below this are constant, but for rounding.
-const FLAT: f64 = 1e-12;
 
 /// The shares of a whole step that a query is.
 #[derive(Clone, Copy, Debug)]
@@ -63,37 +60,62 @@ impl Novelty {
     }
 }
 
-/// The view before: its `z` in each place.
+/// The view before.
 #[derive(Clone, Debug)]
 pub(super) struct View {
-    /// Empty if views are not compared.
-    pub(super) z: Vec<f64>,
-    /// Whether there is one.
+    /// The corrected distances, or what several techniques said. Empty if views are not compared.
+    pub(super) x: Vec<f64>,
+    blocks: Vec<BlockMoments>,
+    /// Whether there is one that is not constant.
     pub(super) known: bool,
+    /// Memory for the next one's blocks.
+    next: Vec<BlockMoments>,
 }
-
-/// Sums of `a b`, `a`, `b`, `a^2` and `b^2` over places.
-type Moments = [f64; 5];
 
 impl View {
     /// # Errors
     /// [`Error::Memory`] if there is not enough.
     pub(super) fn new(places: usize, motion: &Motion) -> Result<Self, Error> {
         let count = if motion.repeat < 1.0 { places } else { 0 };
-        let mut z = reserved(count)?;
-        z.resize(count, 0.0);
-        Ok(Self { z, known: false })
+        let mut x = reserved(count)?;
+        x.resize(count, 0.0);
+        Ok(Self::of(x, false))
+    }
+
+    pub(super) fn of(x: Vec<f64>, known: bool) -> Self {
+        let blocks: Vec<_> = x.chunks(BLOCK).map(BlockMoments::of_corrected).collect();
+        let known = known && Spread::of(&blocks).squares > 0.0;
+        Self { next: blocks.clone(), x, blocks, known }
+    }
+
+    /// Makes room for `places` in all.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] if there is not enough.
+    pub(super) fn reserve(&mut self, places: usize, motion: &Motion) -> Result<(), Error> {
+        let Self { x, blocks, next, .. } = self;
+        if motion.repeat < 1.0 {
+            let refused = |_| Error::Memory { places, columns: 1 };
+            x.try_reserve_exact(places.saturating_sub(x.len())).map_err(refused)?;
+            for blocks in [blocks, next] {
+                blocks.reserve(places.div_ceil(BLOCK).saturating_sub(blocks.len()));
+            }
+        }
+        Ok(())
     }
 
     /// One place more, in which nothing was seen before; no memory is taken if it is reserved.
     pub(super) fn grow(&mut self, motion: &Motion) {
         if motion.repeat < 1.0 {
-            self.z.push(0.0);
+            self.x.push(0.0);
+            let last = (self.x.len() - 1) / BLOCK;
+            self.blocks.truncate(last);
+            self.blocks.push(BlockMoments::of_corrected(&self.x[last * BLOCK..]));
         }
     }
 
-    /// The correlation of a query's `z` with those before, which it replaces. `None` if there are
-    /// none to compare.
+    /// The correlation of a query's view with the one before, which it replaces. `None` if there
+    /// are none to compare.
     #[inline(always)]
     pub(super) fn correlation(
         &mut self,
@@ -101,57 +123,78 @@ impl View {
         column: &[f32],
         hubness: &Hubness,
     ) -> Option<f64> {
-        if self.z.is_empty() || matches!(says, Says::Nothing) {
+        let Self { x: before, blocks, known, next } = self;
+        if before.is_empty() {
             return None;
         }
-        let mut sums: Moments = [0.0; 5];
-        let mut next = [0.0; CHUNK];
-        for (block, before) in self.z.chunks_mut(BLOCK).enumerate() {
-            let mut of_block: Moments = [0.0; 5];
+        next.clear();
+        match says {
+            Says::Nothing => return None,
+            Says::Column(_) => next.extend_from_slice(&hubness.blocks),
+            Says::Fused(z) => next.extend(z.chunks(BLOCK).map(BlockMoments::of_corrected)),
+        }
+        let (new, old) = (Spread::of(next), Spread::of(blocks));
+        let mut sum = 0.0;
+        let mut x = [0.0; CHUNK];
+        for (block, before) in before.chunks_mut(BLOCK).enumerate() {
+            let mut together = Together::new(&next[block], &blocks[block]);
             for (chunk, before) in before.chunks_mut(CHUNK).enumerate() {
-                let next = &mut next[..before.len()];
-                says.z(column, &hubness.sums, block * BLOCK + chunk * CHUNK, next);
-                add(&mut of_block, &moments(next, before));
-                before.copy_from_slice(next);
+                let x = &mut x[..before.len()];
+                says.view(column, &hubness.sums, block * BLOCK + chunk * CHUNK, x);
+                together.add(x, before);
+                before.copy_from_slice(x);
             }
-            add(&mut sums, &of_block);
+            sum += about_all(together.total(), [(&next[block], new), (&blocks[block], old)]);
         }
-        let known = std::mem::replace(&mut self.known, true);
-        let places = self.z.len() as f64;
-        let [ab, a, b, aa, bb] = sums;
-        let (a, b) = (a / places, b / places);
-        let spread = ((aa / places - a * a) * (bb / places - b * b)).max(0.0).sqrt();
-        (known && spread > FLAT).then(|| (ab / places - a * b) / spread)
+        let flat = match says {
+            Says::Column(standard) => standard.inverse == 0.0,
+            _ => new.squares <= FLAT * FLAT * before.len() as f64,
+        };
+        let known = std::mem::replace(known, !flat) && !flat;
+        std::mem::swap(blocks, next);
+        known.then(|| sum / (new.squares.sqrt() * old.squares.sqrt()))
     }
 }
 
-#[inline(always)]
-fn add(sums: &mut Moments, more: &Moments) {
-    for (sum, more) in sums.iter_mut().zip(more) {
-        *sum += more;
+/// Sums the product of two views of a block, each about its mean there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Together {
+    means: [f64; 2],
+    lanes: [f64; LANES],
+}
+
+impl Together {
+    #[inline(always)]
+    pub(super) fn new(a: &BlockMoments, b: &BlockMoments) -> Self {
+        Self { means: [a.mean(), b.mean()], lanes: [0.0; LANES] }
+    }
+
+    /// Adds the next places; all but the last time, a multiple of [`LANES`].
+    #[inline(always)]
+    pub(super) fn add(&mut self, a: &[f64], b: &[f64]) {
+        let Self { means, lanes } = self;
+        let ((groups_a, rest_a), (groups_b, rest_b)) =
+            (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+        let mut one = |lane: usize, a: f64, b: f64| lanes[lane] += (a - means[0]) * (b - means[1]);
+        for (a, b) in groups_a.iter().zip(groups_b) {
+            for lane in 0..LANES {
+                one(lane, a[lane], b[lane]);
+            }
+        }
+        for (lane, (&a, &b)) in rest_a.iter().zip(rest_b).enumerate() {
+            one(lane, a, b);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn total(&self) -> f64 {
+        total(&self.lanes)
     }
 }
 
+/// A block's [`Together`], about the means of all places.
 #[inline(always)]
-fn moments(a: &[f64], b: &[f64]) -> Moments {
-    let mut lanes = [[0.0; LANES]; 5];
-    let ((groups_a, rest_a), (groups_b, rest_b)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
-    let mut one = |lane: usize, a: f64, b: f64| {
-        lanes[0][lane] += a * b;
-        lanes[1][lane] += a;
-        lanes[2][lane] += b;
-        lanes[3][lane] += a * a;
-        lanes[4][lane] += b * b;
-    };
-    let groups_b = &groups_b[..groups_a.len()];
-    for at in 0..groups_a.len() {
-        for lane in 0..LANES {
-            one(lane, groups_a[at][lane], groups_b[at][lane]);
-        }
-    }
-    for (lane, (&a, &b)) in rest_a.iter().zip(rest_b).enumerate() {
-        one(lane, a, b);
-    }
-    let [ab, a, b, aa, bb] = &lanes;
-    [total(ab), total(a), total(b), total(aa), total(bb)]
+pub(super) fn about_all(together: f64, views: [(&BlockMoments, Spread); 2]) -> f64 {
+    let [a, b] = views.map(|(block, all)| block.mean() - all.mean);
+    together + views[0].0.places as f64 * (a * b)
 }

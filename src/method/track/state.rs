@@ -8,8 +8,9 @@ use crate::archive::Refusal;
 
 /// Farther than a robot gets by advances of the longest that is accepted.
 const MAX_WAY: f64 = 1e30;
-/// `z` is below the square root of the number of places.
-const MAX_Z: f64 = 1e10;
+/// A corrected distance is at most the distance and the mean of such ones together, and a little
+/// more for rounding.
+const MAX_X: f64 = 2.01 * f32::MAX as f64;
 /// How far the belief's total may be from 1, and its sum from what is said of it, by rounding.
 const ROUNDING: f64 = 1e-6;
 /// The belief off the map at the start.
@@ -66,7 +67,11 @@ impl Tracker {
     pub(in crate::method) fn tensors(&self) -> [(&'static str, &[f64]); 3] {
         let Self { hubness, mass, state, view, .. } = self;
         let count = if state.joint { hubness.sums.len() } else { mass.len() };
-        [("track.sums", &hubness.sums), ("track.mass", &mass[..count]), ("track.view", &view.z)]
+        [
+            ("track.sums", &hubness.sums),
+            ("track.mass", &mass[..count]),
+            ("track.corrected", &view.x),
+        ]
     }
 
     /// Goes on from a state; `tensor` gives one of its tensors by the name and the length.
@@ -82,7 +87,7 @@ impl Tracker {
         let places = self.hubness.sums.len();
         let sums = tensor(tensors[0], places)?;
         let mass = tensor(tensors[1], if joint { places } else { self.mass.len() })?;
-        let view = tensor(tensors[2], self.view.z.len())?;
+        let view = tensor(tensors[2], self.view.x.len())?;
         let belief = mass.iter().all(|mass| *mass >= 0.0)
             && scale.is_normal()
             && [on, off].iter().all(|share| (0.0..=1.0).contains(share))
@@ -90,13 +95,13 @@ impl Tracker {
             && (scale * mass.iter().sum::<f64>() - on).abs() <= ROUNDING;
         let hubness = Hubness::resumed(columns, sums);
         let (Some(hubness), true) =
-            (hubness, belief && advances && view.iter().all(|z| z.abs() <= MAX_Z))
+            (hubness, belief && advances && view.iter().all(|x| x.abs() <= MAX_X))
         else {
             return Err(Refusal::Foreign("an impossible belief".to_owned()));
         };
         self.hubness = hubness;
         self.mass[..mass.len()].copy_from_slice(&mass);
-        self.view = View { z: view, known: viewed };
+        self.view = View::of(view, viewed);
         self.state = state;
         Ok(())
     }

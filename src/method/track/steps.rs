@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
 use crate::segments::{Segment, Segments};
+use crate::sums::BLOCK;
 
 /// A move by `shift` places, and its probability.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,11 +130,29 @@ pub(super) struct Way<'a> {
     pub(super) links: Option<&'a Links>,
 }
 
-/// The mass that a move takes beyond the ends of its segment.
-pub(super) fn lost(source: &[f64], taps: &[Tap], way: Way<'_>) -> f64 {
-    let mut lost = 0.0;
-    beyond(taps, way, |weight, leaving| lost += weight * source[leaving].iter().sum::<f64>());
-    lost + way.links.map_or(0.0, |links| links.lost(source, taps))
+/// Adds to each block the mass that a move takes from its places beyond the ends of their segments.
+/// `mass` is that in the places from `start` on, at which a block begins; `share` of it counts.
+pub(super) fn lost(
+    mass: &[f64],
+    start: usize,
+    taps: &[Tap],
+    share: f64,
+    way: Way<'_>,
+    blocks: &mut [f64],
+) {
+    beyond(taps, way, |weight, leaving| {
+        let (mut at, end) = (leaving.start.max(start), leaving.end.min(start + mass.len()));
+        while at < end {
+            let block = (at - start) / BLOCK;
+            let next = end.min(start + (block + 1) * BLOCK);
+            let leaving = &mass[at - start..next - start];
+            blocks[block] += share * weight * leaving.iter().sum::<f64>();
+            at = next;
+        }
+    });
+    if let Some(links) = way.links {
+        links.lost(mass, start, taps, share, blocks);
+    }
 }
 
 /// Calls `visit` with the weight of each tap and the places from which it leads beyond the end of

@@ -10,13 +10,13 @@ use super::exp::exp;
 use super::hubness::Hubness;
 use super::novelty::View;
 use super::steps::Steps;
-use super::sums::sum;
 use crate::cases::cases;
 use crate::config::Config;
 use crate::method::{Given, Matcher};
 use crate::motion::Motion;
 use crate::segments::Segments;
 use crate::simd::Isa;
+use crate::sums::sum;
 
 fn matcher(places: usize, motion: Motion) -> Matcher {
     Matcher::new(places, Config { motion: Some(motion), ..Config::default() }).unwrap()

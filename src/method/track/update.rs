@@ -3,9 +3,9 @@
 
 use super::evidence::Evidence;
 use super::steps::{Steps, Way, arriving, known};
-use super::sums::{BLOCK, CHUNK, sum};
 use super::{Prediction, Step, Tracker};
 use crate::segments::Segments;
+use crate::sums::{BLOCK, CHUNK, sum};
 
 impl Tracker {
     #[inline(always)]

@@ -1,5 +1,7 @@
 //! Moves along segments and links beside walks that take one place after the other.
 
+use std::ops::Range;
+
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -9,6 +11,7 @@ use super::steps::{Tap, Way, arriving, lost};
 use crate::cases::cases;
 use crate::random::SplitMix64;
 use crate::segments::Segments;
+use crate::sums::BLOCK;
 
 /// Adds the walks of `moves` places on to `out`, the last number of which is for those that end
 /// beyond a segment. A walk takes one link at most; until then it divides.
@@ -111,7 +114,9 @@ proptest! {
             let expected = factor * moved[place];
             prop_assert!((out - expected).abs() < 1e-9, "{place}: {out}, {expected}");
         }
-        prop_assert!((lost(source, &taps, way) - moved[places]).abs() < 1e-9);
+        let mut gone = [0.0];
+        lost(source, 0, &taps, 0.5, way, &mut gone);
+        prop_assert!((2.0 * gone[0] - moved[places]).abs() < 1e-9);
         // The other way round: the mean of numbers where the walks lead.
         let mut back = vec![f64::NAN; places];
         leading(source, &taps, 0.75, 0.4, way, &mut back);
@@ -121,5 +126,38 @@ proptest! {
             let expected = 0.75 * mean + 0.25 * source[place];
             prop_assert!((back - expected).abs() < 1e-9, "{place}: {back}, {expected}");
         }
+    }
+}
+
+/// Who has some blocks of a long route loses from these what the route loses from them.
+#[test]
+fn a_block_loses_the_same_alone() {
+    let places = 2 * BLOCK + 300;
+    let around = [BLOCK - 40, BLOCK + 3, 2 * BLOCK - 1];
+    let route = Segments::new(places, &around).unwrap().with_closed(&[0]).unwrap();
+    let links =
+        [(5, BLOCK + 1), (BLOCK - 2, BLOCK + 2), (BLOCK + 1, 9), (2 * BLOCK - 2, places - 1)];
+    let linked = route.clone().with_links(&links).unwrap();
+    let mut random = SplitMix64(7);
+    let mass: Vec<f64> = (0..places).map(|_| f64::from(random.share())).collect();
+    let near = |weights: &[f64]| -> Vec<Tap> {
+        let shifts = weights.iter().zip(-2..);
+        shifts.map(|(&weight, shift)| Tap { shift, weight }).collect()
+    };
+    let far = [-5000, 5000, 1 << 40].map(|shift| Tap { shift, weight: 0.3 });
+    for (route, taps) in [(&route, &far[..]), (&linked, &near(&[0.1, 0.2, 0.3, 0.3, 0.1]))] {
+        let links = Links::new(route);
+        let way = Way { segments: route, links: links.as_ref() };
+        let of = |own: Range<usize>, blocks: usize| {
+            let mut gone = vec![0.0; blocks];
+            for share in [0.3, 0.7] {
+                lost(&mass[own.clone()], own.start, taps, share, way, &mut gone);
+            }
+            gone
+        };
+        let whole = of(0..places, 3);
+        let parts = [of(0..BLOCK, 1), of(BLOCK..2 * BLOCK, 1), of(2 * BLOCK..places, 1)];
+        assert_eq!(parts.concat(), whole);
+        assert!(whole[1] > 0.0, "{whole:?}");
     }
 }

@@ -1,0 +1,219 @@
+//! The distances to the rows of several traverses become one for each place (method 1.14).
+//!
+//! First come sums over the rows of each block of places: each traverse's shift and the mean follow
+//! from them. Then each place takes its least row. Both can be done for some of the blocks alone.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::Map;
+use super::blank::{SAME, between, blocks, sum_without, within};
+use super::traverses::{Further, MOST, Traverses};
+
+/// What several traverses say nothing of.
+#[derive(Clone, Debug)]
+pub(super) struct Quiet {
+    /// The places all of whose rows show nothing.
+    places: Arc<[usize]>,
+    /// Of each further traverse the rows that are not compared with the first's row of their place,
+    /// because one of the two shows nothing.
+    unpaired: Vec<Vec<usize>>,
+    /// Whether any row shows nothing.
+    any: bool,
+}
+
+/// What the distances to the rows of some blocks come to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RowSums {
+    /// Over the first traverse's rows that show something.
+    first: f64,
+    /// Of each further traverse: over its pairs, the first's distance minus its own, and over its
+    /// rows that show something.
+    further: [(f64, f64); MOST],
+    /// The least distance to a row that shows nothing.
+    nearest: f32,
+}
+
+impl RowSums {
+    pub(crate) const NONE: Self =
+        Self { first: 0.0, further: [(0.0, 0.0); MOST], nearest: f32::INFINITY };
+
+    /// With those of the blocks that follow.
+    pub(crate) fn add(&mut self, more: &Self) {
+        self.first += more.first;
+        for (own, more) in self.further.iter_mut().zip(&more.further) {
+            own.0 += more.0;
+            own.1 += more.1;
+        }
+        self.nearest = self.nearest.min(more.nearest);
+    }
+}
+
+/// What is added to the distances of each further traverse, and the mean of those to all rows that
+/// show something.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Means {
+    shifts: [f64; MOST],
+    mean: f64,
+    /// Whether the query shows nothing, or a place again that shows nothing.
+    nothing: bool,
+}
+
+impl Further {
+    /// Its rows of some places.
+    pub(crate) fn rows_of(&self, places: &Range<usize>) -> Range<usize> {
+        let first = |from: usize| self.places.partition_point(|&place| (place as usize) < from);
+        first(places.start)..first(places.end)
+    }
+}
+
+impl Map {
+    /// Makes the column of places from the distances to all rows. What says nothing is taken out,
+    /// as by [`quieten`](Self::quieten).
+    pub(crate) fn fold(&self, nothing: bool, rows: &[f32], column: &mut [f32]) {
+        let of = |traverse: usize, of_it: Range<usize>| {
+            let before = self.route.traverses.further.iter().take(traverse.saturating_sub(1));
+            let before: usize = before.map(|traverse| traverse.places.len()).sum();
+            let start = if traverse == 0 { 0 } else { self.places() + before };
+            &rows[start + of_it.start..start + of_it.end]
+        };
+        let mut all = RowSums::NONE;
+        for block in blocks(column.len()) {
+            all.add(&self.row_sums(nothing, block, of));
+        }
+        let means = self.means(nothing, &all);
+        self.fold_part(&means, 0..column.len(), of, column);
+    }
+
+    /// Adds up the rows of one block of places; `rows` gives the distances to some rows of a
+    /// traverse.
+    pub(crate) fn row_sums<'a>(
+        &self,
+        nothing: bool,
+        places: Range<usize>,
+        rows: impl Fn(usize, Range<usize>) -> &'a [f32],
+    ) -> RowSums {
+        let Quiet { unpaired, any, .. } = self.quiet();
+        let mut all = RowSums::NONE;
+        let first = rows(0, places.clone());
+        // The mean is not needed if all show something.
+        let told = nothing || *any;
+        if told {
+            let at = |row: usize| first[row - places.start];
+            all.first = sum_without(places.clone(), self.silent(), |row| f64::from(at(row)));
+            let silent = within(&places, self.blank_rows()).iter();
+            all.nearest = silent.map(|&row| at(row)).fold(f32::INFINITY, f32::min);
+        }
+        let further = self.route.traverses.further.iter().zip(unpaired).zip(&mut all.further);
+        for (index, ((traverse, unpaired), sums)) in further.enumerate() {
+            let of_it = traverse.rows_of(&places);
+            let own = rows(index + 1, of_it.clone());
+            let at = |row: usize| own[row - of_it.start];
+            sums.0 = sum_without(of_it.clone(), unpaired, |row| {
+                let place = traverse.places[row] as usize;
+                f64::from(first[place - places.start]) - f64::from(at(row))
+            });
+            if told {
+                let silent = traverse.blank(&self.kind);
+                sums.1 = sum_without(of_it.clone(), silent, |row| f64::from(at(row)));
+                let silent = within(&of_it, silent).iter().map(|&row| at(row));
+                all.nearest = silent.fold(all.nearest, f32::min);
+            }
+        }
+        all
+    }
+
+    /// From the sums of all blocks, added in order.
+    pub(crate) fn means(&self, nothing: bool, sums: &RowSums) -> Means {
+        let (mut sum, mut count) = (sums.first, self.places() - self.silent().len());
+        let mut shifts = [0.0; MOST];
+        let further = self.route.traverses.further.iter().zip(&self.quiet().unpaired);
+        let further = further.zip(&sums.further).zip(&mut shifts);
+        for (((traverse, unpaired), (pairs, shown)), shift) in further {
+            let rows = traverse.places.len();
+            let paired = rows - unpaired.len();
+            *shift = if paired == 0 { 0.0 } else { pairs / paired as f64 };
+            let showing = rows - traverse.blank(&self.kind).len();
+            sum += shown + showing as f64 * *shift;
+            count += showing;
+        }
+        let mean = sum / count as f64;
+        let nothing = nothing || f64::from(sums.nearest) <= SAME * mean;
+        Means { shifts, mean, nothing }
+    }
+
+    /// Makes the column of some places.
+    pub(crate) fn fold_part<'a>(
+        &self,
+        means: &Means,
+        places: Range<usize>,
+        rows: impl Fn(usize, Range<usize>) -> &'a [f32],
+        column: &mut [f32],
+    ) {
+        column.copy_from_slice(rows(0, places.clone()));
+        let Means { shifts, mean, nothing } = means;
+        // If the mean is no number, a distance is none, and is refused where it stands.
+        let known = mean.is_finite();
+        if *nothing && known {
+            return column.fill(*mean as f32);
+        }
+        for &row in within(&places, self.silent()) {
+            column[row - places.start] = f32::INFINITY;
+        }
+        for (index, (traverse, shift)) in
+            self.route.traverses.further.iter().zip(shifts).enumerate()
+        {
+            let of_it = traverse.rows_of(&places);
+            let own = rows(index + 1, of_it.clone());
+            for row in between(of_it.clone(), traverse.blank(&self.kind)).flatten() {
+                let distance = (f64::from(own[row - of_it.start]) + shift) as f32;
+                let least = &mut column[traverse.places[row] as usize - places.start];
+                // A NaN stays, so that it is refused.
+                if distance < *least || distance.is_nan() {
+                    *least = distance;
+                }
+            }
+        }
+        if known {
+            for &place in within(&places, self.blank_places()) {
+                column[place - places.start] = *mean as f32;
+            }
+        }
+    }
+
+    /// The rows of the first traverse that show nothing, unless all places do.
+    fn silent(&self) -> &[usize] {
+        if self.quiet().places.len() == self.places() { &[] } else { self.blank_rows() }
+    }
+
+    /// The places all of whose rows show nothing.
+    pub(super) fn blank_places(&self) -> &[usize] {
+        // Both are known from now on, so that a push need not find them.
+        let first = self.blank_rows();
+        if self.has_several() { &self.quiet().places } else { first }
+    }
+
+    fn quiet(&self) -> &Quiet {
+        let Traverses { further, quiet, .. } = &self.route.traverses;
+        quiet.get_or_init(|| {
+            let mut silent = vec![false; self.places()];
+            self.blank_rows().iter().for_each(|&row| silent[row] = true);
+            let shown = silent.clone();
+            let mut any = !self.blank_rows().is_empty();
+            let unpaired = further.iter().map(|traverse| {
+                let mut own = vec![false; traverse.places.len()];
+                let blank = traverse.blank(&self.kind);
+                any |= !blank.is_empty();
+                blank.iter().for_each(|&row| own[row] = true);
+                for (&place, &blank) in traverse.places.iter().zip(&own) {
+                    silent[place as usize] &= blank;
+                }
+                let of = |row: &usize| own[*row] || shown[traverse.places[*row] as usize];
+                (0..own.len()).filter(of).collect()
+            });
+            let unpaired = unpaired.collect();
+            let places = (0..silent.len()).filter(|&place| silent[place]).collect();
+            Box::new(Quiet { places, unpaired, any })
+        })
+    }
+}
