@@ -159,7 +159,8 @@ typedef struct surefix_fix {
   /// The track's belief that the robot is off the map; NaN without one.
   double off_map;
   /// The first place of the interval that holds 95 % of the belief on the map. On a route that is
-  /// one closed segment it may go round: the first is then greater than the last.
+  /// one closed segment it may go round: the first is then greater than the last. On more than
+  /// 65,536 places, ends far from the place are rounded outwards, by up to 255 places.
   size_t interval_first;
   /// The last place of that interval.
   size_t interval_last;

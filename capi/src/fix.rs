@@ -73,7 +73,8 @@ pub struct Fix {
     /// The track's belief that the robot is off the map; NaN without one.
     pub off_map: f64,
     /// The first place of the interval that holds 95 % of the belief on the map. On a route that is
-    /// one closed segment it may go round: the first is then greater than the last.
+    /// one closed segment it may go round: the first is then greater than the last. On more than
+    /// 65,536 places, ends far from the place are rounded outwards, by up to 255 places.
     pub interval_first: usize,
     /// The last place of that interval.
     pub interval_last: usize,

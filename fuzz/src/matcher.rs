@@ -45,17 +45,7 @@ fn run(u: &mut Unstructured<'_>) -> Result<()> {
             return Ok(());
         }
     };
-    let on = |isa| matcher.clone().with_isa(isa).expect("an available one");
-    let mut stream = Stream {
-        matchers: Isa::available().map(on).collect(),
-        oracle: Oracle::new(&config, &segments),
-        config,
-        segments,
-        queries: Vec::new(),
-        fixes: Vec::new(),
-        broken: false,
-        gaps: Vec::new(),
-    };
+    let mut stream = Stream::new(&matcher, config, segments);
     let [flags, odometry] = [u.int_in_range(0..=2)?, u.int_in_range(0..=2)?];
     while !u.is_empty() && stream.queries.len() < LONGEST {
         match u.int_in_range(0..=15)? {
@@ -94,6 +84,20 @@ fn refused_by_batch(error: &Error, config: &Config, segments: &Segments) {
 }
 
 impl Stream {
+    fn new(matcher: &Matcher, config: Config, segments: Segments) -> Self {
+        let on = |isa| matcher.clone().with_isa(isa).expect("an available one");
+        Self {
+            matchers: Isa::available().map(on).collect(),
+            oracle: Oracle::new(&config, &segments),
+            config,
+            segments,
+            queries: Vec::new(),
+            fixes: Vec::new(),
+            broken: false,
+            gaps: Vec::new(),
+        }
+    }
+
     fn push(&mut self, column: Vec<f32>, given: Given) {
         let fixes = self.matchers.iter_mut().map(|m| m.push_with(&column, given));
         let fixes: Vec<Fix> = fixes.map(|fix| fix.expect("finite distances")).collect();
@@ -248,6 +252,73 @@ impl Stream {
             let right = aligned.track.confidence - track.confidence;
             let same = aligned.track.place == track.place;
             assert!(!same || right.abs() < 1e-9, "{aligned:?} {track:?}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefix::Motion;
+
+    /// Cut at borders of blocks and beside them, closed or not; with links across a border.
+    fn routes(places: usize) -> Vec<Segments> {
+        let cut = |at: &[usize]| {
+            let at: Vec<usize> = at.iter().copied().filter(|&at| at < places).collect();
+            Segments::new(places, &at).expect("breaks in order")
+        };
+        let closed = |route: Segments, index| route.with_closed(&[index]).expect("three places");
+        let open = cut(&[4000, 4096, 8190]);
+        let links = [(4090, 4099), (4101, 12), (places - 1, 4080), (30, 4097)];
+        let links: Vec<_> =
+            links.into_iter().filter(|link| link.1 < places && link.0 < places).collect();
+        vec![
+            Segments::one(places),
+            closed(Segments::one(places), 0),
+            closed(cut(&[90, 4095, 8192]), 1),
+            open.clone(),
+            open.with_links(&links).expect("links to other places"),
+        ]
+    }
+
+    /// Routes of several blocks of places, which take too long for a fuzzer.
+    #[test]
+    fn several_blocks_are_those_of_the_oracle() {
+        let mut any = Motion::any();
+        any.repeat = 0.5;
+        let motions = [Motion::steady(), Motion::free(), any];
+        for places in [4095, 4096, 4103, 8192, 8500] {
+            for (number, segments) in routes(places).into_iter().enumerate() {
+                let mut config = Config::default();
+                config.motion = Some(motions[(number + places) % 3].clone());
+                config.tolerance = [1, 300, 5000][(number + places / 2) % 3];
+                let matcher = Matcher::along(segments.clone(), config.clone()).expect("a route");
+                let mut stream = Stream::new(&matcher, config, segments);
+                let mut state = places as u64;
+                let mut column = vec![0.0; places];
+                // A view that repeats in part, and ways beyond the ends.
+                for (share, advance) in [
+                    (1.0, None),
+                    (0.3, None),
+                    (0.3, None),
+                    (1.0, Some(4200.0)),
+                    (0.1, Some(-60.0)),
+                    (0.2, None),
+                ] {
+                    for distance in &mut column {
+                        state = state
+                            .wrapping_mul(6_364_136_223_846_793_005)
+                            .wrapping_add(1_442_695_040_888_963_407);
+                        let drawn = (state >> 40) as f32 / (1 << 24) as f32;
+                        *distance = (1.0 - share) * *distance + share * drawn;
+                    }
+                    let given = Given::default();
+                    let given = advance.map_or(given, |advance| given.advance(advance));
+                    stream.push(column.clone(), given);
+                }
+                stream.restore(false);
+                stream.push(column.clone(), Given::default());
+            }
         }
     }
 }

@@ -263,7 +263,8 @@ impl Sequence {
 /// ``place`` is the most probable place; ``confidence`` the belief that the robot is within
 /// ``tolerance`` places of it; ``off_map`` the belief that it is off the map, which ranks well and
 /// is a lower bound as a probability; ``speed`` in places a query, or the advance if it is known;
-/// ``interval`` the first and the last place of those that hold 95 % of the belief on the map.
+/// ``interval`` the first and the last place of those that hold 95 % of the belief on the map; on
+/// more than 65,536 places, ends far from ``place`` are rounded outwards, by up to 255 places.
 #[pyclass(frozen, eq, module = "surefix")]
 #[derive(PartialEq)]
 pub(crate) struct Track(surefix::Track);

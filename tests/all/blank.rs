@@ -4,7 +4,9 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::cases::{all_bits, bits, cases, columns, kind, numbers, route, sealed, tells};
+use crate::cases::{
+    all_bits, bits, by_blocks, cases, columns, kind, numbers, route, sealed, tells,
+};
 use crate::random::SplitMix64;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -134,10 +136,41 @@ fn the_file_knows_the_list_however_it_was_made() {
 /// The distances as they should be, place by place.
 fn quiet(raw: &[f32], blank: &[usize], nothing: bool) -> Vec<f32> {
     let others = (0..raw.len()).filter(|place| !blank.contains(place));
-    let others: Vec<f64> = others.map(|place| f64::from(raw[place])).collect();
-    let mean = (others.iter().sum::<f64>() / others.len() as f64) as f32;
+    let others: Vec<(usize, f64)> = others.map(|place| (place, f64::from(raw[place]))).collect();
+    let mean = (by_blocks(&others) / others.len() as f64) as f32;
     let said = |place: usize| if nothing || blank.contains(&place) { mean } else { raw[place] };
     (0..raw.len()).map(said).collect()
+}
+
+/// The mean of many places is that of the sums of their blocks.
+#[test]
+fn blank_places_of_several_blocks_have_the_mean_distance() {
+    for n in [4095, 4096, 4097, 9000] {
+        let Values::F32(mut rows) = numbers(Dtype::F32, n * 9, n as u64) else { unreachable!() };
+        let blank: Vec<usize> =
+            [0, 7, 4094, 4095, 4096, 8191].into_iter().filter(|&at| at < n).collect();
+        for &place in &blank {
+            rows[place * 9..][..9].fill(0.0);
+        }
+        let map = Map::from_descriptors(rows.clone(), 9, Metric::Euclidean).unwrap();
+        let query = &rows[9..18];
+        let raw: Vec<f32> = rows
+            .chunks(9)
+            .map(|row| {
+                let squares = row.iter().zip(query).map(|(a, b)| f64::from(a - b).powi(2));
+                squares.sum::<f64>().sqrt() as f32
+            })
+            .collect();
+        let got = map.distances(query).unwrap();
+        assert_eq!(map.blank(), blank);
+        assert_eq!(got, quiet(&raw, &blank, false));
+        // A drive more changes no distance if it shows the same.
+        let same = map.add_traverse(&map, &(0..n).map(Some).collect::<Vec<_>>(), "").unwrap();
+        for (place, (one, both)) in got.iter().zip(&same.distances(query).unwrap()).enumerate() {
+            assert!((one - both).abs() <= if blank.contains(&place) { 1e-6 } else { 0.0 });
+        }
+        assert!(map.distances(&[0.0; 9]).unwrap().windows(2).all(|pair| pair[0] == pair[1]));
+    }
 }
 
 proptest! {

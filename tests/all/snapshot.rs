@@ -368,7 +368,15 @@ fn beliefs_of_no_tracker_are_refused() {
         ("negative", tensor("track.mass", |mass| -mass)),
         ("beyond 1", tensor("track.mass", |mass| 1e300 * mass)),
         ("large sums", tensor("track.sums", |_| 1e300)),
-        ("a large view", tensor("track.view", |z| 1e300 * z)),
+        ("a large view", tensor("track.corrected", |x| 1e300 * x)),
+        // It was `z`.
+        (
+            "a view of before",
+            forged(&blob, |header, _| {
+                let view = header.as_object_mut().unwrap().remove("track.corrected").unwrap();
+                header["track.view"] = view;
+            }),
+        ),
         ("a large scale", state(|state| state["scale"] = 1e300.into())),
         ("nowhere", state(|state| (state["on"], state["off"]) = (0.into(), 0.into()))),
         ("twice", state(|state| (state["on"], state["off"]) = (1.into(), 1.into()))),

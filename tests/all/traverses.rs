@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::cases::{DTYPES, bits, cases, numbers, sealed};
+use crate::cases::{DTYPES, bits, by_blocks, cases, numbers, sealed};
 use crate::random::SplitMix64;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -18,8 +18,8 @@ fn folded(first: &[f32], own: &[f32], places: &[Option<usize>]) -> Vec<f32> {
     let mut pairs: Vec<(usize, f32)> =
         places.iter().zip(own).filter_map(|(place, &d)| Some(((*place)?, d))).collect();
     pairs.sort_by_key(|pair| pair.0);
-    let sum = pairs.iter().map(|&(at, d)| f64::from(first[at]) - f64::from(d)).sum::<f64>();
-    let shift = sum / pairs.len() as f64;
+    let apart = pairs.iter().map(|&(at, d)| (at, f64::from(first[at]) - f64::from(d)));
+    let shift = by_blocks(&apart.collect::<Vec<_>>()) / pairs.len() as f64;
     let mut column = first.to_vec();
     for (place, distance) in pairs {
         column[place] = column[place].min((f64::from(distance) + shift) as f32);
@@ -163,6 +163,19 @@ proptest! {
         prop_assert_eq!(of(&halves), of(&all));
         prop_assert_eq!(halves.traverses().len(), 2);
         prop_assert_eq!(of(&all.without_traverse(1).unwrap()), of(&first));
+    }
+}
+
+#[test]
+fn traverses_of_several_blocks_are_on_one_mean() {
+    for places in [4097, 8192, 9001] {
+        let [first, second] =
+            [1, 2].map(|seed| map(Dtype::F32, Metric::Euclidean, places, 9, seed));
+        let at = some_places(places, places, 3);
+        let both = first.add_traverse(&second, &at, "").unwrap();
+        let query = numbers(Dtype::F32, 9, 5);
+        let [one, two] = [&first, &second].map(|map| map.distances(query.view()).unwrap());
+        assert_eq!(raw(&both.distances(query.view()).unwrap()), raw(&folded(&one, &two, &at)));
     }
 }
 

@@ -20,6 +20,7 @@ OFF = 0.05
 BY_WAY, BY_VIEW = 0.05, 0.1  # what a robot that stands still learns
 TAIL = 0.025
 FARTHEST = 64  # longer moves do not follow links
+FINE, CHUNK = 65_536, 256  # of more places, intervals end with chunks
 
 
 class Roads:
@@ -90,27 +91,31 @@ class Tracked:
     def intervals(self, query: int, place: int, slack: float) -> tuple[set[int], set[int]]:
         """The first and the last place of 95 % of the belief, in which `place` is; all that it may
         be if a sum of beliefs is `slack` away. On a closed road they are counted from the place
-        opposite.
+        opposite. Of many places, ends far from `place` are those of their chunks.
         """
-        n = len(self.belief)
+        n, first = len(self.belief), 0
         if self.roads is not None and self.roads.loop:
-            turn = n // 2 - place
-            turned = Tracked(np.roll(self.belief[:, [query]], turn, axis=0), self.off, self.speeds)
-            low, high = turned.intervals(0, n // 2, slack)
-            return {(at - turn) % n for at in low}, {(at - turn) % n for at in high}
-        on = self.belief[:, query].sum()
-        below = np.cumsum(self.belief[:, query])
-        above = np.cumsum(self.belief[::-1, query])
+            first = (place + (n + 1) // 2) % n
+            first -= first % CHUNK if n > FINE else 0
+        counted = (place - first) % n
+        belief = np.roll(self.belief[:, query], -first)
+        on = belief.sum()
+        below, above = np.cumsum(belief), np.cumsum(belief[::-1])
         tails = TAIL * on + np.array([-slack, slack])
 
         def first_above(sums: Array, tail: float) -> int:
             return int(np.argmax(sums > tail)) if (sums > tail).any() else n - 1
 
+        def place_of(at: int, outwards: int) -> int:
+            at = (at + first) % n
+            if n <= FINE or abs(at // CHUNK - place // CHUNK) <= 1:
+                return at
+            return at - at % CHUNK if outwards < 0 else min(at - at % CHUNK + CHUNK, n) - 1
+
         low, high = ([first_above(sums, tail) for tail in tails] for sums in (below, above))
-        return (
-            {min(at, place) for at in range(low[0], low[1] + 1)},
-            {max(n - 1 - at, place) for at in range(high[0], high[1] + 1)},
-        )
+        lows = {min(at, counted) for at in range(low[0], low[1] + 1)}
+        highs = {max(n - 1 - at, counted) for at in range(high[0], high[1] + 1)}
+        return {place_of(at, -1) for at in lows}, {place_of(at, 1) for at in highs}
 
 
 def evidence(D: Array, motion: Any) -> tuple[Array, Array]:

@@ -29,9 +29,8 @@ pub struct Track {
     /// The speed in places a query, or the advance if it is known.
     pub speed: f64,
     /// The first and the last place of the interval that holds 95 % of the belief on the map. On a
-    /// route that is one closed segment it may go round: the first is then the greater. On a route
-    /// of more than 65,536 places, ends far from `place` are rounded outwards, to places that 256
-    /// divides and those before them.
+    /// route that is one closed segment it may go round: the first is then the greater. On more
+    /// than 65,536 places, ends far from `place` are rounded outwards, by up to 255 places.
     pub interval: (usize, usize),
 }
 

@@ -152,11 +152,35 @@ def test_stream_and_batch_equal_the_oracle(seed: int) -> None:
         CASES_RUN[seed] = number + 1
 
 
-@pytest.mark.parametrize(("n", "m"), [(300, 12), (5000, 3)])
+@pytest.mark.parametrize(("n", "m"), [(300, 12), (4097, 3), (8193, 2)])
 @pytest.mark.parametrize("seed", range(6))
 def test_long_routes_equal_the_oracle(n: int, m: int, seed: int) -> None:
     """Several chunks and blocks of places, and moves across their borders."""
     compare(generate(np.random.default_rng(n + seed), n, m), cut=1)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_the_interval_of_a_long_route_ends_with_chunks(closed: bool) -> None:
+    """Unless it ends near the place, once the belief has settled."""
+    n = 70_001
+    live = surefix.Matcher(surefix.Segments(n, closed=closed), motion="steady")
+    roads: Any = SimpleNamespace(loop=closed)
+    rng = np.random.default_rng(2)
+    for begin in (100, 33_000, 69_990, 69_000):
+        rounded = []
+        for query in range(14):
+            d = rng.random(n, np.float32)
+            d[(begin + query) % n] -= 0.2 if query < 4 else 1.5
+            track: Any = live.push(d).track
+            known = oracle_track.Tracked(live.belief[:, None], np.zeros(1), np.zeros((n, 1)), roads)
+            low, high = known.intervals(0, track.place, TIE)
+            assert track.interval[0] in low
+            assert track.interval[1] in high
+            rounded.append(max(abs(end - track.place) for end in track.interval) > 511)
+        assert rounded[0]
+        assert not rounded[-1]
+        assert abs(track.interval[1] - track.place) < 256
+        live.gap()
 
 
 def test_ten_thousand_cases_were_run() -> None:
