@@ -204,7 +204,9 @@ impl Map {
                 let mut own = vec![false; traverse.places.len()];
                 let blank = traverse.blank(&self.kind);
                 any |= !blank.is_empty();
-                blank.iter().for_each(|&row| own[row] = true);
+                for &row in blank {
+                    own[row] = true;
+                }
                 for (&place, &blank) in traverse.places.iter().zip(&own) {
                     silent[place as usize] &= blank;
                 }
@@ -215,5 +217,74 @@ impl Map {
             let places = (0..silent.len()).filter(|&place| silent[place]).collect();
             Box::new(Quiet { places, unpaired, any })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::distance::Metric;
+    use crate::random::SplitMix64;
+
+    const PLACES: usize = 9000;
+    const DIM: usize = 9;
+
+    /// A map of some drives, in which some rows show nothing, and distances to all rows.
+    fn map(drives: u64) -> (Map, Vec<f32>) {
+        let mut random = SplitMix64(drives);
+        let mut drive = |rows: usize| {
+            let mut numbers: Vec<f32> = (0..rows * DIM).map(|_| random.share() + 0.1).collect();
+            let dark = numbers.chunks_mut(DIM).step_by(37);
+            dark.for_each(|row| row.fill(0.0));
+            Map::from_descriptors(numbers, DIM, Metric::Euclidean).unwrap()
+        };
+        let mut map = drive(PLACES);
+        for by in 1..drives {
+            let rows = drive(PLACES / 2);
+            let at = |row| Some((row * 2 + 5 * by as usize) % PLACES);
+            let at: Vec<_> = (0..rows.places()).map(at).collect();
+            map = map.add_traverse(&rows, &at, "").unwrap();
+        }
+        let distances = (0..map.rows()).map(|_| random.share()).collect();
+        (map, distances)
+    }
+
+    #[test]
+    fn blocks_alone_make_the_column_of_all() {
+        for (drives, nothing) in [(1, false), (3, false), (3, true)] {
+            let (map, distances) = map(drives);
+            let mut column = vec![0.0; PLACES];
+            map.fold(nothing, &distances, &mut column);
+            assert!(nothing || map.blank().len() > 100 / drives as usize);
+            let rows = |traverse: usize, of_it: Range<usize>| {
+                let start = [0, PLACES, PLACES + PLACES / 2][traverse];
+                &distances[start + of_it.start..start + of_it.end]
+            };
+            let alone: Vec<_> =
+                blocks(PLACES).map(|block| map.row_sums(nothing, block, rows)).collect();
+            let mut all = RowSums::NONE;
+            alone.iter().for_each(|sums| all.add(sums));
+            let means = map.means(nothing, &all);
+            let mut parts = vec![0.0; PLACES];
+            for places in [0..100, 100..4096, 4096..PLACES] {
+                map.fold_part(&means, places.clone(), rows, &mut parts[places]);
+            }
+            assert_eq!(parts, column);
+        }
+    }
+
+    #[test]
+    fn one_traverse_is_folded_as_it_is_quietened() {
+        let (map, distances) = map(1);
+        for nothing in [false, true] {
+            for near in [1.0, 1e-4] {
+                let mut distances = distances.clone();
+                distances[37] *= near;
+                let (mut folded, mut quiet) = (vec![0.0; PLACES], distances.clone());
+                map.fold(nothing, &distances, &mut folded);
+                map.quieten(nothing, &mut quiet);
+                assert_eq!(folded, quiet);
+            }
+        }
     }
 }

@@ -235,7 +235,7 @@ pub(crate) fn stream(
 }
 
 /// The sum of numbers of places, in order: first for each block of 4,096.
-pub fn by_blocks(numbers: &[(usize, f64)]) -> f64 {
+pub(crate) fn by_blocks(numbers: &[(usize, f64)]) -> f64 {
     let blocks = numbers.chunk_by(|a, b| a.0 / 4096 == b.0 / 4096);
     blocks.map(|block| block.iter().map(|one| one.1).sum::<f64>()).sum()
 }

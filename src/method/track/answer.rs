@@ -85,8 +85,9 @@ pub(super) fn most_probable(mass: &[f64]) -> (usize, f64) {
 /// A belief over places.
 pub(super) struct Belief<'a, M> {
     pub(super) places: usize,
-    /// Gives the belief in some places of one chunk, divided by `scale`. It is asked for those near
-    /// the most probable place, on a route of more than [`FINE`] places for no others.
+    /// Gives the belief in some places of one chunk, divided by `scale`. On a route of more than
+    /// [`FINE`] places, it is asked for no others than those within the tolerance, and those of the
+    /// chunk of the most probable place and of the two beside it.
     pub(super) mass: M,
     /// The sum of each chunk of it.
     pub(super) sums: &'a [f64],
@@ -140,7 +141,9 @@ impl<'a, M: Fn(Range<usize>) -> &'a [f64]> Belief<'a, M> {
             if self.is_chunk(&part) {
                 total += self.sums[part.start / CHUNK];
             } else {
-                (self.mass)(part).iter().for_each(|mass| total += mass);
+                for mass in (self.mass)(part) {
+                    total += mass;
+                }
             }
         }
         total
