@@ -263,7 +263,9 @@ mod tests {
             let alone: Vec<_> =
                 blocks(PLACES).map(|block| map.row_sums(nothing, block, rows)).collect();
             let mut all = RowSums::NONE;
-            alone.iter().for_each(|sums| all.add(sums));
+            for sums in &alone {
+                all.add(sums);
+            }
             let means = map.means(nothing, &all);
             let mut parts = vec![0.0; PLACES];
             for places in [0..100, 100..4096, 4096..PLACES] {

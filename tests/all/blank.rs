@@ -169,7 +169,7 @@ fn blank_places_of_several_blocks_have_the_mean_distance() {
         for (place, (one, both)) in got.iter().zip(&same.distances(query).unwrap()).enumerate() {
             assert!((one - both).abs() <= if blank.contains(&place) { 1e-6 } else { 0.0 });
         }
-        assert!(map.distances(&[0.0; 9]).unwrap().windows(2).all(|pair| pair[0] == pair[1]));
+        assert!(map.distances(&[0.0; 9][..]).unwrap().windows(2).all(|pair| pair[0] == pair[1]));
     }
 }
 

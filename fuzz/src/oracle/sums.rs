@@ -26,7 +26,7 @@ pub(crate) fn chunks(count: usize, of: impl Fn(usize) -> f64) -> f64 {
 }
 
 /// The sum of the products of `a` and `b` about their means: in each block about its own, and then
-/// that of the blocks' means (Chan, Golub and LeVeque).
+/// that of the blocks' means.
 pub(crate) fn about(a: &[f64], b: &[f64]) -> f64 {
     let all = a.len();
     let mean = |x: &[f64]| blocks(all, |i| x[i]) / all as f64;

@@ -403,7 +403,9 @@ impl Filter {
                 if a % 256 == 0 && (b % 256 == 0 || b == self.places.len()) {
                     sum += lanes(chunk.iter().copied());
                 } else {
-                    chunk.iter().for_each(|mass| sum += mass);
+                    for mass in chunk {
+                        sum += mass;
+                    }
                 }
             }
             sum
