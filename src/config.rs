@@ -184,6 +184,19 @@ impl Config {
 }
 
 impl Config {
+    /// Refuses options that only a batch has.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for `floor: Global`.
+    pub(crate) fn validate_stream(&self) -> Result<(), Error> {
+        if self.floor != Floor::Global {
+            return Ok(());
+        }
+        let expected = "\"running\" or a number in a stream, which cannot know the whole matrix";
+        let (name, got) = ("floor", "\"global\"".to_owned());
+        Err(Error::Option { name, expected: expected.to_owned(), got })
+    }
+
     /// How many queries' distances a matcher holds: those of the sequence and of the gradients that
     /// have a place on some diagonal. On an open segment an older one has none.
     pub(crate) fn columns(&self, segments: &Segments) -> usize {

@@ -206,6 +206,14 @@ pub enum Error {
         reason: String,
     },
 
+    /// A message between a driver and a shard that does not fit: of another map, version, options
+    /// or query. Neither has changed.
+    #[error("shard: {}", Plain(.reason))]
+    Shard {
+        /// What was expected, and what came.
+        reason: String,
+    },
+
     /// Settings that cannot be read, or that are for another map.
     #[error("settings: {}", Plain(.reason))]
     Settings {

@@ -60,6 +60,7 @@
 
 mod archive;
 mod batch;
+mod bytes;
 #[cfg(test)]
 mod cases;
 mod config;
@@ -90,6 +91,7 @@ mod sums;
 
 pub mod calibration;
 pub mod evaluate;
+pub mod shard;
 
 pub use crate::image::{
     Channels, Image, ImageSource, ImageView, Levels, Progress, ReadableImages, quiet,

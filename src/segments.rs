@@ -123,6 +123,11 @@ impl Segments {
         Ok(Self { list: list.collect(), links: Arc::new([]) })
     }
 
+    /// Segments that follow each other from place 0 on, at least one.
+    pub(crate) fn of_list(list: Vec<Segment>) -> Self {
+        Self { list: list.into(), links: Arc::new([]) }
+    }
+
     /// The same, with the segments of these indices closed, and no others.
     ///
     /// # Errors

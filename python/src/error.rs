@@ -9,7 +9,9 @@ use surefix::Error;
 pub(crate) fn to_py(py: Python<'_>, error: &Error) -> PyErr {
     match error {
         Error::Io { .. } => new(py, "SurefixFileError", error.to_string()),
-        Error::Interrupted { .. } => new(py, "SurefixError", error.to_string()),
+        Error::Interrupted { .. } | Error::Shard { .. } => {
+            new(py, "SurefixError", error.to_string())
+        }
         _ => value(py, error.to_string()),
     }
 }

@@ -32,6 +32,7 @@ mod sad;
 mod saving;
 mod segments;
 mod settings;
+mod shards;
 mod signals;
 mod simulate;
 mod traverses;
@@ -86,6 +87,8 @@ mod _core {
     use crate::segments::{Segment, Segments};
     #[pymodule_export]
     use crate::settings::Settings;
+    #[pymodule_export]
+    use crate::shards::{Shard, ShardDriver};
     #[pymodule_export]
     use crate::simulate::{Route, Traverse};
     #[pymodule_export]

@@ -41,6 +41,8 @@ pub(crate) struct Reader<R> {
 /// A header with the tensors' bytes.
 pub(crate) struct Tensors<'a> {
     pub(crate) header: Header,
+    /// If it has one.
+    pub(crate) checksum: Option<u64>,
     data: HashMap<String, Cow<'a, [u8]>>,
 }
 
@@ -186,7 +188,8 @@ impl<R: Read> Reader<R> {
             }
         }
         check(&self.header, self.hash.finish(), stored)?;
-        Ok(Tensors { header: self.header, data })
+        let checksum = stored.filter(|_| self.header.signed).map(u64::from_le_bytes);
+        Ok(Tensors { header: self.header, checksum, data })
     }
 }
 
@@ -236,7 +239,8 @@ impl<'a> Tensors<'a> {
         let data = tensors
             .map(|(name, info)| (name, bytes.get(header.span(info)).unwrap_or_default().into()))
             .collect();
-        Ok(Self { header, data })
+        let stored = bytes.last_chunk().filter(|_| header.signed);
+        Ok(Self { checksum: stored.copied().map(u64::from_le_bytes), header, data })
     }
 }
 

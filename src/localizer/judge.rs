@@ -13,19 +13,25 @@ const LEVEL: f64 = 0.01;
 /// Told once that the scores are no longer those of the calibration drive, with the fix that raised
 /// the alarm.
 #[derive(Clone)]
-pub(super) struct Told(pub(super) Arc<dyn Fn(&Fix) + Send + Sync>);
+pub(crate) struct Told(Arc<dyn Fn(&Fix) + Send + Sync>);
+
+impl Told {
+    pub(crate) fn new(told: impl Fn(&Fix) + Send + Sync + 'static) -> Self {
+        Self(Arc::new(told))
+    }
+}
 
 #[derive(Clone, Debug)]
-pub(super) struct Judge {
-    pub(super) threshold: Threshold,
-    pub(super) alarm: Alarm,
+pub(crate) struct Judge {
+    pub(crate) threshold: Threshold,
+    pub(crate) alarm: Alarm,
 }
 
 impl Judge {
     /// # Errors
     /// [`Error::Option`] for a threshold of fixes with a track if these have none, or the other way
     /// round; [`Error::Settings`] for one that no calibration makes.
-    pub(super) fn new(threshold: Threshold, tracked: bool) -> Result<Self, Error> {
+    pub(crate) fn new(threshold: Threshold, tracked: bool) -> Result<Self, Error> {
         if threshold.tracked != tracked {
             let kind = |tracked| if tracked { "with a track" } else { "without a track" };
             let (name, expected) = ("threshold", format!("one of fixes {}", kind(tracked)));
@@ -38,7 +44,7 @@ impl Judge {
     }
 
     /// The fix, judged; `told` is called if it raises the alarm.
-    pub(super) fn judge(&mut self, mut fix: Fix, told: Option<&Told>) -> Fix {
+    pub(crate) fn judge(&mut self, mut fix: Fix, told: Option<&Told>) -> Fix {
         fix.accepted = Some(self.threshold.accepts(&fix));
         fix.probability = self.threshold.probability_of(&fix);
         let before = self.alarm.raised();

@@ -17,9 +17,10 @@ use crate::numbers::View;
 use crate::post::Running;
 use crate::scan::{Pool, threads_for};
 use crate::segments::Segments;
-use judge::{Judge, Told};
+pub(crate) use judge::{Judge, Told};
 use screening::Screening;
 pub use technique::Input;
+pub(crate) use technique::Queries;
 use technique::Technique;
 
 /// The most threads that are accepted.
@@ -158,7 +159,7 @@ impl Localizer {
     /// # Ok::<(), surefix::Error>(())
     /// ```
     pub fn on_alarm(&mut self, told: impl Fn(&Fix) + Send + Sync + 'static) {
-        self.told = Some(Told(Arc::new(told)));
+        self.told = Some(Told::new(told));
     }
 
     /// The threshold that judges its fixes.
@@ -286,7 +287,9 @@ impl Localizer {
             }
         }?;
         for (index, technique) in techniques.iter_mut().enumerate() {
-            technique.commit(input(index));
+            if let Input::Descriptor(_) = input(index) {
+                technique.queries.commit();
+            }
         }
         Ok(match judge {
             Some(judge) => judge.judge(fix, told.as_ref()),
@@ -386,7 +389,9 @@ impl Localizer {
         if let Some(screening) = &mut self.screening {
             screening.reset();
         }
-        self.techniques.iter_mut().for_each(Technique::reset);
+        for Technique { map, queries, .. } in &mut self.techniques {
+            queries.reset(map);
+        }
         if let Some(fusion) = &mut self.fusion {
             fusion.reset();
         }
@@ -402,7 +407,7 @@ impl Localizer {
     /// # Errors
     /// As for [`Matcher::snapshot`].
     pub fn snapshot(&self) -> Result<Vec<u8>, Error> {
-        let running = self.techniques.iter().flat_map(Technique::running);
+        let running = self.techniques.iter().flat_map(|technique| technique.queries.running());
         let running = running.map(Running::snapshot).collect::<Result<Vec<_>, _>>()?;
         let map = Some(fingerprint(self.techniques.iter().map(|technique| &technique.map)));
         match &self.screening {
@@ -444,7 +449,7 @@ impl Localizer {
         let running = saved.running.iter().map(|running| Running::restore(running));
         let mut running = running.collect::<Result<Vec<_>, _>>()?.into_iter();
         let mut localizer = Self::with_matcher(maps, saved.matcher)?;
-        let whole = localizer.techniques.iter_mut().all(|technique| technique.resume(&mut running));
+        let whole = localizer.techniques.iter_mut().all(|one| one.queries.resume(&mut running));
         let fused = match &mut localizer.fusion {
             Some(fusion) => fusion.resume(saved.techniques),
             None => saved.techniques.is_empty(),

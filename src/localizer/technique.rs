@@ -23,19 +23,86 @@ pub enum Input<'a> {
     Descriptor(View<'a>),
 }
 
+/// Makes a map's queries of inputs.
+#[derive(Clone, Debug)]
+pub(crate) struct Queries {
+    /// Describes images the map's own way, if the map has one.
+    describer: Option<(Describer, Values)>,
+    /// The state of the map's post-processing: scratch memory, and running statistics of the drive.
+    through: Option<ChainState>,
+}
+
+impl Queries {
+    pub(crate) fn new(map: &Map) -> Self {
+        let describer = match map.recipe() {
+            Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
+            Recipe::Ready => None,
+        };
+        Self { describer, through: map.post().map(ChainState::of_drive) }
+    }
+
+    /// The numbers that the map is compared with, and whether they show nothing.
+    ///
+    /// # Errors
+    /// [`Error::NoDescriptor`] for an image if the map was made of ready descriptors, and those of
+    /// post-processing.
+    pub(crate) fn numbers<'a>(
+        &'a mut self,
+        map: &Map,
+        input: Input<'a>,
+    ) -> Result<(View<'a>, bool), Error> {
+        let Self { describer, through } = self;
+        match input {
+            Input::Image(image) => {
+                let Some((describer, values)) = describer else {
+                    return Err(Error::NoDescriptor);
+                };
+                describer.describe(image, values)?;
+                Ok((values.view(), map.shows_nothing(values.view())))
+            }
+            Input::Descriptor(given) => {
+                Ok((map.passed(given, through.as_mut())?, map.shows_nothing(given)))
+            }
+        }
+    }
+
+    /// Keeps the newest query, which is a descriptor, in the statistics of the drive.
+    pub(crate) fn commit(&mut self) {
+        if let Some(through) = &mut self.through {
+            through.commit();
+        }
+    }
+
+    /// Forgets the statistics of the drive.
+    pub(crate) fn reset(&mut self, map: &Map) {
+        if let (Some(through), Some(post)) = (&mut self.through, map.post()) {
+            through.reset(post);
+        }
+    }
+
+    /// The statistics of the drive.
+    pub(crate) fn running(&self) -> impl Iterator<Item = &Running> {
+        self.through.iter().flat_map(ChainState::running)
+    }
+
+    /// Goes on with the first of the statistics that are left; false if they do not fit.
+    pub(crate) fn resume(&mut self, left: &mut impl Iterator<Item = Running>) -> bool {
+        let Some(through) = &mut self.through else { return true };
+        let own = left.take(through.running().len()).collect();
+        through.resume(own)
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct Technique {
     pub(super) map: Arc<Map>,
+    pub(super) queries: Queries,
     /// The newest frame's distances, or lower bounds of them.
     pub(super) column: Vec<f32>,
     /// The distances to all rows; empty if there is one for each place.
     rows: Vec<f32>,
     /// The threads that scan the map; `None` if the caller scans alone.
     pub(super) pool: Option<Pool>,
-    /// Describes images the map's own way, if the map has one.
-    describer: Option<(Describer, Values)>,
-    /// The state of the map's post-processing: scratch memory, and running statistics of the drive.
-    through: Option<ChainState>,
 }
 
 /// What a scan needs beside the query.
@@ -50,68 +117,25 @@ pub(super) struct Scan<'a> {
 
 impl Technique {
     pub(super) fn new(map: Arc<Map>) -> Self {
-        let describer = match map.recipe() {
-            Recipe::Sad(sad) => Some((Describer::new(sad), Values::zeros(sad.dtype(), sad.dim()))),
-            Recipe::Ready => None,
-        };
         let column = vec![0.0; map.places()];
         let rows = if map.has_several() { vec![0.0; map.rows()] } else { Vec::new() };
         let pool = automatic(&map);
-        let through = map.post().map(ChainState::of_drive);
         // Now, so that the first push need not find them.
         map.blank();
-        Self { map, column, rows, pool, describer, through }
+        Self { queries: Queries::new(&map), map, column, rows, pool }
     }
 
     /// The query that the map is compared with.
     ///
     /// # Errors
-    /// [`Error::NoDescriptor`] for an image if the map was made of ready descriptors, and those of
-    /// [`Map::distances_into`].
+    /// Those of [`Queries::numbers`] and of [`Map::distances_into`].
     pub(super) fn query<'a>(
         &'a mut self,
         input: Input<'a>,
     ) -> Result<(Query<'a>, Scan<'a>), Error> {
-        let Self { map, column, rows, pool, describer, through } = self;
-        let mut nothing = matches!(input, Input::Descriptor(given) if map.shows_nothing(given));
-        let numbers = match input {
-            Input::Image(image) => {
-                let Some((describer, values)) = describer else {
-                    return Err(Error::NoDescriptor);
-                };
-                describer.describe(image, values)?;
-                nothing = map.shows_nothing(values.view());
-                values.view()
-            }
-            Input::Descriptor(descriptor) => map.passed(descriptor, through.as_mut())?,
-        };
+        let Self { map, queries, column, rows, pool } = self;
+        let (numbers, nothing) = queries.numbers(map, input)?;
         Ok((map.query(numbers)?, Scan { map, pool, column, rows, nothing }))
-    }
-
-    /// Keeps the newest query in the statistics of the drive.
-    pub(super) fn commit(&mut self, input: Input<'_>) {
-        if let (Some(through), Input::Descriptor(_)) = (&mut self.through, input) {
-            through.commit();
-        }
-    }
-
-    /// Forgets the statistics of the drive.
-    pub(super) fn reset(&mut self) {
-        if let (Some(through), Some(post)) = (&mut self.through, self.map.post()) {
-            through.reset(post);
-        }
-    }
-
-    /// The statistics of the drive.
-    pub(super) fn running(&self) -> impl Iterator<Item = &Running> {
-        self.through.iter().flat_map(ChainState::running)
-    }
-
-    /// Goes on with the first of the statistics that are left; false if they do not fit.
-    pub(super) fn resume(&mut self, left: &mut impl Iterator<Item = Running>) -> bool {
-        let Some(through) = &mut self.through else { return true };
-        let own = left.take(through.running().len()).collect();
-        through.resume(own)
     }
 }
 

@@ -332,7 +332,7 @@ fn read(from: impl Read, length: u64) -> Result<Map, Refusal> {
     if let Some(norms) = &parts.norms {
         check_norms(norms, &own, 0)?;
     }
-    Ok(parts.map(rows, &own))
+    Ok(Map { checksum: tensors.checksum, ..parts.map(rows, &own) })
 }
 
 /// Refuses norms that are not the lengths of their rows, of which the first is row `first`.
@@ -356,6 +356,7 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
     let pictures = head.pictures.clone();
     let further = TraverseParts::of(&head, &tensors)?;
     let mut parts = head.parts(&tensors)?;
+    let checksum = tensors.checksum;
     drop(tensors);
     let mapping = Arc::new(mapping);
     parts.thumbnails = pictures.and_then(|pictures| {
@@ -374,5 +375,5 @@ fn of_mapping(mapping: memmap2::Mmap) -> Result<Map, Refusal> {
     } else {
         Vec::new()
     };
-    Ok(parts.map(rows, &own))
+    Ok(Map { checksum, ..parts.map(rows, &own) })
 }

@@ -66,6 +66,8 @@ pub struct Map {
     /// The rows' codes, if the map has a screen.
     codes: Option<Arc<Codes>>,
     fingerprint: OnceBox<u64>,
+    /// That of its file, if it is as it was there and the file has one.
+    checksum: Option<u64>,
     /// The places that show nothing, once they are known.
     blank: OnceBox<Arc<[usize]>>,
     isa: Isa,
@@ -123,7 +125,7 @@ impl Map {
     fn joining(blocks: Blocks, route: Route, kind: Kind, isa: Isa) -> Self {
         let route = Arc::new(route);
         let (fingerprint, blank) = (OnceBox::new(), OnceBox::new());
-        Self { blocks, route, kind, codes: None, fingerprint, blank, isa }
+        Self { blocks, route, kind, codes: None, fingerprint, checksum: None, blank, isa }
     }
 
     /// A map of the same kind, with a screen if this one has a screen.
@@ -175,13 +177,24 @@ impl Map {
     pub fn with_segments(mut self, segments: Segments) -> Result<Self, Error> {
         self.one_for_each_place("segments: places", segments.places())?;
         self.route_mut().segments = segments;
-        self.fingerprint = OnceBox::new();
+        self.changed();
         Ok(self)
     }
 
     /// How the places follow each other.
     pub fn segments(&self) -> &Segments {
         &self.route.segments
+    }
+
+    /// It is not what was hashed.
+    pub(super) fn changed(&mut self) {
+        self.fingerprint = OnceBox::new();
+        self.checksum = None;
+    }
+
+    /// The checksum of its file, if it is as it was there and the file has one.
+    pub(crate) fn checksum(&self) -> Option<u64> {
+        self.checksum
     }
 
     fn route_mut(&mut self) -> &mut Route {

@@ -107,6 +107,7 @@ impl Map {
         // A chain without steps is the same as no chain.
         self.kind.post = (!post.fitted_steps().is_empty()).then(|| post.into());
         self.blank = OnceBox::new();
+        self.changed();
         Ok(self)
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Peak, Sequence, Single, Track};
 use crate::error::Error;
+use crate::segments::Segments;
 use serde::{Deserialize, Serialize};
 
 /// The longest advance that is accepted: longer than any route, in places.
@@ -48,6 +49,41 @@ pub struct Fix {
 }
 
 impl Fix {
+    /// Of what the steps of the method said of a query: whether it is trusted, and blank.
+    pub(super) fn of(
+        frame: u64,
+        [trusted, blank]: [bool; 2],
+        single: Single,
+        gradient: Peak,
+        sequence: Option<Sequence>,
+        track: Option<Track>,
+        segments: &Segments,
+    ) -> Self {
+        let (place, score) = match (track, sequence) {
+            (Some(track), _) => (track.place, (1.0 - track.confidence) as f32),
+            (None, Some(sequence)) => (sequence.place, sequence.score),
+            (None, None) => (single.place, single.distance),
+        };
+        let segment = segments.index_of(place);
+        let segment_place = place - segments.of(place).start;
+        let (accepted, probability) = (None, None);
+        Self {
+            frame,
+            trusted,
+            blank,
+            place,
+            segment,
+            segment_place,
+            score,
+            single,
+            gradient,
+            sequence,
+            track,
+            accepted,
+            probability,
+        }
+    }
+
     /// Whether place and score are those of the track or the sequence, not of one query alone.
     pub fn is_ready(&self) -> bool {
         self.track.is_some() || self.sequence.is_some()

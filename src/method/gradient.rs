@@ -96,10 +96,23 @@ pub(super) fn gradient(
 #[inline(always)]
 pub(super) fn missing_gradient(d: &[f32], closed: bool, kind: Gradient) -> f32 {
     let n = d.len();
-    if closed || n == 1 || kind == Gradient::Unhalved {
+    if closed || n == 1 {
         return 0.0;
     }
-    ((d[1] - d[0]) + (d[n - 2] - d[n - 1])) / (2 * n) as f32
+    missing_between([d[0], d[1], d[n - 2], d[n - 1]], n, kind)
+}
+
+/// The same by the distances to the first two and the last two places of an open segment of `n`.
+#[inline(always)]
+pub(super) fn missing_between(
+    [first, second, before, last]: [f32; 4],
+    n: usize,
+    kind: Gradient,
+) -> f32 {
+    if kind == Gradient::Unhalved {
+        return 0.0;
+    }
+    ((second - first) + (before - last)) / (2 * n) as f32
 }
 
 /// The options of the enhancement.
@@ -129,9 +142,31 @@ impl Enhancement {
         let mut peak = Peak { place: 0, value: f32::NEG_INFINITY };
         let columns = &window.cells.lower;
         for segment in segments.iter() {
-            peak = Enhanced { columns, around: columns, segment, options: self }.peak(peak);
+            peak = self.on(columns, columns, segment).peak(0..segment.len(), peak);
         }
         peak
+    }
+
+    /// The largest sum of some places of a segment, which count from its start, if it is above
+    /// `peak`; `missing` stands for the terms that are missing.
+    #[inline(always)]
+    pub(super) fn peak_within(
+        self,
+        columns: &Ring,
+        segment: &Segment,
+        missing: f32,
+        places: Range<usize>,
+        peak: Peak,
+    ) -> Peak {
+        Enhanced { columns, around: columns, segment, missing, options: self }.peak(places, peak)
+    }
+
+    /// The sums of a segment, of distances or of bounds.
+    #[inline(always)]
+    fn on<'a>(self, columns: &'a Ring, around: &'a Ring, segment: &'a Segment) -> Enhanced<'a> {
+        let newest = &columns.column(0)[segment.places()];
+        let missing = missing_gradient(newest, segment.closed, self.gradient);
+        Enhanced { columns, around, segment, missing, options: self }
     }
 
     /// [`peak`](Self::peak) by upper bounds of the sums; `None` if all columns are resolved.
@@ -191,7 +226,7 @@ impl Enhancement {
 
     /// Upper bounds of the sums: a place's least distance between its neighbours' largest.
     fn bounds<'a>(self, cells: &'a Cells, segment: &'a Segment) -> Enhanced<'a> {
-        Enhanced { columns: &cells.lower, around: cells.upper(), segment, options: self }
+        self.on(&cells.lower, cells.upper(), segment)
     }
 }
 
@@ -203,6 +238,8 @@ struct Enhanced<'a> {
     /// The neighbours' distances: `columns`, or upper bounds.
     around: &'a Ring,
     segment: &'a Segment,
+    /// The term that is missing where the diagonal leaves the segment or the run.
+    missing: f32,
     options: Enhancement,
 }
 
@@ -210,22 +247,22 @@ struct Enhanced<'a> {
 type Triples<'a> = [&'a [f32; BLOCK]; 3];
 
 impl Enhanced<'_> {
-    /// The largest sum of the segment, if it is above `peak`.
+    /// The largest sum of some places, if it is above `peak`.
     #[inline(always)]
-    fn peak(self, mut peak: Peak) -> Peak {
-        let (len, inside) = (self.segment.len(), self.inside());
+    fn peak(self, places: Range<usize>, mut peak: Peak) -> Peak {
+        let inside = self.inside();
         let mut sums = [0.0_f32; BLOCK];
-        let mut start = 0;
-        while start < len {
+        let mut start = places.start;
+        while start < places.end {
             let fast = inside.contains(&start);
             let until = if start < inside.start {
                 inside.start
             } else if fast {
                 inside.end
             } else {
-                len
+                places.end
             };
-            let end = until.min(start + BLOCK);
+            let end = until.min(start + BLOCK).min(places.end);
             // The last block overlaps the one before, to be a whole one.
             if !fast || self.any_above(peak.value, start.min(inside.end - BLOCK)) {
                 let sums = &mut sums[..end - start];
@@ -243,7 +280,7 @@ impl Enhanced<'_> {
     #[inline(always)]
     fn block(&self, start: usize, sums: &mut [f32]) {
         let Segment { closed, .. } = *self.segment;
-        let (missing, held) = (self.missing(), self.options.smoothing.min(self.columns.len()));
+        let (missing, held) = (self.missing, self.options.smoothing.min(self.columns.len()));
         self.gradients(0, start, sums, |sum, g| *sum = g);
         for age in 1..held {
             // The first `absent` places of this block lie before the segment, `age` places back.
@@ -322,11 +359,6 @@ impl Enhanced<'_> {
         let mut sum = [0.0];
         self.block(place, &mut sum);
         sum[0]
-    }
-
-    #[inline(always)]
-    fn missing(&self) -> f32 {
-        missing_gradient(self.column(0).1, self.segment.closed, self.options.gradient)
     }
 
     /// The neighbours' and the places' own distances of `age` queries ago.

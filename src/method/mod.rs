@@ -26,6 +26,7 @@ mod fusion;
 mod gradient;
 mod loops;
 mod sequence;
+pub(crate) mod shard;
 mod single;
 mod snapshot;
 #[cfg(test)]
@@ -49,6 +50,7 @@ pub(crate) use loops::LoopFilter;
 pub use sequence::Sequence;
 pub use single::Single;
 pub(crate) use single::{is_constant, minimum};
+use snapshot::MAX_FRAMES;
 pub(crate) use snapshot::{Owner, load};
 pub use track::{Aligned, Track};
 pub(crate) use track::{Aligner, Source, stretch};
@@ -122,14 +124,7 @@ impl Matcher {
     pub fn along(segments: Segments, config: Config) -> Result<Self, Error> {
         let places = segments.places();
         config.validate_along(&segments)?;
-        if config.floor == Floor::Global {
-            return Err(Error::Option {
-                name: "floor",
-                expected: "\"running\" or a number in a stream, which cannot know the whole matrix"
-                    .to_owned(),
-                got: "\"global\"".to_owned(),
-            });
-        }
+        config.validate_stream()?;
         Ok(Self {
             window: Window::new(config.columns(&segments), places)?,
             anchors: Anchors::new(config.sequence_length)?,
@@ -232,29 +227,7 @@ impl Matcher {
 
         let frame = self.frames;
         self.frames += 1;
-        let (place, score) = match (track, sequence) {
-            (Some(track), _) => (track.place, (1.0 - track.confidence) as f32),
-            (None, Some(sequence)) => (sequence.place, sequence.score),
-            (None, None) => (single.place, single.distance),
-        };
-        let segment = segments.index_of(place);
-        let segment_place = place - segments.of(place).start;
-        let (accepted, probability) = (None, None);
-        Ok(Fix {
-            frame,
-            trusted,
-            blank,
-            place,
-            segment,
-            segment_place,
-            score,
-            single,
-            gradient,
-            sequence,
-            track,
-            accepted,
-            probability,
-        })
+        Ok(Fix::of(frame, [trusted, blank], single, gradient, sequence, track, segments))
     }
 
     /// Declares that the next query does not follow the one before: frames were dropped, or the

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::argmin::{Candidate, Search, beats, first_better, first_least};
 use super::estimator::{Estimator, Memory, Seen};
+use super::shard::Layout;
 use super::single::Single;
 use super::window::{Exact, Ring, Window};
 use crate::config::{Config, reach};
@@ -100,19 +101,68 @@ impl Estimator for SequenceSearch {
         seen: &Seen<'_>,
         ask: &mut E,
     ) -> Option<Sequence> {
+        let best = self.best(window, seen, Own::All, ask);
+        best.and_then(|best| self.sequence(best, seen))
+    }
+}
+
+/// A least sum, and the index of its slope.
+pub(super) type Best = (Candidate, usize);
+
+/// The places of a window in which diagonals are to end.
+#[derive(Clone, Copy)]
+pub(super) enum Own<'a> {
+    All,
+    /// Those that a shard owns: the window's line has others beside them.
+    Of(&'a Layout),
+}
+
+impl Own<'_> {
+    /// Those of a segment of the window, by its index.
+    fn of(self, index: usize, segment: Segment) -> Range<usize> {
+        match self {
+            Self::All => segment.places(),
+            Self::Of(layout) => layout.pieces()[index].own(),
+        }
+    }
+
+    /// Where the window has a place of the route.
+    #[inline(always)]
+    fn at(self, place: usize) -> Option<usize> {
+        match self {
+            Self::All => Some(place),
+            Self::Of(layout) => layout.at(place),
+        }
+    }
+}
+
+impl SequenceSearch {
+    /// The first of the least sums; `None` before the first full window.
+    #[inline(always)]
+    pub(super) fn best<E: Exact>(
+        &mut self,
+        window: &mut Window,
+        seen: &Seen<'_>,
+        own: Own<'_>,
+        ask: &mut E,
+    ) -> Option<Best> {
         if window.len() < self.length {
             return None;
         }
         // Eq. 4: the window is `D_w` until the sums are made. So a push costs the same however many
         // diagonals hold trusted cells.
         let weighted = Weighted { seen, weight: self.weight };
+        let cells = || {
+            let trusted = seen.anchors.trusted();
+            trusted.filter_map(|(age, single)| Some((age, own.at(single.place)?, single)))
+        };
         self.unweighted.clear();
-        for (age, single) in seen.anchors.trusted() {
-            self.unweighted.push(window.cells.replace(age, single.place, weighted.cell(single)));
+        for (age, at, single) in cells() {
+            self.unweighted.push(window.cells.replace(age, at, weighted.cell(single)));
         }
-        let mut best: Option<(Candidate, &Diagonal)> = None;
-        for diagonal in &self.diagonals {
-            let sums = Sums { diagonal, weighted };
+        let mut best: Option<Best> = None;
+        for (index, diagonal) in self.diagonals.iter().enumerate() {
+            let sums = Sums { diagonal, weighted, own };
             let before = best.map(|(least, _)| least);
             let least = if E::BOUNDS {
                 sums.least_of_bounds(window, before, ask)
@@ -120,23 +170,43 @@ impl Estimator for SequenceSearch {
                 sums.least(&window.cells.lower)
             };
             if let Some(least) = least.filter(|&least| beats(least, before)) {
-                best = Some((least, diagonal));
+                best = Some((least, index));
             }
         }
-        for ((age, single), &distance) in seen.anchors.trusted().zip(&*self.unweighted) {
-            window.cells.replace(age, single.place, distance);
+        for ((age, at, _), &distance) in cells().zip(&*self.unweighted) {
+            window.cells.replace(age, at, distance);
         }
-        best.map(|((sum, place), diagonal)| {
-            let segment = seen.segments.of(place);
-            let ends_here = |&(age, Single { place: at, .. }): &(usize, Single)| {
-                segment.places().contains(&at)
-                    && segment.onward(at, diagonal.back[age] as isize) == Some(place)
-            };
-            let anchors = seen.anchors.trusted().filter(ends_here).count();
-            // A sum of negative zeros is zero.
-            let score = ((0.0 + sum) / self.length as f64) as f32;
-            Sequence { place, score, anchors, speed: diagonal.speed }
-        })
+        best
+    }
+
+    /// The answer of a least sum, whose place is the route's; `None` for a slope that there is not.
+    pub(super) fn sequence(
+        &self,
+        ((sum, place), slope): Best,
+        seen: &Seen<'_>,
+    ) -> Option<Sequence> {
+        let diagonal = self.diagonals.get(slope)?;
+        let segment = seen.segments.of(place);
+        let ends_here = |&(age, Single { place: at, .. }): &(usize, Single)| {
+            segment.places().contains(&at)
+                && segment.onward(at, diagonal.back[age] as isize) == Some(place)
+        };
+        let anchors = seen.anchors.trusted().filter(ends_here).count();
+        // A sum of negative zeros is zero.
+        let score = ((0.0 + sum) / self.length as f64) as f32;
+        Some(Sequence { place, score, anchors, speed: diagonal.speed })
+    }
+
+    /// How many places back the longest diagonal leads.
+    pub(super) fn reach(&self) -> usize {
+        self.diagonals.iter().map(Diagonal::reach).max().unwrap_or_default()
+    }
+}
+
+impl Diagonal {
+    /// How many places back its oldest cell lies.
+    fn reach(&self) -> usize {
+        self.back.last().copied().unwrap_or(0)
     }
 }
 
@@ -145,6 +215,7 @@ impl Estimator for SequenceSearch {
 struct Sums<'a> {
     diagonal: &'a Diagonal,
     weighted: Weighted<'a>,
+    own: Own<'a>,
 }
 
 impl Sums<'_> {
@@ -218,22 +289,18 @@ impl Sums<'_> {
         }
     }
 
-    /// The places that have a diagonal, in order: of an open segment those whose diagonal lies on
+    /// The own places that have a diagonal, in order: of an open segment those whose diagonal lies on
     /// it, of a closed one all.
     fn spans(&self) -> impl Iterator<Item = Span> {
-        let reach = self.reach();
-        self.weighted.seen.segments.iter().flat_map(move |&segment| {
-            let from = segment.start.saturating_add(reach).min(segment.end);
-            let around = segment.closed.then_some(segment.start..from);
+        let reach = self.diagonal.reach();
+        self.weighted.seen.segments.iter().enumerate().flat_map(move |(index, &segment)| {
+            let own = self.own.of(index, segment);
+            let from = segment.start.saturating_add(reach).clamp(own.start, own.end);
+            let around = segment.closed.then_some(own.start..from);
             let around = around.map(|places| Span { places, segment, around: true });
-            let straight = Span { places: from..segment.end, segment, around: false };
+            let straight = Span { places: from..own.end, segment, around: false };
             around.into_iter().chain([straight])
         })
-    }
-
-    /// How many places back the diagonal's oldest cell lies.
-    fn reach(&self) -> usize {
-        self.diagonal.back.last().copied().unwrap_or(0)
     }
 
     /// The sum of the diagonal that ends in `place`, which has one.

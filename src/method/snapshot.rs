@@ -15,7 +15,7 @@ use crate::segments::Segments;
 
 const FORMAT: Format = Format { name: "surefix-snapshot", version: 1 };
 /// More queries than any camera has sent, and far below an overflow.
-const MAX_FRAMES: u64 = 1 << 60;
+pub(super) const MAX_FRAMES: u64 = 1 << 60;
 /// The bytes of memory that any snapshot may ask for, and those for each of its own bytes: one that
 /// is forged takes no more. A snapshot of a large matcher with few columns is made longer.
 const ANY: usize = 64 << 20;

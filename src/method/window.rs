@@ -290,6 +290,13 @@ impl Cells {
     }
 }
 
+/// Which columns a ring holds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Held {
+    newest: usize,
+    len: usize,
+}
+
 /// The newest `capacity` columns of `height` numbers each, oldest overwritten first.
 #[derive(Clone, Debug)]
 pub(crate) struct Ring {
@@ -332,6 +339,25 @@ impl Ring {
 
     pub(crate) fn clear(&mut self) {
         self.len = 0;
+    }
+
+    /// Which columns it holds.
+    pub(crate) fn held(&self) -> Held {
+        Held { newest: self.newest, len: self.len }
+    }
+
+    /// Holds those again, of which no more than one column has been overwritten since: the oldest
+    /// is left out if it is that one.
+    pub(crate) fn hold(&mut self, Held { newest, len }: Held) {
+        self.newest = newest;
+        self.len = len.min(self.capacity - 1);
+    }
+
+    /// The columns of then, newest first, of which no more than one has been overwritten since.
+    pub(crate) fn columns(&self, Held { newest, len }: Held) -> impl Iterator<Item = &[f32]> {
+        let index = move |age: usize| (newest + self.capacity - age) % self.capacity;
+        let len = len.min(self.capacity - 1);
+        (0..len).map(move |age| &self.numbers[index(age) * self.height..][..self.height])
     }
 
     /// Adds a column, to be written by the caller.

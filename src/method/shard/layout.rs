@@ -1,0 +1,245 @@
+//! The places that a shard looks at: its own, and those beside them on their segments that its sums
+//! reach, in one line.
+//!
+//! A segment that has own places gives one piece of the line. If it is whole, it stays as it is, so
+//! that the method works on the line as on a route; the ends of one that is cut are nobody's ends:
+//! own places lie so far from them that no sum of theirs comes across.
+
+use std::ops::Range;
+
+use crate::sums::BLOCK;
+use crate::segments::{Segment, Segments};
+
+/// The places of each of `count` shards: whole blocks, shared evenly.
+pub(crate) fn cut(places: usize, count: usize) -> impl Iterator<Item = Range<usize>> {
+    let blocks = places.div_ceil(BLOCK);
+    let at = move |shard: usize| {
+        let block = shard as u128 * blocks as u128 / count as u128;
+        (block as usize * BLOCK).min(places)
+    };
+    (0..count).map(move |shard| at(shard)..at(shard + 1))
+}
+
+/// A shard's line of places.
+#[derive(Clone, Debug)]
+pub(crate) struct Layout {
+    own: Range<usize>,
+    /// How many places each piece has before and after its own, at least, if its segment goes on.
+    reach: [usize; 2],
+    /// The line's segments, one a piece.
+    segments: Segments,
+    pieces: Vec<Piece>,
+}
+
+/// The part of a segment that is on the line.
+#[derive(Clone, Debug)]
+pub(crate) struct Piece {
+    /// The whole segment, of the route.
+    whole: Segment,
+    /// Its places on the line.
+    line: Range<usize>,
+    /// The place of the route with which it begins.
+    first: usize,
+    /// Its own places on the line.
+    own: Range<usize>,
+}
+
+impl Layout {
+    /// That of the places `own`, with `before` and `after` more on their segments, as far as there
+    /// are.
+    pub(crate) fn new(segments: &Segments, own: Range<usize>, [before, after]: [usize; 2]) -> Self {
+        let (mut pieces, mut list, mut start) = (Vec::new(), Vec::new(), 0);
+        for &whole in segments.within(own.clone()) {
+            let (from, to) = (whole.start.max(own.start), whole.end.min(own.end));
+            let wanted = before.saturating_add(after).saturating_add(to - from);
+            let (first, len) = if wanted >= whole.len() && whole.closed {
+                (whole.start, whole.len())
+            } else if whole.closed {
+                (whole.before(from, before), wanted)
+            } else {
+                let first = from.saturating_sub(before).max(whole.start);
+                (first, to.saturating_add(after).min(whole.end) - first)
+            };
+            let line = start..start + len;
+            let ahead = if from < first { from + whole.len() - first } else { from - first };
+            let own = line.start + ahead..line.start + ahead + (to - from);
+            let closed = whole.closed && len == whole.len();
+            list.push(Segment { start: line.start, end: line.end, closed });
+            start = line.end;
+            pieces.push(Piece { whole, line, first, own });
+        }
+        Self { own, reach: [before, after], segments: Segments::of_list(list), pieces }
+    }
+
+    /// The shard's own places of the route.
+    pub(crate) fn own(&self) -> Range<usize> {
+        self.own.clone()
+    }
+
+    /// How many places it has before and after its own.
+    pub(crate) fn reach(&self) -> [usize; 2] {
+        self.reach
+    }
+
+    /// How many places the line has.
+    pub(crate) fn len(&self) -> usize {
+        self.segments.places()
+    }
+
+    pub(crate) fn segments(&self) -> &Segments {
+        &self.segments
+    }
+
+    pub(crate) fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// Where the line has a place of the route.
+    #[inline(always)]
+    pub(crate) fn at(&self, place: usize) -> Option<usize> {
+        let piece = self.pieces.partition_point(|piece| piece.whole.end <= place);
+        self.pieces.get(piece)?.at(place)
+    }
+
+    /// The ranges of the route that the line is made of, each with where it begins on the line.
+    pub(crate) fn ranges(&self) -> impl Iterator<Item = (Range<usize>, usize)> {
+        self.pieces.iter().flat_map(Piece::ranges)
+    }
+
+    /// Those of them that are not the shard's own.
+    pub(crate) fn foreign(&self) -> impl Iterator<Item = (Range<usize>, usize)> {
+        let own = self.own();
+        self.ranges().flat_map(move |(range, at)| {
+            let before = range.start..range.end.min(own.start.max(range.start));
+            let after = range.start.max(own.end.min(range.end))..range.end;
+            let behind = at + (after.start - range.start);
+            [(before, at), (after, behind)].into_iter().filter(|(range, _)| !range.is_empty())
+        })
+    }
+
+    /// The first two and the last two places of each open segment that is not whole: the mean of its
+    /// gradient is made of their distances.
+    pub(crate) fn ends(&self) -> impl Iterator<Item = [usize; 4]> {
+        self.pieces.iter().filter_map(Piece::ends)
+    }
+}
+
+impl Piece {
+    pub(crate) fn whole(&self) -> Segment {
+        self.whole
+    }
+
+    /// Its own places on the line.
+    pub(crate) fn own(&self) -> Range<usize> {
+        self.own.clone()
+    }
+
+    /// Its own places on the route.
+    pub(crate) fn own_places(&self) -> Range<usize> {
+        let first = self.place(self.own.start);
+        first..first + self.own.len()
+    }
+
+    /// The place of the route that lies somewhere on the line.
+    pub(crate) fn place(&self, at: usize) -> usize {
+        let place = self.first + (at - self.line.start);
+        if place >= self.whole.end { place - self.whole.len() } else { place }
+    }
+
+    fn at(&self, place: usize) -> Option<usize> {
+        if place < self.whole.start {
+            return None;
+        }
+        let ahead = match place.checked_sub(self.first) {
+            Some(ahead) => ahead,
+            None if self.whole.closed => place + self.whole.len() - self.first,
+            None => return None,
+        };
+        (ahead < self.line.len()).then(|| self.line.start + ahead)
+    }
+
+    fn ranges(&self) -> impl Iterator<Item = (Range<usize>, usize)> + use<> {
+        let Self { whole, line, first, .. } = self.clone();
+        let straight = line.len().min(whole.end - first);
+        let again = whole.start..whole.start + (line.len() - straight);
+        let ranges = [(first..first + straight, line.start), (again, line.start + straight)];
+        ranges.into_iter().filter(|(range, _)| !range.is_empty())
+    }
+
+    /// As [`Layout::ends`].
+    pub(crate) fn ends(&self) -> Option<[usize; 4]> {
+        let Segment { start, end, closed } = self.whole;
+        let cut = !closed && self.line.len() < self.whole.len();
+        cut.then(|| [start, start + 1, end - 2, end - 1])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::cases::cases;
+
+    /// A route, own places and a reach.
+    fn case() -> impl Strategy<Value = (Segments, Range<usize>, [usize; 2])> {
+        let lengths = proptest::collection::vec((1..12_usize, any::<bool>()), 1..6);
+        (lengths, any::<[proptest::sample::Index; 2]>(), 0..15_usize, 0..15_usize).prop_map(
+            |(lengths, [from, to], before, after)| {
+                let mut start = 0;
+                let list = lengths.iter().map(|&(len, closed)| {
+                    start += len;
+                    Segment { start: start - len, end: start, closed: closed && len > 2 }
+                });
+                let segments = Segments::of_list(list.collect());
+                let (from, to) = (from.index(start), to.index(start));
+                (segments, from.min(to)..from.max(to) + 1, [before, after])
+            },
+        )
+    }
+
+    proptest! {
+        #![proptest_config(cases(2_000))]
+
+        #[test]
+        fn a_line_has_each_own_place_and_its_neighbours((segments, own, reach) in case()) {
+            let layout = Layout::new(&segments, own.clone(), reach);
+            let mut line = vec![usize::MAX; layout.len()];
+            for (range, at) in layout.ranges() {
+                for (to, place) in line[at..].iter_mut().zip(range) {
+                    *to = place;
+                }
+            }
+            for (at, &place) in line.iter().enumerate() {
+                prop_assert_eq!(layout.at(place), Some(at), "{} of {:?}", place, line);
+            }
+            let mut owned = Vec::new();
+            for (piece, local) in layout.pieces().iter().zip(layout.segments().iter()) {
+                owned.extend(piece.own_places());
+                prop_assert_eq!(piece.own().map(|at| line[at]).collect::<Vec<_>>(), piece.own_places().collect::<Vec<_>>());
+                for at in piece.own() {
+                    for by in -(reach[0] as isize)..=reach[1] as isize {
+                        let there = piece.whole().onward(line[at], by);
+                        prop_assert_eq!(local.onward(at, by).map(|at| line[at]), there);
+                    }
+                }
+            }
+            prop_assert_eq!(owned, own.clone().collect::<Vec<_>>());
+            let mut foreign: Vec<_> = layout.foreign().flat_map(|(range, at)| range.zip(at..)).collect();
+            let mut expected: Vec<_> = line.iter().copied().zip(0..).filter(|(place, _)| !own.contains(place)).collect();
+            foreign.sort_unstable();
+            expected.sort_unstable();
+            prop_assert_eq!(foreign, expected);
+        }
+    }
+
+    #[test]
+    fn shards_share_the_blocks_evenly() {
+        let shards: Vec<_> = cut(5 * BLOCK + 1, 4).collect();
+        assert_eq!(
+            shards,
+            [0..BLOCK, BLOCK..3 * BLOCK, 3 * BLOCK..4 * BLOCK, 4 * BLOCK..5 * BLOCK + 1]
+        );
+        assert_eq!(cut(7, 1).collect::<Vec<_>>(), [0..7]);
+    }
+}

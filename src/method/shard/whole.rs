@@ -1,0 +1,192 @@
+//! What stays in one place of the method in parts: the driver's part.
+
+use std::ops::Range;
+
+use super::super::estimator::Seen;
+use super::super::sequence::{Best, SequenceSearch};
+use super::super::trust::{Anchor, Anchors, consensus};
+use super::super::{Fix, Given, Peak, Single};
+use super::layout::cut;
+use super::said::{First, FirstSaid, Second, SecondSaid};
+use crate::config::Config;
+use crate::error::Error;
+use crate::segments::Segments;
+
+/// The state that no shard has, and what makes fixes of what the shards say.
+#[derive(Clone, Debug)]
+pub(crate) struct Whole {
+    pub(super) config: Config,
+    pub(super) segments: Segments,
+    /// The places of each shard.
+    cuts: Vec<Range<usize>>,
+    pub(super) frames: u64,
+    pub(super) lowest: f32,
+    /// Whether the next query follows the newest.
+    pub(super) follows: bool,
+    pub(super) anchors: Anchors,
+    sequence: SequenceSearch,
+}
+
+/// What is known of a query after the first answers.
+#[derive(Clone, Debug)]
+pub(crate) struct Decided {
+    single: Single,
+    gradient: Peak,
+    trusted: bool,
+    blank: bool,
+    lowest: f32,
+    floor: f64,
+}
+
+impl Whole {
+    /// For a route in `shards` shards.
+    ///
+    /// # Errors
+    /// Those of [`Matcher::along`](crate::Matcher::along); [`Error::Option`] for no shard, or more
+    /// than there are blocks of places.
+    pub(crate) fn new(segments: &Segments, shards: usize, config: &Config) -> Result<Self, Error> {
+        check(segments, config)?;
+        Ok(Self {
+            cuts: cuts(segments.places(), shards)?,
+            segments: segments.clone(),
+            frames: 0,
+            lowest: f32::INFINITY,
+            follows: true,
+            anchors: Anchors::new(config.sequence_length)?,
+            sequence: SequenceSearch::new(config)?,
+            config: config.clone(),
+        })
+    }
+
+    /// The places of each shard.
+    pub(crate) fn cuts(&self) -> &[Range<usize>] {
+        &self.cuts
+    }
+
+    pub(crate) fn config(&self) -> &Config {
+        &self.config
+    }
+
+    pub(crate) fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// As [`Matcher::gap`](crate::Matcher::gap).
+    pub(crate) fn gap(&mut self) {
+        self.follows = false;
+    }
+
+    /// As [`Matcher::gap_with_advance`](crate::Matcher::gap_with_advance).
+    ///
+    /// # Errors
+    /// [`Error::Option`] for an advance that is not finite.
+    pub(crate) fn gap_with_advance(&mut self, advance: f64) -> Result<(), Error> {
+        Given::default().advance(advance).check()?;
+        self.follows = false;
+        Ok(())
+    }
+
+    /// As [`Matcher::reset`](crate::Matcher::reset).
+    pub(crate) fn reset(&mut self) {
+        self.frames = 0;
+        self.lowest = f32::INFINITY;
+        self.follows = true;
+    }
+
+    /// What each shard is asked first about a query.
+    pub(crate) fn first(&self) -> Vec<First> {
+        self.cuts.iter().map(|_| First { fresh: self.frames == 0, follows: self.follows }).collect()
+    }
+
+    /// What the shards' first answers, in their order, come to, and what each is asked next.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] if a distance is not finite.
+    pub(crate) fn second(
+        &self,
+        said: &[FirstSaid],
+        given: Given,
+    ) -> Result<(Decided, Vec<Second>), Error> {
+        if let Some((index, value)) = said.iter().find_map(|said| said.refused) {
+            return Err(Error::NotFinite { what: "distances", row: None, index, value });
+        }
+        let Self { config, segments, cuts, .. } = self;
+        let mut single = Single { place: 0, distance: f32::INFINITY };
+        let mut gradient = Peak { place: 0, value: f32::NEG_INFINITY };
+        for said in said {
+            if said.single.distance < single.distance {
+                single = said.single;
+            }
+            if said.peak.value > gradient.value {
+                gradient = said.peak;
+            }
+        }
+        let first = said.first().and_then(|said| said.constant);
+        let blank = first.is_some() && said.iter().all(|said| said.constant == first);
+        let trusted = !blank
+            && given
+                .trusted
+                .unwrap_or_else(|| consensus(single, gradient, segments, config.tolerance));
+        let lower = !blank && single.distance < self.lowest;
+        let lowest = if lower { single.distance } else { self.lowest };
+        let floor = config.floor.value(lowest);
+        let second = Second { single, trusted, floor };
+        let decided = Decided { single, gradient, trusted, blank, lowest, floor };
+        Ok((decided, cuts.iter().map(|_| second.clone()).collect()))
+    }
+
+    /// The fix of the shards' second answers, in their order.
+    pub(crate) fn fix(&mut self, decided: &Decided, said: &[SecondSaid]) -> Fix {
+        let Self { segments, anchors, sequence, .. } = self;
+        let Decided { single, gradient, trusted, blank, lowest, floor } = *decided;
+        anchors.push(Anchor { single, trusted });
+        self.lowest = lowest;
+        let before = |one: &Best, other: &Best| {
+            let ((sum, place), slope) = *one;
+            let ((least, at), first) = *other;
+            sum < least || (sum == least && (place, slope) < (at, first))
+        };
+        let best = said
+            .iter()
+            .filter_map(|said| said.best)
+            .reduce(|best, one| if before(&one, &best) { one } else { best });
+        let seen = Seen { segments, anchors, floor, advance: None, evidence: None };
+        let sequence = best.and_then(|best| sequence.sequence(best, &seen));
+        let frame = self.frames;
+        self.frames += 1;
+        self.follows = true;
+        Fix::of(frame, [trusted, blank], single, gradient, sequence, None, segments)
+    }
+}
+
+/// Refuses options that shards do not have.
+///
+/// # Errors
+/// [`Error::Option`].
+pub(crate) fn check(segments: &Segments, config: &Config) -> Result<(), Error> {
+    config.validate_along(segments)?;
+    config.validate_stream()?;
+    if config.motion.is_some() {
+        let expected = "no motion: shards do not track yet".to_owned();
+        return Err(Error::Option { name: "motion", expected, got: "a motion".to_owned() });
+    }
+    if config.technique_weights.len() > 1 {
+        let expected = "one technique: shards do not fuse several".to_owned();
+        let got = config.technique_weights.len().to_string();
+        return Err(Error::Option { name: "technique_weights", expected, got });
+    }
+    Ok(())
+}
+
+/// The places of each shard.
+///
+/// # Errors
+/// [`Error::Option`] for no shard, or more than there are blocks.
+pub(crate) fn cuts(places: usize, shards: usize) -> Result<Vec<Range<usize>>, Error> {
+    let blocks = places.div_ceil(crate::sums::BLOCK);
+    if shards == 0 || shards > blocks {
+        let expected = format!("from 1 to {blocks}, the blocks of 4,096 places");
+        return Err(Error::Option { name: "shards", expected, got: shards.to_string() });
+    }
+    Ok(cut(places, shards).collect())
+}
