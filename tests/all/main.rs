@@ -40,6 +40,7 @@ mod screen;
 mod segments;
 #[cfg(feature = "toml")]
 mod settings;
+mod shards;
 mod snapshot;
 mod steps;
 mod stream_is_batch;
