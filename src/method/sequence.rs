@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::argmin::{Candidate, Search, beats, first_better, first_least};
 use super::estimator::{Estimator, Memory, Seen};
-use super::shard::Layout;
+use super::layout::Layout;
 use super::single::Single;
 use super::window::{Exact, Ring, Window};
 use crate::config::{Config, reach};

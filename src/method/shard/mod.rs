@@ -3,13 +3,11 @@
 //! and least sums of parts are those of the whole, and sums over places are made of the sums of
 //! blocks, in order.
 
-mod layout;
 mod part;
 mod said;
 mod saved;
 mod whole;
 
-pub(crate) use layout::Layout;
 pub(crate) use part::Part;
 pub(crate) use said::{First, FirstSaid, Second, SecondSaid};
 pub(crate) use saved::{PartSaved, WholeSaved};

@@ -3,13 +3,13 @@
 use std::ops::Range;
 
 use super::super::estimator::Seen;
+use super::super::layout::Layout;
 use super::super::gradient::{Enhancement, missing_between, missing_gradient};
 use super::super::sequence::{Own, SequenceSearch};
 use super::super::single::checked_minimum;
 use super::super::trust::{Anchor, Anchors};
 use super::super::window::{Held, Window};
 use super::super::{Peak, Single, is_constant};
-use super::layout::Layout;
 use super::said::{First, FirstSaid, Second, SecondSaid};
 use crate::config::Config;
 use crate::error::Error;

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use super::super::estimator::Seen;
+use super::super::layout::cut;
 use super::super::sequence::{Best, SequenceSearch};
 use super::super::trust::{Anchor, Anchors, consensus};
 use super::super::{Fix, Given, Peak, Single};
-use super::layout::cut;
 use super::said::{First, FirstSaid, Second, SecondSaid};
 use crate::config::Config;
 use crate::error::Error;

@@ -1,7 +1,7 @@
 //! The answer (method 1.9, 6): the most probable place, and how sure it is.
 
-use super::steps::arriving;
-use super::{Prediction, State, Step, Taken, Tracker};
+use super::update::Whole;
+use super::{State, Taken, Tracker};
 use crate::method::argmin::first_better;
 use crate::segments::{Segment, Segments};
 use crate::sums::{CHUNK, LANES, sum};
@@ -13,7 +13,7 @@ const TAIL: f64 = 0.025;
 
 /// On a route of more places, the interval's ends far from the most probable place are those of
 /// chunks: their masses need not be known place by place.
-const FINE: usize = 1 << 16;
+pub(super) const FINE: usize = 1 << 16;
 
 /// Where the robot is by all queries so far (method 1.9).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,7 +42,12 @@ impl Tracker {
         let masses = self.mass(places);
         let (place, _) = most_probable(masses);
         let Taken { step, prediction, .. } = *taken;
-        let speed = taken.advance.unwrap_or_else(|| self.speed(step, prediction, place, segments));
+        let speed = taken.advance.unwrap_or_else(|| {
+            let Self { motion, steps, before, .. } = self;
+            let length = before.len() / motion.speeds.len();
+            let before = Whole { rows: before, length, way: self.way(segments) };
+            prediction.moves(steps, step).speed(&before, motion, place)
+        });
         let (mass, sums) = (|places| &masses[places], &self.scratch.sums[..]);
         let belief = Belief { places, mass, sums, on, off, scale };
         belief.answer(place, self.tolerance, segments, speed)
@@ -51,22 +56,6 @@ impl Tracker {
     /// The mass in each place.
     pub(super) fn mass(&self, places: usize) -> &[f64] {
         if self.state.joint { &self.mass[..places] } else { &self.scratch.places }
-    }
-
-    /// The mean speed of the belief in a place, in places a query.
-    fn speed(&self, step: Step, prediction: Prediction, place: usize, segments: &Segments) -> f64 {
-        let (mut total, mut sum, mut speeds) = (0.0, 0.0, self.motion.speeds.iter());
-        let moved = step.moved();
-        self.each_row(step, |row, taps, share| {
-            let keep = prediction.keep * share;
-            let mut arrived = [0.0];
-            arriving(row, taps, self.way(segments), keep * moved, place, &mut arrived);
-            let moving = arrived[0] + prediction.anew;
-            total += moving + keep * (1.0 - moved) * row[place];
-            sum += moving * speeds.next().copied().unwrap_or(0.0);
-        });
-        // A robot that left the map for good has no belief in any place, and no speed.
-        if total > 0.0 { self.motion.pace * sum / total } else { 0.0 }
     }
 }
 
@@ -117,21 +106,8 @@ impl<'a, M: Fn(Range<usize>) -> &'a [f64]> Belief<'a, M> {
 
     /// The belief within `tolerance` places of a place, on its segment.
     pub(super) fn near(&self, place: usize, tolerance: usize, segments: &Segments) -> f64 {
-        let segment = segments.of(place);
-        if segment.closed && tolerance < segment.len() / 2 {
-            let end = |by: isize| segment.onward(place, by).unwrap_or(place);
-            let (first, after) = (end(-(tolerance as isize)), end(tolerance as isize) + 1);
-            if first < after {
-                return self.scale * self.within(first..after);
-            }
-            return self.scale
-                * (self.within(first..segment.end) + self.within(segment.start..after));
-        }
-        // Within half a lap lies the whole of a closed segment.
-        let tolerance = if segment.closed { segment.len() } else { tolerance };
-        let near = place.saturating_sub(tolerance).max(segment.start)
-            ..place.saturating_add(1).saturating_add(tolerance).min(segment.end);
-        self.scale * self.within(near)
+        let [first, again] = near(place, tolerance, segments);
+        self.scale * (self.within(first) + self.within(again))
     }
 
     /// The mass in some places: whole chunks at once, the others one by one.
@@ -204,6 +180,41 @@ impl<'a, M: Fn(Range<usize>) -> &'a [f64]> Belief<'a, M> {
         }
         last
     }
+}
+
+/// The places within `tolerance` places of a place, on its segment; two ranges if they go round a
+/// seam.
+fn near(place: usize, tolerance: usize, segments: &Segments) -> [Range<usize>; 2] {
+    let segment = segments.of(place);
+    if segment.closed && tolerance < segment.len() / 2 {
+        let end = |by: isize| segment.onward(place, by).unwrap_or(place);
+        let (first, after) = (end(-(tolerance as isize)), end(tolerance as isize) + 1);
+        if first < after {
+            return [first..after, 0..0];
+        }
+        return [first..segment.end, segment.start..after];
+    }
+    // Within half a lap lies the whole of a closed segment.
+    let tolerance = if segment.closed { segment.len() } else { tolerance };
+    let near = place.saturating_sub(tolerance).max(segment.start)
+        ..place.saturating_add(1).saturating_add(tolerance).min(segment.end);
+    [near, 0..0]
+}
+
+/// The chunks whose masses a [`Belief`] is asked for, if the route's most probable place is this
+/// one.
+pub(super) fn asked(
+    place: usize,
+    tolerance: usize,
+    segments: &Segments,
+) -> impl Iterator<Item = usize> {
+    let places = segments.places();
+    let all = 0..if places > FINE { 0 } else { places.div_ceil(CHUNK) };
+    let chunk = place / CHUNK;
+    let beside = chunk.saturating_sub(1)..(chunk + 2).min(places.div_ceil(CHUNK));
+    let ends = near(place, tolerance, segments).into_iter().filter(|range| !range.is_empty());
+    let ends = ends.flat_map(|range| [range.start / CHUNK, (range.end - 1) / CHUNK]);
+    all.chain(beside).chain(ends)
 }
 
 /// Some places by chunks.

@@ -60,7 +60,7 @@ impl Tracker {
         };
         let of_places = kept(&scratch.places, if speeds > 1 { places } else { 0 })?;
         let sums = kept(&scratch.sums, places.div_ceil(CHUNK))?;
-        let lost = reserved(places.div_ceil(BLOCK))?;
+        let blocks = reserved(places.div_ceil(BLOCK))?;
         view.reserve(places, motion)?;
         let row = mass.len() / speeds;
         for speed in 0..speeds {
@@ -69,7 +69,7 @@ impl Tracker {
         }
         spare.resize(count, 0.0);
         (*mass, *before) = (longer, spare);
-        (scratch.places, scratch.sums, scratch.lost) = (of_places, sums, lost);
+        (scratch.places, scratch.sums, scratch.blocks) = (of_places, sums, blocks);
         Ok(())
     }
 
@@ -81,7 +81,7 @@ impl Tracker {
             scratch.places.push(0.0);
         }
         scratch.sums.resize(places.div_ceil(CHUNK), 0.0);
-        scratch.lost.resize(places.div_ceil(BLOCK), 0.0);
+        scratch.blocks.resize(places.div_ceil(BLOCK), 0.0);
     }
 
     /// The robot is off the map.

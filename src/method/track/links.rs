@@ -174,10 +174,11 @@ impl Links {
         }
     }
 
-    /// Writes what arrives at the places near junctions among those from `start` on.
+    /// Writes what arrives at the places near junctions among those from `start` on; `source` gives
+    /// the belief in a place.
     pub(super) fn arriving(
         &self,
-        source: &[f64],
+        source: impl Fn(usize) -> f64,
         taps: &[Tap],
         factor: f64,
         start: usize,
@@ -212,10 +213,10 @@ impl Links {
                 let mut sum = 0.0;
                 for tap in split.rest.into_iter().flatten() {
                     let from = segment.onward(place, -tap.shift);
-                    sum += from.map_or(0.0, |from| tap.weight * source[from]);
+                    sum += from.map_or(0.0, |from| tap.weight * source(from));
                 }
-                sum += onward.arriving(source, split.onward, ahead);
-                sum += back.arriving(source, split.back, behind);
+                sum += onward.arriving(&source, split.onward, ahead);
+                sum += back.arriving(&source, split.back, behind);
                 out[place - start] = factor * sum;
             }
         }
@@ -395,7 +396,7 @@ impl Direction {
     }
 
     /// What the moves bring to a place.
-    fn arriving(&self, source: &[f64], moves: Moves<'_>, to: Spot) -> f64 {
+    fn arriving(&self, source: &impl Fn(usize) -> f64, moves: Moves<'_>, to: Spot) -> f64 {
         let mut sum = self.straight(source, moves, to, 0, 1.0);
         let reach = moves.reach();
         for (away, site) in self.before(to).take_while(|&(away, _)| away < reach) {
@@ -410,7 +411,14 @@ impl Direction {
 
     /// What the moves bring along a segment to a place, from which `share` of it goes on, by
     /// `made` of the places of each move.
-    fn straight(&self, source: &[f64], moves: Moves<'_>, to: Spot, made: usize, share: f64) -> f64 {
+    fn straight(
+        &self,
+        source: &impl Fn(usize) -> f64,
+        moves: Moves<'_>,
+        to: Spot,
+        made: usize,
+        share: f64,
+    ) -> f64 {
         let segment = &self.lines[to.line].segment;
         let (mut sum, mut share) = (0.0, share);
         let mut passed = self.before(to).peekable();
@@ -422,7 +430,7 @@ impl Direction {
             while let Some((_, site)) = passed.next_if(|&(away, _)| away <= way) {
                 share *= site.straight;
             }
-            sum += weight * share * source[self.at(from)];
+            sum += weight * share * source(self.at(from));
         }
         sum
     }

@@ -48,6 +48,7 @@ use novelty::{Novelty, View};
 pub(super) use state::Saved;
 use state::State;
 use steps::{Steps, Tap, Way, known, lost};
+use update::{After, Move, Whole, on};
 
 /// The longest move: all whole numbers up to it are known exactly.
 const MAX_SHIFT: f64 = (1_u64 << 53) as f64;
@@ -80,8 +81,8 @@ struct Scratch {
     places: Vec<f64>,
     /// The sum of each chunk.
     sums: Vec<f64>,
-    /// What each block has lost beyond the ends of segments.
-    lost: Vec<f64>,
+    /// A number for each block.
+    blocks: Vec<f64>,
 }
 
 impl Tracker {
@@ -114,7 +115,7 @@ impl Tracker {
                 chunk: zeros(Some(speeds * CHUNK))?,
                 places: zeros(Some(several))?,
                 sums: zeros(Some(places.div_ceil(CHUNK)))?,
-                lost: zeros(Some(places.div_ceil(BLOCK)))?,
+                blocks: zeros(Some(places.div_ceil(BLOCK)))?,
             },
         };
         tracker.clear();
@@ -230,11 +231,38 @@ enum Step {
 }
 
 impl Step {
+    /// By the advance, if it is known.
+    fn new(motion: &Motion, state: &State, advance: Option<f64>, novelty: Novelty) -> Self {
+        let Some(advance) = advance else {
+            return Self::Speeds { joint: state.joint, moved: novelty.moved };
+        };
+        let travelled = state.travelled + advance;
+        let (whole, part) = if motion.by_distance {
+            (advance.floor(), advance - advance.floor())
+        } else {
+            (travelled.round_ties_even() - state.travelled.round_ties_even(), 0.0)
+        };
+        let jitter = (motion.jitter * novelty.jitter).min(MAX_JITTER);
+        Self::Known { shift: whole.clamp(-MAX_SHIFT, MAX_SHIFT) as isize, part, jitter }
+    }
+
     /// The probability that the robot has moved as this says, and not stayed.
     fn moved(self) -> f64 {
         match self {
             Self::Known { .. } => 1.0,
             Self::Speeds { moved, .. } => moved,
+        }
+    }
+}
+
+/// Adds up the rows of all speeds in the first.
+#[inline(always)]
+fn fold(rows: &mut [f64], speeds: usize) {
+    let row = rows.len() / speeds;
+    let (sum, others) = rows.split_at_mut(row);
+    for other in others.chunks_exact(row) {
+        for (sum, &mass) in sum.iter_mut().zip(other) {
+            *sum += mass;
         }
     }
 }
@@ -254,28 +282,13 @@ impl Tracker {
     fn step(&mut self, advance: Option<f64>, novelty: Novelty) -> Step {
         let Self { motion, mass, before, state, .. } = self;
         std::mem::swap(mass, before);
-        let Some(advance) = advance else {
-            return Step::Speeds { joint: state.joint, moved: novelty.moved };
-        };
-        if !state.joint {
-            let row = before.len() / motion.speeds.len();
-            let (sum, others) = before.split_at_mut(row);
-            for other in others.chunks_exact(row) {
-                for (sum, &mass) in sum.iter_mut().zip(other) {
-                    *sum += mass;
-                }
-            }
+        let step = Step::new(motion, state, advance, novelty);
+        if advance.is_some() && !state.joint {
+            fold(before, motion.speeds.len());
         }
-        state.joint = true;
-        let travelled = state.travelled + advance;
-        let (whole, part) = if motion.by_distance {
-            (advance.floor(), advance - advance.floor())
-        } else {
-            (travelled.round_ties_even() - state.travelled.round_ties_even(), 0.0)
-        };
-        state.travelled = travelled;
-        let jitter = (motion.jitter * novelty.jitter).min(MAX_JITTER);
-        Step::Known { shift: whole.clamp(-MAX_SHIFT, MAX_SHIFT) as isize, part, jitter }
+        state.joint |= advance.is_some();
+        state.travelled = advance.map_or(state.travelled, |advance| state.travelled + advance);
+        step
     }
 
     /// How the places follow each other.
@@ -284,42 +297,78 @@ impl Tracker {
     }
 
     fn predict(&mut self, step: Step, novelty: Novelty, segments: &Segments) -> Prediction {
-        let mut blocks = std::mem::take(&mut self.scratch.lost);
+        let mut blocks = std::mem::take(&mut self.scratch.blocks);
         blocks.fill(0.0);
-        self.each_row(step, |row, taps, share| {
-            lost(&row[..segments.places()], 0, taps, share, self.way(segments), &mut blocks);
+        let row_length = self.before.len() / self.motion.speeds.len();
+        each_row(&self.steps, step, |row, taps, share| {
+            let row = &self.before[row * row_length..][..segments.places()];
+            lost(row, 0, taps, share, self.way(segments), &mut blocks);
         });
-        let lost_mass = blocks.iter().sum::<f64>();
-        self.scratch.lost = blocks;
+        let lost = blocks.iter().sum::<f64>();
+        self.scratch.blocks = blocks;
         let Self { motion, state, .. } = self;
-        let left = step.moved() * state.scale * lost_mass;
+        Prediction::new(motion, state, step, novelty, lost, segments.places())
+    }
+
+    /// The update: what is believed now.
+    #[inline(always)]
+    fn update(
+        &mut self,
+        column: &[f32],
+        evidence: Evidence<'_>,
+        step: Step,
+        prediction: Prediction,
+        segments: &Segments,
+    ) {
+        let Self { motion, steps, links, hubness, mass, before, state, scratch, .. } = self;
+        let way = Way { segments, links: links.as_ref() };
+        let before = Whole { rows: before, length: before.len() / motion.speeds.len(), way };
+        let Scratch { chunk, places, sums, blocks } = scratch;
+        let mut after = After { mass, chunk, places, sums, evidence: blocks };
+        let moves = prediction.moves(steps, step);
+        moves.update(column, &hubness.sums, evidence, &before, &mut after);
+        let evidence = blocks.iter().sum::<f64>() / column.len() as f64;
+        state.update(on(sums), prediction, evidence, step, motion.speeds.len());
+    }
+}
+
+impl Prediction {
+    /// Of the belief before, of which `lost` (before the scale) left the map.
+    fn new(
+        motion: &Motion,
+        state: &State,
+        step: Step,
+        novelty: Novelty,
+        lost: f64,
+        places: usize,
+    ) -> Self {
+        let left = step.moved() * state.scale * lost;
         let [leave, restart, rejoin] = motion.rates(novelty.happens);
         let keep = (1.0 - leave) * (1.0 - restart);
         let anew = rejoin * state.off + (1.0 - leave) * restart * state.on + keep * left;
         let rows = if matches!(step, Step::Known { .. }) { 1 } else { motion.speeds.len() };
-        Prediction {
+        Self {
             keep: keep * state.scale,
-            anew: anew / (rows * segments.places()) as f64,
+            anew: anew / (rows * places) as f64,
             off: (1.0 - rejoin) * state.off + leave * state.on,
         }
     }
 
-    /// Each row of the belief before, the taps that move it, and the share of the row that is
-    /// meant.
-    #[inline(always)]
-    fn each_row(&self, step: Step, mut visit: impl FnMut(&[f64], &[Tap], f64)) {
-        let Self { motion, steps, before, .. } = self;
-        let speeds = motion.speeds.len();
-        let row = before.len() / speeds;
-        match step {
-            Step::Known { shift, part, jitter } => {
-                visit(&before[..row], &known(shift, part, jitter), 1.0);
-            }
-            Step::Speeds { joint, .. } => {
-                for speed in 0..speeds {
-                    let (row, share) = steps.row(before, speed, joint);
-                    visit(row, steps.of(speed), share);
-                }
+    fn moves(self, steps: &Steps, step: Step) -> Move<'_> {
+        Move { steps, step, keep: self.keep, anew: self.anew }
+    }
+}
+
+/// Each row of a belief by its index, the taps that move it, and the share of the row that is
+/// meant.
+#[inline(always)]
+fn each_row(steps: &Steps, step: Step, mut visit: impl FnMut(usize, &[Tap], f64)) {
+    match step {
+        Step::Known { shift, part, jitter } => visit(0, &known(shift, part, jitter), 1.0),
+        Step::Speeds { joint, .. } => {
+            for speed in 0..steps.shares.len() {
+                let (row, share) = steps.row(speed, joint);
+                visit(row, steps.of(speed), share);
             }
         }
     }

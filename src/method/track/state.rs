@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::novelty::View;
-use super::{Hubness, Tracker};
+use super::{Hubness, Prediction, Step, Tracker};
 use crate::archive::Refusal;
 
 /// Farther than a robot gets by advances of the longest that is accepted.
@@ -55,6 +55,25 @@ impl State {
     };
     /// Wholly off the map.
     pub(super) const OFF_THE_MAP: Self = Self { scale: 1.0, on: 0.0, off: 1.0, ..Self::START };
+
+    /// After a query: `on` is the belief on the map before the scale, `evidence` the mean of all
+    /// places'.
+    #[inline(always)]
+    pub(super) fn update(
+        &mut self,
+        on: f64,
+        prediction: Prediction,
+        evidence: f64,
+        step: Step,
+        speeds: usize,
+    ) {
+        let off = prediction.off * evidence;
+        let total = on + off;
+        self.scale = 1.0 / total;
+        (self.on, self.off) = (on / total, off / total);
+        self.fresh = false;
+        self.joint = matches!(step, Step::Known { .. }) || speeds == 1;
+    }
 }
 
 impl Tracker {

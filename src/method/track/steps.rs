@@ -87,13 +87,14 @@ impl Steps {
 
     /// The row of a speed, and the share of it that has this speed: all, or, if the speeds are
     /// `joint` in the first row, what the change of speed made of equal parts.
-    pub(super) fn row<'a>(&self, mass: &'a [f64], speed: usize, joint: bool) -> (&'a [f64], f64) {
-        let places = mass.len() / self.shares.len();
-        if joint {
-            (&mass[..places], self.shares[speed])
-        } else {
-            (&mass[speed * places..][..places], 1.0)
-        }
+    pub(super) fn row(&self, speed: usize, joint: bool) -> (usize, f64) {
+        if joint { (0, self.shares[speed]) } else { (speed, 1.0) }
+    }
+
+    /// The shifts of all taps: the least and the greatest.
+    pub(super) fn shifts(&self) -> [isize; 2] {
+        let shifts = || self.taps.iter().map(|tap| tap.shift);
+        [shifts().min().unwrap_or(0), shifts().max().unwrap_or(0)]
     }
 
     /// The taps of one speed.
@@ -212,7 +213,7 @@ pub(super) fn arriving(
         }
     }
     if let Some(links) = way.links {
-        links.arriving(source, taps, factor, start, out);
+        links.arriving(|place| source[place], taps, factor, start, out);
     }
 }
 
