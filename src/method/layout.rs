@@ -7,8 +7,11 @@
 
 use std::ops::Range;
 
-use crate::sums::BLOCK;
 use crate::segments::{Segment, Segments};
+use crate::sums::BLOCK;
+
+/// Moves by more places do not follow links: the cost is bounded.
+pub(super) const FARTHEST: usize = 64;
 
 /// The places of each of `count` shards: whole blocks, shared evenly.
 pub(crate) fn cut(places: usize, count: usize) -> impl Iterator<Item = Range<usize>> {
@@ -29,6 +32,8 @@ pub(crate) struct Layout {
     /// The line's segments, one a piece.
     segments: Segments,
     pieces: Vec<Piece>,
+    /// Ranges beside the line from which links lead to own places, in order, and where they are.
+    beside: Vec<(Range<usize>, usize)>,
 }
 
 /// The part of a segment that is on the line.
@@ -68,7 +73,78 @@ impl Layout {
             start = line.end;
             pieces.push(Piece { whole, line, first, own });
         }
-        Self { own, reach: [before, after], segments: Segments::of_list(list), pieces }
+        let (segments, beside) = (Segments::of_list(list), Vec::new());
+        Self { own, reach: [before, after], segments, pieces, beside }
+    }
+
+    /// With the places around the two ends of each link near own places: from there, walks by it
+    /// come.
+    pub(crate) fn with_junctions(mut self, segments: &Segments) -> Self {
+        let around = |place: usize| {
+            let segment = *segments.of(place);
+            if segment.closed && segment.len() <= 2 * FARTHEST {
+                return [segment.places(), 0..0];
+            }
+            let end = |by: isize| segment.onward(place, by * FARTHEST as isize);
+            match [end(-1), end(1)] {
+                [Some(first), Some(last)] if first > last => {
+                    [first..segment.end, segment.start..last + 1]
+                }
+                [first, last] => {
+                    [first.unwrap_or(segment.start)..last.map_or(segment.end, |at| at + 1), 0..0]
+                }
+            }
+        };
+        let own = self.own();
+        let mut ranges: Vec<_> = segments
+            .links()
+            .iter()
+            .map(|&(from, to)| [around(from), around(to)])
+            .filter(|both| both.iter().flatten().any(|r| r.start < own.end && own.start < r.end))
+            .flatten()
+            .flatten()
+            .filter(|range| !range.is_empty())
+            .collect();
+        ranges.sort_unstable_by_key(|range| range.start);
+        let mut end = self.len();
+        for range in ranges {
+            let start = self.beside.last().map_or(0, |(last, _)| last.end).max(range.start);
+            if start < range.end {
+                self.beside.push((start..range.end, end));
+                end += range.end - start;
+            }
+        }
+        self
+    }
+
+    /// How many places it has, those beside the line among them.
+    pub(crate) fn total(&self) -> usize {
+        self.beside.last().map_or(self.len(), |(range, at)| at + range.len())
+    }
+
+    /// Where it has a place of the route, on the line or beside it.
+    pub(crate) fn anywhere(&self, place: usize) -> Option<usize> {
+        self.at(place).or_else(|| {
+            let index = self.beside.partition_point(|(range, _)| range.end <= place);
+            let (range, at) = self.beside.get(index)?;
+            range.contains(&place).then(|| at + (place - range.start))
+        })
+    }
+
+    /// Where some of the own places, which count from the first, are on the line.
+    #[inline(always)]
+    pub(crate) fn own_parts(
+        &self,
+        places: Range<usize>,
+    ) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let first = self.own.start;
+        let start = first + places.start;
+        let piece = self.pieces.partition_point(|piece| piece.whole.end <= start);
+        self.pieces[piece..].iter().map_while(move |piece| {
+            let from = piece.whole.start.max(first) - first;
+            let (begin, end) = (from.max(places.start), places.end.min(from + piece.own.len()));
+            (begin < end).then(|| (piece.own.start + (begin - from), begin..end))
+        })
     }
 
     /// The shard's own places of the route.
@@ -106,10 +182,10 @@ impl Layout {
         self.pieces.iter().flat_map(Piece::ranges)
     }
 
-    /// Those of them that are not the shard's own.
+    /// Those of them, and of those beside the line, that are not the shard's own.
     pub(crate) fn foreign(&self) -> impl Iterator<Item = (Range<usize>, usize)> {
         let own = self.own();
-        self.ranges().flat_map(move |(range, at)| {
+        self.ranges().chain(self.beside.iter().cloned()).flat_map(move |(range, at)| {
             let before = range.start..range.end.min(own.start.max(range.start));
             let after = range.start.max(own.end.min(range.end))..range.end;
             let behind = at + (after.start - range.start);

@@ -97,7 +97,7 @@ impl Driver {
         let (numbers, _) = queries.numbers(map, input)?;
         map.query(numbers)?;
         let query = Numbers::new(numbers);
-        let first = whole.first();
+        let first = whole.first(given);
         let (frame, before) = (whole.frames(), self.history);
         let mut hash = XxHash3_64::with_seed(before);
         hash.write(format!("{frame} {given:?} {:?}", first.first()).as_bytes());
@@ -127,7 +127,7 @@ impl Driver {
             if said.len() != answers.len() {
                 return unexpected("answers of the stage second, got others");
             }
-            let fix = self.whole.fix(decided, &said);
+            let fix = self.whole.fix(decided, &said)?;
             return Ok(Next::Fix(self.finish(fix)));
         }
         let said = answers.iter().filter_map(|answer| match &answer.body {
@@ -146,7 +146,9 @@ impl Driver {
                 Ok(self.ask(mark, second.into_iter().map(Asked::Second)))
             }
             Err(error) => {
-                self.flight = None;
+                if let Error::NotFinite { .. } = error {
+                    self.flight = None;
+                }
                 Err(error)
             }
         }

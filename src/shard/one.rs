@@ -84,17 +84,20 @@ impl Shard {
         let body = match &question.body {
             Asked::First { query: numbers, first } => {
                 self.follows(*query)?;
+                self.pending = None;
                 self.scan(numbers)?;
+                let said = self.part.first(&self.column, first)?;
                 self.pending = Some(*query);
-                Said::First(self.part.first(&self.column, first))
+                Said::First(said)
             }
             Asked::Second(second) => {
                 if self.pending != Some(*query) {
                     return Err(self.out_of_turn("the question that is asked first", query.frame));
                 }
+                let said = self.part.second(second)?;
                 self.pending = None;
                 (self.frames, self.history) = (query.frame + 1, query.after);
-                Said::Second(self.part.second(second))
+                Said::Second(said)
             }
         };
         Ok(Answer { header: self.header.clone(), from: question.to.clone(), body })

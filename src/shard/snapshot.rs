@@ -48,9 +48,7 @@ impl Shard {
             history: self.history,
             part: part.save(self.frames),
         };
-        for (name, shape, pieces) in part.tensors() {
-            writer.numbers(name, shape, pieces);
-        }
+        part.write(&mut writer);
         writer.to_bytes(&SHARD, &entry)
     }
 

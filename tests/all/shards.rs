@@ -114,7 +114,11 @@ fn border(places: usize) -> impl Strategy<Value = usize> {
 
 fn segments(places: usize) -> impl Strategy<Value = Segments> {
     let borders = proptest::collection::vec(border(places), 0..7);
-    (borders, any::<u8>()).prop_map(move |(mut breaks, closed)| {
+    let links = prop_oneof![
+        2 => Just(Vec::new()),
+        1 => proptest::collection::vec((border(places), border(places)), 1..5),
+    ];
+    (borders, any::<u8>(), links).prop_map(move |(mut breaks, closed, links)| {
         breaks.retain(|&at| at > 0 && at < places);
         breaks.sort_unstable();
         breaks.dedup();
@@ -122,7 +126,15 @@ fn segments(places: usize) -> impl Strategy<Value = Segments> {
         let closes = |&(index, len): &(usize, usize)| len > 2 && closed >> (index % 8) & 1 == 1;
         let lengths = segments.iter().map(|segment| segment.len()).enumerate();
         let closed: Vec<usize> = lengths.filter(closes).map(|(index, _)| index).collect();
-        segments.with_closed(&closed).unwrap()
+        let segments = segments.with_closed(&closed).unwrap();
+        let mut possible: Vec<(usize, usize)> = Vec::new();
+        for link in links {
+            let more = [&possible[..], &[link]].concat();
+            if segments.clone().with_links(&more).is_ok() {
+                possible = more;
+            }
+        }
+        segments.with_links(&possible).unwrap()
     })
 }
 
@@ -267,10 +279,25 @@ fn drive(route: &Route, queries: usize, seed: u64) {
 }
 
 proptest! {
-    #![proptest_config(cases(60))]
+    #![proptest_config(cases(40))]
 
     #[test]
     fn the_papers_part(route in route(1..=5, false), queries in 1..24_usize, seed: u64) {
+        drive(&route, queries, seed);
+    }
+
+    #[test]
+    fn with_a_track(route in route(1..=5, true), queries in 1..24_usize, seed: u64) {
+        drive(&route, queries, seed);
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(6))]
+
+    /// The interval is rounded there, and not all masses are sent.
+    #[test]
+    fn of_more_than_65_536_places(route in route(17..=19, true), queries in 1..12_usize, seed: u64) {
         drive(&route, queries, seed);
     }
 }

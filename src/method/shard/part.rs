@@ -7,6 +7,7 @@ use super::super::layout::Layout;
 use super::super::gradient::{Enhancement, missing_between, missing_gradient};
 use super::super::sequence::{Own, SequenceSearch};
 use super::super::single::checked_minimum;
+use super::super::track::TrackerPart;
 use super::super::trust::{Anchor, Anchors};
 use super::super::window::{Held, Window};
 use super::super::{Peak, Single, is_constant};
@@ -29,6 +30,10 @@ pub(crate) struct Part {
     pub(super) done: Held,
     pub(super) anchors: Anchors,
     sequence: SequenceSearch,
+    pub(super) tracker: Option<TrackerPart>,
+    /// The column in hand in its own places, and what was asked first about it.
+    own: Vec<f32>,
+    pub(super) asked: Option<First>,
     isa: Isa,
 }
 
@@ -52,6 +57,13 @@ impl Part {
             window,
             anchors: Anchors::new(config.sequence_length)?,
             sequence,
+            tracker: config
+                .motion
+                .as_ref()
+                .map(|motion| TrackerPart::new(motion, config.tolerance, segments, layout.own()))
+                .transpose()?,
+            own: if config.motion.is_some() { vec![0.0; layout.own().len()] } else { Vec::new() },
+            asked: None,
             layout,
             isa: Isa::best(),
             config: config.clone(),
@@ -65,20 +77,25 @@ impl Part {
     }
 
     /// What a query's column says. Nothing changes but the query in hand.
-    pub(crate) fn first(&mut self, column: &[f32], asked: &First) -> FirstSaid {
+    ///
+    /// # Errors
+    /// [`Error::Shard`] for a question that is not to this part.
+    pub(crate) fn first(&mut self, column: &[f32], asked: &First) -> Result<FirstSaid, Error> {
         let isa = self.isa;
         isa.run(|| self.say(column, asked))
     }
 
     #[inline(always)]
-    fn say(&mut self, column: &[f32], asked: &First) -> FirstSaid {
-        let Self { config, layout, window, done, .. } = self;
+    fn say(&mut self, column: &[f32], asked: &First) -> Result<FirstSaid, Error> {
+        let Self { config, layout, window, done, tracker, own: of_own, .. } = self;
         let mut said = FirstSaid {
             refused: None,
             single: Single { place: 0, distance: f32::INFINITY },
             constant: None,
             peak: Peak { place: 0, value: f32::NEG_INFINITY },
+            track: None,
         };
+        self.asked = None;
         let (line, ends) = column.split_at(layout.len());
         let columns = &mut window.cells.lower;
         columns.hold(*done);
@@ -98,7 +115,7 @@ impl Part {
                 }
                 Err(Error::NotFinite { index, value, .. }) => {
                     said.refused = Some((first + index, value));
-                    return said;
+                    return Ok(said);
                 }
                 _ => {}
             }
@@ -124,20 +141,44 @@ impl Part {
                 said.peak = Peak { place: piece.place(peak.place), ..peak };
             }
         }
-        said
+
+        // 1.9 What the track needs of the other shards.
+        match (tracker, &asked.track) {
+            (Some(tracker), Some(track)) => {
+                for (at, own) in layout.own_parts(0..of_own.len()) {
+                    let len = own.len();
+                    of_own[own].copy_from_slice(&line[at..at + len]);
+                }
+                said.track = Some(tracker.first(of_own, asked.fresh, track)?);
+            }
+            (None, None) => {}
+            _ => return Err(no_track()),
+        }
+        self.asked = Some(asked.clone());
+        Ok(said)
     }
 
     /// Keeps the query in hand, and tells what is known then.
-    pub(crate) fn second(&mut self, asked: &Second) -> SecondSaid {
+    ///
+    /// # Errors
+    /// [`Error::Shard`] for a question that is not to this part, which is then as it was.
+    pub(crate) fn second(&mut self, asked: &Second) -> Result<SecondSaid, Error> {
         let isa = self.isa;
         isa.run(|| self.keep(asked))
     }
 
     #[inline(always)]
-    fn keep(&mut self, asked: &Second) -> SecondSaid {
-        let Self { layout, window, done, anchors, sequence, .. } = self;
+    fn keep(&mut self, asked: &Second) -> Result<SecondSaid, Error> {
+        let Self { layout, window, done, anchors, sequence, tracker, own, asked: first, .. } = self;
+        let Second { single, trusted, floor, track } = asked;
+        let first = first.as_ref().ok_or_else(no_track)?;
+        match (&mut *tracker, &first.track, track) {
+            (Some(tracker), Some(first), Some(track)) => tracker.receive(first, track)?,
+            (None, None, None) => {}
+            _ => return Err(no_track()),
+        }
+        let (single, trusted, floor) = (*single, *trusted, *floor);
         *done = window.cells.lower.held();
-        let Second { single, trusted, floor } = *asked;
         anchors.push(Anchor { single, trusted });
         let segments = layout.segments();
         let seen = Seen { segments, anchors, floor, advance: None, evidence: None };
@@ -146,6 +187,17 @@ impl Part {
             let piece = layout.pieces().iter().find(|piece| piece.own().contains(&at));
             piece.map_or(at, |piece| piece.place(at))
         };
-        SecondSaid { best: best.map(|((sum, at), slope)| ((sum, place(at)), slope)) }
+        let best = best.map(|((sum, at), slope)| ((sum, place(at)), slope));
+        let track = match (tracker, track) {
+            (Some(tracker), Some(track)) => Some(tracker.second(own, first.fresh, track)),
+            _ => None,
+        };
+        self.asked = None;
+        Ok(SecondSaid { best, track })
     }
+}
+
+fn no_track() -> Error {
+    let reason = "expected a question of a driver with the same motion, got another".to_owned();
+    Error::Shard { reason }
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::sequence::Best;
+use super::super::track::{TrackFirst, TrackFirstSaid, TrackSecond, TrackSecondSaid};
 use super::super::{Peak, Single};
 
 /// What a shard needs of a query beside its column.
@@ -12,6 +13,7 @@ pub(crate) struct First {
     pub(super) fresh: bool,
     /// Whether the query follows the one before: there is no gap between them.
     pub(super) follows: bool,
+    pub(super) track: Option<TrackFirst>,
 }
 
 /// What a shard says of a column in its own places. They do not change its state.
@@ -24,6 +26,7 @@ pub(crate) struct FirstSaid {
     pub(super) constant: Option<f32>,
     /// Place 0 at minus infinity if there is none.
     pub(super) peak: Peak,
+    pub(super) track: Option<TrackFirstSaid>,
 }
 
 /// What all shards together said of the column: the shard keeps it now.
@@ -32,6 +35,7 @@ pub(crate) struct Second {
     pub(super) single: Single,
     pub(super) trusted: bool,
     pub(super) floor: f64,
+    pub(super) track: Option<TrackSecond>,
 }
 
 /// What a shard knows of its own places then.
@@ -39,4 +43,5 @@ pub(crate) struct Second {
 pub(crate) struct SecondSaid {
     /// The first of the least sums, which ends in an own place; `None` if no diagonal does.
     pub(super) best: Option<Best>,
+    pub(super) track: Option<TrackSecondSaid>,
 }

@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::super::track::{PartState, TrackerPart, TrackerWhole, WholeState};
 use super::super::trust::{Anchor, Anchors};
 use super::super::{MAX_FRAMES, Single};
 use super::{Part, Whole};
-use crate::archive::{Refusal, Tensors};
+use crate::archive::{Refusal, Tensors, Writer};
 
 /// The name of the window's tensor.
 const COLUMNS: &str = "columns";
@@ -17,6 +18,7 @@ type Newest = Vec<(Single, bool)>;
 #[derive(Serialize, Deserialize)]
 pub(crate) struct PartSaved {
     anchors: Newest,
+    track: Option<PartState>,
 }
 
 /// The driver's.
@@ -26,6 +28,7 @@ pub(crate) struct WholeSaved {
     lowest: Option<f32>,
     follows: bool,
     anchors: Newest,
+    track: Option<WholeState>,
 }
 
 fn newest(anchors: &Anchors, frames: u64, length: usize) -> Newest {
@@ -54,14 +57,18 @@ fn resumed(newest: &Newest, frames: u64, length: usize, places: usize) -> Result
 impl Part {
     /// The state after `frames` queries, beside its tensors; without the query in hand.
     pub(crate) fn save(&self, frames: u64) -> PartSaved {
-        PartSaved { anchors: newest(&self.anchors, frames, self.config.sequence_length) }
+        let anchors = newest(&self.anchors, frames, self.config.sequence_length);
+        PartSaved { anchors, track: self.tracker.as_ref().map(TrackerPart::state) }
     }
 
-    /// Its tensors: names, shapes and pieces.
-    pub(crate) fn tensors(&self) -> Vec<(&'static str, Vec<usize>, Vec<&[f32]>)> {
+    /// Adds its tensors.
+    pub(crate) fn write<'a>(&'a self, writer: &mut Writer<'a>) {
         let ring = &self.window.cells.lower;
         let newest_first: Vec<_> = ring.columns(self.done).collect();
-        vec![(COLUMNS, vec![newest_first.len(), ring.height()], newest_first)]
+        writer.numbers(COLUMNS, vec![newest_first.len(), ring.height()], newest_first);
+        for (name, numbers) in self.tracker.iter().flat_map(TrackerPart::tensors) {
+            writer.numbers(name, vec![numbers.len()], vec![numbers]);
+        }
     }
 
     /// Goes on from a state.
@@ -86,7 +93,12 @@ impl Part {
         if columns.iter().any(|d| !d.is_finite()) {
             return Err(Refusal::Foreign("a distance that is not finite".to_owned()));
         }
-        self.anchors = anchors;
+        let tracker = match (&self.tracker, &saved.track) {
+            (None, _) => None,
+            (Some(tracker), Some(state)) => Some(tracker.resumed(state, tensors)?),
+            (Some(_), None) => return Err(Refusal::Foreign("no state of the tracker".to_owned())),
+        };
+        (self.anchors, self.tracker, self.asked) = (anchors, tracker, None);
         let ring = &mut self.window.cells.lower;
         ring.clear();
         for column in columns.chunks_exact(height).rev() {
@@ -104,6 +116,7 @@ impl Whole {
             lowest: self.lowest.is_finite().then_some(self.lowest),
             follows: self.follows,
             anchors: newest(&self.anchors, self.frames, self.config.sequence_length),
+            track: self.tracker.as_ref().map(TrackerWhole::saved),
         }
     }
 
@@ -114,7 +127,13 @@ impl Whole {
     pub(crate) fn resume(&mut self, saved: &WholeSaved) -> Result<(), Refusal> {
         let WholeSaved { frames, lowest, follows, .. } = *saved;
         let (length, places) = (self.config.sequence_length, self.segments.places());
-        self.anchors = resumed(&saved.anchors, frames, length, places)?;
+        let anchors = resumed(&saved.anchors, frames, length, places)?;
+        match (&mut self.tracker, &saved.track) {
+            (None, _) => {}
+            (Some(tracker), Some(state)) => tracker.resume(state)?,
+            (Some(_), None) => return Err(Refusal::Foreign("no state of the tracker".to_owned())),
+        }
+        self.anchors = anchors;
         (self.frames, self.follows) = (frames, follows);
         self.lowest = lowest.unwrap_or(f32::INFINITY);
         Ok(())

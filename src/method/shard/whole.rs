@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::super::estimator::Seen;
 use super::super::layout::cut;
 use super::super::sequence::{Best, SequenceSearch};
+use super::super::track::{TrackDecided, TrackerWhole, counted};
 use super::super::trust::{Anchor, Anchors, consensus};
 use super::super::{Fix, Given, Peak, Single};
 use super::said::{First, FirstSaid, Second, SecondSaid};
@@ -25,6 +26,7 @@ pub(crate) struct Whole {
     pub(super) follows: bool,
     pub(super) anchors: Anchors,
     sequence: SequenceSearch,
+    pub(super) tracker: Option<TrackerWhole>,
 }
 
 /// What is known of a query after the first answers.
@@ -36,6 +38,7 @@ pub(crate) struct Decided {
     blank: bool,
     lowest: f32,
     floor: f64,
+    track: Option<TrackDecided>,
 }
 
 impl Whole {
@@ -46,8 +49,14 @@ impl Whole {
     /// than there are blocks of places.
     pub(crate) fn new(segments: &Segments, shards: usize, config: &Config) -> Result<Self, Error> {
         check(segments, config)?;
+        let cuts = cuts(segments.places(), shards)?;
+        let tracker = config
+            .motion
+            .as_ref()
+            .map(|motion| TrackerWhole::new(motion, config.tolerance, segments, &cuts));
         Ok(Self {
-            cuts: cuts(segments.places(), shards)?,
+            tracker: tracker.transpose()?,
+            cuts,
             segments: segments.clone(),
             frames: 0,
             lowest: f32::INFINITY,
@@ -74,6 +83,9 @@ impl Whole {
     /// As [`Matcher::gap`](crate::Matcher::gap).
     pub(crate) fn gap(&mut self) {
         self.follows = false;
+        if let Some(tracker) = &mut self.tracker {
+            tracker.clear();
+        }
     }
 
     /// As [`Matcher::gap_with_advance`](crate::Matcher::gap_with_advance).
@@ -83,6 +95,9 @@ impl Whole {
     pub(crate) fn gap_with_advance(&mut self, advance: f64) -> Result<(), Error> {
         Given::default().advance(advance).check()?;
         self.follows = false;
+        if let Some(tracker) = &mut self.tracker {
+            tracker.moved(advance);
+        }
         Ok(())
     }
 
@@ -91,17 +106,29 @@ impl Whole {
         self.frames = 0;
         self.lowest = f32::INFINITY;
         self.follows = true;
+        if let Some(tracker) = &mut self.tracker {
+            tracker.reset();
+        }
     }
 
     /// What each shard is asked first about a query.
-    pub(crate) fn first(&self) -> Vec<First> {
-        self.cuts.iter().map(|_| First { fresh: self.frames == 0, follows: self.follows }).collect()
+    pub(crate) fn first(&mut self, given: Given) -> Vec<First> {
+        let Self { cuts, tracker, frames, follows, .. } = self;
+        let track = tracker.as_mut().map(|tracker| tracker.first(given.advance, cuts));
+        let mut track = track.into_iter().flatten();
+        let each = cuts.iter().map(|_| First {
+            fresh: *frames == 0,
+            follows: *follows,
+            track: track.next(),
+        });
+        each.collect()
     }
 
     /// What the shards' first answers, in their order, come to, and what each is asked next.
     ///
     /// # Errors
-    /// [`Error::NotFinite`] if a distance is not finite.
+    /// [`Error::NotFinite`] if a distance is not finite; [`Error::Shard`] for answers to other
+    /// questions.
     pub(crate) fn second(
         &self,
         said: &[FirstSaid],
@@ -130,15 +157,34 @@ impl Whole {
         let lower = !blank && single.distance < self.lowest;
         let lowest = if lower { single.distance } else { self.lowest };
         let floor = config.floor.value(lowest);
-        let second = Second { single, trusted, floor };
-        let decided = Decided { single, gradient, trusted, blank, lowest, floor };
-        Ok((decided, cuts.iter().map(|_| second.clone()).collect()))
+        let (mut track, mut asked) = (None, Vec::new());
+        if let Some(tracker) = &self.tracker {
+            let said: Vec<_> = said.iter().filter_map(|said| said.track.clone()).collect();
+            counted("answers about the track", cuts.len(), said.len())?;
+            let (decided, second) = tracker.second(&said, blank, given.advance)?;
+            (track, asked) = (Some(decided), second);
+        }
+        let mut asked = asked.into_iter();
+        let second = cuts.iter().map(|_| Second { single, trusted, floor, track: asked.next() });
+        let decided = Decided { single, gradient, trusted, blank, lowest, floor, track };
+        Ok((decided, second.collect()))
     }
 
     /// The fix of the shards' second answers, in their order.
-    pub(crate) fn fix(&mut self, decided: &Decided, said: &[SecondSaid]) -> Fix {
-        let Self { segments, anchors, sequence, .. } = self;
-        let Decided { single, gradient, trusted, blank, lowest, floor } = *decided;
+    ///
+    /// # Errors
+    /// [`Error::Shard`] for answers to other questions; all is then as it was.
+    pub(crate) fn fix(&mut self, decided: &Decided, said: &[SecondSaid]) -> Result<Fix, Error> {
+        let Self { segments, anchors, sequence, tracker, .. } = self;
+        let Decided { single, gradient, trusted, blank, lowest, floor, ref track } = *decided;
+        let track = match (tracker, track) {
+            (Some(tracker), Some(track)) => {
+                let said: Vec<_> = said.iter().filter_map(|said| said.track.clone()).collect();
+                counted("answers about the track", self.cuts.len(), said.len())?;
+                Some(tracker.track(track.clone(), &said)?)
+            }
+            _ => None,
+        };
         anchors.push(Anchor { single, trusted });
         self.lowest = lowest;
         let before = |one: &Best, other: &Best| {
@@ -155,7 +201,7 @@ impl Whole {
         let frame = self.frames;
         self.frames += 1;
         self.follows = true;
-        Fix::of(frame, [trusted, blank], single, gradient, sequence, None, segments)
+        Ok(Fix::of(frame, [trusted, blank], single, gradient, sequence, track, segments))
     }
 }
 
@@ -166,10 +212,6 @@ impl Whole {
 pub(crate) fn check(segments: &Segments, config: &Config) -> Result<(), Error> {
     config.validate_along(segments)?;
     config.validate_stream()?;
-    if config.motion.is_some() {
-        let expected = "no motion: shards do not track yet".to_owned();
-        return Err(Error::Option { name: "motion", expected, got: "a motion".to_owned() });
-    }
     if config.technique_weights.len() > 1 {
         let expected = "one technique: shards do not fuse several".to_owned();
         let got = config.technique_weights.len().to_string();

@@ -1,5 +1,7 @@
 //! The distances corrected for hubness and standardised (method 1.9, 1 and 2).
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::Error;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
@@ -24,7 +26,7 @@ pub(crate) struct Hubness {
 }
 
 /// What a column comes to in a block of places.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(in crate::method) struct BlockMoments {
     pub(in crate::method) places: usize,
     /// The sum of the distances.
@@ -36,7 +38,7 @@ pub(in crate::method) struct BlockMoments {
 }
 
 /// From a place's distance and the sum of its distances to its `z`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(in crate::method) struct Standard {
     /// `1 / (k + hubness)`.
     pub(in crate::method) share: f64,

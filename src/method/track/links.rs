@@ -7,11 +7,10 @@
 use std::ops::Range;
 
 use super::steps::Tap;
+use crate::method::layout::FARTHEST;
 use crate::segments::{Segment, Segments};
 use crate::sums::{BLOCK, CHUNK};
 
-/// Moves by more places do not follow links: the cost is bounded.
-pub(super) const FARTHEST: usize = 64;
 /// Places that are looked at together.
 const TOGETHER: usize = 32;
 

@@ -22,6 +22,8 @@ mod hubness;
 mod later;
 mod links;
 mod novelty;
+mod part;
+mod said;
 mod state;
 mod steps;
 #[cfg(test)]
@@ -29,6 +31,9 @@ mod tests;
 mod update;
 #[cfg(test)]
 mod walks;
+mod whole;
+
+use serde::{Deserialize, Serialize};
 
 use super::estimator::{Estimator, Memory, Seen};
 use super::window::{Exact, Window};
@@ -45,7 +50,11 @@ pub(super) use growing::GrowingHubness;
 pub(super) use hubness::Hubness;
 use links::Links;
 use novelty::{Novelty, View};
+pub(super) use part::{PartState, TrackerPart};
+pub(super) use said::counted;
+pub(super) use said::{TrackFirst, TrackFirstSaid, TrackSecond, TrackSecondSaid};
 pub(super) use state::Saved;
+pub(super) use whole::{TrackDecided, TrackerWhole, WholeState};
 use state::State;
 use steps::{Steps, Tap, Way, known, lost};
 use update::{After, Move, Whole, on};
@@ -222,7 +231,7 @@ impl Tracker {
 }
 
 /// How the belief moves.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Step {
     /// By a known advance, in places and a part of one.
     Known { shift: isize, part: f64, jitter: f64 },
@@ -255,20 +264,18 @@ impl Step {
     }
 }
 
-/// Adds up the rows of all speeds in the first.
+/// Adds the rows of the other speeds to that of the first.
 #[inline(always)]
-fn fold(rows: &mut [f64], speeds: usize) {
-    let row = rows.len() / speeds;
-    let (sum, others) = rows.split_at_mut(row);
-    for other in others.chunks_exact(row) {
-        for (sum, &mass) in sum.iter_mut().zip(other) {
+fn fold(first: &mut [f64], others: &[f64]) {
+    for other in others.chunks_exact(first.len()) {
+        for (sum, &mass) in first.iter_mut().zip(other) {
             *sum += mass;
         }
     }
 }
 
 /// The prediction for each place and speed is `keep` times the arriving mass, and `anew`.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Prediction {
     keep: f64,
     anew: f64,
@@ -284,7 +291,9 @@ impl Tracker {
         std::mem::swap(mass, before);
         let step = Step::new(motion, state, advance, novelty);
         if advance.is_some() && !state.joint {
-            fold(before, motion.speeds.len());
+            let row = before.len() / motion.speeds.len();
+            let (first, others) = before.split_at_mut(row);
+            fold(first, others);
         }
         state.joint |= advance.is_some();
         state.travelled = advance.map_or(state.travelled, |advance| state.travelled + advance);

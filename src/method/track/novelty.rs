@@ -2,7 +2,7 @@
 //! nothing happens to it (method 1.9, 2 and 3).
 
 use super::evidence::Says;
-use super::hubness::{BlockMoments, FLAT, Hubness, Spread};
+use super::hubness::{BlockMoments, FLAT, Hubness, Spread, Standard};
 use crate::error::Error;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
@@ -65,7 +65,7 @@ impl Novelty {
 pub(super) struct View {
     /// The corrected distances, or what several techniques said. Empty if views are not compared.
     pub(super) x: Vec<f64>,
-    blocks: Vec<BlockMoments>,
+    pub(super) blocks: Vec<BlockMoments>,
     /// Whether there is one that is not constant.
     pub(super) known: bool,
     /// Memory for the next one's blocks.
@@ -150,9 +150,24 @@ impl View {
             Says::Column(standard) => standard.inverse == 0.0,
             _ => new.squares <= FLAT * FLAT * before.len() as f64,
         };
-        let known = std::mem::replace(known, !flat) && !flat;
         std::mem::swap(blocks, next);
-        known.then(|| sum / (new.squares.sqrt() * old.squares.sqrt()))
+        correlation(sum, [new, old], flat, known)
+    }
+
+    /// Takes a shard's part of a view, of these moments, in place of the one before.
+    #[inline(always)]
+    pub(super) fn take(
+        &mut self,
+        column: &[f32],
+        hubs: &[f64],
+        standard: Standard,
+        blocks: &[BlockMoments],
+    ) {
+        if !self.x.is_empty() {
+            Says::Column(standard).view(column, hubs, 0, &mut self.x);
+            self.blocks.copy_from_slice(blocks);
+            self.known = standard.inverse != 0.0;
+        }
     }
 }
 
@@ -190,6 +205,18 @@ impl Together {
     pub(super) fn total(&self) -> f64 {
         total(&self.lanes)
     }
+}
+
+/// The correlation of a view with the one before, by the sum of their product about their means,
+/// unless one of them is flat; whether a view is `known` from now on.
+pub(super) fn correlation(
+    sum: f64,
+    [new, old]: [Spread; 2],
+    flat: bool,
+    known: &mut bool,
+) -> Option<f64> {
+    let known = std::mem::replace(known, !flat) && !flat;
+    known.then(|| sum / (new.squares.sqrt() * old.squares.sqrt()))
 }
 
 /// A block's [`Together`], about the means of all places.

@@ -56,6 +56,15 @@ impl State {
     /// Wholly off the map.
     pub(super) const OFF_THE_MAP: Self = Self { scale: 1.0, on: 0.0, off: 1.0, ..Self::START };
 
+    /// Whether queries can have led to it.
+    pub(super) fn is_possible(&self) -> bool {
+        let Self { scale, on, off, travelled, pending, .. } = *self;
+        scale.is_normal()
+            && [on, off].iter().all(|share| (0.0..=1.0).contains(share))
+            && (on + off - 1.0).abs() <= ROUNDING
+            && [travelled, pending.unwrap_or(0.0)].iter().all(|way| way.abs() <= MAX_WAY)
+    }
+
     /// After a query: `on` is the belief on the map before the scale, `evidence` the mean of all
     /// places'.
     #[inline(always)]
@@ -100,21 +109,18 @@ impl Tracker {
         tensor: impl Fn(&str, usize) -> Result<Vec<f64>, Refusal>,
     ) -> Result<(), Refusal> {
         let Saved { columns, state, viewed } = saved;
-        let State { joint, scale, on, off, travelled, pending, .. } = state;
-        let advances = [travelled, pending.unwrap_or(0.0)].iter().all(|way| way.abs() <= MAX_WAY);
+        let State { joint, scale, on, .. } = state;
         let tensors = self.tensors().map(|(name, _)| name);
         let places = self.hubness.sums.len();
         let sums = tensor(tensors[0], places)?;
         let mass = tensor(tensors[1], if joint { places } else { self.mass.len() })?;
         let view = tensor(tensors[2], self.view.x.len())?;
         let belief = mass.iter().all(|mass| *mass >= 0.0)
-            && scale.is_normal()
-            && [on, off].iter().all(|share| (0.0..=1.0).contains(share))
-            && (on + off - 1.0).abs() <= ROUNDING
+            && state.is_possible()
             && (scale * mass.iter().sum::<f64>() - on).abs() <= ROUNDING;
         let hubness = Hubness::resumed(columns, sums);
         let (Some(hubness), true) =
-            (hubness, belief && advances && view.iter().all(|x| x.abs() <= MAX_X))
+            (hubness, belief && view.iter().all(|x| x.abs() <= MAX_X))
         else {
             return Err(Refusal::Foreign("an impossible belief".to_owned()));
         };

@@ -6,7 +6,8 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use super::later::leading;
-use super::links::{FARTHEST, Links};
+use super::links::Links;
+use crate::method::layout::FARTHEST;
 use super::steps::{Tap, Way, arriving, lost};
 use crate::cases::cases;
 use crate::random::SplitMix64;

@@ -1,0 +1,423 @@
+//! A shard's part of the tracker: what is known of its own places.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use super::answer::{FINE, asked, most_probable};
+use super::evidence::{Evidence, Says};
+use super::hubness::{BlockMoments, Hubness, add};
+use super::links::Links;
+use super::novelty::{Together, View};
+use super::said::{Numbers, TrackFirst, TrackFirstSaid, TrackSecond, TrackSecondSaid, counted};
+use super::steps::{Steps, Tap, Way, arriving, lost};
+use super::update::{After, Before, add as add_times};
+use super::{Scratch, Step, each_row, fold};
+use crate::archive::{Refusal, Tensors};
+use crate::error::Error;
+use crate::method::layout::Layout;
+use crate::motion::Motion;
+use crate::preallocated::reserved;
+use crate::segments::{Segment, Segments};
+use crate::sums::{BLOCK, CHUNK};
+
+/// The sums of the distances at the start of a drive.
+static NO_SUMS: [f64; BLOCK] = [0.0; BLOCK];
+
+/// The names of its tensors.
+const TENSORS: [&str; 3] = ["track.sums", "track.mass", "track.corrected"];
+
+/// The belief in a shard's own places.
+#[derive(Clone, Debug)]
+pub(in crate::method) struct TrackerPart {
+    motion: Motion,
+    tolerance: usize,
+    steps: Steps,
+    /// Those of the whole route.
+    segments: Segments,
+    links: Option<Links>,
+    own: Range<usize>,
+    hubness: Hubness,
+    /// Speed by speed and place by place, as the tracker's.
+    mass: Vec<f64>,
+    /// Whether only the first row of it counts.
+    joint: bool,
+    view: View,
+    /// The line of places whose belief moves to own places, and the belief there before the move.
+    layout: Layout,
+    line: Vec<f64>,
+    /// One row of the belief, if it is not as in `mass`.
+    folded: Vec<f64>,
+    /// What the column in hand comes to.
+    moments: Vec<BlockMoments>,
+    scratch: Scratch,
+}
+
+/// Its state beside its tensors.
+#[derive(Debug, Serialize, Deserialize)]
+pub(in crate::method) struct PartState {
+    columns: u64,
+    joint: bool,
+    viewed: bool,
+}
+
+impl TrackerPart {
+    /// # Errors
+    /// [`Error::Memory`] if there is not enough.
+    pub(in crate::method) fn new(
+        motion: &Motion,
+        tolerance: usize,
+        segments: &Segments,
+        own: Range<usize>,
+    ) -> Result<Self, Error> {
+        let (places, speeds) = (own.len(), motion.speeds.len());
+        let zeros = |count: usize| {
+            let mut zeros = reserved(count)?;
+            zeros.resize(count, 0.0);
+            Ok::<_, Error>(zeros)
+        };
+        let count = places.checked_mul(speeds).ok_or(Error::Memory { places, columns: speeds })?;
+        let steps = Steps::new(motion)?;
+        let reach = reach(steps.shifts());
+        Ok(Self {
+            motion: motion.clone(),
+            tolerance,
+            steps,
+            links: Links::new(segments),
+            hubness: Hubness::new(places)?,
+            mass: zeros(count)?,
+            joint: true,
+            view: View::new(places, motion)?,
+            layout: Layout::new(segments, own.clone(), reach).with_junctions(segments),
+            line: Vec::new(),
+            folded: zeros(places)?,
+            moments: vec![BlockMoments::default(); places.div_ceil(BLOCK)],
+            scratch: Scratch {
+                chunk: zeros(speeds * CHUNK)?,
+                places: zeros(if speeds > 1 { places } else { 0 })?,
+                sums: zeros(places.div_ceil(CHUNK))?,
+                blocks: zeros(places.div_ceil(BLOCK))?,
+            },
+            segments: segments.clone(),
+            own,
+        })
+    }
+
+    /// What a column of its own places says. Nothing changes but the query in hand. The drive is
+    /// `fresh` if it is the first.
+    ///
+    /// # Errors
+    /// [`Error::Shard`] if it is asked for the belief in other places.
+    #[inline(always)]
+    pub(in crate::method) fn first(
+        &mut self,
+        column: &[f32],
+        fresh: bool,
+        asked: &TrackFirst,
+    ) -> Result<TrackFirstSaid, Error> {
+        let outside = |range: &&Range<usize>| {
+            range.start < self.own.start || range.end > self.own.end || range.is_empty()
+        };
+        if let Some(range) = asked.asked.iter().find(outside) {
+            let Range { start, end } = &self.own;
+            let reason = format!(
+                "expected places from {start} to {end} to be asked for, got {} to {}",
+                range.start, range.end
+            );
+            return Err(Error::Shard { reason });
+        }
+        let mut together = Vec::new();
+        let (sums, share) = (&self.hubness.sums, asked.share);
+        let mut x = [0.0; CHUNK];
+        for (block, column) in column.chunks(BLOCK).enumerate() {
+            let start = block * BLOCK;
+            let sums = if fresh { &NO_SUMS[..column.len()] } else { &sums[start..][..column.len()] };
+            let moments = BlockMoments::of(column, sums, share);
+            self.moments[block] = moments;
+            if asked.compare {
+                let mut both = Together::new(&moments, &self.view.blocks[block]);
+                let before = self.view.x[start..].chunks(CHUNK);
+                let chunks = column.chunks(CHUNK).zip(sums.chunks(CHUNK)).zip(before);
+                for ((column, sums), before) in chunks {
+                    let x = &mut x[..column.len()];
+                    corrected_next(column, sums, share, x);
+                    both.add(x, before);
+                }
+                together.push(both.total());
+            }
+        }
+        self.fold(asked);
+        let (rows, length) = self.rows(asked);
+        let mut blocks = vec![0.0; self.moments.len()];
+        let way = Way { segments: &self.segments, links: self.links.as_ref() };
+        each_row(&self.steps, asked.step, |row, taps, share| {
+            let row = &rows[row * length..][..length];
+            lost(row, self.own.start, taps, share, way, &mut blocks);
+        });
+        let count = self.count(asked);
+        let belief = asked.asked.iter().map(|range| {
+            let places = range.start - self.own.start..range.end - self.own.start;
+            let of = |row: usize| &rows[row * length..][places.clone()];
+            Numbers((0..count).flat_map(of).copied().collect())
+        });
+        Ok(TrackFirstSaid {
+            moments: self.moments.iter().flat_map(|b| [b.distance, b.x, b.squares]).collect(),
+            together,
+            lost: blocks,
+            belief: belief.collect(),
+        })
+    }
+
+    /// Makes the one row that counts, if it is not there.
+    fn fold(&mut self, asked: &TrackFirst) {
+        let Self { mass, folded, segments, .. } = self;
+        if asked.anywhere {
+            folded.fill(1.0 / segments.places() as f64);
+        } else if self.joint || matches!(asked.step, Step::Speeds { .. }) {
+            // The rows are as they are to be.
+        } else {
+            let (first, others) = mass.split_at(folded.len());
+            folded.copy_from_slice(first);
+            fold(folded, others);
+        }
+    }
+
+    /// The rows of the belief before the move, and the length of one.
+    fn rows(&self, asked: &TrackFirst) -> (&[f64], usize) {
+        let folded = asked.anywhere || !(self.joint || matches!(asked.step, Step::Speeds { .. }));
+        (if folded { &self.folded } else { &self.mass }, self.folded.len())
+    }
+
+    /// How many of them count.
+    fn count(&self, asked: &TrackFirst) -> usize {
+        let one = asked.anywhere || self.joint || matches!(asked.step, Step::Known { .. });
+        if one { 1 } else { self.steps.shares.len() }
+    }
+
+    /// Takes the belief in the places of others.
+    ///
+    /// # Errors
+    /// [`Error::Shard`] unless it is there for all of them. Nothing has changed then.
+    pub(in crate::method) fn receive(
+        &mut self,
+        first: &TrackFirst,
+        asked: &TrackSecond,
+    ) -> Result<(), Error> {
+        if self.layout.reach() != asked.reach {
+            let layout = Layout::new(&self.segments, self.own.clone(), asked.reach);
+            self.layout = layout.with_junctions(&self.segments);
+            self.line = Vec::new();
+        }
+        let (rows, total) = (self.count(first), self.layout.total());
+        let mut line = std::mem::take(&mut self.line);
+        line.resize(rows * total, 0.0);
+        let (masses, length) = self.rows(first);
+        for row in 0..rows {
+            let (line, masses) = (&mut line[row * total..], &masses[row * length..]);
+            for (at, own) in self.layout.own_parts(0..length) {
+                line[at..at + own.len()].copy_from_slice(&masses[own]);
+            }
+        }
+        let (mut foreign, mut taken) = (asked.foreign.iter(), 0);
+        let mut rest: Option<(usize, usize, &[f64])> = None;
+        for (range, at) in self.layout.foreign() {
+            let mut start = range.start;
+            while start < range.end {
+                let Some((first, length, numbers)) = rest.take().or_else(|| {
+                    let (first, Numbers(numbers)) = foreign.next()?;
+                    Some((*first, numbers.len() / rows, &numbers[..]))
+                }) else {
+                    break;
+                };
+                let fits = first == start && length > 0 && length <= range.end - start;
+                if !fits || numbers.len() != rows * length {
+                    break;
+                }
+                for (row, numbers) in numbers.chunks_exact(length).enumerate() {
+                    let at = row * total + at + (start - range.start);
+                    line[at..at + length].copy_from_slice(numbers);
+                }
+                start += length;
+                taken += length;
+            }
+        }
+        self.line = line;
+        let expected: usize = self.layout.foreign().map(|(range, _)| range.len()).sum();
+        counted("places of other shards", expected, taken)?;
+        counted("lists of places of other shards", 0, foreign.len())
+    }
+
+    /// Keeps the column, and updates the belief, whose move [`receive`](Self::receive) has begun.
+    #[inline(always)]
+    pub(in crate::method) fn second(
+        &mut self,
+        column: &[f32],
+        fresh: bool,
+        asked: &TrackSecond,
+    ) -> TrackSecondSaid {
+        let Self { motion, steps, hubness, view, .. } = self;
+        if fresh {
+            hubness.clear();
+        }
+        let says = match asked.says {
+            None => Says::Nothing,
+            Some(standard) => {
+                add(column, &mut hubness.sums);
+                hubness.columns += 1;
+                view.take(column, &hubness.sums, standard, &self.moments);
+                Says::Column(standard)
+            }
+        };
+        let evidence = Evidence { says, weight: asked.weight, clip: motion.clip };
+        let before = OnLine {
+            line: &self.line,
+            layout: &self.layout,
+            links: self.links.as_ref(),
+            start: self.own.start,
+        };
+        let Scratch { chunk, places, sums, blocks } = &mut self.scratch;
+        let mass = &mut self.mass[..];
+        let mut after = After { mass, chunk, places, sums, evidence: blocks };
+        let moves = asked.prediction.moves(steps, asked.step);
+        moves.update(column, &hubness.sums, evidence, &before, &mut after);
+        self.joint = matches!(asked.step, Step::Known { .. }) || steps.shares.len() == 1;
+        let Scratch { places, sums, blocks, .. } = &self.scratch;
+        let masses = if self.joint { &self.mass[..self.own.len()] } else { &places[..] };
+        let (at, mass) = most_probable(masses);
+        let speed = match asked.step {
+            Step::Known { .. } => 0.0,
+            Step::Speeds { .. } => moves.speed(&before, motion, at),
+        };
+        let best = self.own.start + at;
+        let masses = self.chunks(best).into_iter().map(|chunk| {
+            let start = chunk * CHUNK - self.own.start;
+            (chunk, Numbers(masses[start..masses.len().min(start + CHUNK)].to_vec()))
+        });
+        let masses = masses.collect();
+        let (evidence, sums) = (blocks.clone(), sums.clone());
+        TrackSecondSaid { evidence, sums, best: (best, mass), speed, masses }
+    }
+
+    /// The chunks whose masses the answer may need, if the most probable of the own places is
+    /// `best`: those near it, and those near a border, beyond which the most probable place may lie.
+    fn chunks(&self, best: usize) -> BTreeSet<usize> {
+        let Self { own, segments, tolerance, .. } = self;
+        let all = own.start / CHUNK..own.end.div_ceil(CHUNK);
+        if segments.places() <= FINE {
+            return all.collect();
+        }
+        let near = tolerance.saturating_add(1).max(CHUNK);
+        let within = |from: usize, to: usize| {
+            let (from, to) = (from.max(own.start), to.min(own.end));
+            if from < to { from / CHUNK..(to - 1) / CHUNK + 1 } else { 0..0 }
+        };
+        let first = |from: usize| within(from, from.saturating_add(near));
+        let last = |to: usize| within(to.saturating_sub(near), to);
+        let mut chunks: BTreeSet<usize> = asked(best, *tolerance, segments).collect();
+        chunks.retain(|chunk| all.contains(chunk));
+        chunks.extend(first(own.start).chain(last(own.end)));
+        for &Segment { start, end, closed } in segments.within(own.clone()) {
+            if closed && (start < own.start || end > own.end) {
+                chunks.extend(first(start).chain(last(end)));
+            }
+        }
+        chunks
+    }
+}
+
+/// The `x` of some places, given the sums before their distances.
+#[inline(always)]
+fn corrected_next(column: &[f32], sums: &[f64], share: f64, x: &mut [f64]) {
+    for (x, (&distance, &sum)) in x.iter_mut().zip(column.iter().zip(sums)) {
+        *x = super::hubness::corrected(distance, sum + f64::from(distance), share);
+    }
+}
+
+/// How many places before a place, and after it, moves by these shifts come from.
+pub(super) fn reach([least, greatest]: [isize; 2]) -> [usize; 2] {
+    [greatest.max(0).unsigned_abs(), least.min(0).unsigned_abs()]
+}
+
+/// The belief on a shard's line; places count from the first own one.
+#[derive(Clone, Copy)]
+struct OnLine<'a> {
+    line: &'a [f64],
+    layout: &'a Layout,
+    links: Option<&'a Links>,
+    start: usize,
+}
+
+impl OnLine<'_> {
+    #[inline(always)]
+    fn row(&self, row: usize) -> &[f64] {
+        let total = self.layout.total();
+        &self.line[row * total..][..total]
+    }
+}
+
+impl Before for OnLine<'_> {
+    #[inline(always)]
+    fn arriving(&self, row: usize, taps: &[Tap], factor: f64, start: usize, out: &mut [f64]) {
+        let row = self.row(row);
+        let way = Way { segments: self.layout.segments(), links: None };
+        for (at, own) in self.layout.own_parts(start..start + out.len()) {
+            arriving(row, taps, way, factor, at, &mut out[own.start - start..own.end - start]);
+        }
+        if let Some(links) = self.links {
+            let belief = |place: usize| self.layout.anywhere(place).map_or(f64::NAN, |at| row[at]);
+            links.arriving(belief, taps, factor, self.start + start, out);
+        }
+    }
+
+    #[inline(always)]
+    fn staying(&self, row: usize, factor: f64, start: usize, out: &mut [f64]) {
+        let row = self.row(row);
+        for (at, own) in self.layout.own_parts(start..start + out.len()) {
+            add_times(factor, &row[at..], &mut out[own.start - start..own.end - start]);
+        }
+    }
+}
+
+/// Snapshots.
+impl TrackerPart {
+    pub(in crate::method) fn state(&self) -> PartState {
+        let (columns, viewed) = (self.hubness.columns, self.view.known);
+        PartState { columns, joint: self.joint, viewed }
+    }
+
+    pub(in crate::method) fn tensors(&self) -> [(&'static str, &[f64]); 3] {
+        let count = if self.joint { self.own.len() } else { self.mass.len() };
+        let numbers = [&self.hubness.sums[..], &self.mass[..count], &self.view.x[..]];
+        std::array::from_fn(|index| (TENSORS[index], numbers[index]))
+    }
+
+    /// The part that goes on from a state.
+    ///
+    /// # Errors
+    /// One that no queries can have led to.
+    pub(in crate::method) fn resumed(
+        &self,
+        state: &PartState,
+        tensors: &Tensors<'_>,
+    ) -> Result<Self, Refusal> {
+        let numbers = |index: usize, length: usize| {
+            let fits = |shape: &[usize]| shape == [length];
+            let tensor = tensors.required::<f64>(TENSORS[index], &format!("({length})"), fits);
+            tensor.map(|(_, numbers)| numbers)
+        };
+        let PartState { columns, joint, viewed } = *state;
+        let sums = numbers(0, self.own.len())?;
+        let mass = numbers(1, if joint { self.own.len() } else { self.mass.len() })?;
+        let x = numbers(2, self.view.x.len())?;
+        let hubness = Hubness::resumed(columns, sums);
+        let known = mass.iter().all(|mass| mass.is_finite() && *mass >= 0.0)
+            && x.iter().all(|x| x.is_finite());
+        let (Some(hubness), true) = (hubness, known) else {
+            return Err(Refusal::Foreign("an impossible belief".to_owned()));
+        };
+        let mut part = Self { hubness, joint, view: View::of(x, viewed), ..self.clone() };
+        part.mass[..mass.len()].copy_from_slice(&mass);
+        Ok(part)
+    }
+}
