@@ -6,6 +6,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::Map;
 use super::blank::{SAME, between, blocks, sum_without, within};
 use super::traverses::{Further, MOST, Traverses};
@@ -47,13 +49,33 @@ impl RowSums {
         }
         self.nearest = self.nearest.min(more.nearest);
     }
+
+    /// Its numbers, of a map with so many further traverses.
+    pub(crate) fn numbers(&self, further: usize) -> impl Iterator<Item = f64> {
+        let pairs = self.further[..further].iter().flat_map(|&(pairs, shown)| [pairs, shown]);
+        [self.first, f64::from(self.nearest)].into_iter().chain(pairs)
+    }
+
+    /// That of its numbers.
+    pub(crate) fn of_numbers(numbers: &[f64]) -> Self {
+        let mut sums = Self::NONE;
+        let (first, further) = numbers.split_at(numbers.len().min(2));
+        if let [first, nearest] = *first {
+            (sums.first, sums.nearest) = (first, nearest as f32);
+        }
+        for (own, &[pairs, shown]) in sums.further.iter_mut().zip(further.as_chunks().0) {
+            *own = (pairs, shown);
+        }
+        sums
+    }
 }
 
 /// What is added to the distances of each further traverse, and the mean of those to all rows that
 /// show something.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Means {
-    shifts: [f64; MOST],
+    /// Of each further traverse.
+    shifts: Vec<f64>,
     mean: f64,
     /// Whether the query shows nothing, or a place again that shows nothing.
     nothing: bool,
@@ -68,13 +90,24 @@ impl Further {
 }
 
 impl Map {
+    /// How many traverses it has after the first.
+    pub(crate) fn further(&self) -> usize {
+        self.route.traverses.further.len()
+    }
+
+    /// The rows of some places in a traverse, and which row of all its first one is.
+    pub(crate) fn rows_of(&self, traverse: usize, places: &Range<usize>) -> (Range<usize>, usize) {
+        let further = &self.route.traverses.further;
+        let Some(index) = traverse.checked_sub(1) else { return (places.clone(), 0) };
+        let before: usize = further[..index].iter().map(|traverse| traverse.places.len()).sum();
+        (further[index].rows_of(places), self.places() + before)
+    }
+
     /// Makes the column of places from the distances to all rows. What says nothing is taken out,
     /// as by [`quieten`](Self::quieten).
     pub(crate) fn fold(&self, nothing: bool, rows: &[f32], column: &mut [f32]) {
         let of = |traverse: usize, of_it: Range<usize>| {
-            let before = self.route.traverses.further.iter().take(traverse.saturating_sub(1));
-            let before: usize = before.map(|traverse| traverse.places.len()).sum();
-            let start = if traverse == 0 { 0 } else { self.places() + before };
+            let (_, start) = self.rows_of(traverse, &(0..0));
             &rows[start + of_it.start..start + of_it.end]
         };
         let mut all = RowSums::NONE;
@@ -126,15 +159,16 @@ impl Map {
     /// From the sums of all blocks, added in order.
     pub(crate) fn means(&self, nothing: bool, sums: &RowSums) -> Means {
         let (mut sum, mut count) = (sums.first, self.places() - self.silent().len());
-        let mut shifts = [0.0; MOST];
+        let mut shifts = Vec::new();
         let further = self.route.traverses.further.iter().zip(&self.quiet().unpaired);
-        let further = further.zip(&sums.further).zip(&mut shifts);
-        for (((traverse, unpaired), (pairs, shown)), shift) in further {
+        let further = further.zip(&sums.further);
+        for ((traverse, unpaired), (pairs, shown)) in further {
             let rows = traverse.places.len();
             let paired = rows - unpaired.len();
-            *shift = if paired == 0 { 0.0 } else { pairs / paired as f64 };
+            let shift = if paired == 0 { 0.0 } else { pairs / paired as f64 };
             let showing = rows - traverse.blank(&self.kind).len();
-            sum += shown + showing as f64 * *shift;
+            sum += shown + showing as f64 * shift;
+            shifts.push(shift);
             count += showing;
         }
         let mean = sum / count as f64;
@@ -142,8 +176,23 @@ impl Map {
         Means { shifts, mean, nothing }
     }
 
+    /// Makes the column of some places, of one traverse or of several: as [`fold`](Self::fold) or
+    /// [`quieten`](Self::quieten) would.
+    pub(crate) fn settle<'a>(
+        &self,
+        means: &Means,
+        places: Range<usize>,
+        rows: impl Fn(usize, Range<usize>) -> &'a [f32],
+        column: &mut [f32],
+    ) {
+        if means.mean.is_finite() || self.has_several() {
+            return self.fold_part(means, places, rows, column);
+        }
+        column.copy_from_slice(rows(0, places));
+    }
+
     /// Makes the column of some places.
-    pub(crate) fn fold_part<'a>(
+    fn fold_part<'a>(
         &self,
         means: &Means,
         places: Range<usize>,

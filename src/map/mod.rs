@@ -38,6 +38,7 @@ use crate::simd::Isa;
 use block::{Blocks, lengths};
 pub(crate) use codes::Codes;
 pub use extras::Extras;
+pub(crate) use fold::{Means, RowSums};
 pub(crate) use growing::GrowingMap;
 pub use positions::{Origin, Position, Positions};
 use recipe::Kind;

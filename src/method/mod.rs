@@ -47,6 +47,7 @@ pub(crate) use estimator::Memory;
 pub use fix::{Fix, Given};
 pub(crate) use fusion::{Fusion, MAX_TECHNIQUES};
 pub use gradient::Peak;
+pub(crate) use layout::Layout;
 pub(crate) use loops::LoopFilter;
 pub use sequence::Sequence;
 pub use single::Single;

@@ -7,14 +7,15 @@ use std::sync::Arc;
 use twox_hash::XxHash3_64;
 
 use super::mark::Header;
-use super::message::{Address, Answer, Asked, Numbers, QueryMark, Question, Said};
+use super::message::{Address, Answer, Asked, Numbers, QueryMark, Question, Said, Stage};
 use crate::calibration::{Alarm, Threshold};
 use crate::config::Config;
 use crate::error::Error;
 use crate::localizer::{Input, Judge, Queries, Told};
-use crate::map::{Map, Position};
-use crate::method::shard::{Decided, Whole};
+use crate::map::{Map, Means, Position, RowSums};
+use crate::method::shard::{Decided, Second, Whole};
 use crate::method::{Fix, Given};
+use crate::sums::BLOCK;
 
 /// Takes queries, asks the shards of a map, and makes fixes of their answers: a
 /// [`Localizer`](crate::Localizer)'s, to the last bit.
@@ -49,9 +50,17 @@ pub enum Next {
 struct Flight {
     mark: QueryMark,
     given: Given,
-    /// Whether the statistics of the drive have it.
+    /// Whether it is a descriptor, which counts in the statistics of the drive.
     descriptor: bool,
-    decided: Option<Decided>,
+    at: At,
+}
+
+/// What its shards have been asked.
+#[derive(Clone, Debug)]
+enum At {
+    Census { query: Numbers, nothing: bool },
+    First { query: Numbers, means: Option<Means> },
+    Second { decided: Box<Decided>, asked: Vec<Second> },
 }
 
 impl Driver {
@@ -94,19 +103,24 @@ impl Driver {
         self.at_rest("a query")?;
         given.check()?;
         let Self { map, queries, whole, .. } = self;
-        let (numbers, _) = queries.numbers(map, input)?;
+        let (numbers, nothing) = queries.numbers(map, input)?;
         map.query(numbers)?;
         let query = Numbers::new(numbers);
-        let first = whole.first(given);
         let (frame, before) = (whole.frames(), self.history);
         let mut hash = XxHash3_64::with_seed(before);
-        hash.write(format!("{frame} {given:?} {:?}", first.first()).as_bytes());
+        hash.write(
+            format!("{frame} {given:?} {nothing} {:?}", whole.first(given).first()).as_bytes(),
+        );
         hash.write(query.bytes());
         let mark = QueryMark { frame, before, after: hash.finish() };
         let descriptor = matches!(input, Input::Descriptor(_));
-        self.flight = Some(Flight { mark, given, descriptor, decided: None });
-        let each = first.into_iter().map(|first| Asked::First { query: query.clone(), first });
-        Ok(self.ask(mark, each))
+        let stage = if nothing || map.has_several() || !map.blank().is_empty() {
+            At::Census { query, nothing }
+        } else {
+            At::First { query, means: None }
+        };
+        self.flight = Some(Flight { mark, given, descriptor, at: stage });
+        Ok(self.ask())
     }
 
     /// Takes the answers to its questions, in the shards' order: the fix, or what to ask next.
@@ -115,43 +129,63 @@ impl Driver {
     /// [`Error::Shard`] unless they are the answers to the newest questions; the driver is then as
     /// it was. [`Error::NotFinite`] as for a localizer; the query is then given up.
     pub fn answer(&mut self, answers: &[Answer]) -> Result<Next, Error> {
-        let Some(flight) = &self.flight else { return unexpected("no answers: nothing was asked") };
-        let (mark, given) = (flight.mark, flight.given);
-        self.check(answers, mark)?;
-        if let Some(decided) = &flight.decided {
-            let said = answers.iter().filter_map(|answer| match &answer.body {
-                Said::Second(said) => Some(said.clone()),
-                Said::First(_) => None,
-            });
-            let said: Vec<_> = said.collect();
-            if said.len() != answers.len() {
-                return unexpected("answers of the stage second, got others");
+        let Some(flight) = &self.flight else {
+            return unexpected("no answers: nothing was asked");
+        };
+        self.check(answers, flight.mark)?;
+        let next = match &flight.at {
+            At::Census { query, nothing } => {
+                let said = of_stage(answers, Stage::Census, |said| match said {
+                    Said::Census(sums) => Some(sums),
+                    _ => None,
+                })?;
+                let means = Some(self.means(&said, *nothing)?);
+                At::First { query: query.clone(), means }
             }
-            let fix = self.whole.fix(decided, &said)?;
-            return Ok(Next::Fix(self.finish(fix)));
-        }
-        let said = answers.iter().filter_map(|answer| match &answer.body {
-            Said::First(said) => Some(said.clone()),
-            Said::Second(_) => None,
-        });
-        let said: Vec<_> = said.collect();
-        if said.len() != answers.len() {
-            return unexpected("answers of the stage first, got others");
-        }
-        match self.whole.second(&said, given) {
-            Ok((decided, second)) => {
-                if let Some(flight) = &mut self.flight {
-                    flight.decided = Some(decided);
+            At::First { .. } => {
+                let said = of_stage(answers, Stage::First, |said| match said {
+                    Said::First(said) => Some(said),
+                    _ => None,
+                })?;
+                match self.whole.second(&said, flight.given) {
+                    Ok((decided, asked)) => At::Second { decided: Box::new(decided), asked },
+                    Err(error) => {
+                        if let Error::NotFinite { .. } = error {
+                            self.flight = None;
+                        }
+                        return Err(error);
+                    }
                 }
-                Ok(self.ask(mark, second.into_iter().map(Asked::Second)))
             }
-            Err(error) => {
-                if let Error::NotFinite { .. } = error {
-                    self.flight = None;
-                }
-                Err(error)
+            At::Second { decided, .. } => {
+                let said = of_stage(answers, Stage::Second, |said| match said {
+                    Said::Second(said) => Some(said),
+                    _ => None,
+                })?;
+                let fix = self.whole.fix(decided, &said)?;
+                return Ok(Next::Fix(self.finish(fix)));
+            }
+        };
+        if let Some(flight) = &mut self.flight {
+            flight.at = next;
+        }
+        Ok(self.ask())
+    }
+
+    /// The means of the shards' sums.
+    fn means(&self, said: &[&Vec<f64>], nothing: bool) -> Result<Means, Error> {
+        let numbers = 2 + 2 * self.map.further();
+        let mut all = RowSums::NONE;
+        for (said, places) in said.iter().zip(self.whole.cuts()) {
+            let expected = places.len().div_ceil(BLOCK) * numbers;
+            if said.len() != expected {
+                return unexpected(&format!("{expected} sums of rows, got {}", said.len()));
+            }
+            for block in said.chunks_exact(numbers) {
+                all.add(&RowSums::of_numbers(block));
             }
         }
+        Ok(self.map.means(nothing, &all))
     }
 
     /// Gives up the query in hand, if there is one: it was never there.
@@ -159,18 +193,34 @@ impl Driver {
     /// # Errors
     /// [`Error::Shard`] if [`Stage::Second`](super::Stage::Second) has been asked: some shards may have kept the query.
     pub fn abandon(&mut self) -> Result<(), Error> {
-        if self.flight.as_ref().is_some_and(|flight| flight.decided.is_some()) {
+        if self.flight.as_ref().is_some_and(|flight| matches!(flight.at, At::Second { .. })) {
             return unexpected("the answers of the stage second: shards may have kept the query");
         }
         self.flight = None;
         Ok(())
     }
 
-    fn ask(&self, query: QueryMark, each: impl Iterator<Item = Asked>) -> Next {
-        let shards = self.whole.cuts().iter().cloned().zip(each);
-        let questions = shards.map(|(places, body)| Question {
+    /// The questions of the query's stage.
+    fn ask(&mut self) -> Next {
+        let Some(Flight { mark, given, at, .. }) = &self.flight else {
+            return Next::Ask(Vec::new());
+        };
+        let asked: Vec<Asked> = match at {
+            At::Census { query, nothing } => {
+                let asked = Asked::Census { query: query.clone(), nothing: *nothing };
+                vec![asked; self.whole.cuts().len()]
+            }
+            At::First { query, means } => {
+                let each = self.whole.first(*given).into_iter();
+                let first =
+                    |first| Asked::First { query: query.clone(), means: means.clone(), first };
+                each.map(first).collect()
+            }
+            At::Second { asked, .. } => asked.iter().cloned().map(Asked::Second).collect(),
+        };
+        let questions = self.whole.cuts().iter().zip(asked).map(|(places, body)| Question {
             header: self.header.clone(),
-            to: Address { places, query },
+            to: Address { places: places.clone(), query: *mark },
             body,
         });
         Next::Ask(questions.collect())
@@ -306,4 +356,14 @@ impl Driver {
 
 pub(super) fn unexpected<T>(expected: &str) -> Result<T, Error> {
     Err(Error::Shard { reason: format!("expected {expected}") })
+}
+
+/// What the answers of a stage say.
+fn of_stage<'a, T>(
+    answers: &'a [Answer],
+    stage: Stage,
+    of: impl Fn(&'a Said) -> Option<&'a T>,
+) -> Result<Vec<&'a T>, Error> {
+    let said: Option<Vec<_>> = answers.iter().map(|answer| of(&answer.body)).collect();
+    said.map_or_else(|| unexpected(&format!("answers of the stage {stage}, got others")), Ok)
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::mark::Header;
 use crate::dtype::Dtype;
 use crate::error::Error;
+use crate::map::Means;
 use crate::method::shard::{First, FirstSaid, Second, SecondSaid};
 use crate::numbers::{Values, View};
 
@@ -58,12 +59,15 @@ pub(super) struct QueryMark {
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) enum Asked {
-    First { query: Numbers, first: First },
+    Census { query: Numbers, nothing: bool },
+    First { query: Numbers, means: Option<Means>, first: First },
     Second(Second),
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) enum Said {
+    /// The sums of each block's rows.
+    Census(#[serde(with = "crate::bytes")] Vec<f64>),
     First(FirstSaid),
     Second(SecondSaid),
 }
@@ -80,6 +84,7 @@ impl Question {
     /// Which round trip it belongs to.
     pub fn stage(&self) -> Stage {
         match self.body {
+            Asked::Census { .. } => Stage::Census,
             Asked::First { .. } => Stage::First,
             Asked::Second(_) => Stage::Second,
         }

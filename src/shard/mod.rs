@@ -36,6 +36,7 @@ mod driver;
 mod mark;
 mod message;
 mod one;
+mod scan;
 mod snapshot;
 
 pub use driver::{Driver, Next};

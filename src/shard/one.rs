@@ -4,7 +4,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::mark::Header;
-use super::message::{Address, Answer, Asked, Numbers, QueryMark, Question, Said};
+use super::message::{Address, Answer, Asked, QueryMark, Question, Said};
+use super::scan::Scan;
 use crate::config::Config;
 use crate::error::Error;
 use crate::map::Map;
@@ -26,7 +27,7 @@ pub struct Shard {
     pub(super) history: u64,
     /// The query in hand.
     pub(super) pending: Option<QueryMark>,
-    column: Vec<f32>,
+    scan: Scan,
 }
 
 impl Shard {
@@ -44,11 +45,12 @@ impl Shard {
             return Err(Error::Option { name: "shard", expected, got: index.to_string() });
         };
         let part = Part::new(segments, places.clone(), config)?;
-        let scanned = part.layout().len() + 4 * part.layout().ends().count();
+        let scan = Scan::new(&map, part.layout());
+        // Now, so that the first query need not find them.
+        map.blank();
         let header = Header::new(&map, config);
         let (frames, history, pending) = (0, 0, None);
-        let column = vec![0.0; scanned];
-        Ok(Self { map, header, places, part, frames, history, pending, column })
+        Ok(Self { map, header, places, part, frames, history, pending, scan })
     }
 
     /// Its own places.
@@ -82,11 +84,19 @@ impl Shard {
             return refused("a question to the shard of places", &of(&self.places), &of(places));
         }
         let body = match &question.body {
-            Asked::First { query: numbers, first } => {
+            Asked::Census { query: numbers, nothing } => {
+                self.follows(*query)?;
+                let Self { map, scan, places, .. } = self;
+                scan.run(map, numbers)?;
+                Said::Census(scan.sums(map, *nothing, places))
+            }
+            Asked::First { query: numbers, means, first } => {
                 self.follows(*query)?;
                 self.pending = None;
-                self.scan(numbers)?;
-                let said = self.part.first(&self.column, first)?;
+                let Self { map, scan, part, .. } = self;
+                scan.run(map, numbers)?;
+                let column = scan.column(map, part.layout(), means.as_ref());
+                let said = part.first(column, first)?;
                 self.pending = Some(*query);
                 Said::First(said)
             }
@@ -119,22 +129,6 @@ impl Shard {
              {frame}"
         );
         Error::Shard { reason }
-    }
-
-    /// Computes the distances to the places of its line.
-    fn scan(&mut self, numbers: &Numbers) -> Result<(), Error> {
-        let Self { map, part, column, .. } = self;
-        let values = numbers.values()?;
-        let query = map.query(values.view())?;
-        let layout = part.layout();
-        for (range, at) in layout.ranges() {
-            let len = range.len();
-            map.scan(query, range, &mut column[at..at + len]);
-        }
-        for (place, out) in layout.ends().flatten().zip(&mut column[layout.len()..]) {
-            map.scan(query, place..place + 1, std::slice::from_mut(out));
-        }
-        Ok(())
     }
 }
 

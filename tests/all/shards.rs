@@ -107,8 +107,8 @@ impl Sharded {
 /// A segment's border near a block's, or anywhere.
 fn border(places: usize) -> impl Strategy<Value = usize> {
     let blocks = places / BLOCK;
-    let near = (0..=blocks, 0..13_usize)
-        .prop_map(|(block, off)| (block * BLOCK + off).saturating_sub(6));
+    let near =
+        (0..=blocks, 0..13_usize).prop_map(|(block, off)| (block * BLOCK + off).saturating_sub(6));
     prop_oneof![3 => near, 1 => 1..places]
 }
 
@@ -196,27 +196,63 @@ struct Route {
     shards: usize,
 }
 
+/// What else a map has.
+#[derive(Clone, Copy, Debug)]
+struct More {
+    /// Some places that show nothing, of each traverse.
+    blank: bool,
+    traverses: usize,
+}
+
+/// The rows of some places, and of the first traverse all.
+fn traverse(kind: Rows, places: usize, dim: usize, blank: bool, seed: u64) -> Map {
+    let mut rows = rows(kind, places * dim, seed);
+    if blank {
+        let first = seed as usize % 30;
+        rows.chunks_mut(dim).skip(first).step_by(37).for_each(|row| row.fill(0.0));
+    }
+    let metric = if seed % 2 == 0 { Metric::Manhattan } else { Metric::Euclidean };
+    Map::from_descriptors(rows, dim, metric).unwrap()
+}
+
 fn route(
     blocks: std::ops::RangeInclusive<usize>,
     motions: bool,
+    more: bool,
 ) -> impl Strategy<Value = Route> {
     let places = (blocks, 0..BLOCK).prop_map(|(blocks, rest)| blocks * BLOCK - rest);
-    let kind = select(vec![Rows::Ties, Rows::Ties, Rows::Shares, Rows::Shares, Rows::Far, Rows::Equal]);
-    let metric = select(vec![Metric::Manhattan, Metric::Euclidean]);
-    places.prop_flat_map(segments).prop_flat_map(move |segments| {
-        let config = config(&segments, motions);
-        let fixed = (Just(segments), config, kind.clone(), metric.clone());
-        (fixed, 1..=4_usize, 1..=4_usize, any::<u64>()).prop_map(
-            |((segments, config, kind, metric), dim, shards, seed)| {
+    let places = places.prop_map(|places| places.max(2));
+    let kinds = [Rows::Ties, Rows::Ties, Rows::Shares, Rows::Shares, Rows::Far, Rows::Equal];
+    let (blank, traverses) =
+        if more { (any::<bool>().boxed(), 0..3) } else { (Just(false).boxed(), 0..1) };
+    let more = (blank, traverses).prop_map(|(blank, traverses)| More { blank, traverses });
+    let fixed = (select(kinds.to_vec()), 1..=4_usize, 1..=4_usize, any::<u64>(), more);
+    (places.prop_flat_map(segments), fixed).prop_flat_map(
+        move |(segments, (kind, dim, shards, seed, more))| {
+            let config = config(&segments, motions);
+            config.prop_map(move |config| {
                 let places = segments.places();
-                let rows = rows(kind, places * dim, seed);
-                let map = Map::from_descriptors(rows, dim, metric).unwrap();
-                let map = map.with_segments(segments).unwrap();
+                // Rows of 8 numbers and fewer always show something.
+                let dim = if more.blank { dim + 8 } else { dim };
+                let mut map = traverse(kind, places, dim, more.blank, seed);
+                for further in 1..=more.traverses {
+                    let seed = seed.wrapping_add(2 * further as u64);
+                    let rows = traverse(kind, places / 3 + 1, dim, more.blank, seed);
+                    let at = (0..rows.places()).map(|row| (3 * row + further) % places);
+                    let mut at: Vec<_> = at.map(Some).collect();
+                    let first = at[0];
+                    at[1..].iter_mut().filter(|at| **at == first).for_each(|at| *at = None);
+                    map = match map.add_traverse(&rows, &at, "") {
+                        Ok(more) => more,
+                        Err(_) => map,
+                    };
+                }
+                let map = map.with_segments(segments.clone()).unwrap();
                 let shards = shards.min(places.div_ceil(BLOCK));
                 Route { map: Arc::new(map), config, shards }
-            },
-        )
-    })
+            })
+        },
+    )
 }
 
 /// Drives both along the route, and compares all that they say.
@@ -271,7 +307,9 @@ fn drive(route: &Route, queries: usize, seed: u64) {
         let expected = localizer.push_descriptor_with(&row[..], given);
         let got = sharded.push(View::F32(&row), given);
         match (expected, got) {
-            (Ok(expected), Ok(got)) => assert_eq!(bits(&got), bits(&expected), "{expected:?} {got:?}"),
+            (Ok(expected), Ok(got)) => {
+                assert_eq!(bits(&got), bits(&expected), "{expected:?} {got:?}")
+            }
             (Err(expected), Err(got)) => assert_eq!(got.to_string(), expected.to_string()),
             (expected, got) => panic!("{expected:?}, {got:?}"),
         }
@@ -282,12 +320,19 @@ proptest! {
     #![proptest_config(cases(40))]
 
     #[test]
-    fn the_papers_part(route in route(1..=5, false), queries in 1..24_usize, seed: u64) {
+    fn the_papers_part(route in route(1..=5, false, false), queries in 1..24_usize, seed: u64) {
         drive(&route, queries, seed);
     }
 
     #[test]
-    fn with_a_track(route in route(1..=5, true), queries in 1..24_usize, seed: u64) {
+    fn with_a_track(route in route(1..=5, true, false), queries in 1..24_usize, seed: u64) {
+        drive(&route, queries, seed);
+    }
+
+    #[test]
+    fn of_several_traverses_and_blank_places(
+        route in route(1..=4, true, true), queries in 1..16_usize, seed: u64,
+    ) {
         drive(&route, queries, seed);
     }
 }
@@ -297,7 +342,7 @@ proptest! {
 
     /// The interval is rounded there, and not all masses are sent.
     #[test]
-    fn of_more_than_65_536_places(route in route(17..=19, true), queries in 1..12_usize, seed: u64) {
+    fn of_more_than_65_536_places(route in route(17..=19, true, false), queries in 1..12_usize, seed: u64) {
         drive(&route, queries, seed);
     }
 }

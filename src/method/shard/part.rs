@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::super::estimator::Seen;
-use super::super::layout::Layout;
 use super::super::gradient::{Enhancement, missing_between, missing_gradient};
+use super::super::layout::Layout;
 use super::super::sequence::{Own, SequenceSearch};
 use super::super::single::checked_minimum;
 use super::super::track::TrackerPart;

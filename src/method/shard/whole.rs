@@ -131,7 +131,7 @@ impl Whole {
     /// questions.
     pub(crate) fn second(
         &self,
-        said: &[FirstSaid],
+        said: &[&FirstSaid],
         given: Given,
     ) -> Result<(Decided, Vec<Second>), Error> {
         if let Some((index, value)) = said.iter().find_map(|said| said.refused) {
@@ -159,7 +159,7 @@ impl Whole {
         let floor = config.floor.value(lowest);
         let (mut track, mut asked) = (None, Vec::new());
         if let Some(tracker) = &self.tracker {
-            let said: Vec<_> = said.iter().filter_map(|said| said.track.clone()).collect();
+            let said: Vec<_> = said.iter().filter_map(|said| said.track.as_ref()).collect();
             counted("answers about the track", cuts.len(), said.len())?;
             let (decided, second) = tracker.second(&said, blank, given.advance)?;
             (track, asked) = (Some(decided), second);
@@ -174,12 +174,12 @@ impl Whole {
     ///
     /// # Errors
     /// [`Error::Shard`] for answers to other questions; all is then as it was.
-    pub(crate) fn fix(&mut self, decided: &Decided, said: &[SecondSaid]) -> Result<Fix, Error> {
+    pub(crate) fn fix(&mut self, decided: &Decided, said: &[&SecondSaid]) -> Result<Fix, Error> {
         let Self { segments, anchors, sequence, tracker, .. } = self;
         let Decided { single, gradient, trusted, blank, lowest, floor, ref track } = *decided;
         let track = match (tracker, track) {
             (Some(tracker), Some(track)) => {
-                let said: Vec<_> = said.iter().filter_map(|said| said.track.clone()).collect();
+                let said: Vec<_> = said.iter().filter_map(|said| said.track.as_ref()).collect();
                 counted("answers about the track", self.cuts.len(), said.len())?;
                 Some(tracker.track(track.clone(), &said)?)
             }

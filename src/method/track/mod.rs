@@ -54,10 +54,10 @@ pub(super) use part::{PartState, TrackerPart};
 pub(super) use said::counted;
 pub(super) use said::{TrackFirst, TrackFirstSaid, TrackSecond, TrackSecondSaid};
 pub(super) use state::Saved;
-pub(super) use whole::{TrackDecided, TrackerWhole, WholeState};
 use state::State;
 use steps::{Steps, Tap, Way, known, lost};
 use update::{After, Move, Whole, on};
+pub(super) use whole::{TrackDecided, TrackerWhole, WholeState};
 
 /// The longest move: all whole numbers up to it are known exactly.
 const MAX_SHIFT: f64 = (1_u64 << 53) as f64;

@@ -132,7 +132,8 @@ impl TrackerPart {
         let mut x = [0.0; CHUNK];
         for (block, column) in column.chunks(BLOCK).enumerate() {
             let start = block * BLOCK;
-            let sums = if fresh { &NO_SUMS[..column.len()] } else { &sums[start..][..column.len()] };
+            let sums =
+                if fresh { &NO_SUMS[..column.len()] } else { &sums[start..][..column.len()] };
             let moments = BlockMoments::of(column, sums, share);
             self.moments[block] = moments;
             if asked.compare {

@@ -119,8 +119,7 @@ impl Tracker {
             && state.is_possible()
             && (scale * mass.iter().sum::<f64>() - on).abs() <= ROUNDING;
         let hubness = Hubness::resumed(columns, sums);
-        let (Some(hubness), true) =
-            (hubness, belief && view.iter().all(|x| x.abs() <= MAX_X))
+        let (Some(hubness), true) = (hubness, belief && view.iter().all(|x| x.abs() <= MAX_X))
         else {
             return Err(Refusal::Foreign("an impossible belief".to_owned()));
         };

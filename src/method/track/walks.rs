@@ -7,9 +7,9 @@ use proptest::prelude::*;
 
 use super::later::leading;
 use super::links::Links;
-use crate::method::layout::FARTHEST;
 use super::steps::{Tap, Way, arriving, lost};
 use crate::cases::cases;
+use crate::method::layout::FARTHEST;
 use crate::random::SplitMix64;
 use crate::segments::Segments;
 use crate::sums::BLOCK;

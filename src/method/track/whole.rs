@@ -180,7 +180,7 @@ impl TrackerWhole {
     /// [`Error::Shard`] for answers to other questions.
     pub(in crate::method) fn second(
         &self,
-        said: &[TrackFirstSaid],
+        said: &[&TrackFirstSaid],
         blank: bool,
         given: Option<f64>,
     ) -> Result<(TrackDecided, Vec<TrackSecond>), Error> {
@@ -236,7 +236,7 @@ impl TrackerWhole {
     pub(in crate::method) fn track(
         &mut self,
         decided: TrackDecided,
-        said: &[TrackSecondSaid],
+        said: &[&TrackSecondSaid],
     ) -> Result<Track, Error> {
         let (places, mut blocks, mut chunks) = (self.segments.places(), 0.0, Vec::new());
         for (said, own) in said.iter().zip(&self.blocks) {
@@ -247,7 +247,7 @@ impl TrackerWhole {
             chunks.extend_from_slice(&said.sums);
         }
         let mut best = (0, f64::NEG_INFINITY, 0.0);
-        for &TrackSecondSaid { best: (place, mass), speed, .. } in said {
+        for &&TrackSecondSaid { best: (place, mass), speed, .. } in said {
             if mass > best.1 {
                 best = (place, mass, speed);
             }
@@ -264,7 +264,8 @@ impl TrackerWhole {
             let index = masses.binary_search_by_key(&chunk, |&(chunk, _)| chunk).ok()?;
             Some(masses[index].1)
         };
-        if place >= places || asked(place, self.tolerance, &self.segments).any(|at| of(at).is_none())
+        if place >= places
+            || asked(place, self.tolerance, &self.segments).any(|at| of(at).is_none())
         {
             let reason = format!("expected the masses near place {place}, got others");
             return Err(Error::Shard { reason });
@@ -274,7 +275,13 @@ impl TrackerWhole {
         let state = &mut self.state;
         state.pending = None;
         state.travelled = advance.map_or(state.travelled, |advance| state.travelled + advance);
-        state.update(on(&chunks), prediction, blocks / places as f64, step, self.steps.shares.len());
+        state.update(
+            on(&chunks),
+            prediction,
+            blocks / places as f64,
+            step,
+            self.steps.shares.len(),
+        );
         self.columns += u64::from(says.is_some());
         (self.view, self.viewed) = (view, viewed);
         let State { on, off, scale, .. } = *state;
