@@ -15,6 +15,8 @@ HEAVY = {
     "matplotlib",
     "onnxruntime",
     "pandas",
+    "pyarrow",
+    "ray",
     "rerun",
     "rosbags",
     "safetensors",

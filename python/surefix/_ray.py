@@ -1,0 +1,257 @@
+"""Work as a list of jobs: one after the other here, or as tasks of Ray. The one place that joins a
+cluster.
+
+``mapped(function, of, jobs)`` is ``function(of, job)`` for each job, in order. Inside ``tasks()``
+Ray runs them: ``of``, which may be large, lies in its store once, and a few tasks are in flight. A
+task works in the folder of the command, so that names of files mean the same there, and what it
+says is said here.
+"""
+
+import io
+import logging
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout, suppress
+from typing import Any, TypeVar
+
+from surefix._core import __version__
+from surefix._extra import require
+from surefix.errors import SurefixError, mismatch
+
+__all__ = ["Cluster", "completed", "hold", "mapped", "tasks"]
+
+T = TypeVar("T")
+J = TypeVar("J")
+R = TypeVar("R")
+
+# In seconds: how long a machine may take to answer.
+TIMEOUT = 5.0
+# Tasks in flight for each processor of the cluster: the next one waits where it will run.
+AHEAD = 2
+# How often Ray begins a task again whose worker died.
+RETRIES = 3
+# The last value that tasks in this worker were given, by its name in Ray's store.
+_held: dict[str, Any] = {}
+
+
+class Cluster:
+    """A cluster of Ray that this process has joined: the one that ``RAY_ADDRESS`` names, else one
+    that is started on this machine; or the one that it was in already, which it does not leave.
+
+    Attributes
+    ----------
+    ray : module
+
+    Raises
+    ------
+    SurefixError
+        If Ray is not installed, or there is no cluster at the address.
+    """
+
+    def __init__(self) -> None:
+        self.ray = require("ray", "--ray", "Ray", "surefix[ray]")
+        self._references: dict[int, tuple[Any, Any]] = {}
+        self._own = not self.ray.is_initialized()
+        if self._own:
+            _join(self.ray, os.environ.get("RAY_ADDRESS") or "local")
+
+    def __enter__(self) -> "Cluster":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leaves the cluster, which ends the tasks that run; ends one that was started here."""
+        self._references.clear()
+        if self._own:
+            self.ray.shutdown()
+
+    @property
+    def processors(self) -> int:
+        """How many tasks can run at the same time."""
+        return max(1, int(self.ray.cluster_resources().get("CPU", 1)))
+
+    def hold(self, value: T) -> T:
+        """The same value in Ray's store: its arrays are read-only, in memory that all processes of
+        a machine share.
+        """
+        reference = self.ray.put(value)
+        kept: T = self.ray.get(reference)
+        self._references[id(kept)] = kept, reference
+        return kept
+
+    def reference(self, value: Any) -> Any:
+        """Of a value in the store."""
+        kept, reference = self._references.get(id(value), (None, None))
+        return reference if kept is value and value is not None else self.ray.put(value)
+
+
+_cluster: Cluster | None = None
+
+
+@contextmanager
+def tasks(wanted: bool = True) -> Iterator[None]:
+    """Meanwhile ``mapped`` has its jobs done by Ray, if that is wanted."""
+    global _cluster
+    if not wanted:
+        yield
+        return
+    with Cluster() as joined:
+        _cluster = joined
+        try:
+            yield
+        finally:
+            _cluster = None
+
+
+def hold(value: T) -> T:
+    """A value that several calls of ``mapped`` are given, in Ray's store if that does the work."""
+    return value if _cluster is None else _cluster.hold(value)
+
+
+def mapped(function: Callable[[T, J], R], of: T, jobs: Iterable[J]) -> Iterator[R]:
+    """``function(of, job)`` for each job, in the order of the jobs, which are taken as they are
+    needed.
+
+    Raises
+    ------
+    SurefixError
+        If a worker has another version of surefix, or dies again and again. What the function
+        raises is raised here.
+    """
+    early: dict[int, R] = {}
+    following = 0
+    for index, result in completed(function, of, jobs):
+        early[index] = result
+        while following in early:
+            yield early.pop(following)
+            following += 1
+
+
+def completed(function: Callable[[T, J], R], of: T, jobs: Iterable[J]) -> Iterator[tuple[int, R]]:
+    """The index and the result of each job as soon as it is there."""
+    if _cluster is None:
+        for index, job in enumerate(jobs):
+            yield index, function(of, job)
+        return
+    ray, held = _cluster.ray, [_cluster.reference(of)]
+    task = ray.remote(_task).options(max_retries=RETRIES)
+    limit = AHEAD * _cluster.processors
+    flying: dict[Any, int] = {}
+    left = enumerate(jobs)
+    try:
+        while True:
+            while len(flying) < limit and (following := next(left, None)) is not None:
+                index, job = following
+                work = ray.cloudpickle.dumps((function, job))
+                flying[task.remote(__version__, os.getcwd(), held, work)] = index
+            if not flying:
+                return
+            (done,), _ = ray.wait([*flying], num_returns=1)
+            yield flying.pop(done), _result(ray, done)
+    finally:
+        # After an error, or if the caller has seen enough.
+        for each in flying:
+            ray.cancel(each)
+
+
+def _task(version: str, folder: str, held: list[Any], work: bytes) -> tuple[Any, Any, list[Any]]:
+    """Runs in a worker: the result, what was raised, and what was said."""
+    import ray
+
+    # Before anything of the package is read that another version may not have.
+    node = ray.util.get_node_ip_address()
+    if version != __version__:
+        return None, mismatch(f"Ray, machine {node}", f"surefix {version}", __version__), []
+    # A task has as many threads as Ray gives it processors.
+    os.environ.setdefault("RAYON_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
+    out, err = io.StringIO(), io.StringIO()
+    result: Any = None
+    failed: Exception | None = None
+    with ExitStack() as inside:
+        try:
+            inside.enter_context(chdir(folder))
+        except OSError as error:
+            expected = f"the folder {folder} on all machines"
+            reason = error.strerror or error
+            return None, mismatch(f"Ray, machine {node}", expected, reason), []
+        inside.enter_context(redirect_stdout(out))
+        inside.enter_context(redirect_stderr(err))
+        try:
+            (reference,) = held
+            name = reference.hex()
+            if name not in _held:
+                _held.clear()
+                _held[name] = ray.get(reference)
+            function, job = ray.cloudpickle.loads(work)
+            result = function(_held[name], job)
+        except Exception as error:
+            failed = error
+    return result, failed, [out.getvalue(), err.getvalue()]
+
+
+def _result(ray: Any, reference: Any) -> Any:
+    """That of a task; raises what it raised."""
+    try:
+        result, failed, said = ray.get(reference)
+    except ray.exceptions.OutOfMemoryError:
+        short = "the system ended a task, as its machine had no memory left; start Ray with fewer"
+        raise SurefixError(f"Ray: {short} processors there (ray start --num-cpus)") from None
+    except ray.exceptions.RayTaskError as error:
+        # The worker could not even begin.
+        problem = f"{_line(error.cause or error)} (surefix {__version__} is here)"
+        raise SurefixError(f"Ray: a worker cannot run surefix: {problem}") from None
+    except ray.exceptions.RayError as error:
+        begun = f"a worker died {RETRIES + 1} times at one task"
+        died = isinstance(error, ray.exceptions.WorkerCrashedError)
+        raise SurefixError(f"Ray: {begun if died else _line(error)}") from None
+    for text, stream in zip(said, (sys.stdout, sys.stderr), strict=False):
+        stream.write(text)
+    if failed is not None:
+        raise failed
+    return result
+
+
+def _join(ray: Any, address: str) -> None:
+    if address not in ("auto", "local"):
+        _check_there(address)
+    # A tool reports nothing to the makers of its libraries unasked.
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    own: dict[str, Any] = {"include_dashboard": False} if address == "local" else {}
+    logging.getLogger("ray").setLevel(logging.ERROR)
+    with suppress(AttributeError):
+        # It would write of its workers to the standard output, amid ours.
+        ray._private.worker.print_worker_logs = lambda *given: None
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        ray.init(address, log_to_driver=False, configure_logging=False, **own)
+    except (OSError, RuntimeError, ValueError) as error:
+        ray.shutdown()
+        raise SurefixError(f"Ray, {address}: cannot join the cluster: {_line(error)}") from None
+    finally:
+        # Ray takes it, but not that of Ctrl-C.
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, before)
+
+
+def _check_there(address: str) -> None:
+    """Ray itself would wait for minutes, and then end the process."""
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if not (host and colon and port.isdecimal() and int(port) < 1 << 16):
+        raise mismatch("RAY_ADDRESS", "HOST:PORT, auto or local", repr(address))
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), TIMEOUT).close()
+    except OSError as error:
+        problem = f"there is no cluster: {error.strerror or error}"
+        raise SurefixError(f"RAY_ADDRESS {address}: {problem}") from None
+
+
+def _line(error: BaseException) -> str:
+    """What an error says, in a line."""
+    said = " ".join(str(error).split()) or type(error).__name__
+    return said if len(said) <= 300 else f"{said[:300]}..."
