@@ -22,7 +22,7 @@ from surefix._core import __version__
 from surefix._extra import require
 from surefix.errors import SurefixError, mismatch
 
-__all__ = ["Cluster", "completed", "hold", "mapped", "tasks"]
+__all__ = ["Cluster", "completed", "hold", "is_spread", "mapped", "tasks"]
 
 T = TypeVar("T")
 J = TypeVar("J")
@@ -39,12 +39,9 @@ _held: dict[str, Any] = {}
 
 
 class Cluster:
-    """A cluster of Ray that this process has joined: the one that ``RAY_ADDRESS`` names, else one
-    that is started on this machine; or the one that it was in already, which it does not leave.
-
-    Attributes
-    ----------
-    ray : module
+    """A cluster of Ray: the one that ``RAY_ADDRESS`` names, else one that is started on this
+    machine; or the one that this process is in already, which it does not leave. It is joined when
+    it is first used.
 
     Raises
     ------
@@ -52,12 +49,13 @@ class Cluster:
         If Ray is not installed, or there is no cluster at the address.
     """
 
-    def __init__(self) -> None:
-        self.ray = require("ray", "--ray", "Ray", "surefix[ray]")
+    def __init__(self, what: str = "--ray") -> None:
+        self._ray = require("ray", what, "Ray", "surefix[ray]")
+        self._address = os.environ.get("RAY_ADDRESS") or "local"
+        self._own = False
         self._references: dict[int, tuple[Any, Any]] = {}
-        self._own = not self.ray.is_initialized()
-        if self._own:
-            _join(self.ray, os.environ.get("RAY_ADDRESS") or "local")
+        if not self._ray.is_initialized():
+            _check_there(self._address)
 
     def __enter__(self) -> "Cluster":
         return self
@@ -69,7 +67,16 @@ class Cluster:
         """Leaves the cluster, which ends the tasks that run; ends one that was started here."""
         self._references.clear()
         if self._own:
-            self.ray.shutdown()
+            self._own = False
+            self._ray.shutdown()
+
+    @property
+    def ray(self) -> Any:
+        """The module, in the cluster."""
+        if not self._ray.is_initialized():
+            self._own = True
+            _join(self._ray, self._address)
+        return self._ray
 
     @property
     def processors(self) -> int:
@@ -78,7 +85,7 @@ class Cluster:
 
     def hold(self, value: T) -> T:
         """The same value in Ray's store: its arrays are read-only, in memory that all processes of
-        a machine share.
+        a machine share, until the cluster is left.
         """
         reference = self.ray.put(value)
         kept: T = self.ray.get(reference)
@@ -86,9 +93,9 @@ class Cluster:
         return kept
 
     def reference(self, value: Any) -> Any:
-        """Of a value in the store."""
+        """Of a value in the store, or one that is put there."""
         kept, reference = self._references.get(id(value), (None, None))
-        return reference if kept is value and value is not None else self.ray.put(value)
+        return self.ray.put(value) if reference is None or kept is not value else reference
 
 
 _cluster: Cluster | None = None
@@ -96,7 +103,9 @@ _cluster: Cluster | None = None
 
 @contextmanager
 def tasks(wanted: bool = True) -> Iterator[None]:
-    """Meanwhile ``mapped`` has its jobs done by Ray, if that is wanted."""
+    """Meanwhile ``mapped`` has its jobs done by Ray, if that is wanted. Results may lie in its
+    store: they are used inside.
+    """
     global _cluster
     if not wanted:
         yield
@@ -107,6 +116,11 @@ def tasks(wanted: bool = True) -> Iterator[None]:
             yield
         finally:
             _cluster = None
+
+
+def is_spread() -> bool:
+    """Whether Ray does the jobs."""
+    return _cluster is not None
 
 
 def hold(value: T) -> T:
@@ -218,8 +232,6 @@ def _result(ray: Any, reference: Any) -> Any:
 
 
 def _join(ray: Any, address: str) -> None:
-    if address not in ("auto", "local"):
-        _check_there(address)
     # A tool reports nothing to the makers of its libraries unasked.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     own: dict[str, Any] = {"include_dashboard": False} if address == "local" else {}
@@ -231,7 +243,6 @@ def _join(ray: Any, address: str) -> None:
     try:
         ray.init(address, log_to_driver=False, configure_logging=False, **own)
     except (OSError, RuntimeError, ValueError) as error:
-        ray.shutdown()
         raise SurefixError(f"Ray, {address}: cannot join the cluster: {_line(error)}") from None
     finally:
         # Ray takes it, but not that of Ctrl-C.
@@ -241,6 +252,8 @@ def _join(ray: Any, address: str) -> None:
 
 def _check_there(address: str) -> None:
     """Ray itself would wait for minutes, and then end the process."""
+    if address in ("auto", "local"):
+        return
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if not (host and colon and port.isdecimal() and int(port) < 1 << 16):
         raise mismatch("RAY_ADDRESS", "HOST:PORT, auto or local", repr(address))

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Run, Segments
+from surefix._ray import mapped
 from surefix.auditing import Estimate
 from surefix.baselines.truth import Truth
 from surefix.comparison import Compared, Comparison, Estimates
@@ -17,7 +18,7 @@ from surefix.judged import Judged, Recall, redrawn
 from surefix.matches import Matches
 from surefix.tables.reports import chosen, labels, read_report
 
-__all__ = ["compare", "compare_judged"]
+__all__ = ["compare", "compare_judged", "estimates"]
 
 UPTO, SAMPLES = 0.2, 1000
 ENDS = (0.025, 0.975)
@@ -130,14 +131,13 @@ def compare_judged(
             raise mismatch(f"{each.name}, recall", "one convention", got)
         if paired:
             _check_same(each, base)
-    own = {each.name: _estimates(each, upto, samples) for each in judged}
-    runs = []
-    for each in judged:
-        apart: Estimates = {}
-        if each is not base:
-            both = (own[each.name], own[base.name])
-            apart = _paired(each, base, *both, upto, samples) if paired else _unpaired(*both)
-        runs.append(Compared(each.name, own[each.name], apart))
+    how = upto, samples
+    own = dict(zip(names, mapped(_own, how, judged), strict=True))
+    others = [(each, own[each.name]) for each in judged if each is not base]
+    apart = mapped(_apart, (base, own[base.name], paired, how), others)
+    runs = [
+        Compared(each.name, own[each.name], {} if each is base else next(apart)) for each in judged
+    ]
     counts = tuple(len(each) for each in judged)
     return Comparison(tuple(runs), base.name, paired, counts, upto, base.recall, tuple(judged))
 
@@ -167,7 +167,19 @@ def _said(one: Judged) -> str:
     return f"{len(one)} ({one.queries[0]} to {one.queries[-1]})"
 
 
-def _estimates(one: Judged, upto: float, samples: int) -> Estimates:
+def _own(how: tuple[float, int], one: Judged) -> Estimates:
+    return estimates(one, *how)
+
+
+def _apart(
+    of: tuple[Judged, Estimates, bool, tuple[float, int]], job: tuple[Judged, Estimates]
+) -> Estimates:
+    """The differences of a run to the baseline."""
+    (base, of_base, paired, how), (one, own) = of, job
+    return _paired(one, base, own, of_base, *how) if paired else _unpaired(own, of_base)
+
+
+def estimates(one: Judged, upto: float, samples: int) -> Estimates:
     """Each figure with its own interval."""
     found = {"area": Estimate(one.curve.auc(upto), *one.curve.auc_interval(upto, samples=samples))}
     once = np.ones((1, len(one)), np.int32)

@@ -20,6 +20,7 @@ from surefix._core import (
     match_distances,
 )
 from surefix._progress import Bar, terminal_bar
+from surefix._ray import mapped
 from surefix.contradicting import Contradiction, contradictions, known_queries, true_places
 from surefix.errors import mismatch
 from surefix.matches import Matches
@@ -172,6 +173,7 @@ class Search:
         fair = []
         # All are judged on the same queries, whatever their warm-up.
         for setting, run in runs:
+            assert run.ready is not None
             ready = self._judged & run.ready
             if ready.sum() >= (1 - WARM_UP) * half.sum():
                 fair.append((setting, run))
@@ -194,11 +196,12 @@ class Search:
         """How many all settings were judged on."""
         return int(self._judged.sum())
 
-    def _runs(self, settings: list[Setting]) -> Iterator[tuple[Setting, Run]]:
+    def _runs(self, settings: list[Setting]) -> Iterator[tuple[Setting, Matches]]:
+        runs = mapped(_matches, self.drive, [options for _, options in settings])
         for setting in settings:
             self._bar.show(self._done)
             self._done += 1
-            yield setting, self.drive.matched(setting[1])
+            yield setting, next(runs)
 
     def _step(self, runs: Any) -> None:
         """Goes on from the best of those that beat the present one."""
@@ -224,6 +227,11 @@ class Search:
         level = 1 - (1 - LEVEL) / self.count
         low, _ = one.auc_difference_interval(two, 1.0, level=level, samples=SAMPLES)
         return low > 0
+
+
+def _matches(drive: Drive, options: dict[str, Any]) -> Matches:
+    run = drive.matched(options)
+    return Matches(run.place, run.score, run.ready)
 
 
 def _named(motion: Motion | str) -> str:

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from surefix._core import Map, Settings, calibrate
+from surefix._core import Evaluation, Map, Settings, calibrate
+from surefix._ray import hold, mapped
 from surefix.auditing import Estimate
 from surefix.contradicting import Contradiction
 from surefix.motion import Motion
@@ -148,7 +149,7 @@ def tune(
     >>> tuned.chosen.name, tuned.settings.threshold.accepted > 200
     ('any', True)
     """
-    drive = Drive.of(map, queries, descriptor, progress, advance, gaps)
+    drive = hold(Drive.of(map, queries, descriptor, progress, advance, gaps))
     known = Known.of(drive, truth, tolerance, motion, progress)
     search = Search(drive, known, motion, progress)
     name, options = search.settings[search.best]
@@ -178,15 +179,18 @@ def tune(
 
 
 def _trials(search: Search) -> list[Trial]:
-    default, trials = search.curves[0], []
-    for index, ((name, options), curve) in enumerate(
-        zip(search.settings, search.curves, strict=True)
-    ):
-        area = Estimate(curve.auc(1.0), *curve.auc_interval(1.0))
-        apart = curve.auc_difference_interval(default, 1.0)
-        difference = Estimate(curve.auc(1.0) - default.auc(1.0), *apart)
-        trials.append(Trial(name, options, area, difference, index == search.best))
-    return trials
+    found = zip(search.settings, mapped(_figures, search.curves[0], search.curves), strict=True)
+    return [
+        Trial(name, options, *figures, index == search.best)
+        for index, ((name, options), figures) in enumerate(found)
+    ]
+
+
+def _figures(default: Evaluation, curve: Evaluation) -> tuple[Estimate, Estimate]:
+    """The area, and how much more it is than that of the default."""
+    area = Estimate(curve.auc(1.0), *curve.auc_interval(1.0))
+    apart = curve.auc_difference_interval(default, 1.0)
+    return area, Estimate(curve.auc(1.0) - default.auc(1.0), *apart)
 
 
 def _within(known: Known, tolerance: float) -> str:

@@ -11,11 +11,12 @@ from rich.table import Table
 
 from surefix import Comparison
 from surefix._extra import drawing
+from surefix._ray import mapped
 from surefix._terminal import Console, say
 from surefix._words import plain
 from surefix.baselines import METHODS
 from surefix.cli import inputs
-from surefix.cli.flags import documented, with_options
+from surefix.cli.flags import documented, with_options, with_ray
 from surefix.cli.inputs import check_not_read, refuse
 from surefix.cli.judging import Judging, TruthOptions
 from surefix.cli.networks import Model, ModelOptions, Weights
@@ -31,6 +32,7 @@ WRITTEN = (".csv", ".html", ".json", ".md")
 FIXES = (".csv", ".jsonl", ".ndjson")
 
 
+@with_ray
 @documented
 @with_options(floor="global", names={"tolerance": "agreement"})
 def compare_(
@@ -119,16 +121,12 @@ def compare_(
     named = ModelOptions(model, weights)
     make = Judging(where, recall or "correct", method or ("weighted",), options, named, similarity)
 
-    reports: dict[str, Sequence[Judged]] = {}
     places = iter((queries or []) * (kinds.count("map") if len(queries or ()) == 1 else 1))
-    for name, run, kind in zip(names, runs, kinds, strict=True):
-        if kind == "report":
-            reports[name] = read_report(Path(run))
-        elif kind == "fixes":
-            reports[name] = [make.fixes(run)]
-        else:
-            drive = next(places) if kind == "map" else None
-            reports[name] = make.drive(run, drive, sampling)
+    jobs = [
+        (run, kind, next(places) if kind == "map" else None, sampling)
+        for run, kind in zip(runs, kinds, strict=True)
+    ]
+    reports = dict(zip(names, mapped(_judged, make, jobs), strict=True))
     judged = chosen(reports, method or ())
     known = [each.name for each in judged]
     against = None if against is None else plain(against)
@@ -174,6 +172,14 @@ def _named(runs: Sequence[str]) -> tuple[list[str], list[str]]:
         expected = "RUNS: expected a name each, as NAME=PATH,"
         refuse(names.count(name) > 1, f"{expected} got {name} twice")
     return names, paths
+
+
+def _judged(make: Judging, job: tuple[str, str, str | None, dict[str, Any]]) -> Sequence[Judged]:
+    """What a run is compared by."""
+    run, kind, drive, sampling = job
+    if kind == "report":
+        return read_report(Path(run))
+    return [make.fixes(run)] if kind == "fixes" else make.drive(run, drive, sampling)
 
 
 def _kind(run: str) -> str:

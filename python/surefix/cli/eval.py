@@ -31,7 +31,7 @@ from surefix.cli.drives import (
     truth_without,
     without,
 )
-from surefix.cli.flags import SELDOM, TRUTH, documented, settings_of, with_options
+from surefix.cli.flags import SELDOM, TRUTH, documented, settings_of, with_options, with_ray
 from surefix.cli.inputs import refuse
 from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.pages import Open, show, title_of
@@ -67,6 +67,7 @@ SUPERVISED = "Supervised methods"
 DEFAULT_METHODS = ("sequence", "weighted", "single", "masked")
 
 
+@with_ray
 @documented
 @with_options(floor="global", names={"tolerance": "agreement"})
 def eval_(
@@ -227,6 +228,7 @@ def eval_(
     from surefix.report.figures import MISTAKES
     from surefix.study import Study, compare
     from surefix.study.streamed import compare_columns, unstreamed
+    from surefix.study.study import run_methods
 
     # Open the map or the distances, and the queries.
     D, place_map, network = None, None, None
@@ -377,10 +379,11 @@ def eval_(
         else:
             assert D is not None
             study = compare(D, methods, context, recall, done)
-        made = [study.driven(name, seed, **how) for name in drives if name != RECORDED]
-        for each in made:
-            status.update(f"Comparing the methods: {each.scenario}")
-            _ = each.results
+        made = []
+        for name in drives:
+            if name != RECORDED:
+                status.update(f"Comparing the methods: {name}")
+                made.append(run_methods(study.driven(name, seed, **how)))
     print_results(study)
     if not judged.by_position:
         warn_of_fit(study)

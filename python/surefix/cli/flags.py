@@ -11,6 +11,7 @@ import typer
 from typer.models import OptionInfo
 
 from surefix import Settings, SurefixValueError, set_max_pixels
+from surefix._ray import tasks
 from surefix.cli.inputs import Place, one_place
 from surefix.options import OPTIONS, Option
 
@@ -30,6 +31,18 @@ HEADINGS = {
     for name in names.split()
 }
 
+RAY = inspect.Parameter(
+    "ray",
+    inspect.Parameter.KEYWORD_ONLY,
+    default=False,
+    annotation=Annotated[
+        bool,
+        typer.Option(
+            "--ray",
+            help="Let Ray do the work: on this machine, or on the cluster of RAY_ADDRESS.",
+        ),
+    ],
+)
 FRAME_OPTIONS = frozenset({"topic", "order", "strict", "mixed_sizes", "data"})
 # Of every command that reads images.
 MAX_PIXELS = inspect.Parameter(
@@ -95,6 +108,20 @@ def documented(command: Command) -> Command:
     # A line break of the source is none of the help's.
     run.__doc__ = "\n\n".join(" ".join(each.split()) for each in summary.split("\n\n"))
     run.__signature__ = signature.replace(parameters=others + last)  # type: ignore[attr-defined]
+    return run
+
+
+def with_ray(command: Command) -> Command:
+    """Gives a command ``--ray``: Ray does the jobs that it has."""
+
+    @wraps(command)
+    def run(*, ray: bool, **given: Any) -> None:
+        with tasks(ray):
+            command(**given)
+
+    signature = inspect.signature(command, eval_str=True)
+    parameters = [*signature.parameters.values(), RAY]
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return run
 
 

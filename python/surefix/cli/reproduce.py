@@ -13,7 +13,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 
 from surefix import SurefixValueError
 from surefix._extra import drawing
+from surefix._ray import hold
 from surefix._terminal import Console, say
+from surefix.cli.flags import with_ray
 from surefix.study.study import Recall
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["reproduce"]
 
 
+@with_ray
 def reproduce(
     out: Annotated[
         Path,
@@ -92,6 +95,7 @@ def reproduce(
         task = progress.add_task("Looking for data", total=STEPS)
         show = partial(progress.update, task)
         cases, problems = _cases(data, pairs, matrix or [], similarity, settings, show)
+        cases = hold(cases)
         output_folder(out)
         made = []
         show(description="Making the exhibits")

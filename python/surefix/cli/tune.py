@@ -13,7 +13,7 @@ from surefix.cli import inputs
 from surefix.cli.align import refusing_options
 from surefix.cli.audit import print_columns
 from surefix.cli.drives import truth_without
-from surefix.cli.flags import TRUTH, documented
+from surefix.cli.flags import TRUTH, documented, with_ray
 from surefix.cli.inputs import check_apart, check_not_read, refuse
 from surefix.cli.networks import Model, ModelOptions, Output, Weights
 from surefix.cli.recorded import Drive, open_drive
@@ -22,6 +22,7 @@ from surefix.cli.where import GAP, Places, PositionGap, Queries, Where, by_posit
 from surefix.errors import check_folder
 
 
+@with_ray
 @documented
 def tune_(
     route: str,

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from surefix._core import Trust
+from surefix._ray import mapped
 from surefix.baselines import noisy_predictor
 from surefix.baselines.distances import Floats
 from surefix.plot.curves import finish, star
@@ -73,7 +75,13 @@ def crossing(rates: Floats, areas: Floats, baseline: float) -> float | None:
 
 def measure(case: Case, settings: Settings) -> BreakEven:
     """The break-even of a case."""
-    study = case.study(settings)
+    return BreakEven(case, *_measured([case], (0, settings)))
+
+
+def _measured(cases: Sequence[Case], job: tuple[int, Settings]) -> tuple[Any, ...]:
+    """All but the case, which a task does not send back."""
+    at, settings = job
+    study = cases[at].study(settings)
     trust, right = study.trust, study.single_right
     # Closer at low rates, as most predictors have.
     rates = np.array(
@@ -92,12 +100,13 @@ def measure(case: Case, settings: Settings) -> BreakEven:
     areas = np.array([[area(rate, seed) for seed in seeds] for rate in rates.tolist()])
     drawn = areas.mean(axis=1), areas.min(axis=1), areas.max(axis=1)
     both = (result.curve.auc(UPTO) for result in (study.baseline, study.shown))
-    return BreakEven(case, trust, rates, *drawn, *both)
+    return trust, rates, *drawn, *both
 
 
 def break_even(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """The break-even of each case."""
-    measured = [measure(case, settings) for case in cases]
+    found = mapped(_measured, cases, [(at, settings) for at in range(len(cases))])
+    measured = [BreakEven(case, *numbers) for case, numbers in zip(cases, found, strict=True)]
     rows: list[Sequence[Cell]] = []
     lines: list[Sequence[str]] = []
     evens: dict[Case, str] = {}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from surefix._core import Map, Sad, read_image
+from surefix._ray import mapped
 from surefix.baselines import Context
 from surefix.baselines.distances import Distances
 from surefix.baselines.truth import Truth
@@ -17,10 +18,19 @@ from surefix.datasets import Images
 from surefix.errors import SurefixValueError, mismatch
 from surefix.simulate import Route
 from surefix.study import Recall, Study
+from surefix.study.study import found_by
 from surefix.tables.matrices import read_matrix
 from surefix.tables.npy import read_npy
 
-__all__ = ["Case", "Settings", "generated_cases", "kind", "matrix_case", "sad_distances"]
+__all__ = [
+    "Case",
+    "Settings",
+    "generated_cases",
+    "kind",
+    "matrix_case",
+    "run_cases",
+    "sad_distances",
+]
 
 # The paper's weight and length.
 WEIGHT = 0.99
@@ -116,6 +126,18 @@ class Case:
             context = Context(LENGTH, WEIGHT, truth=self.truth, truth_tolerance=self.tolerance)
             self._studies[settings] = Study(self.D, context, settings.recall, settings.samples)
         return self._studies[settings]
+
+
+def run_cases(cases: Sequence[Case], settings: Settings) -> None:
+    """The results and their intervals of all cases, each made by a task of its own."""
+    jobs = [(at, name, settings) for at, c in enumerate(cases) for name in c.study(settings).names]
+    for (at, name, _), found in zip(jobs, mapped(_found, cases, jobs), strict=True):
+        cases[at].study(settings).take(name, *found)
+
+
+def _found(cases: Sequence[Case], job: tuple[int, str, Settings]) -> tuple[Any, Any, Any]:
+    at, name, settings = job
+    return found_by(cases[at].study(settings), name)
 
 
 def generated_cases(settings: Settings) -> Sequence[Case]:

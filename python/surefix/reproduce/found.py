@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from surefix import datasets
+from surefix._ray import mapped
 from surefix.baselines.truth import Truth
 from surefix.errors import SurefixError, SurefixFileError, mismatch, refusal
 from surefix.reproduce.case import IDENTITY, SAD, Case, kind, sad_distances
@@ -159,6 +161,10 @@ def find_datasets(folder: Path) -> list[Found]:
     return told
 
 
+# The names of a pair, the options of its loader, and the folders of its matrices with notes.
+_Pair: TypeAlias = tuple[tuple[str, ...], dict[str, str], Mapping[Path, tuple[str, ...]]]
+
+
 def load_cases(
     found: Found, chosen: Sequence[tuple[str, str]] = ()
 ) -> tuple[Sequence[Case], Sequence[str]]:
@@ -181,9 +187,8 @@ def load_cases(
         return [], [str(error)]
     if not pairs:
         # Its loader names the missing folder, if any.
-        return _load(found, found.names, {}, {matrices: ()})
-    cases: list[Case] = []
-    problems: list[str] = []
+        return _load(found, (found.names, {}, {matrices: ()}))
+    jobs: list[_Pair] = []
     for number, (reference, query) in enumerate(pairs):
         which = f"{reference.removeprefix('recording_')} to {query.removeprefix('recording_')}"
         names = tuple(f"{name}, {which}" for name in found.names)
@@ -194,19 +199,16 @@ def load_cases(
             names = names + found.names if chosen else found.names + names
             ready[matrices] = ()
         ready[matrices / f"{reference}_to_{query}"] = ()
-        loaded, wrong = _load(found, names, {"reference": reference, "query": query}, ready)
-        cases += loaded
-        problems += wrong
-    return cases, problems
+        jobs.append((names, {"reference": reference, "query": query}, ready))
+    loaded = [*mapped(_load, found, jobs)]
+    return [case for cases, _ in loaded for case in cases], [
+        problem for _, problems in loaded for problem in problems
+    ]
 
 
-def _load(
-    found: Found,
-    names: tuple[str, ...],
-    options: dict[str, str],
-    ready: Mapping[Path, tuple[str, ...]],
-) -> tuple[list[Case], list[str]]:
+def _load(found: Found, pair_: _Pair) -> tuple[list[Case], list[str]]:
     """The cases of a pair: of its images, and of matrices in folders, each with its notes."""
+    names, options, ready = pair_
     cases: list[Case] = []
     problems: list[str] = []
     known: tuple[Truth, float] | None = None

@@ -1,16 +1,17 @@
 """The area over one option: the weight from 0 to 1, and the length of the sequence from 2 to 9."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from surefix import plot
+from surefix._ray import mapped
 from surefix.baselines import noisy_predictor
 from surefix.baselines.distances import Flags, Floats
 from surefix.report.page import Table
 from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
 from surefix.reproduce.exhibit import Cell, Exhibit, listed, pictured, shown
-from surefix.study import UPTO, Study
+from surefix.study import UPTO, Estimate
 
 __all__ = ["ablation", "weight_sweep"]
 
@@ -18,6 +19,8 @@ LENGTHS = range(2, 10)
 # Shares of the right and of the wrong single matches that are trusted.
 GOOD = (0.8, 0.05)
 POOR = (0.2, 0.6)
+DRAWN = {"good": GOOD, "poor": POOR}
+PREDICTORS = ("consensus", "perfect", *DRAWN)
 
 Band = tuple[Floats, Floats, Floats]
 """The area at each weight, and the low and the high end of its interval."""
@@ -29,7 +32,10 @@ def weight_sweep(cases: Sequence[Case], settings: Settings) -> Exhibit:
     weights = np.union1d(np.linspace(0, 1, 5 if settings.quick else 21), [WEIGHT])
     rows: list[Sequence[Cell]] = []
     lines = []
-    swept = {case: _bands(case.study(settings), weights, settings) for case in cases}
+    jobs = [(at, name, weights, settings) for at in range(len(cases)) for name in PREDICTORS]
+    swept: dict[Case, dict[str, Band]] = {case: {} for case in cases}
+    for (at, name, *_), found in zip(jobs, mapped(_band, cases, jobs), strict=True):
+        swept[cases[at]][name] = found
     at = int(np.flatnonzero(weights == WEIGHT)[0])
     for case, bands in swept.items():
         for name, band in bands.items():
@@ -76,21 +82,20 @@ def weight_sweep(cases: Sequence[Case], settings: Settings) -> Exhibit:
     )
 
 
-def _bands(study: Study, weights: Floats, settings: Settings) -> Mapping[str, Band]:
+def _band(cases: Sequence[Case], job: tuple[int, str, Floats, Settings]) -> Band:
+    """The mean over some predictions of the area and of its interval, at each weight."""
+    at, name, weights, settings = job
+    study = cases[at].study(settings)
     right = study.single_right
-    predictors: dict[str, Sequence[Flags | None]] = {"consensus": [None], "perfect": [right]}
-    for name, (share_right, share_wrong) in (("good", GOOD), ("poor", POOR)):
-        predictors[name] = [
+    flags: list[Flags | None] = [right if name == "perfect" else None]
+    if name in DRAWN:
+        share_right, share_wrong = DRAWN[name]
+        flags = [
             noisy_predictor(
                 right, true_positive_rate=share_right, false_positive_rate=share_wrong, seed=seed
             )
             for seed in range(settings.draws)
         ]
-    return {name: _band(study, weights, flags, settings) for name, flags in predictors.items()}
-
-
-def _band(study: Study, weights: Floats, flags: Sequence[Flags | None], settings: Settings) -> Band:
-    """The mean over some predictions of the area and of its interval, at each weight."""
     means = []
     for weight in weights.tolist():
         curves = [study.at(weight=weight, trusted=each).shown.curve for each in flags]
@@ -115,25 +120,36 @@ def _rates(rates: tuple[float, float]) -> str:
     return f"{right} of the right matches and {wrong} of the wrong ones"
 
 
+def _at_length(
+    cases: Sequence[Case], job: tuple[int, int, Settings]
+) -> tuple[float, float, Estimate, str]:
+    """The two areas, their difference, and whether weighting wins."""
+    at, length, settings = job
+    plain, weighted = cases[at].study(settings).at(sequence_length=length).results
+    areas = plain.curve.auc(UPTO), weighted.curve.auc(UPTO)
+    return *areas, weighted.difference, weighted.outcome
+
+
 def ablation(cases: Sequence[Case], settings: Settings) -> Exhibit:
     """Every length of every case."""
     rows: list[Sequence[Cell]] = []
     lines: list[Sequence[str]] = []
     areas: dict[Case, dict[str, list[float]]] = {}
     apart: dict[str, list[str]] = {"larger": [], "smaller": [], "wins": [], "loses": []}
+    jobs = [(at, length, settings) for at in range(len(cases)) for length in LENGTHS]
+    measured = mapped(_at_length, cases, jobs)
     for case in cases:
         own = areas[case] = {"weighted": [], "unweighted": []}
         for length in LENGTHS:
-            plain, weighted = case.study(settings).at(sequence_length=length).results
-            before, after = plain.curve.auc(UPTO), weighted.curve.auc(UPTO)
+            before, after, difference, outcome = next(measured)
             own["weighted"].append(after)
             own["unweighted"].append(before)
-            rows.append((case.dataset, case.technique, length, before, after, *weighted.difference))
+            rows.append((case.dataset, case.technique, length, before, after, *difference))
             said = f"{case.name}, L = {length} ({after - before:+.3f})"
             if after != before:
                 apart["larger" if after > before else "smaller"].append(said)
-            if weighted.outcome != "level":
-                apart[weighted.outcome].append(said)
+            if outcome != "level":
+                apart[outcome].append(said)
         lines += [(case.name, name, *map(shown, values)) for name, values in own.items()]
     pictures = pictured(
         "ablation",

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from surefix._ray import mapped
 from surefix.report.multiples import Interval, forest
 from surefix.report.page import Table
 from surefix.report.tables import count
-from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings
+from surefix.reproduce.case import LENGTH, WEIGHT, Case, Settings, run_cases
 from surefix.reproduce.exhibit import Cell, Exhibit, listed, shown
 from surefix.reproduce.paper import PUBLISHED, PaperRow
 from surefix.study import UPTO, Result
@@ -26,7 +27,9 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
     lines: list[Sequence[str]] = []
     tracked: list[Sequence[str]] = []
     seen = []
-    for case in cases:
+    run_cases(cases, settings)
+    tracks_of = mapped(_tracks, cases, [(at, settings) for at in range(len(cases))])
+    for case, tracks in zip(cases, tracks_of, strict=True):
         own = next(
             (row for row in published if row.is_for(case.technique, case.dataset, *case.aliases)),
             None,
@@ -35,7 +38,6 @@ def table_1(cases: Sequence[Case], paper: Sequence[PaperRow] | None, settings: S
         both = case.study(settings).results
         names, weighted = (case.dataset, case.technique), both[1]
         curves, areas = [result.curve for result in both], [result.area[0] for result in both]
-        tracks = _tracks(case, cases, settings)
         correct, reached = [c.correct for c in curves], [c.max_recall for c in curves]
         numbers = *case.D.shape, *correct, *areas, *tracks, *weighted.difference, *reached
         theirs = (None, None) if own is None else (own.baseline, own.weighted)
@@ -137,8 +139,10 @@ def _paragraphs(
     )
 
 
-def _tracks(case: Case, cases: Sequence[Case], settings: Settings) -> Sequence[float | None]:
+def _tracks(cases: Sequence[Case], job: tuple[int, Settings]) -> Sequence[float | None]:
     """The areas of the trackers; None for fused if the data set has one technique."""
+    at, settings = job
+    case = cases[at]
     study = case.study(settings).driven(RECORDED, 0, **ODOMETRY)
     others = [
         other.D

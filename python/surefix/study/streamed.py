@@ -1,15 +1,16 @@
 """A study of more distances than are held: the methods see each column once."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from surefix._core import Matcher, Trust, evaluate_trust, match_distances, recall_at
 from surefix._progress import Bar
+from surefix._ray import is_spread, mapped
 from surefix.baselines import METHODS, Context, run_method
 from surefix.baselines.distances import Distances, Flags
 from surefix.baselines.methods import SEQSLAM_SPEEDS
@@ -54,6 +55,10 @@ class Fixes:
         self._matcher = Matcher(places if segments is None else segments, **options)
         self._trusted, self._advance = trusted, advance
         self._rows: list[tuple[Any, ...]] = []
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Out of a task, in which all columns have passed.
+        return {"_rows": self._rows}
 
     def push(self, start: int, block: Distances) -> None:
         """Takes some columns."""
@@ -197,7 +202,7 @@ def compare_columns(
     if refused:
         raise SurefixError(f"method {refused[0]}: needs all distances at once")
     assert context.truth is not None
-    (n, m) = columns.shape
+    m = columns.shape[1]
     options: dict[str, Any] = {**context.options}
     bar = Bar(progress, 2 * m if options["floor"] == "global" else m, 2 * m)
     passed = 0
@@ -211,6 +216,63 @@ def compare_columns(
             passed += block.shape[1]
             bar.show(passed)
         options["floor"] = least if np.isfinite(least) else "running"
+    asked = _Asked(columns, context, options, progress)
+    # A task reads all columns once: those of one method each, and those that share their fixes.
+    alone = [(name,) for name in names if name not in BY_FIXES] if is_spread() else []
+    together = tuple(name for name in names if (name,) not in alone)
+    first, *others = mapped(_passed, asked, [(together, passed), *((each, None) for each in alone)])
+    matches = first.matches.copy()
+    for other in others:
+        matches |= other.matches
+    study = StreamedStudy(
+        columns,  # type: ignore[arg-type]
+        context,
+        recall,
+        names=names,
+        fixes=first.base,
+        thinned=first.picture,
+        recalls=first.recalls,
+    )
+    for name in names:
+        study._made[name] = Result(study, name, matches[name])
+    for result in study.results:
+        _ = result.area, result.difference
+        done(result)
+    return study
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What methods are run on."""
+
+    columns: Columns
+    context: Context
+    options: dict[str, Any]
+    progress: Any
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A bar stays where it is seen.
+        return _Asked, (self.columns, self.context, self.options, None)
+
+
+class _Passed(NamedTuple):
+    """What was seen while all columns passed."""
+
+    matches: dict[str, Matches]
+    base: Fixes
+    picture: Distances
+    recalls: tuple[float, ...]
+
+
+def _passed(asked: _Asked, job: tuple[Sequence[str], int | None]) -> _Passed:
+    """The matches of some methods; ``passed`` columns were read before, None if others tell of the
+    drive.
+    """
+    columns, context, options = asked.columns, asked.context, asked.options
+    (names, passed), (n, m) = job, columns.shape
+    tells = passed is not None
+    assert context.truth is not None
+    bar = Bar(asked.progress, 2 * m if passed else m, 2 * m)
     base = Fixes(n, **options)
     streams: dict[str, Fixes] = {}
     parts: dict[str, list[Matches]] = {name: [] for name in names if name in ALONE}
@@ -221,7 +283,8 @@ def compare_columns(
     picture = np.empty((-(-n // down), -(-m // across)), np.float32)
     ks = [k for k in KS if k <= n]
     found, known = np.zeros(len(ks)), 0
-    distinct = list({id(each): each for each in (base, *streams.values())}.values())
+    all_ = [*([base] if tells else []), *streams.values()]
+    distinct = list({id(each): each for each in all_}.values())
     contrast = streams.get("seqslam")
     for start, block in columns.blocks():
         stop = start + block.shape[1]
@@ -230,31 +293,22 @@ def compare_columns(
             each.push(start, own)
         for name, each_part in parts.items():
             each_part.append(run_method(name, block, context))
-        shown = np.arange(-(-start // across) * across, stop, across)
-        picture[:, shown // across] = block[::down, shown - start]
-        truth = part_of(context.truth, start, stop)
-        share = recall_at(block, truth, ks, context.truth_tolerance)
-        here = Study(block, Context(truth=truth, truth_tolerance=context.truth_tolerance))
-        count = int((here.true_place >= 0).sum())
-        found, known = found + np.array(share) * count, known + count
-        bar.show(passed + stop)
-    bar.end(passed + m)
-    study = StreamedStudy(
-        columns,  # type: ignore[arg-type]
-        context,
-        recall,
-        names=names,
-        fixes=base,
-        thinned=picture,
-        recalls=tuple((np.round(found) / max(known, 1)).tolist()),
-    )
-    for name in names:
-        matches = _joined(parts[name]) if name in parts else streams[name].matches(name)
-        study._made[name] = Result(study, name, matches)
-    for result in study.results:
-        _ = result.area, result.difference
-        done(result)
-    return study
+        if tells:
+            shown = np.arange(-(-start // across) * across, stop, across)
+            picture[:, shown // across] = block[::down, shown - start]
+            truth = part_of(context.truth, start, stop)
+            share = recall_at(block, truth, ks, context.truth_tolerance)
+            here = Study(block, Context(truth=truth, truth_tolerance=context.truth_tolerance))
+            count = int((here.true_place >= 0).sum())
+            found, known = found + np.array(share) * count, known + count
+        bar.show((passed or 0) + stop)
+    bar.end((passed or 0) + m)
+    recalls = tuple((np.round(found) / max(known, 1)).tolist())
+    matches = {
+        name: _joined(parts[name]) if name in parts else streams[name].matches(name)
+        for name in names
+    }
+    return _Passed(matches, base, picture, recalls)
 
 
 def _stream(name: str, places: int, context: Context, options: dict[str, Any]) -> Fixes:

@@ -16,6 +16,7 @@ from surefix._core import (
     match_distances,
     recall_at,
 )
+from surefix._ray import hold, mapped
 from surefix.baselines import Context, run_method
 from surefix.baselines.distances import Distances, Flags, Floats, Places
 from surefix.baselines.truth import Truth, by_metres, first_true_places, right_matches
@@ -30,7 +31,17 @@ from surefix.study.confidence import (
 )
 from surefix.study.scenarios import RECORDED, scenario
 
-__all__ = ["BASELINE", "KS", "UPTO", "Estimate", "Recall", "Result", "Study", "compare"]
+__all__ = [
+    "BASELINE",
+    "KS",
+    "UPTO",
+    "Estimate",
+    "Recall",
+    "Result",
+    "Study",
+    "compare",
+    "run_methods",
+]
 
 BASELINE, WEIGHTED = "sequence", "weighted"
 # The paper's areas are up to this recall.
@@ -184,6 +195,12 @@ class Study:
             matches = run_method(name, self.distances, self.context)
             self._made[name] = Result(self, name, matches)
         return self._made[name]
+
+    def take(self, name: str, matches: Matches, area: Estimate, difference: Estimate) -> Result:
+        """The result of the method of this name, of its parts."""
+        result = self._made.setdefault(name, Result(self, name, matches))
+        vars(result).update(area=area, difference=difference)
+        return result
 
     def at(self, **options: Any) -> "Study":
         """The same with other options of the context, as ``sequence_length`` or ``trusted``."""
@@ -360,9 +377,19 @@ def compare(
         As ``surefix.baselines.run_method`` and ``surefix.evaluate``.
     """
     names = list(dict.fromkeys(methods))
-    study = Study(D, context, recall, names=names if BASELINE in names else [BASELINE, *names])
-    for result in study.results:
-        # The intervals are the slow part.
-        _ = result.area, result.difference
-        done(result)
+    names = names if BASELINE in names else [BASELINE, *names]
+    return run_methods(Study(D, context, recall, names=names), done)
+
+
+def run_methods(study: Study, done: Callable[[Result], object] = lambda result: None) -> Study:
+    """The study with the results of all its methods, each made by a task of its own."""
+    study = hold(study)
+    for name, found in zip(study.names, mapped(found_by, study, study.names), strict=True):
+        done(study.take(name, *found))
     return study
+
+
+def found_by(study: Study, name: str) -> tuple[Matches, Estimate, Estimate]:
+    """A method's matches, and its intervals, which are the slow part."""
+    result = study[name]
+    return result.matches, result.area, result.difference
