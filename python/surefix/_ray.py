@@ -14,8 +14,16 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout, suppress
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import (
+    ExitStack,
+    chdir,
+    closing,
+    contextmanager,
+    redirect_stderr,
+    redirect_stdout,
+    suppress,
+)
 from typing import Any, TypeVar
 
 from surefix._core import __version__
@@ -128,34 +136,49 @@ def hold(value: T) -> T:
     return value if _cluster is None else _cluster.hold(value)
 
 
-def mapped(function: Callable[[T, J], R], of: T, jobs: Iterable[J]) -> Iterator[R]:
+def mapped(function: Callable[[T, J], R], of: T, jobs: Iterable[J], gpus: int = 0) -> Iterator[R]:
     """``function(of, job)`` for each job, in the order of the jobs, which are taken as they are
-    needed.
+    needed; a task has so many graphics cards.
 
     Raises
     ------
     SurefixError
         If a worker has another version of surefix, or dies again and again. What the function
-        raises is raised here.
+        raises is raised here, when it is the turn of its job.
     """
-    early: dict[int, R] = {}
+    if _cluster is None:
+        # No job is held while the next one is made.
+        for job in jobs:
+            yield function(of, job)
+            del job
+        return
+    early: dict[int, Any] = {}
     following = 0
-    for index, result in completed(function, of, jobs):
-        early[index] = result
-        while following in early:
-            yield early.pop(following)
-            following += 1
+    with closing(_done(_cluster, function, of, jobs, gpus)) as done:
+        for index, reference in done:
+            early[index] = reference
+            while following in early:
+                yield _result(_cluster.ray, early.pop(following))
+                following += 1
 
 
 def completed(function: Callable[[T, J], R], of: T, jobs: Iterable[J]) -> Iterator[tuple[int, R]]:
     """The index and the result of each job as soon as it is there."""
     if _cluster is None:
-        for index, job in enumerate(jobs):
-            yield index, function(of, job)
+        yield from enumerate(mapped(function, of, jobs))
         return
-    ray, held = _cluster.ray, [_cluster.reference(of)]
-    task = ray.remote(_task).options(max_retries=RETRIES)
-    limit = AHEAD * _cluster.processors
+    with closing(_done(_cluster, function, of, jobs, 0)) as done:
+        for index, reference in done:
+            yield index, _result(_cluster.ray, reference)
+
+
+def _done(
+    cluster: Cluster, function: Callable[[T, J], R], of: T, jobs: Iterable[J], gpus: int
+) -> Generator[tuple[int, Any], None, None]:
+    """The index of each job, and the reference of its result, as soon as it is there."""
+    ray, held = cluster.ray, [cluster.reference(of)]
+    task = ray.remote(_task).options(max_retries=RETRIES, num_gpus=gpus)
+    limit = AHEAD * cluster.processors
     flying: dict[Any, int] = {}
     left = enumerate(jobs)
     try:
@@ -167,7 +190,8 @@ def completed(function: Callable[[T, J], R], of: T, jobs: Iterable[J]) -> Iterat
             if not flying:
                 return
             (done,), _ = ray.wait([*flying], num_returns=1)
-            yield flying.pop(done), _result(ray, done)
+            yield flying.pop(done), done
+            del done
     finally:
         # After an error, or if the caller has seen enough.
         for each in flying:

@@ -7,9 +7,9 @@ from typing import Any
 
 import typer
 
-from surefix import SurefixValueError, match_distances
+from surefix import Segments, SurefixValueError, match_distances
 from surefix.baselines import Context, run_method
-from surefix.cli.drives import distances_of, open_map, truth_without
+from surefix.cli.drives import Float32, distances_of, open_map, truth_without
 from surefix.cli.inputs import refuse
 from surefix.cli.networks import ModelOptions
 from surefix.cli.recorded import open_drive
@@ -83,7 +83,49 @@ class Judging:
         """The methods on a map and a drive, or on distances."""
         learned = queries is not None and open_map(route).descriptor is None
         model = self.model if learned else ModelOptions()
-        drive = open_drive(route, queries, (), self.similarity, model, **sampling)
+        ready = Ready.open(self.where, route, queries, model, self.similarity, sampling)
+        return ready.judged(self.methods, self.options, self.recall)
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """Distances with a truth.
+
+    Attributes
+    ----------
+    source : str
+        The map, the images or the matrix, for errors.
+    distances : array of float32, shape (n, m)
+    truth, tolerance
+        As for ``surefix.evaluate``.
+    segments, positions
+        Those of the map, if there is one.
+    queries : list of str, or None
+        The names of the queries.
+    drive : str, or None
+        A mark of their files.
+    """
+
+    source: str
+    distances: Float32
+    truth: Any
+    tolerance: float
+    segments: Segments | None = None
+    positions: Any = None
+    queries: list[str] | None = None
+    drive: str | None = None
+
+    @classmethod
+    def open(
+        cls,
+        where: TruthOptions,
+        route: str,
+        queries: str | None,
+        model: ModelOptions,
+        similarity: bool,
+        sampling: dict[str, Any],
+    ) -> "Ready":
+        drive = open_drive(route, queries, (), similarity, model, **sampling)
         count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
         if not is_held(drive.places, count):
             size = f"{drive.places} x {count} distances, of {route}"
@@ -91,19 +133,27 @@ class Judging:
         mapped = Places.of(drive.maps[0]) if drive.maps else Places(drive.places)
         recorded = drive.numbers, drive.total
         driven = Queries(count + len(drive.bad), drive.seen, drive.times, drive.bag, *recorded)
-        at = self.where.of(mapped, driven)
+        at = where.of(mapped, driven)
         truth = truth_without(at.truth, drive.bad)
         D = distances_of(drive.maps[0], drive.rows[0]) if drive.maps else drive.rows[0]
         segments = drive.maps[0].segments if drive.maps else None
-        context = Context(truth=truth, truth_tolerance=at.tolerance, segments=segments)
-        context = replace(context, positions=mapped.positions, **self.options)
+        # Ready descriptors are other files for each map.
+        mark = None if drive.queries is None else drive_of(drive.files)
+        names = drive.queries
+        return cls(route, D, truth, at.tolerance, segments, mapped.positions, names, mark)
+
+    def judged(
+        self, methods: Sequence[str], options: dict[str, Any], recall: Recall
+    ) -> list[Judged]:
+        """The matches of each method."""
+        D, truth, segments = self.distances, self.truth, self.segments
+        context = Context(truth=truth, truth_tolerance=self.tolerance, segments=segments)
+        context = replace(context, positions=self.positions, **options)
         try:
             run = match_distances(D, **context.options)
         except SurefixValueError as error:
             if str(error).startswith("option"):
-                raise typer.BadParameter(f"{route}: {error}") from None
+                raise typer.BadParameter(f"{self.source}: {error}") from None
             raise
-        # Ready descriptors are other files for each map.
-        mark = None if drive.queries is None else drive_of(drive.files)
-        how = (truth, at.tolerance, self.recall, drive.queries, run, segments, mark)
-        return [Judged.by_truth(name, run_method(name, D, context), *how) for name in self.methods]
+        how = (truth, self.tolerance, recall, self.queries, run, segments, self.drive)
+        return [Judged.by_truth(name, run_method(name, D, context), *how) for name in methods]

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from surefix import Map, Sad
+from surefix._ray import is_spread
 from surefix.cli import inputs
 from surefix.cli.info import look, repeated, said_blank, said_repeated
 from surefix.cli.inputs import refuse
@@ -85,8 +86,8 @@ def make(
             if isinstance(frames, ImageFrames):
                 check_breaks(how.roads, len(frames))
                 seen["skip_bad"] = not how.strict
-            in_file = out is not None and isinstance(frames, ImageFrames)
-            if out is not None and isinstance(frames, ImageFrames):
+            in_file = isinstance(frames, ImageFrames) and not is_spread()
+            if out is not None and isinstance(frames, ImageFrames) and not is_spread():
                 Map.build(out, frames.source, how.sad, positions=where, **seen)
                 route = look(out)
             else:

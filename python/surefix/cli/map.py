@@ -11,7 +11,7 @@ from surefix._terminal import say
 from surefix._words import plural
 from surefix.cli import inputs
 from surefix.cli.drives import networks_of
-from surefix.cli.flags import SELDOM, documented
+from surefix.cli.flags import SELDOM, documented, with_ray
 from surefix.cli.info import look, said_blank, size_of
 from surefix.cli.inputs import refuse
 from surefix.cli.making import Making, check_breaks, make
@@ -66,6 +66,7 @@ def _check_sad(references: str, metric: Metric | None, post: str | None) -> None
     refuse(post is not None, f"--post: {wanted}: {references}")
 
 
+@with_ray
 @documented
 @closable
 def build(

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from surefix._core import Sad
 from surefix._progress import Bar, Progress, terminal_bar
+from surefix._ray import mapped
 from surefix.descriptors.cache import ANEW, Cache
 from surefix.descriptors.descriptor import (
     Descriptor,
@@ -277,18 +278,20 @@ def _too_long(path: Path, images: int, rows: int) -> SurefixValueError:
 
 
 def _vectors(batches: Iterator[list[Loaded]], descriptor: Descriptor) -> Iterator[Part]:
-    for batch in batches:
-        names, digests = [name for name, _, _ in batch], [digest for _, digest, _ in batch]
-        try:
-            vectors = descriptor.describe([image for _, _, image in batch])
-        except SurefixValueError as error:
-            raise SurefixValueError(f"images {names[0]} to {names[-1]}: {error}") from None
-        of = [f"image {name}" for name in names]
-        rows = checked_rows(vectors, len(batch), descriptor.name, of)
-        rows = without_content(rows, [image for _, _, image in batch])
-        # The next batch is not read before this one is gone.
-        del batch
-        yield names, digests, rows
+    # A network on a graphics card describes on one.
+    cards = int(str(getattr(descriptor, "device", "")).startswith("cuda"))
+    yield from mapped(_described, descriptor, batches, cards)
+
+
+def _described(descriptor: Descriptor, batch: list[Loaded]) -> Part:
+    names, digests = [name for name, _, _ in batch], [digest for _, digest, _ in batch]
+    try:
+        vectors = descriptor.describe([image for _, _, image in batch])
+    except SurefixValueError as error:
+        raise SurefixValueError(f"images {names[0]} to {names[-1]}: {error}") from None
+    of = [f"image {name}" for name in names]
+    rows = checked_rows(vectors, len(batch), descriptor.name, of)
+    return names, digests, without_content(rows, [image for _, _, image in batch])
 
 
 def without_content(rows: Rows, images: Sequence[npt.NDArray[np.uint8]]) -> Rows:

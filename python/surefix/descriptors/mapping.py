@@ -11,12 +11,14 @@ import numpy.typing as npt
 
 from surefix._core import Map, Sad, Segments
 from surefix._progress import Bar, Progress, terminal_bar
+from surefix._ray import is_spread
 from surefix.descriptors.descriptor import recipe_of, same_vectors
 from surefix.descriptors.extraction import described
 from surefix.descriptors.pictures import Pictured, Wanted, size_of
+from surefix.descriptors.spread import files_map
 from surefix.errors import SurefixValueError, mismatch
 from surefix.frames.frame import Frame, Frames, Shot
-from surefix.frames.images import ImageArray, ImageFrames, frames_of
+from surefix.frames.images import ImageArray, ImageFiles, ImageFrames, frames_of
 from surefix.frames.levels import LOOKED_AT, Levels, measured
 from surefix.frames.nearest import EveryMetres
 from surefix.frames.sampling import Derived
@@ -169,6 +171,17 @@ def sad_map(
     how: dict[str, Any] = {"breaks": breaks, "closed": closed, "origin": origin}
     if isinstance(frames, ImageFrames):
         how |= {"skip_bad": skip_bad, "mixed_sizes": mixed_sizes, "thumbnails": thumbnails}
+        if is_spread() and isinstance(frames.images, ImageFiles):
+            size_of(thumbnails)
+            Segments(len(frames), breaks, closed)
+            _check_positions(frames, positions, origin)
+            del how["breaks"], how["closed"]
+            files = files_map(frames, sad, positions, report, **how)
+            if files is not None:
+                bad = {*files.bad}
+                segments = _segments(breaks, closed, len(files.map), bad)
+                return files.map.with_segments(segments)
+            how |= {"breaks": breaks, "closed": closed}
         return Map.from_images(frames.source, sad, positions=positions, progress=report, **how)
     if frames.count is not None:
         Segments(frames.count, breaks, closed)
