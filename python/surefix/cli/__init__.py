@@ -30,6 +30,7 @@ from surefix.cli.map import append, build
 from surefix.cli.models import models
 from surefix.cli.reproduce import reproduce
 from surefix.cli.run import run
+from surefix.cli.study import study_
 from surefix.cli.tune import tune_
 from surefix.machine import in_gb, limits_left
 
@@ -41,7 +42,7 @@ INTERRUPTED = 130
 # The commands in the order in which one needs them, under their headings in the help.
 PANELS = {
     "Localize": ("demo", "map", "run"),
-    "Judge and choose": ("eval", "align", "audit", "tune", "compare"),
+    "Judge and choose": ("eval", "align", "audit", "tune", "compare", "study"),
     "More": ("loops", "models", "reproduce", "bench", "doctor"),
 }
 
@@ -170,6 +171,12 @@ app.command(
     "--truth identity",
     short_help="Compare reports, runs, methods or descriptors in one table.",
 )(compare_)
+app.command(
+    "study",
+    epilog="Example: surefix study study.toml -o results/\n\n"
+    "Example: surefix study study.toml -o results/ --ray",
+    short_help="Evaluate many settings, descriptors and routes: one table.",
+)(study_)
 app.command(
     epilog="Example: surefix reproduce --data data/ -o report/",
     short_help="Make the paper's table and figures again, on your data.",
