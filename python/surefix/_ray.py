@@ -14,7 +14,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import (
     ExitStack,
     chdir,
@@ -24,7 +24,7 @@ from contextlib import (
     redirect_stdout,
     suppress,
 )
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from surefix._core import __version__
 from surefix._extra import require
@@ -42,6 +42,7 @@ TIMEOUT = 5.0
 AHEAD = 2
 # How often Ray begins a task again whose worker died.
 RETRIES = 3
+LOG = logging.getLogger("surefix")
 # The last value that tasks in this worker were given, by its name in Ray's store.
 _held: dict[str, Any] = {}
 
@@ -198,17 +199,36 @@ def _done(
             ray.cancel(each)
 
 
-def _task(version: str, folder: str, held: list[Any], work: bytes) -> tuple[Any, Any, list[Any]]:
+class _Said(NamedTuple):
+    """What a task wrote to its streams, and what it logged."""
+
+    out: str = ""
+    err: str = ""
+    logged: Sequence[tuple[int, str]] = ()
+
+
+class _Log(logging.Handler):
+    """Keeps what is logged in a task."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.logged: list[tuple[int, str]] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.logged.append((record.levelno, record.getMessage()))
+
+
+def _task(version: str, folder: str, held: list[Any], work: bytes) -> tuple[Any, Any, _Said]:
     """Runs in a worker: the result, what was raised, and what was said."""
     import ray
 
     # Before anything of the package is read that another version may not have.
     node = ray.util.get_node_ip_address()
     if version != __version__:
-        return None, mismatch(f"Ray, machine {node}", f"surefix {version}", __version__), []
+        return None, mismatch(f"Ray, machine {node}", f"surefix {version}", __version__), _Said()
     # A task has as many threads as Ray gives it processors.
     os.environ.setdefault("RAYON_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
-    out, err = io.StringIO(), io.StringIO()
+    out, err, log = io.StringIO(), io.StringIO(), _Log()
     result: Any = None
     failed: Exception | None = None
     with ExitStack() as inside:
@@ -217,9 +237,11 @@ def _task(version: str, folder: str, held: list[Any], work: bytes) -> tuple[Any,
         except OSError as error:
             expected = f"the folder {folder} on all machines"
             reason = error.strerror or error
-            return None, mismatch(f"Ray, machine {node}", expected, reason), []
+            return None, mismatch(f"Ray, machine {node}", expected, reason), _Said()
         inside.enter_context(redirect_stdout(out))
         inside.enter_context(redirect_stderr(err))
+        LOG.addHandler(log)
+        inside.callback(LOG.removeHandler, log)
         try:
             (reference,) = held
             name = reference.hex()
@@ -230,7 +252,7 @@ def _task(version: str, folder: str, held: list[Any], work: bytes) -> tuple[Any,
             result = function(_held[name], job)
         except Exception as error:
             failed = error
-    return result, failed, [out.getvalue(), err.getvalue()]
+    return result, failed, _Said(out.getvalue(), err.getvalue(), log.logged)
 
 
 def _result(ray: Any, reference: Any) -> Any:
@@ -248,8 +270,10 @@ def _result(ray: Any, reference: Any) -> Any:
         begun = f"a worker died {RETRIES + 1} times at one task"
         died = isinstance(error, ray.exceptions.WorkerCrashedError)
         raise SurefixError(f"Ray: {begun if died else _line(error)}") from None
-    for text, stream in zip(said, (sys.stdout, sys.stderr), strict=False):
-        stream.write(text)
+    for level, text in said.logged:
+        LOG.log(level, text)
+    sys.stdout.write(said.out)
+    sys.stderr.write(said.err)
     if failed is not None:
         raise failed
     return result

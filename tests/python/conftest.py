@@ -2,6 +2,7 @@
 
 import io
 import os
+import signal
 from collections.abc import Iterator
 
 import pytest
@@ -33,3 +34,19 @@ def light_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each figure of a page is drawn once, on light paper."""
     page = pytest.importorskip("surefix.report.page", exc_type=ModuleNotFoundError)
     monkeypatch.setattr(page.Picture, "dark", property(lambda picture: picture.light))
+
+
+@pytest.fixture(scope="session")
+def ray_cluster() -> Iterator[str]:
+    """A small cluster of Ray on this machine, for all tests of a process; its address. Commands in
+    this process are in it, others join it by RAY_ADDRESS.
+    """
+    ray = pytest.importorskip("ray", exc_type=ModuleNotFoundError)
+    before = signal.getsignal(signal.SIGTERM)
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    small = {"num_cpus": 2, "object_store_memory": 80 << 20, "include_dashboard": False}
+    quiet = {"log_to_driver": False, "configure_logging": False, "logging_level": "ERROR"}
+    ray.init("local", **small, **quiet)
+    signal.signal(signal.SIGTERM, before)
+    yield ray.get_runtime_context().gcs_address
+    ray.shutdown()

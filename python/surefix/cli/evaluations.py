@@ -16,7 +16,7 @@ from surefix import Segments, SurefixError, __version__
 from surefix._saving import save
 from surefix.cli.judging import Ready, TruthOptions
 from surefix.cli.networks import ModelOptions
-from surefix.cli.route import is_matrix
+from surefix.cli.route import is_images, is_matrix
 from surefix.cli.where import GAP
 from surefix.comparing import estimates
 from surefix.judged import FIGURES, Recall
@@ -66,7 +66,6 @@ def _mark(facts: Any) -> str:
     return hashlib.blake2b(text.encode(errors="surrogateescape"), digest_size=12).hexdigest()
 
 
-@lru_cache(maxsize=4096)
 def _facts(name: str) -> tuple[Any, ...]:
     """The sizes and times of the files of a name."""
     place = Path(name)
@@ -102,7 +101,8 @@ def make_ready(asked: Asked, job: Job) -> str | None:
     sampling |= {} if matrix else {"order": given.get("order", "name")}
     similarity = said.get("similarity", False)
     try:
-        ready = Ready.open(where, place, queries, model, similarity, sampling)
+        kept = path.with_suffix(".safetensors") if is_images(place) else None
+        ready = Ready.open(where, place, queries, model, similarity, sampling, kept)
         if not matrix:
             with_distances = path.with_suffix(".npy")
             save(with_distances, _bytes(np.save, ready.distances), PROBLEM)

@@ -124,8 +124,9 @@ class Ready:
         model: ModelOptions,
         similarity: bool,
         sampling: dict[str, Any],
+        save_map: Path | None = None,
     ) -> "Ready":
-        drive = open_drive(route, queries, (), similarity, model, **sampling)
+        drive = open_drive(route, queries, (), similarity, model, save_map, **sampling)
         count = len(drive.rows[0]) if drive.maps else drive.rows[0].shape[1]
         if not is_held(drive.places, count):
             size = f"{drive.places} x {count} distances, of {route}"

@@ -53,7 +53,14 @@ def study_(file: Path, out: Annotated[Path, typer.Option("--out", "-o")] = Path(
         pair = pairs.get(names) or pairs.setdefault(names, pair_of(each))
         job = Job(pair, each)
         jobs.append((identity(job, plan), job))
-    failed = _run(plan, [job for job in jobs if job[0] not in rows.known], rows, out / "ready")
+    left = [job for job in jobs if job[0] not in rows.known]
+    try:
+        failed = _run(plan, left, rows, out / "ready")
+    finally:
+        rows.flush()
+        if sys.exception() is not None:
+            kept = plural(len(rows.known), "row")
+            say(f"{kept} kept: the same command goes on", file=sys.stderr)
     types = _types(plan)
     table = [
         _row(types, job.evaluation, rows.known.get(name), failed.get(name)) for name, job in jobs
@@ -71,7 +78,7 @@ def study_(file: Path, out: Annotated[Path, typer.Option("--out", "-o")] = Path(
 
 def _run(plan: Plan, jobs: Sequence[tuple[str, Job]], rows: Rows, folder: Path) -> dict[str, str]:
     """Evaluates the jobs; the errors, by the mark of the row."""
-    asked = Asked(folder, plan.recall, plan.upto, plan.samples)
+    asked = Asked(folder.absolute(), plan.recall, plan.upto, plan.samples)
     firsts = [*{job.pair: job for _, job in jobs}.values()]
     bar = terminal_bar("Describing")
     unready: dict[str, str] = {}
@@ -83,19 +90,14 @@ def _run(plan: Plan, jobs: Sequence[tuple[str, Job]], rows: Rows, folder: Path) 
     failed = {name: unready[job.pair] for name, job in jobs if job.pair in unready}
     left = [(name, job) for name, job in jobs if name not in failed]
     bar = terminal_bar("Evaluating")
-    try:
-        for done, (at, row) in enumerate(completed(evaluate, asked, [job for _, job in left]), 1):
-            name = left[at][0]
-            if "error" in row:
-                failed[name] = row["error"]
-            else:
-                rows.add(name, row)
-            if bar is not None:
-                bar(done, len(left))
-    finally:
-        rows.flush()
-        if sys.exception() is not None:
-            say(f"{plural(len(rows.known), 'row')} kept: the same command goes on", file=sys.stderr)
+    for done, (at, row) in enumerate(completed(evaluate, asked, [job for _, job in left]), 1):
+        name = left[at][0]
+        if "error" in row:
+            failed[name] = row["error"]
+        else:
+            rows.add(name, row)
+        if bar is not None:
+            bar(done, len(left))
     return failed
 
 

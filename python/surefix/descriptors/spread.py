@@ -80,30 +80,30 @@ def _described(asked: _Asked, report: Any) -> FilesMap | None:
     route: Map | None = None
     kept: list[int] = []
     bad: list[int] = []
-    starts = range(0, count, STRETCH)
-    for start, (part, missing) in zip(starts, mapped(_stretch, hold(asked), starts), strict=True):
+    stretches = [range(k, min(k + STRETCH, count)) for k in range(0, count, STRETCH)]
+    parts = mapped(_stretch, hold(asked), stretches)
+    for stretch, (part, missing) in zip(stretches, parts, strict=True):
         begin = (0 if route is None else len(route)) + LEAD
         route = part if route is None else route.extended(part)
         kept += range(begin, len(route))
         bad += missing
-        bar.show(min(start + STRETCH, count))
+        bar.show(stretch.stop)
     if route is None or len(kept) < 2:
         return None
     return FilesMap(route.keep(kept), bad)
 
 
-def _stretch(asked: _Asked, start: int) -> tuple[Map, list[int]]:
-    """The map of the first image, twice, and of those from ``start`` on; and the indices of those
-    that cannot be read.
+def _stretch(asked: _Asked, stretch: range) -> tuple[Map, list[int]]:
+    """The map of the first image, twice, and of some more; and the indices of those that cannot be
+    read.
     """
-    stop = min(start + STRETCH, len(asked.frames))
-    which = [*[asked.first] * LEAD, *range(start, stop)]
+    which = [*[asked.first] * LEAD, *stretch]
     where = None if asked.positions is None else asked.positions[which]
     given: dict[str, Any] = {"skip_bad": asked.skip_bad, "progress": False, **asked.how}
     made = Map.from_images(asked.frames.taken(which).source, asked.sad, positions=where, **given)
     missing: list[int] = []
     if len(made) < len(which):
-        for index in range(start, stop):
+        for index in stretch:
             try:
                 _ = asked.frames.images[index]
             except SurefixValueError:

@@ -269,7 +269,8 @@ class _Reader:
         except TypeError:
             raise self.wrong("settings", 0, key, "options of surefix.Motion", value) from None
         except SurefixError as error:
-            raise SurefixValueError(f"{self.where('settings', 0, key)}: {error}") from None
+            said = str(error).removeprefix(f"option `{key}`: ")
+            raise SurefixValueError(f"{self.where('settings', 0, key)}: {said}") from None
 
     def _methods(self, given: Any, settings: dict[str, list[Any]]) -> list[str]:
         if not isinstance(given, list) or not given:
