@@ -115,7 +115,7 @@ def make_ready(asked: Asked, job: Job) -> str | None:
 def evaluate(asked: Asked, job: Job) -> dict[str, Any]:
     """The figures with their intervals, as of ``surefix compare``; or an error."""
     try:
-        ready = _ready(asked.folder, job.pair)
+        ready = _ready(asked.folder.absolute(), job.pair)
         evaluation = job.evaluation
         (judged,) = ready.judged([evaluation.method], evaluation.options, asked.recall)
         found = estimates(judged, asked.upto, asked.samples)

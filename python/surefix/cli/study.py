@@ -78,7 +78,7 @@ def study_(file: Path, out: Annotated[Path, typer.Option("--out", "-o")] = Path(
 
 def _run(plan: Plan, jobs: Sequence[tuple[str, Job]], rows: Rows, folder: Path) -> dict[str, str]:
     """Evaluates the jobs; the errors, by the mark of the row."""
-    asked = Asked(folder.absolute(), plan.recall, plan.upto, plan.samples)
+    asked = Asked(folder, plan.recall, plan.upto, plan.samples)
     firsts = [*{job.pair: job for _, job in jobs}.values()]
     bar = terminal_bar("Describing")
     unready: dict[str, str] = {}
@@ -141,4 +141,5 @@ def _print(plan: Plan, table: Sequence[dict[str, Any]]) -> None:
     shown = [(*name, str(n), *(f"{mean:.3f}" for mean in means)) for means, name, n in lines]
     print_columns([header, *shown[:SHOWN]])
     more = len(shown) - SHOWN
-    say(*([f"and {more} more, of a lesser area"] if more > 0 else []))
+    if more > 0:
+        say(f"and {more} more, with smaller areas")
