@@ -50,7 +50,11 @@ def pair_of(evaluation: Evaluation) -> str:
         {key: value for key, value in table.given.items() if key != "name"}
         for table in (evaluation.route, evaluation.descriptor)
     ]
-    names = [evaluation.file(key) for key in (*FILES, "model")]
+    file = evaluation.file("file")
+    # A map is read in place of the references, and distances in place of the queries too.
+    unread = {"references"} if file is not None else set()
+    unread |= {"queries"} if file is not None and is_matrix(file) else set()
+    names = [evaluation.file(key) for key in (*FILES, "model") if key not in unread]
     return _mark([__version__, given, [_facts(name) for name in names if name is not None]])
 
 
