@@ -1,0 +1,119 @@
+"""The part of a map that one Ray actor holds."""
+
+import os
+from typing import Any
+
+from surefix import _core
+from surefix._core import Map
+from surefix.distributed.sources import Source, joined, places_of
+from surefix.errors import SurefixError
+
+__all__ = ["GONE", "Holder"]
+
+# An answer of ``resume``: the node that had the snapshot is gone.
+GONE = "gone"
+
+
+class Holder:
+    """An actor. A new one, and one that Ray has restarted, knows nothing of earlier queries until
+    ``resume``.
+
+    Parameters
+    ----------
+    files : list of (Source, str)
+        The map's files, with their identities; or none.
+    whole : list of ObjectRef
+        The map itself, if there are no files. In a list, so that Ray does not fetch it.
+    index, shards : int
+    options : dict
+        Of the method.
+    """
+
+    def __init__(
+        self,
+        files: list[tuple[Source, str]],
+        whole: list[Any],
+        index: int,
+        shards: int,
+        options: dict[str, Any],
+    ) -> None:
+        self._files, self._whole, self._made = files, whole, (index, shards, options)
+        self._map: Map | None = None
+        self._shard: Any = None
+
+    def open(self, version: str) -> None:
+        """Opens the map and its own rows, before the first query.
+
+        Raises
+        ------
+        SurefixError
+            If the worker has another version of surefix, or the file is another one.
+        """
+        if version != _core.__version__:
+            expected = f"expected surefix {version} as on the driver"
+            raise SurefixError(f"{expected}, got {_core.__version__} on a worker")
+        if self._map is None:
+            self._map = self._opened()
+        self._shard = self._fresh(self._map)
+
+    def ask(self, stage: str, message: bytes) -> bytes | None:
+        """Answers a message of the driver; None if it knows nothing of earlier queries."""
+        if self._shard is None:
+            return None
+        if stage == "snapshot":
+            return self.saved()[0]
+        answer: bytes = getattr(self._shard, stage)(message)
+        return answer
+
+    def resume(self, version: str, base: list[Any], replay: list[tuple[str, bytes]]) -> str | None:
+        """Comes to the state after these messages, the first of which followed on the snapshot.
+
+        Returns
+        -------
+        str or None
+            ``GONE`` if the snapshot is lost.
+        """
+        import ray
+
+        self._shard = None
+        self.open(version)
+        shard, self._shard = self._shard, None
+        if base:
+            try:
+                blob = ray.get(base[0])
+            except ray.exceptions.ObjectLostError:
+                return GONE
+            shard.restore(blob)
+        for stage, message in replay:
+            getattr(shard, stage)(message)
+        self._shard = shard
+        return None
+
+    def saved(self) -> tuple[bytes, bool]:
+        """The state after the queries so far, and that it is there."""
+        if self._shard is None:
+            raise SurefixError("restarted before its snapshot")
+        return self._shard.snapshot(), True
+
+    def process(self) -> int:
+        """The number of its process."""
+        return os.getpid()
+
+    def _opened(self) -> Map:
+        if self._whole:
+            import ray
+
+            whole: Map = ray.get(self._whole[0])
+            return whole
+        for source, identity in self._files:
+            if source.identity() != identity:
+                raise SurefixError(f"{source.name}: not the file that the driver opened")
+        # Which rows it needs, it knows once the rest is open.
+        maps = [source.open() for source, _ in self._files]
+        needed = places_of(map(len, maps), self._fresh(joined(maps)).rows())
+        pairs = zip(self._files, needed, strict=True)
+        return joined([source.open(places) for (source, _), places in pairs])
+
+    def _fresh(self, route: Map) -> Any:
+        index, shards, options = self._made
+        return _core.Shard(route, index, shards, **options)

@@ -1,0 +1,294 @@
+"""``ShardedLocalizer``: the driver."""
+
+import struct
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from os import PathLike
+from typing import Any, Self
+
+from surefix import _core
+from surefix._core import Fix, Map, Settings
+from surefix._extra import require
+from surefix.distributed.actor import Holder
+from surefix.distributed.errors import ShardError
+from surefix.distributed.remote import LAST, Deadline, Message, Remote, Trip, one_line
+from surefix.distributed.sources import joined, sources
+from surefix.errors import SurefixError, mismatch
+
+__all__ = ["ShardedLocalizer"]
+
+# Of a snapshot: this, the number of shards, and the lengths of the parts, the driver's first.
+MAGIC = b"surefix-shards-1"
+
+Where = str | PathLike[str]
+
+
+class ShardedLocalizer:
+    """A ``Localizer`` whose map lies in Ray actors, each with a range of places: the same fixes to
+    the last bit, for maps beyond one machine.
+
+    Parameters
+    ----------
+    map : Map, path, URL, or several paths and URLs
+        The map's file, which every worker finds under the same name and maps into memory; or a URL
+        for fsspec (``s3://bucket/city.safetensors``), of which a worker fetches its own rows.
+        Several files are joined (``Map.join``). A ``Map`` is copied to every actor: only small
+        ones.
+    shards : int
+        The number of actors, at most one for each 4,096 places.
+    deadline : float
+        Seconds that ``push`` waits for the shards, restarts of theirs among them.
+    snapshot_every : int
+        The queries after which each shard's state is saved in Ray's object store. One that dies is
+        brought back from there, and sees the queries since then again.
+    ray_options : mapping, optional
+        For each actor, beside ``{"num_cpus": 0, "scheduling_strategy": "SPREAD"}``: with
+        ``{"num_cpus": 1}`` a cluster that scales by itself grows for them.
+    descriptor
+        As for ``Localizer``.
+    **options
+        As for ``Localizer``.
+
+    Raises
+    ------
+    SurefixError
+        If there is no Ray or no cluster, or a worker lacks the file, has another file or another
+        version of surefix.
+    SurefixValueError
+        For an option outside its range, or more shards than blocks of 4,096 places.
+
+    Examples
+    --------
+    >>> import surefix
+    >>> from surefix.distributed import ShardedLocalizer
+    >>> with ShardedLocalizer("city.safetensors", shards=8, motion="any") as city:  # doctest: +SKIP
+    ...     for image in camera:
+    ...         fix = city.push(image)
+    """
+
+    def __init__(
+        self,
+        map: Map | Where | Iterable[Where],
+        *,
+        shards: int = 8,
+        deadline: float = 30.0,
+        snapshot_every: int = 16,
+        ray_options: Mapping[str, Any] | None = None,
+        descriptor: Any = None,
+        **options: Any,
+    ) -> None:
+        for name, number, least in (("shards", shards, 1), ("snapshot_every", snapshot_every, 1)):
+            if not isinstance(number, int) or number < least:
+                raise mismatch(name, f"a whole number of {least} or more", repr(number))
+        if not deadline > 0:
+            raise mismatch("deadline", "seconds above 0", repr(deadline))
+        config = options.get("config")
+        if isinstance(config, (str, PathLike)):
+            options["config"] = Settings.open(config)
+        self._deadline, self._every = float(deadline), snapshot_every
+        self._busy = threading.Lock()
+        self._remotes: list[Remote] = []
+        # The last trip of a frame that is taken.
+        self._last: Trip | None = None
+        files = [] if isinstance(map, Map) else sources(map)
+        self._map = map if isinstance(map, Map) else joined([file.open() for file in files])
+        self._driver = _core.ShardDriver(self._map, shards, descriptor=descriptor, **options)
+        self._ray = ray = require("ray", "a ShardedLocalizer", "Ray", "surefix[ray]")
+        known = [(file, file.identity()) for file in files]
+        # It stays in the object store as long as this one has the reference.
+        self._whole = [] if files else [ray.put(map)]
+        given = {"num_cpus": 0, "scheduling_strategy": "SPREAD", **(ray_options or {})}
+        holder = ray.remote(Holder).options(max_restarts=-1, max_task_retries=0, **given)
+        actors = [
+            holder.remote(known, self._whole, index, shards, options) for index in range(shards)
+        ]
+        self._remotes = [Remote(ray, actor, index) for index, actor in enumerate(actors)]
+        try:
+            for index, remote in enumerate(self._remotes):
+                self._got(index, remote.actor.open.remote(_core.__version__))
+        except BaseException:
+            self.close()
+            raise
+
+    def push(self, frame: Any, trusted: bool | None = None, advance: float | None = None) -> Fix:
+        """Takes one camera frame, and says where the robot is, as ``Localizer.push``.
+
+        Raises
+        ------
+        ShardDeadline
+            If a shard does not answer within the deadline.
+        ShardError
+            If a shard can neither answer nor be brought back. After both, either nothing has
+            changed anywhere, or the frame counts as taken and the next call ends it: the message
+            says which. ``finish`` gives its fix.
+        SurefixValueError
+            As for ``Localizer.push``; the localizer is then as it was.
+        """
+        with self._alone() as deadline:
+            self._finish(deadline)
+            step = self._driver.push(frame, advance=advance, trusted=trusted)
+            sent: list[list[Message]] = [[] for _ in self._remotes]
+            try:
+                while step[0] != LAST:
+                    trip = Trip(self._remotes, *step, sent)
+                    answers = trip.run(deadline)
+                    sent = trip.messages
+                    step = self._driver.answer(answers)
+            except BaseException:
+                self._driver.abandon()
+                raise
+            self._last = Trip(self._remotes, *step, sent)
+            fix = self._finish(deadline)
+            assert fix is not None
+            return fix
+
+    def finish(self) -> Fix | None:
+        """The fix of a frame that was taken, but whose ``push`` a deadline had cut; None if there
+        is none. The next ``push`` does the same, and drops it.
+
+        Raises
+        ------
+        ShardError
+            As for ``push``.
+        """
+        with self._alone() as deadline:
+            return self._finish(deadline)
+
+    def gap(self, advance: float | None = None) -> None:
+        """As ``Localizer.gap``."""
+        with self._alone() as deadline:
+            self._finish(deadline)
+            self._driver.gap(advance)
+
+    def reset(self) -> None:
+        """Forgets all frames: the next one is frame 0. It works even if a shard's state is lost."""
+        with self._alone():
+            self._last = None
+            self._driver.reset()
+            for remote in self._remotes:
+                remote.rewind([])
+
+    def snapshot(self) -> bytes:
+        """The state as bytes, without the map; ``restore`` goes on from it bit-identically."""
+        with self._alone() as deadline:
+            self._finish(deadline)
+            nothing = [b""] * len(self._remotes)
+            trip = Trip(self._remotes, "snapshot", nothing, [[] for _ in nothing])
+            parts = [self._driver.snapshot(), *trip.run(deadline)]
+            lengths = struct.pack(f"<I{len(parts)}Q", len(parts), *map(len, parts))
+            return b"".join([MAGIC, lengths, *parts])
+
+    @classmethod
+    def restore(
+        cls, map: Map | Where | Iterable[Where], blob: bytes, **options: Any
+    ) -> "ShardedLocalizer":
+        """A localizer of as many shards that goes on where the snapshot was taken.
+
+        Parameters
+        ----------
+        map
+            The map that it was taken on.
+        blob : bytes
+            From ``snapshot``.
+        **options
+            As for ``ShardedLocalizer``, and those of the method as they were.
+
+        Raises
+        ------
+        SurefixValueError
+            If the bytes are damaged, or of another map or other options.
+        """
+        first, *rest = _parts(blob)
+        new = cls(map, shards=len(rest), **options)
+        try:
+            new._driver.restore(first)
+            for remote, part in zip(new._remotes, rest, strict=True):
+                remote.rewind([new._ray.put(part)])
+            calls = [remote.resume() for remote in new._remotes]
+            for index, call in enumerate(calls):
+                new._got(index, call)
+        except BaseException:
+            new.close()
+            raise
+        return new
+
+    def close(self) -> None:
+        """Ends the actors."""
+        for remote in self._remotes:
+            self._ray.kill(remote.actor)
+        self._remotes = []
+
+    @property
+    def map(self) -> Map:
+        """The map, as the driver opened it. Of a URL, rows are zeros."""
+        return self._map
+
+    @property
+    def shards(self) -> int:
+        """The number of shards; 0 once it is closed."""
+        return len(self._remotes)
+
+    @property
+    def frames(self) -> int:
+        """The number of frames taken."""
+        return int(self._driver.frames) + (self._last is not None)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"ShardedLocalizer({self._map}, shards={self.shards}, frames={self.frames})"
+
+    @contextmanager
+    def _alone(self) -> Iterator[Deadline]:
+        if not self._busy.acquire(blocking=False):
+            raise SurefixError("ShardedLocalizer: in use by another thread: give each its own")
+        try:
+            if not self._remotes:
+                raise SurefixError("ShardedLocalizer: it is closed")
+            yield Deadline(self._deadline)
+        finally:
+            self._busy.release()
+
+    def _finish(self, deadline: Deadline) -> Fix | None:
+        """Ends the last trip of a frame that is taken."""
+        if self._last is None:
+            return None
+        fix: Fix = self._driver.answer(self._last.run(deadline))
+        for remote, messages in zip(self._remotes, self._last.messages, strict=True):
+            remote.commit(messages, self._every)
+        self._last = None
+        return fix
+
+    def _got(self, index: int, call: Any) -> None:
+        """Waits for an actor that opens its map."""
+        errors = self._ray.exceptions
+        try:
+            self._ray.get(call)
+        except errors.ActorUnavailableError:
+            # It is brought back with the first query.
+            self._remotes[index].lost = True
+        except errors.RayError as error:
+            where = f"shard {index} of {len(self._remotes)}"
+            raise ShardError(f"{where}: {one_line(error)}") from None
+
+
+def _parts(blob: bytes) -> list[bytes]:
+    """The parts of a snapshot, the driver's first."""
+    start = len(MAGIC) + 4
+    try:
+        if blob[: len(MAGIC)] != MAGIC:
+            raise ValueError
+        (count,) = struct.unpack_from("<I", blob, len(MAGIC))
+        lengths = struct.unpack_from(f"<{count}Q", blob, start)
+        start += 8 * count
+        if count < 2 or start + sum(lengths) != len(blob):
+            raise ValueError
+    except (ValueError, struct.error):
+        raise mismatch("snapshot", "bytes of ShardedLocalizer.snapshot", "others") from None
+    ends = [start + sum(lengths[: index + 1]) for index in range(count)]
+    return [blob[end - length : end] for end, length in zip(ends, lengths, strict=True)]
