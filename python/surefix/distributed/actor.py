@@ -21,9 +21,7 @@ class Holder:
     Parameters
     ----------
     files : list of (Source, str)
-        The map's files, with their identities; or none.
-    whole : list of ObjectRef
-        The map itself, if there are no files. In a list, so that Ray does not fetch it.
+        The map's files, with their identities; none for a map in Ray's object store.
     index, shards : int
     options : dict
         Of the method.
@@ -32,17 +30,23 @@ class Holder:
     def __init__(
         self,
         files: list[tuple[Source, str]],
-        whole: list[Any],
         index: int,
         shards: int,
         options: dict[str, Any],
     ) -> None:
-        self._files, self._whole, self._made = files, whole, (index, shards, options)
+        self._files, self._made = files, (index, shards, options)
         self._map: Map | None = None
         self._shard: Any = None
 
-    def open(self, version: str) -> None:
+    def open(self, version: str, whole: list[Any]) -> None:
         """Opens the map and its own rows, before the first query.
+
+        Parameters
+        ----------
+        version : str
+            Of surefix on the driver.
+        whole : list of ObjectRef
+            The map itself, if there are no files. In a list, so that Ray does not fetch it.
 
         Raises
         ------
@@ -53,7 +57,7 @@ class Holder:
             expected = f"expected surefix {version} as on the driver"
             raise SurefixError(f"{expected}, got {_core.__version__} on a worker")
         if self._map is None:
-            self._map = self._opened()
+            self._map = self._opened(whole)
         self._shard = self._fresh(self._map)
 
     def ask(self, stage: str, message: bytes) -> bytes | None:
@@ -65,7 +69,9 @@ class Holder:
         answer: bytes = getattr(self._shard, stage)(message)
         return answer
 
-    def resume(self, version: str, base: list[Any], replay: list[tuple[str, bytes]]) -> str | None:
+    def resume(
+        self, version: str, whole: list[Any], base: list[Any], replay: list[tuple[str, bytes]]
+    ) -> str | None:
         """Comes to the state after these messages, the first of which followed on the snapshot.
 
         Returns
@@ -76,7 +82,7 @@ class Holder:
         import ray
 
         self._shard = None
-        self.open(version)
+        self.open(version, whole)
         shard, self._shard = self._shard, None
         if base:
             try:
@@ -99,12 +105,12 @@ class Holder:
         """The number of its process."""
         return os.getpid()
 
-    def _opened(self) -> Map:
-        if self._whole:
+    def _opened(self, whole: list[Any]) -> Map:
+        if not self._files:
             import ray
 
-            whole: Map = ray.get(self._whole[0])
-            return whole
+            route: Map = ray.get(whole[0])
+            return route
         for source, identity in self._files:
             if source.identity() != identity:
                 raise SurefixError(f"{source.name}: not the file that the driver opened")

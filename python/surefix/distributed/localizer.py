@@ -10,6 +10,7 @@ from typing import Any, Self
 from surefix import _core
 from surefix._core import Fix, Map, Settings
 from surefix._extra import require
+from surefix._ray import Cluster
 from surefix.distributed.actor import Holder
 from surefix.distributed.errors import ShardError
 from surefix.distributed.remote import LAST, Deadline, Message, Remote, Trip, one_line
@@ -91,22 +92,20 @@ class ShardedLocalizer:
         self._remotes: list[Remote] = []
         # The last trip of a frame that is taken.
         self._last: Trip | None = None
+        require("ray", "a ShardedLocalizer", "Ray", "surefix[ray]")
         files = [] if isinstance(map, Map) else sources(map)
         self._map = map if isinstance(map, Map) else joined([file.open() for file in files])
         self._driver = _core.ShardDriver(self._map, shards, descriptor=descriptor, **options)
-        self._ray = ray = require("ray", "a ShardedLocalizer", "Ray", "surefix[ray]")
+        # It stays joined: other localizers of this process may use the cluster, too.
+        self._ray = ray = Cluster().ray
         known = [(file, file.identity()) for file in files]
-        # It stays in the object store as long as this one has the reference.
-        self._whole = [] if files else [ray.put(map)]
+        whole = [] if files else [ray.put(map)]
         given = {"num_cpus": 0, "scheduling_strategy": "SPREAD", **(ray_options or {})}
         holder = ray.remote(Holder).options(max_restarts=-1, max_task_retries=0, **given)
-        actors = [
-            holder.remote(known, self._whole, index, shards, options) for index in range(shards)
-        ]
-        self._remotes = [Remote(ray, actor, index) for index, actor in enumerate(actors)]
+        actors = [holder.remote(known, index, shards, options) for index in range(shards)]
+        self._remotes = [Remote(ray, actor, whole) for actor in actors]
         try:
-            for index, remote in enumerate(self._remotes):
-                self._got(index, remote.actor.open.remote(_core.__version__))
+            self._wait([remote.open() for remote in self._remotes])
         except BaseException:
             self.close()
             raise
@@ -127,18 +126,17 @@ class ShardedLocalizer:
         """
         with self._alone() as deadline:
             self._finish(deadline)
-            step = self._driver.push(frame, advance=advance, trusted=trusted)
-            sent: list[list[Message]] = [[] for _ in self._remotes]
+            stage, messages = self._driver.push(frame, advance=advance, trusted=trusted)
+            sent: list[list[Message]] = [[] for _ in messages]
             try:
-                while step[0] != LAST:
-                    trip = Trip(self._remotes, *step, sent)
-                    answers = trip.run(deadline)
+                while stage != LAST:
+                    trip = Trip(self._remotes, stage, messages, sent)
+                    stage, messages = self._driver.answer(trip.run(deadline))
                     sent = trip.messages
-                    step = self._driver.answer(answers)
             except BaseException:
                 self._driver.abandon()
                 raise
-            self._last = Trip(self._remotes, *step, sent)
+            self._last = Trip(self._remotes, stage, messages, sent)
             fix = self._finish(deadline)
             assert fix is not None
             return fix
@@ -205,9 +203,7 @@ class ShardedLocalizer:
             new._driver.restore(first)
             for remote, part in zip(new._remotes, rest, strict=True):
                 remote.rewind([new._ray.put(part)])
-            calls = [remote.resume() for remote in new._remotes]
-            for index, call in enumerate(calls):
-                new._got(index, call)
+            new._wait([remote.resume() for remote in new._remotes])
         except BaseException:
             new.close()
             raise
@@ -264,17 +260,18 @@ class ShardedLocalizer:
         self._last = None
         return fix
 
-    def _got(self, index: int, call: Any) -> None:
-        """Waits for an actor that opens its map."""
+    def _wait(self, calls: list[Any]) -> None:
+        """Until each shard has opened its part."""
         errors = self._ray.exceptions
-        try:
-            self._ray.get(call)
-        except errors.ActorUnavailableError:
-            # It is brought back with the first query.
-            self._remotes[index].lost = True
-        except errors.RayError as error:
-            where = f"shard {index} of {len(self._remotes)}"
-            raise ShardError(f"{where}: {one_line(error)}") from None
+        for index, call in enumerate(calls):
+            try:
+                self._ray.get(call)
+            except errors.ActorUnavailableError:
+                # It is brought back with the first query.
+                self._remotes[index].lost = True
+            except errors.RayError as error:
+                where = f"shard {index} of {len(calls)}"
+                raise ShardError(f"{where}: {one_line(error)}") from None
 
 
 def _parts(blob: bytes) -> list[bytes]:

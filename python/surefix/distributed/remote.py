@@ -15,8 +15,9 @@ LAST = "second"
 
 Message = tuple[str, bytes]
 
-# Seconds until an actor that is being restarted is asked again.
-PAUSE = 0.05
+# Seconds until an actor that is being restarted is asked again. If that is too soon, Ray waits for
+# two seconds before it says so.
+PAUSE = 0.25
 # An answer of the same actor that fails as often is no accident.
 FAILURES = 3
 
@@ -36,8 +37,8 @@ class Deadline:
 class Remote:
     """An actor, its newest snapshot, and the messages since then."""
 
-    def __init__(self, ray: Any, actor: Any, index: int) -> None:
-        self.ray, self.actor, self.index = ray, actor, index
+    def __init__(self, ray: Any, actor: Any, whole: list[Any]) -> None:
+        self.ray, self.actor, self._whole = ray, actor, whole
         # In a list: Ray fetches arguments, but not what they hold.
         self._base: list[Any] = []
         self._since: list[Message] = []
@@ -48,10 +49,16 @@ class Remote:
         self.lost = False
         self.resuming: Any = None
 
+    def open(self) -> Any:
+        """Opens its part of the map."""
+        return self.actor.open.remote(_core.__version__, self._whole)
+
     def resume(self) -> Any:
         """Brings it to the state after all queries so far, if that is not under way."""
         if self.resuming is None:
-            self.resuming = self.actor.resume.remote(_core.__version__, self._base, self._since)
+            version = _core.__version__
+            call = self.actor.resume.remote(version, self._whole, self._base, self._since)
+            self.resuming = call
         return self.resuming
 
     def commit(self, sent: list[Message], every: int) -> None:

@@ -42,7 +42,10 @@ def sources(given: object) -> "list[Source]":
     for name in found:
         if not isinstance(name, (str, PathLike)):
             raise mismatch("map", expected, type(name).__name__)
-    return [_InStore(fspath(n)) if "://" in fspath(n) else Source(fspath(n)) for n in found]
+    return [
+        _InStore(fspath(n)) if "://" in fspath(n) else Source(str(Path(n).absolute()))
+        for n in found
+    ]
 
 
 class _Head(NamedTuple):
