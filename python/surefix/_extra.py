@@ -101,7 +101,11 @@ EXTRAS = {
         ),
         Extra("eval", "supervised methods", (Package("sklearn", "scikit-learn", "scikit-learn"),)),
         Extra("dataframe", "data frames", (Package("pandas", "pandas", "pandas"),)),
-        Extra("ray", "clusters: --ray", (Package("ray", "ray", "Ray"),)),
+        Extra(
+            "ray",
+            "clusters: --ray, surefix.distributed",
+            (Package("fsspec", "fsspec", "fsspec"), Package("ray", "ray", "Ray")),
+        ),
         Extra("study", "tables of studies", (Package("pyarrow", "pyarrow", "PyArrow"),)),
     )
 }
