@@ -21,7 +21,7 @@ TOOLS := .tools/bin
 BASELINE ?= $(shell git describe --tags --abbrev=0 HEAD~1 2>/dev/null || git rev-parse HEAD~1)
 
 .PHONY: demo test test-long soak asan tsan mutants fuzz fuzz-seeds quick lint rust rust-docs
-.PHONY: instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance
+.PHONY: instructions instructions-accept wheel wheel-aarch64 python examples docs figures bench performance shards
 .PHONY: clippy style types rivals-quick stubs clean help capi capi-check header
 .PHONY: sdist release-check check-bare check-crate check-licences check-api check-sdist check-wheel check-new-user check-aarch64 check-torch
 
@@ -41,6 +41,7 @@ help:
 	@echo "make capi    the library for C and C++, its headers, CMake package and pkg-config file, in PREFIX (out/capi)"
 	@echo "make header  the C header, made anew of capi/src"
 	@echo "make performance          the tables of docs/performance.md, made anew"
+	@echo "make shards  what a map in shards costs, measured here, in docs/explanation/shards.md"
 	@echo "make instructions-accept  the instruction counts that make test guards, made anew"
 	@echo "make wheel   the Python wheel for any Linux of this processor, in dist"
 	@echo "make wheel-aarch64   the one for 64-bit ARM Linux; make check-aarch64 runs it under qemu"
@@ -202,6 +203,9 @@ bench: $(VENV)/rivals
 performance: $(VENV)/rivals
 	$(RIVALS) $(QUICK) --benchmark-json=target/bench.json
 	$(BIN)/python benches/python/page.py target/bench.json docs/performance.md
+
+shards: $(VENV)/dev
+	$(BIN)/python benches/python/shards.py --page docs/explanation/shards.md
 
 # Each rival that is installed gives the same answers; nothing is timed.
 rivals-quick: $(VENV)/dev

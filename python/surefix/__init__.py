@@ -113,6 +113,7 @@ if TYPE_CHECKING:
     from surefix import baselines as baselines
     from surefix import datasets as datasets
     from surefix import descriptors as descriptors
+    from surefix import distributed as distributed
     from surefix import frames as frames
     from surefix import live as live
     from surefix import plot as plot
@@ -120,7 +121,10 @@ if TYPE_CHECKING:
     from surefix import simulate as simulate
 else:
     # Imported on use: some take long, or need optional packages.
-    _PARTS = ("baselines", "datasets", "descriptors", "frames", "live", "plot", "post", "simulate")
+    _PARTS = (
+        *("baselines", "datasets", "descriptors", "distributed", "frames"),
+        *("live", "plot", "post", "simulate"),
+    )
 
     def __getattr__(name):
         if name in _PARTS:

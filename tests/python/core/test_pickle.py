@@ -13,6 +13,7 @@ import surefix
 import tiny_network
 from surefix import _core, post, simulate
 from surefix.descriptors import Onnx
+from surefix.distributed import ShardDeadline, ShardError
 
 WAYS: list[Callable[[Any], Any]] = [
     lambda thing: pickle.loads(pickle.dumps(thing)),
@@ -70,6 +71,8 @@ def things() -> list[Any]:
         surefix.audit(MAP, DRIVE),
         surefix.SurefixFileError(2, "no such file", "there"),
         surefix.SurefixValueError("said"),
+        ShardError("said"),
+        ShardDeadline("said"),
     ]
 
 

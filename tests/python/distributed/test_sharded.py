@@ -95,7 +95,7 @@ def test_a_refused_frame_changes_nothing(ray: Any, route: surefix.Map, file: Pat
         ({"shards": 10}, "shards: expected .*9"),
         ({"deadline": 0}, "deadline: expected seconds above 0, got 0"),
         ({"snapshot_every": 2.5}, "snapshot_every: expected a whole number"),
-        ({"sequence_length": 0}, "sequence_length: expected"),
+        ({"sequence_length": 0}, "sequence_length`: expected"),
         ({"colour": 1}, "colour"),
     ],
 )
@@ -116,7 +116,9 @@ def test_maps_that_are_none_are_refused(file: Path, tmp_path: Path) -> None:
             ShardedLocalizer(given)  # type: ignore[arg-type]
     other = surefix.Map.from_descriptors(np.ones((BLOCK, 3), np.float32))
     other.save(tmp_path / "other.safetensors")
-    with pytest.raises(SurefixValueError, match=r"map 1: .*expected .* 8 x float32, .* 3 x float32"):
+    with pytest.raises(
+        SurefixValueError, match=r"map 1: .*expected .* 8 x float32, .* 3 x float32"
+    ):
         ShardedLocalizer([file, tmp_path / "other.safetensors"])
 
 

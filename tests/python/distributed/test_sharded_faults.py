@@ -2,7 +2,10 @@
 
 import os
 import random
+import re
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -86,28 +89,29 @@ def test_a_slow_shard_is_named_and_nothing_is_lost(
 ) -> None:
     pushed = drive(route, 12, seed=last)
     wanted = alone(route, pushed, **OPTIONS)
-    with ShardedLocalizer(file, shards=2, deadline=1.0, **OPTIONS) as localizer:
+    with ShardedLocalizer(file, shards=2, deadline=60.0, **OPTIONS) as localizer:
         fixes = [bits(localizer.push(**one)) for one in pushed[:5]]
         number = process(ray, localizer._remotes[1])
         run = Trip.run
 
         def stopped(trip: Trip, deadline: Deadline) -> list[bytes]:
-            if (trip.stage == "second") == last:
-                os.kill(number, signal.SIGSTOP)
-            return run(trip, deadline)
+            if (trip.stage == "second") != last:
+                return run(trip, deadline)
+            os.kill(number, signal.SIGSTOP)
+            return run(trip, Deadline(1.0))
 
         monkeypatch.setattr(Trip, "run", stopped)
         stage, after = ("second", "taken") if last else ("first", "nothing has changed")
         said = rf"shard 1 of 2, {stage} trip: did not answer within 1 s; .*{after}"
         with pytest.raises(ShardDeadline, match=said):
             localizer.push(**pushed[5])
-        monkeypatch.setattr(Trip, "run", run)
         assert localizer.frames == (6 if last else 5)
         if last:
-            # The same again, as it must be ended first.
+            # It must be ended first.
             with pytest.raises(ShardDeadline, match=said):
                 localizer.gap()
         os.kill(number, signal.SIGCONT)
+        monkeypatch.setattr(Trip, "run", run)
         ended = localizer.finish()
         assert (ended is not None) == last
         fixes.append(bits(ended or localizer.push(**pushed[5])))
@@ -158,3 +162,49 @@ def test_the_map_is_gone_when_an_actor_comes_back(
         fixes += [bits(localizer.push(**one)) for one in pushed[4:]]
         wanted = alone(route, pushed, **OPTIONS)
         assert fixes == (wanted if len(fixes) == 6 else wanted[:3] + wanted[4:])
+
+
+NODE_LOST = """
+import pickle, sys, time
+import ray
+from ray.cluster_utils import Cluster
+from shard_maps import alone, bits, drive
+import surefix
+from surefix.distributed import ShardedLocalizer, ShardError
+
+file = sys.argv[1]
+pushed = drive(surefix.Map.open(file), 12)
+wanted = alone(surefix.Map.open(file), pushed, motion="free")
+cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+node = cluster.add_node(num_cpus=1, resources={"shard": 2})
+ray.init(cluster.address, log_to_driver=False)
+options = {"ray_options": {"resources": {"shard": 1}}, "snapshot_every": 1, "deadline": 120.0}
+localizer = ShardedLocalizer(file, shards=2, motion="free", **options)
+fixes = [bits(localizer.push(**one)) for one in pushed[:8]]
+cluster.add_node(num_cpus=1, resources={"shard": 2})
+cluster.remove_node(node)
+for one in (pushed[8], pushed[8]):
+    try:
+        localizer.push(**one)
+        print("answered")
+    except ShardError as error:
+        print(error)
+localizer.reset()
+again = [bits(localizer.push(**one)) for one in pushed]
+print(fixes == wanted[:8] and again == wanted)
+"""
+
+
+@pytest.mark.skipif(not LONG, reason="takes a minute: LONG=1")
+def test_a_lost_node_takes_its_snapshots_along(file: Path) -> None:
+    pytest.importorskip("ray")
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    ran = subprocess.run(
+        [sys.executable, "-c", NODE_LOST, str(file)],
+        capture_output=True, text=True, env=environment,
+    )  # fmt: skip
+    *said, last = ran.stdout.splitlines() or [ran.stderr]
+    assert last == "True", ran.stderr
+    assert len(said) == 2
+    for line in said:
+        assert re.fullmatch(r"shard \d of 2: its node was lost with .* call reset\(\)", line), line
