@@ -1,4 +1,4 @@
-"""The part of a map that one Ray actor holds."""
+"""The part of a map that one Ray actor holds, for one drive or several."""
 
 import os
 from typing import Any
@@ -15,8 +15,8 @@ GONE = "gone"
 
 
 class Holder:
-    """An actor. A new one, and one that Ray has restarted, knows nothing of earlier queries until
-    ``resume``.
+    """An actor. A new one, and one that Ray has restarted, knows nothing of a drive's earlier
+    queries until ``resume``.
 
     Parameters
     ----------
@@ -36,13 +36,16 @@ class Holder:
     ) -> None:
         self._files, self._made = files, (index, shards, options)
         self._map: Map | None = None
-        self._shard: Any = None
+        # By the drive.
+        self._shards: dict[int, Any] = {}
 
-    def open(self, version: str, whole: list[Any]) -> None:
-        """Opens the map and its own rows, before the first query.
+    def open(self, drive: int, version: str, whole: list[Any]) -> None:
+        """Opens the map and its own rows, before the first query of a drive.
 
         Parameters
         ----------
+        drive : int
+            Its number.
         version : str
             Of surefix on the driver.
         whole : list of ObjectRef
@@ -58,19 +61,24 @@ class Holder:
             raise SurefixError(f"{expected}, got {_core.__version__} on a worker")
         if self._map is None:
             self._map = self._opened(whole)
-        self._shard = self._fresh(self._map)
+        self._shards[drive] = self._fresh(self._map)
 
-    def ask(self, stage: str, message: bytes) -> bytes | None:
+    def ask(self, drive: int, stage: str, message: bytes) -> bytes | None:
         """Answers a message of the driver; None if it knows nothing of earlier queries."""
-        if self._shard is None:
+        if drive not in self._shards:
             return None
         if stage == "snapshot":
-            return self.saved()[0]
-        answer: bytes = getattr(self._shard, stage)(message)
+            return self.saved(drive)[0]
+        answer: bytes = getattr(self._shards[drive], stage)(message)
         return answer
 
     def resume(
-        self, version: str, whole: list[Any], base: list[Any], replay: list[tuple[str, bytes]]
+        self,
+        drive: int,
+        version: str,
+        whole: list[Any],
+        base: list[Any],
+        replay: list[tuple[str, bytes]],
     ) -> str | None:
         """Comes to the state after these messages, the first of which followed on the snapshot.
 
@@ -81,9 +89,9 @@ class Holder:
         """
         import ray
 
-        self._shard = None
-        self.open(version, whole)
-        shard, self._shard = self._shard, None
+        self.open(drive, version, whole)
+        # It is asked nothing unless all goes well.
+        shard = self._shards.pop(drive)
         if base:
             try:
                 blob = ray.get(base[0])
@@ -92,14 +100,18 @@ class Holder:
             shard.restore(blob)
         for stage, message in replay:
             getattr(shard, stage)(message)
-        self._shard = shard
+        self._shards[drive] = shard
         return None
 
-    def saved(self) -> tuple[bytes, bool]:
+    def saved(self, drive: int) -> tuple[bytes, bool]:
         """The state after the queries so far, and that it is there."""
-        if self._shard is None:
+        if drive not in self._shards:
             raise SurefixError("restarted before its snapshot")
-        return self._shard.snapshot(), True
+        return self._shards[drive].snapshot(), True
+
+    def forget(self, drive: int) -> None:
+        """Drops what it holds for a drive."""
+        self._shards.pop(drive, None)
 
     def process(self) -> int:
         """The number of its process."""

@@ -4,25 +4,20 @@ import struct
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from copy import copy
 from os import PathLike
 from typing import Any, Self
 
 from surefix import _core
 from surefix._core import Fix, Map, Settings
-from surefix._extra import require
-from surefix._ray import Cluster
-from surefix.distributed.actor import Holder
-from surefix.distributed.errors import ShardError
-from surefix.distributed.remote import LAST, Deadline, Message, Remote, Trip, one_line
-from surefix.distributed.sources import joined, sources
+from surefix.distributed.held import Held, Where
+from surefix.distributed.remote import LAST, Deadline, Message, Trip
 from surefix.errors import SurefixError, mismatch
 
 __all__ = ["ShardedLocalizer"]
 
 # Of a snapshot: this, the number of shards, and the lengths of the parts, the driver's first.
 MAGIC = b"surefix-shards-1"
-
-Where = str | PathLike[str]
 
 
 class ShardedLocalizer:
@@ -87,28 +82,26 @@ class ShardedLocalizer:
         config = options.get("config")
         if isinstance(config, (str, PathLike)):
             options["config"] = Settings.open(config)
-        self._deadline, self._every = float(deadline), snapshot_every
+        self._deadline, self._every, self._descriptor = float(deadline), snapshot_every, descriptor
+        self._begin(Held(map, shards, options, ray_options or {}))
+
+    def _begin(self, held: Held) -> None:
+        self._held = held
         self._busy = threading.Lock()
-        self._remotes: list[Remote] = []
         # The last trip of a frame that is taken.
         self._last: Trip | None = None
-        require("ray", "a ShardedLocalizer", "Ray", "surefix[ray]")
-        files = [] if isinstance(map, Map) else sources(map)
-        self._map = map if isinstance(map, Map) else joined([file.open() for file in files])
-        self._driver = _core.ShardDriver(self._map, shards, descriptor=descriptor, **options)
-        # It stays joined: other localizers of this process may use the cluster, too.
-        self._ray = ray = Cluster().ray
-        known = [(file, file.identity()) for file in files]
-        whole = [] if files else [ray.put(map)]
-        given = {"num_cpus": 0, "scheduling_strategy": "SPREAD", **(ray_options or {})}
-        holder = ray.remote(Holder).options(max_restarts=-1, max_task_retries=0, **given)
-        actors = [holder.remote(known, index, shards, options) for index in range(shards)]
-        self._remotes = [Remote(ray, actor, whole) for actor in actors]
-        try:
-            self._wait([remote.open() for remote in self._remotes])
-        except BaseException:
-            self.close()
-            raise
+        given = {"descriptor": self._descriptor, **held.options}
+        self._driver = _core.ShardDriver(held.map, held.shards, **given)
+        self._remotes = held.drive()
+
+    def another(self) -> "ShardedLocalizer":
+        """A localizer for another drive on the same shards, such as that of another robot. Each may
+        have a thread of its own.
+        """
+        with self._alone():
+            new = copy(self)
+            new._begin(self._held)
+            return new
 
     def push(self, frame: Any, trusted: bool | None = None, advance: float | None = None) -> Fix:
         """Takes one camera frame, and says where the robot is, as ``Localizer.push``.
@@ -202,23 +195,23 @@ class ShardedLocalizer:
         try:
             new._driver.restore(first)
             for remote, part in zip(new._remotes, rest, strict=True):
-                remote.rewind([new._ray.put(part)])
-            new._wait([remote.resume() for remote in new._remotes])
+                remote.rewind([new._held.ray.put(part)])
+            new._held.wait(new._remotes, [remote.resume() for remote in new._remotes])
         except BaseException:
             new.close()
             raise
         return new
 
     def close(self) -> None:
-        """Ends the actors."""
-        for remote in self._remotes:
-            self._ray.kill(remote.actor)
-        self._remotes = []
+        """Ends the drive; with the last one on its shards, the actors."""
+        remotes, self._remotes = self._remotes, []
+        if remotes:
+            self._held.end(remotes)
 
     @property
     def map(self) -> Map:
         """The map, as the driver opened it. Of a URL, rows are zeros."""
-        return self._map
+        return self._held.map
 
     @property
     def shards(self) -> int:
@@ -237,7 +230,7 @@ class ShardedLocalizer:
         self.close()
 
     def __repr__(self) -> str:
-        return f"ShardedLocalizer({self._map}, shards={self.shards}, frames={self.frames})"
+        return f"ShardedLocalizer({self.map}, shards={self.shards}, frames={self.frames})"
 
     @contextmanager
     def _alone(self) -> Iterator[Deadline]:
@@ -259,19 +252,6 @@ class ShardedLocalizer:
             remote.commit(messages, self._every)
         self._last = None
         return fix
-
-    def _wait(self, calls: list[Any]) -> None:
-        """Until each shard has opened its part."""
-        errors = self._ray.exceptions
-        for index, call in enumerate(calls):
-            try:
-                self._ray.get(call)
-            except errors.ActorUnavailableError:
-                # It is brought back with the first query.
-                self._remotes[index].lost = True
-            except errors.RayError as error:
-                where = f"shard {index} of {len(calls)}"
-                raise ShardError(f"{where}: {one_line(error)}") from None
 
 
 def _parts(blob: bytes) -> list[bytes]:

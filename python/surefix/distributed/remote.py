@@ -37,8 +37,8 @@ class Deadline:
 class Remote:
     """An actor, its newest snapshot, and the messages since then."""
 
-    def __init__(self, ray: Any, actor: Any, whole: list[Any]) -> None:
-        self.ray, self.actor, self._whole = ray, actor, whole
+    def __init__(self, ray: Any, actor: Any, whole: list[Any], drive: int) -> None:
+        self.ray, self.actor, self._whole, self._drive = ray, actor, whole, drive
         # In a list: Ray fetches arguments, but not what they hold.
         self._base: list[Any] = []
         self._since: list[Message] = []
@@ -51,14 +51,22 @@ class Remote:
 
     def open(self) -> Any:
         """Opens its part of the map."""
-        return self.actor.open.remote(_core.__version__, self._whole)
+        return self.actor.open.remote(self._drive, _core.__version__, self._whole)
+
+    def ask(self, message: Message) -> Any:
+        """Sends it a message of the query."""
+        return self.actor.ask.remote(self._drive, *message)
+
+    def forget(self) -> None:
+        """Says that the drive is over."""
+        self.actor.forget.remote(self._drive)
 
     def resume(self) -> Any:
         """Brings it to the state after all queries so far, if that is not under way."""
         if self.resuming is None:
-            version = _core.__version__
-            call = self.actor.resume.remote(version, self._whole, self._base, self._since)
-            self.resuming = call
+            self.resuming = self.actor.resume.remote(
+                self._drive, _core.__version__, self._whole, self._base, self._since
+            )
         return self.resuming
 
     def commit(self, sent: list[Message], every: int) -> None:
@@ -67,7 +75,7 @@ class Remote:
         self._queries += 1
         self._settle()
         if self._queries % every == 0 and self._coming is None:
-            blob, done = self.actor.saved.options(num_returns=2).remote()
+            blob, done = self.actor.saved.options(num_returns=2).remote(self._drive)
             self._coming = blob, done, len(self._since)
 
     def rewind(self, base: list[Any]) -> None:
@@ -132,7 +140,7 @@ class Trip:
             self._next[index] = list(self.messages[index])
             self._waiting[remote.resume()] = index, True
         else:
-            self._waiting[remote.actor.ask.remote(*self._next[index][0])] = index, False
+            self._waiting[remote.ask(self._next[index][0])] = index, False
         self._unsent.discard(index)
 
     def _take(self, ref: Any) -> None:

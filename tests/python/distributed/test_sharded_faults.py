@@ -144,6 +144,36 @@ def test_a_frame_that_is_not_ended_is_ended_by_the_next(
 
 
 @pytest.mark.slow
+def test_drives_share_shards_and_their_restarts(ray: Any, route: surefix.Map, file: Path) -> None:
+    drives = [drive(route, 40, seed=seed) for seed in (7, 8, 9)]
+    wanted = [alone(route, pushed, **OPTIONS) for pushed in drives]
+    fixes: list[list[bytes]] = [[] for _ in drives]
+    first = ShardedLocalizer(file, shards=2, deadline=60.0, **OPTIONS)
+    with first.another() as second, second.another() as third:
+        localizers = [first, second, third]
+
+        def push(which: int, count: int) -> None:
+            for one in drives[which][len(fixes[which]) :][:count]:
+                fixes[which].append(bits(localizers[which].push(**one)))
+
+        push(0, 9)
+        threads = [threading.Thread(target=push, args=(which, 30)) for which in range(3)]
+        for thread in threads:
+            thread.start()
+        time.sleep(0.05)
+        ray.kill(first._remotes[0].actor, no_restart=False)
+        for thread in threads:
+            thread.join()
+        # The others go on.
+        first.close()
+        push(1, 40)
+        push(2, 40)
+    assert fixes == [wanted[0][:39], *wanted[1:]]
+    with pytest.raises(surefix.SurefixError, match="it is closed"):
+        first.push(**drives[0][0])
+
+
+@pytest.mark.slow
 def test_the_map_is_gone_when_an_actor_comes_back(
     ray: Any, route: surefix.Map, tmp_path: Path
 ) -> None:
