@@ -1,6 +1,8 @@
 """The part of a map that one Ray actor holds, for one drive or several."""
 
 import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from surefix import _core
@@ -22,7 +24,8 @@ class Holder:
     ----------
     files : list of (Source, str)
         The map's files, with their identities; none for a map in Ray's object store.
-    index, shards : int
+    parts : range
+        Its parts, of all ``count`` of the map: each is worked on by a thread.
     options : dict
         Of the method.
     """
@@ -30,14 +33,15 @@ class Holder:
     def __init__(
         self,
         files: list[tuple[Source, str]],
-        index: int,
-        shards: int,
+        parts: range,
+        count: int,
         options: dict[str, Any],
     ) -> None:
-        self._files, self._made = files, (index, shards, options)
+        self._files, self._parts, self._count, self._options = files, parts, count, options
+        self._threads = ThreadPoolExecutor(len(parts)) if len(parts) > 1 else None
         self._map: Map | None = None
-        # By the drive.
-        self._shards: dict[int, Any] = {}
+        # By the drive: a shard for each part.
+        self._shards: dict[int, list[Any]] = {}
 
     def open(self, drive: int, version: str, whole: list[Any]) -> None:
         """Opens the map and its own rows, before the first query of a drive.
@@ -63,14 +67,15 @@ class Holder:
             self._map = self._opened(whole)
         self._shards[drive] = self._fresh(self._map)
 
-    def ask(self, drive: int, stage: str, message: bytes) -> bytes | None:
-        """Answers a message of the driver; None if it knows nothing of earlier queries."""
+    def ask(self, drive: int, stage: str, messages: list[bytes]) -> list[bytes] | None:
+        """Answers the driver's messages, one for each part; None if it knows nothing of earlier
+        queries.
+        """
         if drive not in self._shards:
             return None
         if stage == "snapshot":
             return self.saved(drive)[0]
-        answer: bytes = getattr(self._shards[drive], stage)(message)
-        return answer
+        return self._answers(self._shards[drive], stage, messages)
 
     def resume(
         self,
@@ -78,7 +83,7 @@ class Holder:
         version: str,
         whole: list[Any],
         base: list[Any],
-        replay: list[tuple[str, bytes]],
+        replay: list[tuple[str, list[bytes]]],
     ) -> str | None:
         """Comes to the state after these messages, the first of which followed on the snapshot.
 
@@ -90,24 +95,25 @@ class Holder:
         import ray
 
         self.open(drive, version, whole)
-        # It is asked nothing unless all goes well.
-        shard = self._shards.pop(drive)
+        # They are asked nothing unless all goes well.
+        shards = self._shards.pop(drive)
         if base:
             try:
-                blob = ray.get(base[0])
+                blobs = ray.get(base[0])
             except ray.exceptions.ObjectLostError:
                 return GONE
-            shard.restore(blob)
-        for stage, message in replay:
-            getattr(shard, stage)(message)
-        self._shards[drive] = shard
+            for shard, blob in zip(shards, blobs, strict=True):
+                shard.restore(blob)
+        for stage, messages in replay:
+            self._answers(shards, stage, messages)
+        self._shards[drive] = shards
         return None
 
-    def saved(self, drive: int) -> tuple[bytes, bool]:
+    def saved(self, drive: int) -> tuple[list[bytes], bool]:
         """The state after the queries so far, and that it is there."""
         if drive not in self._shards:
             raise SurefixError("restarted before its snapshot")
-        return self._shards[drive].snapshot(), True
+        return [shard.snapshot() for shard in self._shards[drive]], True
 
     def forget(self, drive: int) -> None:
         """Drops what it holds for a drive."""
@@ -128,10 +134,14 @@ class Holder:
                 raise SurefixError(f"{source.name}: not the file that the driver opened")
         # Which rows it needs, it knows once the rest is open.
         maps = [source.open() for source, _ in self._files]
-        needed = places_of(map(len, maps), self._fresh(joined(maps)).rows())
+        rows = [span for shard in self._fresh(joined(maps)) for span in shard.rows()]
+        needed = places_of(map(len, maps), rows)
         pairs = zip(self._files, needed, strict=True)
         return joined([source.open(places) for (source, _), places in pairs])
 
-    def _fresh(self, route: Map) -> Any:
-        index, shards, options = self._made
-        return _core.Shard(route, index, shards, **options)
+    def _fresh(self, route: Map) -> list[Any]:
+        return [_core.Shard(route, part, self._count, **self._options) for part in self._parts]
+
+    def _answers(self, shards: list[Any], stage: str, messages: list[bytes]) -> list[bytes]:
+        each: Callable[..., Iterable[bytes]] = self._threads.map if self._threads else map
+        return list(each(lambda shard, said: getattr(shard, stage)(said), shards, messages))

@@ -31,6 +31,7 @@ class Held:
         self,
         given: Map | Where | Iterable[Where],
         shards: int,
+        threads: int,
         options: dict[str, Any],
         ray_options: Mapping[str, Any],
     ) -> None:
@@ -38,13 +39,19 @@ class Held:
         self._files = [] if isinstance(given, Map) else sources(given)
         whole = given if isinstance(given, Map) else None
         self.map = whole or joined([file.open() for file in self._files])
-        self.shards, self.options, self._ray_options = shards, options, ray_options
+        self.shards, self.threads = shards, threads
+        self.options, self._ray_options = options, ray_options
         self.ray: Any = None
         self._whole: list[Any] = []
         self._actors: list[Any] = []
         # The drives so far, and those that are not over.
         self._count, self._drives = 0, 0
         self._lock = threading.Lock()
+
+    @property
+    def parts(self) -> int:
+        """The parts that the map is cut into."""
+        return self.shards * self.threads
 
     def drive(self) -> list[Remote]:
         """Begins a drive on the actors, which are made for the first one."""
@@ -93,5 +100,6 @@ class Held:
         self._whole = [] if files else [self.ray.put(self.map)]
         given = {"num_cpus": 0, "scheduling_strategy": "SPREAD", **self._ray_options}
         holder = self.ray.remote(Holder).options(max_restarts=-1, max_task_retries=0, **given)
-        made = range(self.shards)
-        self._actors = [holder.remote(files, index, self.shards, self.options) for index in made]
+        count, each = self.parts, self.threads
+        ranges = [range(first, first + each) for first in range(0, count, each)]
+        self._actors = [holder.remote(files, parts, count, self.options) for parts in ranges]

@@ -32,7 +32,9 @@ class ShardedLocalizer:
         Several files are joined (``Map.join``). A ``Map`` is copied to every actor: only small
         ones.
     shards : int
-        The number of actors, at most one for each 4,096 places.
+        The number of actors: about one for each machine.
+    threads : int
+        Of each actor, which has as many parts of the map. At most one for each 4,096 places.
     deadline : float
         Seconds that ``push`` waits for the shards, restarts of theirs among them.
     snapshot_every : int
@@ -68,22 +70,24 @@ class ShardedLocalizer:
         map: Map | Where | Iterable[Where],
         *,
         shards: int = 8,
+        threads: int = 1,
         deadline: float = 30.0,
         snapshot_every: int = 16,
         ray_options: Mapping[str, Any] | None = None,
         descriptor: Any = None,
         **options: Any,
     ) -> None:
-        for name, number, least in (("shards", shards, 1), ("snapshot_every", snapshot_every, 1)):
-            if not isinstance(number, int) or number < least:
-                raise mismatch(name, f"a whole number of {least} or more", repr(number))
+        counts = {"shards": shards, "threads": threads, "snapshot_every": snapshot_every}
+        for name, number in counts.items():
+            if not isinstance(number, int) or number < 1:
+                raise mismatch(name, "a whole number of 1 or more", repr(number))
         if not deadline > 0:
             raise mismatch("deadline", "seconds above 0", repr(deadline))
         config = options.get("config")
         if isinstance(config, (str, PathLike)):
             options["config"] = Settings.open(config)
         self._deadline, self._every, self._descriptor = float(deadline), snapshot_every, descriptor
-        self._begin(Held(map, shards, options, ray_options or {}))
+        self._begin(Held(map, shards, threads, options, ray_options or {}))
 
     def _begin(self, held: Held) -> None:
         self._held = held
@@ -91,7 +95,7 @@ class ShardedLocalizer:
         # The last trip of a frame that is taken.
         self._last: Trip | None = None
         given = {"descriptor": self._descriptor, **held.options}
-        self._driver = _core.ShardDriver(held.map, held.shards, **given)
+        self._driver = _core.ShardDriver(held.map, held.parts, **given)
         self._remotes = held.drive()
 
     def another(self) -> "ShardedLocalizer":
@@ -120,7 +124,7 @@ class ShardedLocalizer:
         with self._alone() as deadline:
             self._finish(deadline)
             stage, messages = self._driver.push(frame, advance=advance, trusted=trusted)
-            sent: list[list[Message]] = [[] for _ in messages]
+            sent: list[list[Message]] = [[] for _ in self._remotes]
             try:
                 while stage != LAST:
                     trip = Trip(self._remotes, stage, messages, sent)
@@ -164,8 +168,8 @@ class ShardedLocalizer:
         """The state as bytes, without the map; ``restore`` goes on from it bit-identically."""
         with self._alone() as deadline:
             self._finish(deadline)
-            nothing = [b""] * len(self._remotes)
-            trip = Trip(self._remotes, "snapshot", nothing, [[] for _ in nothing])
+            nothing = [b""] * self._held.parts
+            trip = Trip(self._remotes, "snapshot", nothing, [[] for _ in self._remotes])
             parts = [self._driver.snapshot(), *trip.run(deadline)]
             lengths = struct.pack(f"<I{len(parts)}Q", len(parts), *map(len, parts))
             return b"".join([MAGIC, lengths, *parts])
@@ -174,7 +178,7 @@ class ShardedLocalizer:
     def restore(
         cls, map: Map | Where | Iterable[Where], blob: bytes, **options: Any
     ) -> "ShardedLocalizer":
-        """A localizer of as many shards that goes on where the snapshot was taken.
+        """A localizer that goes on where the snapshot was taken, with as many shards.
 
         Parameters
         ----------
@@ -183,7 +187,7 @@ class ShardedLocalizer:
         blob : bytes
             From ``snapshot``.
         **options
-            As for ``ShardedLocalizer``, and those of the method as they were.
+            As for ``ShardedLocalizer``; ``threads`` and those of the method as they were.
 
         Raises
         ------
@@ -191,11 +195,14 @@ class ShardedLocalizer:
             If the bytes are damaged, or of another map or other options.
         """
         first, *rest = _parts(blob)
-        new = cls(map, shards=len(rest), **options)
+        threads = options.get("threads", 1)
+        if not isinstance(threads, int) or threads < 1 or len(rest) % threads:
+            raise mismatch("threads", f"those of a snapshot of {len(rest)} parts", repr(threads))
+        new = cls(map, shards=len(rest) // threads, **options)
         try:
             new._driver.restore(first)
-            for remote, part in zip(new._remotes, rest, strict=True):
-                remote.rewind([new._held.ray.put(part)])
+            for index, remote in enumerate(new._remotes):
+                remote.rewind([new._held.ray.put(rest[index * threads :][:threads])])
             new._held.wait(new._remotes, [remote.resume() for remote in new._remotes])
         except BaseException:
             new.close()

@@ -13,7 +13,8 @@ __all__ = ["LAST", "Deadline", "Message", "Remote", "Trip", "one_line"]
 # The last trip, with which a frame is taken.
 LAST = "second"
 
-Message = tuple[str, bytes]
+# Of a stage, to each part of a shard.
+Message = tuple[str, list[bytes]]
 
 # Seconds until an actor that is being restarted is asked again. If that is too soon, Ray waits for
 # two seconds before it says so.
@@ -103,20 +104,22 @@ class Trip:
     """A message to each shard, and their answers. A trip that a deadline has cut can go on."""
 
     def __init__(
-        self, remotes: list[Remote], stage: str, messages: list[bytes], sent: list[list[Message]]
+        self, remotes: list[Remote], stage: str, parts: list[bytes], sent: list[list[Message]]
     ) -> None:
         self.stage, self._remotes = stage, remotes
+        each = len(parts) // len(remotes)
+        messages = [parts[each * index :][:each] for index in range(len(remotes))]
         # Those of the query to each shard; one that is brought back is asked all of them.
         self.messages = [[*s, (stage, m)] for s, m in zip(sent, messages, strict=True)]
         self._next: list[list[Message]] = [[(stage, message)] for message in messages]
-        self._answers: list[bytes | None] = [None] * len(remotes)
+        self._answers: list[list[bytes]] = [[] for _ in remotes]
         self._failures = [0] * len(remotes)
         self._unsent = set(range(len(remotes)))
         # By the reference of a call: the shard, and whether it is brought back.
         self._waiting: dict[Any, tuple[int, bool]] = {}
 
     def run(self, deadline: Deadline) -> list[bytes]:
-        """The shards' answers.
+        """The answers of all parts.
 
         Raises
         ------
@@ -132,7 +135,7 @@ class Trip:
                 raise self._late(deadline.seconds)
             for ref in ray.wait(refs, num_returns=len(refs), timeout=0)[0]:
                 self._take(ref)
-        return [answer for answer in self._answers if answer is not None]
+        return [answer for answers in self._answers for answer in answers]
 
     def _send(self, index: int) -> None:
         remote = self._remotes[index]
