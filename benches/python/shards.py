@@ -34,8 +34,10 @@ KINDS: dict[str, dict[str, Any]] = {
 SHARDS = (1, 2, 4, 8)
 # A fleet's map: places, machines, cores of each.
 FLEETS = ((10**7, 1, 32), (10**8, 10, 32), (10**9, 100, 32))
-# Between machines of one data centre: seconds there and back, bytes a second.
-NETWORK = (0.2e-3, 1.25e9)
+# Assumed: seconds there and back between machines of one data centre, and the bytes a second that
+# the memory of one gives to all of its cores.
+NETWORK = 0.2e-3
+MEMORY = 200e9
 
 
 def made(path: Path, places: int) -> None:
@@ -185,15 +187,17 @@ def constants(file: Path, queries: Sequence[Any], ray: Any) -> dict[str, float]:
 
 
 def modelled(places: int, machines: int, cores: int, of: dict[str, float]) -> tuple[str, ...]:
-    """The row of a fleet: the time of a fix by the constants that were measured, a shard a core."""
-    shards = machines * cores
-    own = places / shards
-    network = NETWORK[0] if machines > 1 else 0.0
-    work = own * DIM / of["scan"] + own * of["method"]
-    calls = 2 * (of["call"] + network + (shards - 1) * of["more"])
-    memory = places * DIM / machines / 1e9
+    """The row of a fleet, a shard a machine: the time of a fix by the constants measured here, and
+    those assumed.
+    """
+    own = places / machines
+    scan = max(own / cores * DIM / of["scan"], own * DIM / MEMORY)
+    work = scan + own / cores * of["method"]
+    network = NETWORK if machines > 1 else 0.0
+    sent = machines * cores * DIM / of["wire"]
+    calls = 2 * (of["call"] + network + (machines - 1) * of["more"]) + sent
     return (
-        f"{places:,}", f"{machines} x {cores}", f"{memory:,.1f} GB", duration(work),
+        f"{places:,}", f"{machines} x {cores}", f"{own * DIM / 1e9:,.1f} GB", duration(work),
         duration(calls), duration(work + calls),
     )  # fmt: skip
 
@@ -229,7 +233,7 @@ def tables(places: int, queries: int) -> Iterator[str]:
                 ("bytes of a message", f"{of['wire'] / 1e6:.0f} MB/s"),
             ],
         )
-        yield "What they say of fleets, a shard a core:\n"
+        yield "What they say of fleets, a shard with all cores of a machine:\n"
         heads = (
             "places",
             "machines x cores",

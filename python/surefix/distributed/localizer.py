@@ -3,7 +3,7 @@
 import struct
 import threading
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import copy
 from os import PathLike
 from typing import Any, Self
@@ -92,11 +92,14 @@ class ShardedLocalizer:
     def _begin(self, held: Held) -> None:
         self._held = held
         self._busy = threading.Lock()
+        self._anew()
+        self._remotes = held.drive()
+
+    def _anew(self) -> None:
         # The last trip of a frame that is taken.
         self._last: Trip | None = None
-        given = {"descriptor": self._descriptor, **held.options}
-        self._driver = _core.ShardDriver(held.map, held.parts, **given)
-        self._remotes = held.drive()
+        given = {"descriptor": self._descriptor, **self._held.options}
+        self._driver = _core.ShardDriver(self._held.map, self._held.parts, **given)
 
     def another(self) -> "ShardedLocalizer":
         """A localizer for another drive on the same shards, such as that of another robot. Each may
@@ -131,7 +134,8 @@ class ShardedLocalizer:
                     stage, messages = self._driver.answer(trip.run(deadline))
                     sent = trip.messages
             except BaseException:
-                self._driver.abandon()
+                with suppress(SurefixError):
+                    self._driver.abandon()
                 raise
             self._last = Trip(self._remotes, stage, messages, sent)
             fix = self._finish(deadline)
@@ -159,8 +163,8 @@ class ShardedLocalizer:
     def reset(self) -> None:
         """Forgets all frames: the next one is frame 0. It works even if a shard's state is lost."""
         with self._alone():
-            self._last = None
-            self._driver.reset()
+            # The driver refuses it within a query, which may never come to its end.
+            self._anew()
             for remote in self._remotes:
                 remote.rewind([])
 
