@@ -47,6 +47,23 @@ def test_all_sources_give_the_fixes_of_one_machine(
 
 
 @pytest.mark.slow
+def test_parts_of_a_shard(ray: Any, route: surefix.Map, file: Path) -> None:
+    pushed = drive(route, 12, seed=3)
+    wanted = alone(route, pushed, **OPTIONS)
+    with ShardedLocalizer(file, shards=2, threads=3, **OPTIONS) as localizer:
+        fixes = [bits(localizer.push(**one)) for one in pushed[:8]]
+        blob = localizer.snapshot()
+        ray.kill(localizer._remotes[1].actor, no_restart=False)
+        fixes += [bits(localizer.push(**one)) for one in pushed[8:]]
+    assert fixes == wanted
+    with ShardedLocalizer.restore(file, blob, threads=3, **OPTIONS) as again:
+        assert [bits(again.push(**one)) for one in pushed[8:]] == wanted[8:]
+    for threads in (4, 0, "2"):
+        with pytest.raises(SurefixValueError, match="threads: expected those of a snapshot of 6"):
+            ShardedLocalizer.restore(file, blob, threads=threads, **OPTIONS)
+
+
+@pytest.mark.slow
 def test_gaps_resets_and_snapshots(ray: Any, route: surefix.Map, file: Path) -> None:
     pushed = drive(route, 24, seed=2)
     one = surefix.Localizer(route, **OPTIONS)
