@@ -37,8 +37,9 @@ class Held:
     ) -> None:
         require("ray", "a ShardedLocalizer", "Ray", "surefix[ray]")
         self._files = [] if isinstance(given, Map) else sources(given)
-        whole = given if isinstance(given, Map) else None
-        self.map = whole or joined([file.open() for file in self._files])
+        # As an actor has it: of the same bytes.
+        whole = [Map.from_bytes(given.to_bytes())] if isinstance(given, Map) else []
+        self.map = joined(whole or [file.open() for file in self._files])
         self.shards, self.threads = shards, threads
         self.options, self._ray_options = options, ray_options
         self.ray: Any = None

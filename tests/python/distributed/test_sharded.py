@@ -109,9 +109,11 @@ def test_a_refused_frame_changes_nothing(ray: Any, route: surefix.Map, file: Pat
     ("options", "said"),
     [
         ({"shards": 0}, "shards: expected a whole number of 1 or more, got 0"),
-        ({"shards": 10}, "shards: expected .*9"),
+        ({"shards": 10}, "shards`: expected from 1 to 9, .*got 10"),
         ({"deadline": 0}, "deadline: expected seconds above 0, got 0"),
         ({"snapshot_every": 2.5}, "snapshot_every: expected a whole number"),
+        ({"shards": 5, "threads": 2}, "shards`: expected from 1 to 9, .*got 10"),
+        ({"threads": 0}, "threads: expected a whole number of 1 or more, got 0"),
         ({"sequence_length": 0}, "sequence_length`: expected"),
         ({"colour": 1}, "colour"),
     ],

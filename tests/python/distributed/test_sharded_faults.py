@@ -128,11 +128,11 @@ def test_a_frame_that_is_not_ended_is_ended_by_the_next(
     with ShardedLocalizer(file, shards=2, snapshot_every=3, **OPTIONS) as localizer:
         for one in pushed[:4]:
             localizer.push(**one)
-        run, remote = Trip.run, localizer._remotes[0]
+        run, number = Trip.run, process(ray, localizer._remotes[0])
 
         def killed(trip: Trip, deadline: Deadline) -> list[bytes]:
             if trip.stage == "second":
-                ray.kill(remote.actor, no_restart=False)
+                os.kill(number, signal.SIGKILL)
                 return run(trip, Deadline(0.1))
             return run(trip, deadline)
 
