@@ -137,6 +137,12 @@ impl Shard {
         Ok((places.start, places.end))
     }
 
+    /// The places whose rows it reads, as ranges: the first of each, and the one after its last.
+    fn rows(slf: &Bound<'_, Self>) -> PyResult<Vec<(usize, usize)>> {
+        let this = slf.try_borrow().map_err(|_| busy(slf.py(), "Shard"))?;
+        Ok(this.0.rows().map(|places| (places.start, places.end)).collect())
+    }
+
     /// How many queries it has kept since the start of the drive.
     #[getter]
     fn frames(slf: &Bound<'_, Self>) -> PyResult<u64> {

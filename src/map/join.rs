@@ -1,6 +1,9 @@
 //! Several maps as one, and whether they fit.
 
+use std::hash::Hasher as _;
+
 use serde_json::Value;
+use twox_hash::XxHash3_64;
 
 use super::block::Blocks;
 use super::positions::Positions;
@@ -40,7 +43,8 @@ impl Map {
         }
         let (blocks, route) = joined(maps, first.positions());
         route.traverses.check_count()?;
-        first.screened_like(blocks, route)
+        let checksum = checksum_of(maps);
+        Ok(Self { checksum, ..first.screened_like(blocks, route)? })
     }
 
     pub(super) fn about(&self) -> About<'_> {
@@ -51,6 +55,18 @@ impl Map {
             thumbnails: self.thumbnails().map(super::Thumbnails::size),
         }
     }
+}
+
+/// Of the files of maps that are as they were there.
+fn checksum_of(maps: &[&Map]) -> Option<u64> {
+    if let [one] = maps {
+        return one.checksum();
+    }
+    let mut hash = XxHash3_64::with_seed(0);
+    for map in maps {
+        hash.write_u64(map.checksum()?);
+    }
+    Some(hash.finish())
 }
 
 /// The blocks and the routes of maps, of which there is at least one, with positions on the plane of

@@ -58,6 +58,14 @@ impl Shard {
         self.places.clone()
     }
 
+    /// The places whose rows it reads: its own, some beside them, and ends of segments. Some may
+    /// come twice.
+    pub fn rows(&self) -> impl Iterator<Item = Range<usize>> {
+        let layout = self.part.layout();
+        let ends = layout.ends().flatten().map(|place| place..place + 1);
+        layout.ranges().map(|(range, _)| range).chain(ends)
+    }
+
     /// How many queries it has kept.
     pub fn frames(&self) -> u64 {
         self.frames
