@@ -210,7 +210,12 @@ def tables(places: int, queries: int) -> Iterator[str]:
         drive = driven(Map.open(file, mmap=True), queries)
         cores = len(os.sched_getaffinity(0))
         yield f"{places:,} places x {DIM:,} bytes, {cores} cores, {processor()}.\n"
-        heads = ("a push", "one thread", "two threads", *(f"{n} shards" for n in SHARDS))
+        heads = (
+            "a push",
+            "one thread",
+            "two threads",
+            *(f"{n} shard{'s' * (n > 1)}" for n in SHARDS),
+        )
         yield "Median of a push, `Localizer` beside shards (1 shard is an actor like any other):\n"
         yield table(heads, list(overheads(file, drive)))
         yield "Bytes of a query to all of 8 shards, and back:\n"
