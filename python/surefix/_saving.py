@@ -4,15 +4,18 @@ The writer is that of Rust, which maps are saved with (``src/archive/atomic.rs``
 """
 
 import io
+import os
+import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, cast
 
 from surefix._core import _AtomicFile, _is_stream
-from surefix.errors import check_folder, refusal
+from surefix._words import plain
+from surefix.errors import SurefixError, check_folder, refusal
 
-__all__ = ["Kept", "save", "words_on_kept", "written"]
+__all__ = ["Kept", "edited", "save", "words_on_kept", "written"]
 
 Kept = Callable[[Path, bool], object]
 """Is told where rows were kept, and whether those are of an earlier writer, which was killed."""
@@ -66,6 +69,67 @@ def save(path: Path, content: str | bytes, problem: str) -> None:
     """
     with written(path, problem) as file:
         file.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def edited(path: Path, problem: str) -> Iterator[Path]:
+    """A file with the content of ``path``, for changes in several steps. It takes the place of
+    ``path`` in the end; after an error there is nothing of it. No other writer can begin
+    ``path`` meanwhile. Errors that name the file name ``path``.
+
+    Raises
+    ------
+    SurefixFileError
+        If it cannot be written; it begins with the path and the ``problem``.
+    """
+    target = path.resolve()
+    folder = target.with_name(f".{target.name}.edited.part")
+    copy = folder / target.name
+    try:
+        held = _AtomicFile(path, False)
+    except OSError as error:
+        raise refusal(path, problem, error) from None
+    try:
+        try:
+            _copied(target, copy)
+        except OSError as error:
+            raise refusal(path, problem, error) from None
+        try:
+            yield copy
+        except SurefixError as error:
+            of_copy = plain(str(copy))
+            if of_copy not in str(error):
+                raise
+            raise type(error)(str(error).replace(of_copy, str(path))) from None
+        try:
+            copy.replace(target)
+        except OSError as error:
+            raise refusal(path, problem, error) from None
+        _sync_folder(target.parent)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        held.discard()
+
+
+def _copied(target: Path, copy: Path) -> None:
+    # Left of a writer that was killed.
+    shutil.rmtree(copy.parent, ignore_errors=True)
+    copy.parent.mkdir(0o700)
+    try:
+        # Enough, as whoever writes the copy replaces it.
+        os.link(target, copy)
+    except OSError:
+        shutil.copy2(target, copy)
+
+
+def _sync_folder(folder: Path) -> None:
+    # Some systems do not open folders.
+    with suppress(OSError):
+        opened = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)
 
 
 def words_on_kept(out: Path, kept: Path, earlier: bool) -> str:

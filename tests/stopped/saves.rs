@@ -8,6 +8,8 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+#[cfg(feature = "toml")]
+use surefix::Settings;
 use surefix::saving::{AtomicFile, AtomicFolder};
 use surefix::{Map, Metric};
 
@@ -36,6 +38,8 @@ const SAVES: &[Save] = &[
     Save { name: "an append", before: old_map, run: append, together: |_| true },
     Save { name: "through links", before: linked_map, run: save_map, together: |_| true },
     Save { name: "rows", before: old_rows, run: save_rows, together: |_| true },
+    #[cfg(feature = "toml")]
+    Save { name: "settings", before: old_settings, run: save_settings, together: |_| true },
     Save { name: "a report", before: old_report, run: report, together: |_| true },
     Save { name: "a report that is new", before: |_| {}, run: report, together: |_| true },
     Save {
@@ -104,6 +108,17 @@ fn save_rows(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     Ok(file.commit()?)
+}
+
+#[cfg(feature = "toml")]
+fn old_settings(folder: &Path) {
+    Settings::default().save(folder.join("route.toml")).unwrap();
+}
+
+#[cfg(feature = "toml")]
+fn save_settings(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let settings = Settings::from_toml("[config]\nmotion = \"steady\"")?;
+    Ok(settings.save(folder.join("route.toml"))?)
 }
 
 fn old_report(folder: &Path) {

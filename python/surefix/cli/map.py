@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from surefix import Map, Sad, SurefixValueError
+from surefix._saving import edited
 from surefix._terminal import say
 from surefix._words import plural
 from surefix.cli import inputs
@@ -226,76 +227,80 @@ def append(
     mixed_sizes: The images may differ in size.
     new_segment: The new places begin a new segment: they do not follow the last one.
     """
-    start, old = time.perf_counter(), look(file)
-    asked = wanted(breaks, no_breaks, closed)
-    several = len(old.traverses)
-    way = "build a map of the new places, and join the two by surefix map join"
-    refuse(several > 1, f"FILE: expected a map of one traverse, {file} has {several}: {way}")
-    if not (Path(references).exists() and file.samefile(references)):
-        inputs.refuse_map("REFERENCES", references)
-    frames = inputs.open_frames(
-        references,
-        order=order,
-        strict=strict,
-        topic=topic,
-        stride=stride,
-        every=every,
-        metres=metres,
-        odometry=odometry,
-    )
-    same = any(file.samefile(read) for read in frames.files if Path(read).exists())
-    refuse(same, f"REFERENCES: {references} is the map itself")
-    read = None if positions is None else positions_of_frames(positions, frames, old)
-    where = None if read is None else read.values
-    _bring_odometry(frames, old, where is not None)
-    if isinstance(frames, ImageFrames):
-        check_breaks(asked, len(old) + len(frames))
-    frames = noted(frames)
-    more: dict[str, Any]
-    (network,) = networks_of([old], [file], ModelOptions(model, weights), frames, "REFERENCES")
-    none = cache is not None and network is None
-    refuse(none, "--cache: expected images for a network, as --model is")
-    # A closed segment has no end to go on from.
-    begins = new_segment or old.segments[-1].closed
-    joined: dict[str, Any] = {"new_segment": begins}
-    plane = {"origin": old.origin or old.plane}
-    with naming(positions):
-        if frames.ready is not None:
-            rows, post, recipe = frames.ready, old.post, old.recipe
-            known: dict[str, Any] = {"post": post, "recipe": recipe}
-            known |= {} if where is None else plane
-            added = Map.from_descriptors(rows, old.metric, where, **known)
-            Map.append(file, added, **joined)
-        elif network is not None:
-            images: Any = frames.source if isinstance(frames, ImageFrames) else frames
-            more = {"positions": where, "cache": cache, "skip_bad": not strict}
-            Map.append(file, images, network, **more, **joined)
-        elif isinstance(frames, ImageFrames):
-            more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
-            Map.append(file, frames.source, **more, **joined)
-        else:
-            assert old.descriptor is not None
-            small = old.thumbnail(0)
-            how: dict[str, Any] = {"mixed_sizes": mixed_sizes} | plane
-            how["thumbnails"] = False if small is None else small.shape[::-1]
-            Map.append(file, sad_map(frames, old.descriptor, where, **how), **joined)
-    longer = look(file)
-    count = plural(len(longer) - len(old), "place")
-    whole, found, notes = with_roads(longer, frames, asked, len(old), file)
-    if whole is not longer:
-        whole.save(file)
-    kept = None if frames.ready is not None or whole.names is None else whole.names[len(old) :]
-    blank = [place for place in whole.blank.tolist() if place >= len(old)]
-    ring = ["the last segment is closed, so that the new places begin another"]
-    ring = ring if old.segments[-1].closed and not new_segment else []
-    notes = [
-        *ring,
-        *_again(old, whole),
-        *said_breaks(found),
-        *notes,
-        *said_blank(blank, whole.names),
-    ]
-    del whole, longer
+    start = time.perf_counter()
+    # What is no map is refused as such.
+    look(file)
+    with edited(file, "cannot write the map") as own:
+        old = look(own)
+        asked = wanted(breaks, no_breaks, closed)
+        several = len(old.traverses)
+        way = "build a map of the new places, and join the two by surefix map join"
+        refuse(several > 1, f"FILE: expected a map of one traverse, {file} has {several}: {way}")
+        if not (Path(references).exists() and file.samefile(references)):
+            inputs.refuse_map("REFERENCES", references)
+        frames = inputs.open_frames(
+            references,
+            order=order,
+            strict=strict,
+            topic=topic,
+            stride=stride,
+            every=every,
+            metres=metres,
+            odometry=odometry,
+        )
+        same = any(file.samefile(read) for read in frames.files if Path(read).exists())
+        refuse(same, f"REFERENCES: {references} is the map itself")
+        read = None if positions is None else positions_of_frames(positions, frames, old)
+        where = None if read is None else read.values
+        _bring_odometry(frames, old, where is not None)
+        if isinstance(frames, ImageFrames):
+            check_breaks(asked, len(old) + len(frames))
+        frames = noted(frames)
+        more: dict[str, Any]
+        (network,) = networks_of([old], [file], ModelOptions(model, weights), frames, "REFERENCES")
+        none = cache is not None and network is None
+        refuse(none, "--cache: expected images for a network, as --model is")
+        # A closed segment has no end to go on from.
+        begins = new_segment or old.segments[-1].closed
+        joined: dict[str, Any] = {"new_segment": begins}
+        plane = {"origin": old.origin or old.plane}
+        with naming(positions):
+            if frames.ready is not None:
+                rows, post, recipe = frames.ready, old.post, old.recipe
+                known: dict[str, Any] = {"post": post, "recipe": recipe}
+                known |= {} if where is None else plane
+                added = Map.from_descriptors(rows, old.metric, where, **known)
+                Map.append(own, added, **joined)
+            elif network is not None:
+                images: Any = frames.source if isinstance(frames, ImageFrames) else frames
+                more = {"positions": where, "cache": cache, "skip_bad": not strict}
+                Map.append(own, images, network, **more, **joined)
+            elif isinstance(frames, ImageFrames):
+                more = {"positions": where, "skip_bad": not strict, "mixed_sizes": mixed_sizes}
+                Map.append(own, frames.source, **more, **joined)
+            else:
+                assert old.descriptor is not None
+                small = old.thumbnail(0)
+                how: dict[str, Any] = {"mixed_sizes": mixed_sizes} | plane
+                how["thumbnails"] = False if small is None else small.shape[::-1]
+                Map.append(own, sad_map(frames, old.descriptor, where, **how), **joined)
+        longer = look(own)
+        count = plural(len(longer) - len(old), "place")
+        whole, found, notes = with_roads(longer, frames, asked, len(old), file)
+        if whole is not longer:
+            whole.save(own)
+        kept = None if frames.ready is not None or whole.names is None else whole.names[len(old) :]
+        blank = [place for place in whole.blank.tolist() if place >= len(old)]
+        ring = ["the last segment is closed, so that the new places begin another"]
+        ring = ring if old.segments[-1].closed and not new_segment else []
+        notes = [
+            *ring,
+            *_again(old, whole),
+            *said_breaks(found),
+            *notes,
+            *said_blank(blank, whole.names),
+        ]
+        del whole, longer
     seconds = time.perf_counter() - start
     said = f"Added {count} to {file}: now {size_of(file)}, in {seconds:.1f} s"
     say("; ".join([said, *notes, *inputs.notes_on(frames, kept)]))

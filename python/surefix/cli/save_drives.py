@@ -1,6 +1,8 @@
 """``surefix demo --save-drives``: two drives along a generated road, as files to try things on."""
 
-from collections.abc import Callable, Sequence
+import io
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
@@ -8,8 +10,10 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from surefix._core import _AtomicFolder
 from surefix._extra import require
-from surefix.errors import mismatch, refusal
+from surefix._saving import save
+from surefix.errors import SurefixFileError, mismatch, refusal
 from surefix.simulate import Route
 
 __all__ = ["Form", "save_drives"]
@@ -24,6 +28,8 @@ STOP, HANG = 4, 3
 # When the drives of a bag begin: two days of November 2023.
 BEGINS = {"summer": 1_700_000_000, "winter": 1_700_100_000}
 IMAGES, WHEELS = "/camera/image_raw", "/odom"
+ODOMETRY = "odometry.csv"
+PROBLEM = "cannot write the drives"
 
 
 def save_drives(folder: Path, form: Form, road: Route) -> list[Path]:
@@ -33,6 +39,8 @@ def save_drives(folder: Path, form: Form, road: Route) -> list[Path]:
     robot stands for four seconds in the middle, and its camera hangs for three later on. Beside a
     video lies the winter's ``odometry.csv``; bags have a topic of ``Odometry``.
 
+    Each drive is there whole or not at all.
+
     Raises
     ------
     SurefixError
@@ -40,9 +48,8 @@ def save_drives(folder: Path, form: Form, road: Route) -> list[Path]:
     """
     names = [f"{name}.mp4" if form == "video" else name for name in BEGINS]
     paths = [folder / name for name in names]
-    for path in paths:
-        if path.exists():
-            raise mismatch("--save-drives", f"a folder without {path.name}", f"{path}")
+    for path in [*paths, *([folder / ODOMETRY] if form == "video" else [])]:
+        _check_free(path)
     write: dict[Form, Callable[..., None]] = {"images": _images, "video": _video, "bag": _bag}
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -53,9 +60,29 @@ def save_drives(folder: Path, form: Form, road: Route) -> list[Path]:
                 frames, times = _stopped(len(drive))
             images = [drive[frame] for frame in frames]
             write[form](path, images, times, np.asarray(drive.positions)[frames])
+    except SurefixFileError:
+        raise
     except OSError as error:
-        raise refusal(folder, "cannot write the drives", error) from None
+        raise refusal(folder, PROBLEM, error) from None
     return paths
+
+
+def _check_free(path: Path) -> None:
+    if path.exists():
+        raise mismatch("--save-drives", f"a folder without {path.name}", f"{path}")
+
+
+@contextmanager
+def _filled(path: Path) -> Iterator[Path]:
+    """The new folder, filled beside its name."""
+    new = _AtomicFolder(path)
+    try:
+        # No other writer can begin it from here on.
+        _check_free(path)
+        yield new.path
+        new.commit([], "")
+    finally:
+        new.discard()
 
 
 def _stopped(count: int) -> tuple[npt.NDArray[np.int64], Floats]:
@@ -68,15 +95,16 @@ def _stopped(count: int) -> tuple[npt.NDArray[np.int64], Floats]:
 
 def _images(path: Path, images: Sequence[UInt8], times: Floats, along: Floats) -> None:
     pillow = require("PIL.Image", "a folder of images", "Pillow", "surefix[report]")
-    path.mkdir()
-    for index, image in enumerate(images):
-        pillow.fromarray(image).save(path / f"{index:04}.png")
+    with _filled(path) as new:
+        for index, image in enumerate(images):
+            pillow.fromarray(image).save(new / f"{index:04}.png")
 
 
 def _video(path: Path, images: Sequence[UInt8], times: Floats, along: Floats) -> None:
     av = require("av", "a video", "PyAV", "surefix[video]")
     height, width = images[0].shape[:2]
-    with av.open(str(path), "w") as container:
+    film = io.BytesIO()
+    with av.open(film, "w", format="mp4") as container:
         track = container.add_stream("mpeg4", rate=RATE)
         track.width, track.height, track.pix_fmt = width, height, "yuv420p"
         track.bit_rate = 200 * width * height
@@ -85,12 +113,23 @@ def _video(path: Path, images: Sequence[UInt8], times: Floats, along: Floats) ->
             frame.pts, frame.time_base = round(time * RATE), Fraction(1, RATE)
             container.mux(track.encode(frame))
         container.mux(track.encode())
+    save(path, film.getvalue(), PROBLEM)
     if path.stem == "winter":
         rows = [f"{time:.1f},{far:.2f}\n" for time, far in zip(times, along, strict=True)]
-        (path.parent / "odometry.csv").write_text("time,distance\n" + "".join(rows))
+        save(path.parent / ODOMETRY, "time,distance\n" + "".join(rows), PROBLEM)
 
 
 def _bag(path: Path, images: Sequence[UInt8], times: Floats, along: Floats) -> None:
+    with _filled(path) as new:
+        # The writer makes its folder, and names the recording after it.
+        own = new / path.name
+        _write_bag(own, images, times, along)
+        for file in own.iterdir():
+            file.rename(new / file.name)
+        own.rmdir()
+
+
+def _write_bag(path: Path, images: Sequence[UInt8], times: Floats, along: Floats) -> None:
     require("rosbags", "a bag", "rosbags", "surefix[bags]")
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore

@@ -211,6 +211,20 @@ def test_a_map_grows_by_a_segment_of_its_own(folder: Path, tmp_path: Path) -> No
     assert [(each.start, each.closed) for each in grown] == [(0, True), (30, False)]
 
 
+def test_a_break_that_is_refused_late_leaves_the_map(tmp_path: Path) -> None:
+    out, rows = tmp_path / "map", np.eye(10, dtype=np.float32)
+    np.save(tmp_path / "rows.npy", rows)
+    built(out, tmp_path / "rows.npy")
+    before = out.read_bytes()
+    append = "map", "append", out, tmp_path / "rows.npy"
+    said = surefix_(*append, "--break", 5, code=2, COLUMNS="200").stderr
+    assert "--break: expected places from 10 to 19, got 5" in " ".join(said.split())
+    assert out.read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map", "rows.npy"]
+    surefix_(*append, "--break", 15)
+    assert surefix.Map.open(out).segments.breaks.tolist() == [15]
+
+
 @pytest.mark.parametrize(
     ("options", "expected"),
     [

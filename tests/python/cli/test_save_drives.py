@@ -1,12 +1,16 @@
 """``surefix demo --save-drives``: drives to try the other commands on."""
 
+import errno
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 
 import surefix
 from commands import surefix_
+from surefix.cli import save_drives
 from surefix.cli.save_drives import HANG, STOP, Form
 from surefix.simulate import Route
 
@@ -48,8 +52,28 @@ def test_nothing_is_written_over_or_unused(tmp_path: Path) -> None:
     said = surefix_(*drives, *SMALL, code=1).stderr
     assert f"expected a folder without winter, got {tmp_path / 'winter'}" in said
     assert [*tmp_path.iterdir()] == [tmp_path / "winter"]
+    (tmp_path / "odometry.csv").write_text("")
+    said = surefix_("demo", "--save-drives", tmp_path, "--as", "video", *SMALL, code=1).stderr
+    assert f"expected a folder without odometry.csv, got {tmp_path / 'odometry.csv'}" in said
     assert "--save-drives too" in surefix_("demo", "--as", "bag", code=2).stderr
     assert "expected no --town" in surefix_(*drives, "--town", code=2).stderr
     (tmp_path / "file").write_text("")
     said = surefix_("demo", "--save-drives", tmp_path / "file", *SMALL, code=1).stderr
     assert f"{tmp_path / 'file'}: cannot write the drives" in said
+
+
+@pytest.mark.parametrize("form", ["images", "video", "bag"])
+def test_a_drive_is_whole_or_not_there(
+    form: Form, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*given: Any, **more: Any) -> Any:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    # The last that a form calls for its second drive, after some of it was written.
+    modules = {"images": PIL.Image.Image, "video": save_drives, "bag": Path}
+    name = {"images": "save", "video": "save", "bag": "rename"}[form]
+    monkeypatch.setattr(modules[form], name, fails)
+    road = Route(places=60, size=(64, 32), seed=1)
+    with pytest.raises(surefix.SurefixFileError, match="cannot write the drives: No space left"):
+        save_drives.save_drives(tmp_path, form, road)
+    assert [*tmp_path.iterdir()] == []

@@ -19,7 +19,7 @@ import pytest
 import surefix
 from surefix import Map, SurefixFileError
 from surefix._core import _AtomicFile, _AtomicFolder
-from surefix._saving import save, written
+from surefix._saving import edited, save, written
 from surefix.datasets import write_track
 
 resource = pytest.importorskip("resource")
@@ -260,6 +260,46 @@ def test_what_a_killed_writer_left_is_swept_and_rows_are_kept(tmp_path: Path) ->
     # Of no use to another writer.
     run().to_csv(out)
     assert names(tmp_path) == ["out.csv", "out.part.csv"]
+
+
+def test_an_edit_of_several_steps_holds_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "map"
+    known().save(path)
+    # Of an edit that was killed.
+    (tmp_path / ".map.edited.part").mkdir()
+    (tmp_path / ".map.edited.part" / "map").write_bytes(b"half")
+    with edited(path, "cannot write the map") as copy:
+        Map.append(copy, known())
+        with pytest.raises(SurefixFileError, match="another thread of this process is writing it"):
+            Map.append(path, known())
+        with pytest.raises(SurefixFileError, match=r"map: cannot write the map: another thread"):
+            edited(path, "cannot write the map").__enter__()
+        assert len(Map.open(path)) == N
+        Map.open(copy).with_segments(surefix.Segments(2 * N, [N])).save(copy)
+    assert Map.open(path).segments.breaks.tolist() == [N]
+    assert names(tmp_path) == ["map"]
+
+
+def test_an_edit_that_fails_leaves_the_file_and_names_it(tmp_path: Path) -> None:
+    path = tmp_path / "link"
+    known().save(tmp_path / "map")
+    path.symlink_to("map")
+    before = path.read_bytes()
+
+    def edit(then: Callable[[Path], None]) -> None:
+        with edited(path, "problem") as copy:
+            Map.append(copy, known())
+            then(copy)
+
+    other = Map.from_descriptors(ROWS, "euclidean")
+    with pytest.raises(surefix.SurefixValueError) as refused:
+        edit(lambda copy: Map.append(copy, other))
+    assert str(refused.value).startswith(f"{path}: ")
+    with pytest.raises(KeyboardInterrupt):
+        edit(lambda _: signal.raise_signal(signal.SIGINT))
+    assert path.is_symlink()
+    assert path.read_bytes() == before
+    assert names(tmp_path) == ["link", "map"]
 
 
 def interrupted(out: Path) -> Path:
