@@ -4,6 +4,8 @@ import math
 import re
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,6 +14,7 @@ import typer
 
 from surefix import Map, Segments, SurefixValueError, align
 from surefix._progress import terminal_bar
+from surefix._saving import edited
 from surefix._terminal import say
 from surefix._words import plural, verb
 from surefix.cli import inputs
@@ -27,6 +30,7 @@ from surefix.tables.junctions import found_links
 
 # Places a query, with motion `any`.
 FASTEST = 5
+PROBLEM = "cannot write the map"
 Out = Annotated[Path | None, typer.Option("--out", "-o")]
 
 
@@ -52,7 +56,7 @@ def join(
     low = link_within is not None and not link_within > 0
     refuse(low, f"--link-within: expected metres above 0, got {link_within}")
     given = [_pair("--link", text) for text in link or ()]
-    check_folder(out, "cannot write the map")
+    check_folder(out, PROBLEM)
     maps = [look(file) for file in files]
     made = _joined(maps, files)
     links = {*map(tuple, made.segments.links.tolist())}
@@ -104,11 +108,13 @@ def cut(file: Path, places: str, out: Out = None, closed: bool | None = None) ->
     out: The map to write; the same file by default.
     """
     start = time.perf_counter()
-    route, to = look(file), _target(file, out)
-    first, end = _stretch(places, len(route))
-    made = route.cut(first, end)
-    segments, notes = closed_by_positions(made, made.segments, closed, file=to)
-    made.with_segments(segments).save(to)
+    to = out or file
+    with _written(file, out) as own:
+        route = look(file)
+        first, end = _stretch(places, len(route))
+        made = route.cut(first, end)
+        segments, notes = closed_by_positions(made, made.segments, closed, file=to)
+        made.with_segments(segments).save(own)
     kept = f"Kept places {first} to {end - 1} of {len(route)} in {to}"
     _say(kept, to, start, notes)
 
@@ -125,14 +131,16 @@ def thin(file: Path, metres: Annotated[float, typer.Option()], out: Out = None) 
     """
     start = time.perf_counter()
     refuse(not 0 < metres < math.inf, f"--metres: expected a number above 0, got {metres:g}")
-    route, to = look(file), _target(file, out)
-    if route.positions is None:
-        raise typer.BadParameter(f"--metres: expected a map with positions, {file} has none")
-    try:
-        made = route.thin(metres)
-    except SurefixValueError as error:
-        raise SurefixValueError(f"--metres {metres:g}: {error}") from None
-    made.save(to)
+    to = out or file
+    with _written(file, out) as own:
+        route = look(file)
+        if route.positions is None:
+            raise typer.BadParameter(f"--metres: expected a map with positions, {file} has none")
+        try:
+            made = route.thin(metres)
+        except SurefixValueError as error:
+            raise SurefixValueError(f"--metres {metres:g}: {error}") from None
+        made.save(own)
     kept = f"Kept {len(made)} of {plural(len(route), 'place')} in {to}"
     _say(kept, to, start, [])
 
@@ -177,10 +185,12 @@ def traverse(
     least: A query of a lower confidence adds nothing; for each place the surest one is kept.
     """
     start = time.perf_counter()
-    to = _target(file, out)
+    to = out or file
     if remove is not None:
         refuse(drive is not None, "--remove: expected no DRIVE, got both")
-        _without(file, to, remove, start)
+        with _written(file, out) as own:
+            notes = _without(file, own, remove)
+        _say(f"Took traverse {remove} out of {to}", to, start, notes)
         return
     if drive is None:
         raise typer.BadParameter("DRIVE: expected another drive of the road, or --remove")
@@ -192,19 +202,20 @@ def traverse(
     sampling |= {"metres": metres, "odometry": odometry}
     sampling |= {"order": order, "strict": strict, "crop": crop}
     scale: dict[str, Any] = {"spacing": spacing, "places_per_metre": places_per_metre}
-    driven = open_drive(str(file), drive, (), False, named, **scale, **sampling)
-    inputs.check_not_read(to, driven.files)
-    given: dict[str, Any] = {"motion": motion, "advance": driven.advance}
-    given["progress"] = terminal_bar("Aligning")
-    alignment = refusing_options(align, *driven.given, **given)
-    route, rows = driven.maps[0], driven.rows[0]
-    sure = alignment.confidence >= least
-    if doubt := _doubt(alignment.place, sure, driven.advance):
-        said = f"{drive} may be a drive of another road than {file}: {doubt}"
-        refuse(out is None, f"--out: expected another file to write, as {said}; got none")
-        say(f"Warning: {said}", file=sys.stderr)
-    made = route.add_traverse(rows, alignment, least=least, label=label or _label(drive))
-    made.save(to)
+    with _written(file, out) as own:
+        driven = open_drive(str(file), drive, (), False, named, **scale, **sampling)
+        inputs.check_not_read(to, driven.files)
+        given: dict[str, Any] = {"motion": motion, "advance": driven.advance}
+        given["progress"] = terminal_bar("Aligning")
+        alignment = refusing_options(align, *driven.given, **given)
+        route, rows = driven.maps[0], driven.rows[0]
+        sure = alignment.confidence >= least
+        if doubt := _doubt(alignment.place, sure, driven.advance):
+            said = f"{drive} may be a drive of another road than {file}: {doubt}"
+            refuse(out is None, f"--out: expected another file to write, as {said}; got none")
+            say(f"Warning: {said}", file=sys.stderr)
+        made = route.add_traverse(rows, alignment, least=least, label=label or _label(drive))
+        made.save(own)
     used = int(sure.sum())
     notes = [
         f"{used} of {plural(len(rows), 'query', 'queries')} {verb(used)} sure (mean confidence "
@@ -245,7 +256,7 @@ def _doubt(places: Any, sure: Any, advance: Any) -> str:
     return f"{wrong} of {plural(len(steps), 'step')} between sure queries go back or jump"
 
 
-def _without(file: Path, to: Path, remove: int, start: float) -> None:
+def _without(file: Path, own: Path, remove: int) -> list[str]:
     route = look(file)
     count = len(route.traverses)
     refuse(count < 2, f"--remove: expected a map of several traverses, {file} has one")
@@ -256,9 +267,8 @@ def _without(file: Path, to: Path, remove: int, start: float) -> None:
     except SurefixValueError as error:
         said = re.sub(r"^option `\w+`", "--remove", str(error))
         raise typer.BadParameter(said) from None
-    made.save(to)
-    notes = [f"{plural(len(made.traverses), 'traverse')} left"]
-    _say(f"Took traverse {remove} out of {to}", to, start, notes)
+    made.save(own)
+    return [f"{plural(len(made.traverses), 'traverse')} left"]
 
 
 def said_twice(route: Map) -> list[str]:
@@ -272,11 +282,17 @@ def _say(done: str, out: Path, start: float, notes: list[str]) -> None:
     say("; ".join([said, *notes]))
 
 
-def _target(file: Path, out: Path | None) -> Path:
-    """The file to write: the map itself by default, which stays until the new one is whole."""
-    if out is not None:
-        check_folder(out, "cannot write the map")
-    return out or file
+@contextmanager
+def _written(file: Path, out: Path | None) -> Iterator[Path]:
+    """The file to save to: by default the map's own copy, while no other program writes the map."""
+    # What is no map is refused as such.
+    look(file)
+    if out is None or (out.exists() and out.samefile(file)):
+        with edited(file, PROBLEM) as own:
+            yield own
+        return
+    check_folder(out, PROBLEM)
+    yield out
 
 
 def _pair(option: str, text: str) -> tuple[int, int]:

@@ -206,3 +206,37 @@ def test_info_of_many_segments_is_short(tmp_path: Path) -> None:
     assert known["closed"] == [1, 7]
     assert known["origin"] is None
     assert known["thumbnails"] is None
+
+
+@pytest.mark.parametrize(
+    ("command", "method"),
+    [
+        (["append", "main2"], "with_segments"),
+        (["cut", ":20"], "with_segments"),
+        (["thin", "--metres", "4"], "thin"),
+        (["traverse", "main2", "--label", "again"], "add_traverse"),
+    ],
+)
+def test_a_map_that_is_changed_takes_no_append_meanwhile(
+    command: list[str], method: str, town: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, *rest = [str(town / each) if each == "main2" else each for each in command]
+    out = tmp_path / "main.map"
+    out.write_bytes((town / "main.map").read_bytes())
+    if name == "append":
+        rest += ["--break", str(N + 5), "--positions", str(town / "main.npy")]
+    refusals = []
+    usual, appended = getattr(surefix.Map, method), surefix.Map.open(town / "side.map")
+
+    def beside(*given: Any, **more: Any) -> Any:
+        # The map was read, and is not saved yet.
+        with pytest.raises(surefix.SurefixFileError) as refused:
+            surefix.Map.append(out, appended, new_segment=True)
+        refusals.append(str(refused.value))
+        return usual(*given, **more)
+
+    monkeypatch.setattr(surefix.Map, method, beside)
+    surefix_("map", name, out, *rest)
+    assert refusals
+    assert all(said.startswith(f"{out}: cannot write the map: another") for said in refusals)
+    assert [*tmp_path.iterdir()] == [out]
