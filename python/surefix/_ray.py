@@ -7,25 +7,21 @@ task works in the folder of the command, so that names of files mean the same th
 says is said here.
 """
 
-import io
 import logging
 import os
 import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import (
-    ExitStack,
-    chdir,
     closing,
     contextmanager,
-    redirect_stderr,
-    redirect_stdout,
     suppress,
 )
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
+from surefix import _ray_task
 from surefix._core import __version__
 from surefix._extra import require
 from surefix.errors import SurefixError, mismatch
@@ -43,8 +39,6 @@ AHEAD = 2
 # How often Ray begins a task again whose worker died.
 RETRIES = 3
 LOG = logging.getLogger("surefix")
-# The last value that tasks in this worker were given, by its name in Ray's store.
-_held: dict[str, Any] = {}
 
 
 class Cluster:
@@ -178,7 +172,7 @@ def _done(
 ) -> Generator[tuple[int, Any], None, None]:
     """The index of each job, and the reference of its result, as soon as it is there."""
     ray, held = cluster.ray, [cluster.reference(of)]
-    task = ray.remote(_task).options(max_retries=RETRIES, num_gpus=gpus)
+    task = ray.remote(_ray_task.run).options(max_retries=RETRIES, num_gpus=gpus)
     limit = AHEAD * cluster.processors
     flying: dict[Any, int] = {}
     left = enumerate(jobs)
@@ -199,62 +193,6 @@ def _done(
             ray.cancel(each)
 
 
-class _Said(NamedTuple):
-    """What a task wrote to its streams, and what it logged."""
-
-    out: str = ""
-    err: str = ""
-    logged: Sequence[tuple[int, str]] = ()
-
-
-class _Log(logging.Handler):
-    """Keeps what is logged in a task."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.logged: list[tuple[int, str]] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self.logged.append((record.levelno, record.getMessage()))
-
-
-def _task(version: str, folder: str, held: list[Any], work: bytes) -> tuple[Any, Any, _Said]:
-    """Runs in a worker: the result, what was raised, and what was said."""
-    import ray
-
-    # Before anything of the package is read that another version may not have.
-    node = ray.util.get_node_ip_address()
-    if version != __version__:
-        return None, mismatch(f"Ray, machine {node}", f"surefix {version}", __version__), _Said()
-    # A task has as many threads as Ray gives it processors.
-    os.environ.setdefault("RAYON_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
-    out, err, log = io.StringIO(), io.StringIO(), _Log()
-    result: Any = None
-    failed: Exception | None = None
-    with ExitStack() as inside:
-        try:
-            inside.enter_context(chdir(folder))
-        except OSError as error:
-            expected = f"the folder {folder} on all machines"
-            reason = error.strerror or error
-            return None, mismatch(f"Ray, machine {node}", expected, reason), _Said()
-        inside.enter_context(redirect_stdout(out))
-        inside.enter_context(redirect_stderr(err))
-        LOG.addHandler(log)
-        inside.callback(LOG.removeHandler, log)
-        try:
-            (reference,) = held
-            name = reference.hex()
-            if name not in _held:
-                _held.clear()
-                _held[name] = ray.get(reference)
-            function, job = ray.cloudpickle.loads(work)
-            result = function(_held[name], job)
-        except Exception as error:
-            failed = error
-    return result, failed, _Said(out.getvalue(), err.getvalue(), log.logged)
-
-
 def _result(ray: Any, reference: Any) -> Any:
     """That of a task; raises what it raised."""
     try:
@@ -263,9 +201,12 @@ def _result(ray: Any, reference: Any) -> Any:
         short = "the system ended a task, as its machine had no memory left; start Ray with fewer"
         raise SurefixError(f"Ray: {short} processors there (ray start --num-cpus)") from None
     except ray.exceptions.RayTaskError as error:
-        # The worker could not even begin.
-        problem = f"{_line(error.cause or error)} (surefix {__version__} is here)"
-        raise SurefixError(f"Ray: a worker cannot run surefix: {problem}") from None
+        # The task could not begin, or its result could not be sent.
+        problem = _line(error.cause or error)
+        if "failed to import" in problem:
+            got = "a worker that has another one or none"
+            raise mismatch("Ray", f"surefix {__version__} on all machines", got) from None
+        raise SurefixError(f"Ray: a task failed: {problem}") from None
     except ray.exceptions.RayError as error:
         begun = f"a worker died {RETRIES + 1} times at one task"
         died = isinstance(error, ray.exceptions.WorkerCrashedError)

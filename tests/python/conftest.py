@@ -42,6 +42,10 @@ def ray_cluster() -> Iterator[str]:
     this process are in it, others join it by RAY_ADDRESS.
     """
     ray = pytest.importorskip("ray", exc_type=ModuleNotFoundError)
+    if ray.is_initialized():
+        # By other tests of this process.
+        yield ray.get_runtime_context().gcs_address
+        return
     before = signal.getsignal(signal.SIGTERM)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     small = {"num_cpus": 2, "object_store_memory": 80 << 20, "include_dashboard": False}

@@ -20,7 +20,8 @@ from surefix.cli.route import is_images, is_matrix
 from surefix.cli.where import GAP
 from surefix.comparing import estimates
 from surefix.judged import FIGURES, Recall
-from surefix.study.plan import FILES, SAMPLING, Evaluation, Plan
+from surefix.study.plan import Evaluation, Plan
+from surefix.study.plan_file import FILES, SAMPLING
 from surefix.tables.matrices import read_matrix
 
 __all__ = ["Asked", "Job", "evaluate", "identity", "make_ready", "pair_of"]

@@ -18,7 +18,8 @@ from surefix.cli.evaluations import Asked, Job, evaluate, identity, make_ready, 
 from surefix.cli.flags import documented, with_ray
 from surefix.errors import refusal
 from surefix.judged import FIGURES
-from surefix.study.plan import Evaluation, Plan, read_plan
+from surefix.study.plan import Evaluation, Plan
+from surefix.study.plan_file import read_plan
 from surefix.tables.results import Rows, write_table
 
 # Lines of the table that is printed.

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -110,6 +111,18 @@ def test_another_version_on_a_worker_is_refused(
     first, _, rest = str(refused.value).partition(": ")
     assert first.startswith("Ray, machine ")
     assert rest == f"expected surefix 99.1, got {theirs}"
+
+
+def test_a_worker_without_surefix_is_refused(joined: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The module of the task is not there to be imported.
+    gone = ModuleType("surefix_of_here_alone")
+    exec("def run(*given): pass", vars(gone))
+    monkeypatch.setitem(sys.modules, gone.__name__, gone)
+    monkeypatch.setattr(_ray, "_ray_task", gone)
+    with pytest.raises(SurefixValueError) as refused:
+        list(_ray.mapped(total, ROWS, [0]))
+    ours = f"expected surefix {_ray.__version__} on all machines"
+    assert str(refused.value) == f"Ray: {ours}, got a worker that has another one or none"
 
 
 def test_a_folder_that_a_machine_lacks_is_refused(
