@@ -14,6 +14,9 @@ import surefix
 from surefix import SurefixError, SurefixFileError, SurefixValueError, _core
 from surefix.distributed import ShardedLocalizer, ShardError
 
+# All in one process: one cluster.
+pytestmark = pytest.mark.xdist_group("ray")
+
 OPTIONS: dict[str, Any] = {"motion": "free", "sequence_length": 4}
 
 
