@@ -224,7 +224,7 @@ fn route(
     let places = places.prop_map(|places| places.max(2));
     let kinds = [Rows::Ties, Rows::Ties, Rows::Shares, Rows::Shares, Rows::Far, Rows::Equal];
     let (blank, traverses) =
-        if more { (any::<bool>().boxed(), 0..3) } else { (Just(false).boxed(), 0..1) };
+        if more { (any::<bool>().boxed(), 0..3_usize) } else { (Just(false).boxed(), 0..1_usize) };
     let more = (blank, traverses).prop_map(|(blank, traverses)| More { blank, traverses });
     let fixed = (select(kinds.to_vec()), 1..=4_usize, 1..=4_usize, any::<u64>(), more);
     (places.prop_flat_map(segments), fixed).prop_flat_map(
