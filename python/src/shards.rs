@@ -1,6 +1,7 @@
 //! `surefix._core.Shard` and `ShardDriver`: messages are bytes here.
 
 use std::fmt;
+use std::sync::Arc;
 
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -9,12 +10,25 @@ use serde::{Deserialize, Deserializer, Serialize};
 use surefix::shard::{Answer, Header, Next, Question, Stage};
 use surefix::{Error, Floor};
 
-use crate::error::{OrRaise as _, busy};
+use crate::error::{OrRaise as _, busy, value};
 use crate::fix::Fix;
-use crate::inputs::{Input, descriptors};
-use crate::map::Map;
-use crate::options::{config, given, settings};
+use crate::inputs::{Input, descriptors, maps};
+use crate::options::{config, given, settings, whole};
 use crate::signals::detached;
+
+/// The only map.
+fn one_map(given: &Bound<'_, PyAny>) -> PyResult<Arc<surefix::Map>> {
+    let mut maps = maps(given)?;
+    match (maps.pop(), maps.len()) {
+        (Some(map), 0) => Ok(map),
+        (_, rest) => {
+            let got = if rest == 0 { "none".to_owned() } else { (rest + 1).to_string() };
+            let message =
+                format!("map: expected one map, as shards do not fuse several, got {got}");
+            Err(value(given.py(), message))
+        }
+    }
+}
 
 /// The bytes of a message.
 fn packed(message: &impl Serialize) -> Result<Vec<u8>, Error> {
@@ -86,13 +100,14 @@ impl Shard {
     #[pyo3(signature = (map, index, shards, **options))]
     fn new(
         py: Python<'_>,
-        map: PyRef<'_, Map>,
-        index: usize,
-        shards: usize,
+        map: &Bound<'_, PyAny>,
+        index: &Bound<'_, PyAny>,
+        shards: &Bound<'_, PyAny>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let config = config(py, options, Floor::Running)?;
-        let map = map.0.clone();
+        let map = one_map(map)?;
+        let (index, shards) = (whole("index", index)?, whole("shards", shards)?);
         detached(py, || surefix::shard::Shard::new(map, &config, index, shards)).map(Self)
     }
 
@@ -192,13 +207,13 @@ impl ShardDriver {
     #[pyo3(signature = (map, shards, *, descriptor=None, **options))]
     fn new(
         py: Python<'_>,
-        map: PyRef<'_, Map>,
-        shards: usize,
+        map: &Bound<'_, PyAny>,
+        shards: &Bound<'_, PyAny>,
         descriptor: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let settings = settings(py, options, Floor::Running, false)?;
-        let map = map.0.clone();
+        let (map, shards) = (one_map(map)?, whole("shards", shards)?);
         let descriptor = descriptors(descriptor, std::slice::from_ref(&map))?.pop().flatten();
         let driver = detached(py, || {
             settings.check_maps([&*map])?;

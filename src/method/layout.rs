@@ -8,20 +8,9 @@
 use std::ops::Range;
 
 use crate::segments::{Segment, Segments};
-use crate::sums::BLOCK;
 
 /// Moves by more places do not follow links: the cost is bounded.
 pub(super) const FARTHEST: usize = 64;
-
-/// The places of each of `count` shards: whole blocks, shared evenly.
-pub(crate) fn cut(places: usize, count: usize) -> impl Iterator<Item = Range<usize>> {
-    let blocks = places.div_ceil(BLOCK);
-    let at = move |shard: usize| {
-        let block = shard as u128 * blocks as u128 / count as u128;
-        (block as usize * BLOCK).min(places)
-    };
-    (0..count).map(move |shard| at(shard)..at(shard + 1))
-}
 
 /// A shard's line of places.
 #[derive(Clone, Debug)]
@@ -307,15 +296,5 @@ mod tests {
             expected.sort_unstable();
             prop_assert_eq!(foreign, expected);
         }
-    }
-
-    #[test]
-    fn shards_share_the_blocks_evenly() {
-        let shards: Vec<_> = cut(5 * BLOCK + 1, 4).collect();
-        assert_eq!(
-            shards,
-            [0..BLOCK, BLOCK..3 * BLOCK, 3 * BLOCK..4 * BLOCK, 4 * BLOCK..5 * BLOCK + 1]
-        );
-        assert_eq!(cut(7, 1).collect::<Vec<_>>(), [0..7]);
     }
 }

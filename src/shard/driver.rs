@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use twox_hash::XxHash3_64;
 
+use super::flight::{At, Flight, of_stage, unexpected};
 use super::mark::Header;
 use super::message::{Address, Answer, Asked, Numbers, QueryMark, Question, Said, Stage};
 use crate::calibration::{Alarm, Threshold};
@@ -13,7 +14,7 @@ use crate::config::Config;
 use crate::error::Error;
 use crate::localizer::{Input, Judge, Queries, Told};
 use crate::map::{Map, Means, Position, RowSums};
-use crate::method::shard::{Decided, Second, Whole};
+use crate::method::shard::Whole;
 use crate::method::{Fix, Given};
 use crate::sums::BLOCK;
 
@@ -43,24 +44,6 @@ pub enum Next {
     Ask(Vec<Question>),
     /// Its fix.
     Fix(Fix),
-}
-
-/// A query whose fix is not there yet.
-#[derive(Clone, Debug)]
-struct Flight {
-    mark: QueryMark,
-    given: Given,
-    /// Whether it is a descriptor, which counts in the statistics of the drive.
-    descriptor: bool,
-    at: At,
-}
-
-/// What its shards have been asked.
-#[derive(Clone, Debug)]
-enum At {
-    Census { query: Numbers, nothing: bool },
-    First { query: Numbers, means: Option<Means> },
-    Second { decided: Box<Decided>, asked: Vec<Second> },
 }
 
 impl Driver {
@@ -352,18 +335,4 @@ impl Driver {
     pub fn frames(&self) -> u64 {
         self.whole.frames()
     }
-}
-
-pub(super) fn unexpected<T>(expected: &str) -> Result<T, Error> {
-    Err(Error::Shard { reason: format!("expected {expected}") })
-}
-
-/// What the answers of a stage say.
-fn of_stage<'a, T>(
-    answers: &'a [Answer],
-    stage: Stage,
-    of: impl Fn(&'a Said) -> Option<&'a T>,
-) -> Result<Vec<&'a T>, Error> {
-    let said: Option<Vec<_>> = answers.iter().map(|answer| of(&answer.body)).collect();
-    said.map_or_else(|| unexpected(&format!("answers of the stage {stage}, got others")), Ok)
 }

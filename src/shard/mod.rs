@@ -33,6 +33,7 @@
 //! ```
 
 mod driver;
+mod flight;
 mod mark;
 mod message;
 mod one;

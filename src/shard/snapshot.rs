@@ -9,7 +9,7 @@ use super::mark::Header;
 use super::one::Shard;
 use crate::archive::{self, Format, Refusal, Writer};
 use crate::error::Error;
-use crate::method::shard::{PartSaved, WholeSaved};
+use crate::method::shard::{PartSaved, VIEW, WholeSaved};
 use crate::post::Running;
 
 const SHARD: Format = Format { name: "surefix-shard", version: 1 };
@@ -86,7 +86,9 @@ impl Driver {
         self.at_rest("a snapshot")?;
         let running = self.queries.running().map(Running::snapshot);
         let running = running.collect::<Result<Vec<_>, _>>()?;
+        let view = self.whole.view();
         let mut writer = Writer::new();
+        writer.numbers(VIEW, vec![view.len()], vec![view.as_slice()]);
         for (index, bytes) in running.iter().enumerate() {
             writer.numbers(running_name(index), vec![bytes.len()], vec![bytes.as_slice()]);
         }
@@ -129,7 +131,7 @@ impl Driver {
             let reason = "damaged: statistics of another drive than the map's".to_owned();
             return Err(Error::Snapshot { reason });
         }
-        self.whole.resume(&entry.whole).map_err(refused)?;
+        self.whole.resume(&entry.whole, &tensors).map_err(refused)?;
         self.queries = queries;
         self.history = entry.history;
         Ok(())

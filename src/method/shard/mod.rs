@@ -10,5 +10,5 @@ mod whole;
 
 pub(crate) use part::Part;
 pub(crate) use said::{First, FirstSaid, Second, SecondSaid};
-pub(crate) use saved::{PartSaved, WholeSaved};
+pub(crate) use saved::{PartSaved, VIEW, WholeSaved};
 pub(crate) use whole::{Decided, Whole, check, cuts};

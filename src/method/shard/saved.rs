@@ -11,6 +11,9 @@ use crate::archive::{Refusal, Tensors, Writer};
 /// The name of the window's tensor.
 const COLUMNS: &str = "columns";
 
+/// That of the driver's tracker.
+pub(crate) const VIEW: &str = "track.view";
+
 /// The single match and the trust of the newest queries, newest first.
 type Newest = Vec<(Single, bool)>;
 
@@ -110,6 +113,11 @@ impl Part {
 }
 
 impl Whole {
+    /// The numbers of the tensor [`VIEW`].
+    pub(crate) fn view(&self) -> Vec<f64> {
+        self.tracker.as_ref().map(TrackerWhole::view).unwrap_or_default()
+    }
+
     pub(crate) fn save(&self) -> WholeSaved {
         WholeSaved {
             frames: self.frames,
@@ -124,13 +132,20 @@ impl Whole {
     ///
     /// # Errors
     /// One that no queries can have led to.
-    pub(crate) fn resume(&mut self, saved: &WholeSaved) -> Result<(), Refusal> {
+    pub(crate) fn resume(
+        &mut self,
+        saved: &WholeSaved,
+        tensors: &Tensors<'_>,
+    ) -> Result<(), Refusal> {
         let WholeSaved { frames, lowest, follows, .. } = *saved;
         let (length, places) = (self.config.sequence_length, self.segments.places());
         let anchors = resumed(&saved.anchors, frames, length, places)?;
         match (&mut self.tracker, &saved.track) {
             (None, _) => {}
-            (Some(tracker), Some(state)) => tracker.resume(state)?,
+            (Some(tracker), Some(state)) => {
+                let (_, view) = tensors.required::<f64>(VIEW, "(n)", |shape| shape.len() == 1)?;
+                tracker.resume(state, &view)?;
+            }
             (Some(_), None) => return Err(Refusal::Foreign("no state of the tracker".to_owned())),
         }
         self.anchors = anchors;

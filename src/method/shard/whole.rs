@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use super::super::estimator::Seen;
-use super::super::layout::cut;
 use super::super::sequence::{Best, SequenceSearch};
 use super::super::track::{TrackDecided, TrackerWhole, counted};
 use super::super::trust::{Anchor, Anchors, consensus};
@@ -12,6 +11,7 @@ use super::said::{First, FirstSaid, Second, SecondSaid};
 use crate::config::Config;
 use crate::error::Error;
 use crate::segments::Segments;
+use crate::sums::BLOCK;
 
 /// The state that no shard has, and what makes fixes of what the shards say.
 #[derive(Clone, Debug)]
@@ -225,10 +225,33 @@ pub(crate) fn check(segments: &Segments, config: &Config) -> Result<(), Error> {
 /// # Errors
 /// [`Error::Option`] for no shard, or more than there are blocks.
 pub(crate) fn cuts(places: usize, shards: usize) -> Result<Vec<Range<usize>>, Error> {
-    let blocks = places.div_ceil(crate::sums::BLOCK);
+    let blocks = places.div_ceil(BLOCK);
     if shards == 0 || shards > blocks {
         let expected = format!("from 1 to {blocks}, the blocks of 4,096 places");
         return Err(Error::Option { name: "shards", expected, got: shards.to_string() });
     }
     Ok(cut(places, shards).collect())
+}
+
+/// The places of each of `count` shards: whole blocks, shared evenly.
+fn cut(places: usize, count: usize) -> impl Iterator<Item = Range<usize>> {
+    let blocks = places.div_ceil(BLOCK);
+    let at = move |shard: usize| {
+        let block = shard as u128 * blocks as u128 / count as u128;
+        (block as usize * BLOCK).min(places)
+    };
+    (0..count).map(move |shard| at(shard)..at(shard + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_share_the_blocks_evenly() {
+        let shards: Vec<_> = cut(5 * BLOCK + 1, 4).collect();
+        let expected = [0..BLOCK, BLOCK..3 * BLOCK, 3 * BLOCK..4 * BLOCK, 4 * BLOCK..5 * BLOCK + 1];
+        assert_eq!(shards, expected);
+        assert_eq!(cut(7, 1).collect::<Vec<_>>(), [0..7]);
+    }
 }

@@ -26,7 +26,7 @@ pub(crate) struct Hubness {
 }
 
 /// What a column comes to in a block of places.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(in crate::method) struct BlockMoments {
     pub(in crate::method) places: usize,
     /// The sum of the distances.

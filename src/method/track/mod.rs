@@ -6,7 +6,7 @@
 //! | 1 | hubness | `hubness.rs` |
 //! | 2 | evidence | `evidence.rs` |
 //! | 3 | motion | `steps.rs` |
-//! | 4 | prediction | here |
+//! | 4 | prediction | `predict.rs` |
 //! | 5 | update | `update.rs` |
 //! | 6 | answer | `answer.rs` |
 //!
@@ -20,9 +20,11 @@ mod exp;
 mod growing;
 mod hubness;
 mod later;
+mod line;
 mod links;
 mod novelty;
 mod part;
+mod predict;
 mod said;
 mod state;
 mod steps;
@@ -33,12 +35,10 @@ mod update;
 mod walks;
 mod whole;
 
-use serde::{Deserialize, Serialize};
-
 use super::estimator::{Estimator, Memory, Seen};
 use super::window::{Exact, Window};
 use crate::error::Error;
-use crate::motion::{MAX_JITTER, Motion};
+use crate::motion::Motion;
 use crate::preallocated::reserved;
 use crate::segments::Segments;
 use crate::sums::{BLOCK, CHUNK};
@@ -51,16 +51,14 @@ pub(super) use hubness::Hubness;
 use links::Links;
 use novelty::{Novelty, View};
 pub(super) use part::{PartState, TrackerPart};
+use predict::{Prediction, Step, each_row};
 pub(super) use said::counted;
 pub(super) use said::{TrackFirst, TrackFirstSaid, TrackSecond, TrackSecondSaid};
 pub(super) use state::Saved;
 use state::State;
-use steps::{Steps, Tap, Way, known, lost};
-use update::{After, Move, Whole, on};
+use steps::{Steps, Way, lost};
+use update::{After, Whole, on};
 pub(super) use whole::{TrackDecided, TrackerWhole, WholeState};
-
-/// The longest move: all whole numbers up to it are known exactly.
-const MAX_SHIFT: f64 = (1_u64 << 53) as f64;
 
 /// The estimator of all queries so far.
 #[derive(Clone, Debug)]
@@ -230,40 +228,6 @@ impl Tracker {
     }
 }
 
-/// How the belief moves.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-enum Step {
-    /// By a known advance, in places and a part of one.
-    Known { shift: isize, part: f64, jitter: f64 },
-    /// As the speeds say, with the probability `moved`; `joint` if the rows before are.
-    Speeds { joint: bool, moved: f64 },
-}
-
-impl Step {
-    /// By the advance, if it is known.
-    fn new(motion: &Motion, state: &State, advance: Option<f64>, novelty: Novelty) -> Self {
-        let Some(advance) = advance else {
-            return Self::Speeds { joint: state.joint, moved: novelty.moved };
-        };
-        let travelled = state.travelled + advance;
-        let (whole, part) = if motion.by_distance {
-            (advance.floor(), advance - advance.floor())
-        } else {
-            (travelled.round_ties_even() - state.travelled.round_ties_even(), 0.0)
-        };
-        let jitter = (motion.jitter * novelty.jitter).min(MAX_JITTER);
-        Self::Known { shift: whole.clamp(-MAX_SHIFT, MAX_SHIFT) as isize, part, jitter }
-    }
-
-    /// The probability that the robot has moved as this says, and not stayed.
-    fn moved(self) -> f64 {
-        match self {
-            Self::Known { .. } => 1.0,
-            Self::Speeds { moved, .. } => moved,
-        }
-    }
-}
-
 /// Adds the rows of the other speeds to that of the first.
 #[inline(always)]
 fn fold(first: &mut [f64], others: &[f64]) {
@@ -272,14 +236,6 @@ fn fold(first: &mut [f64], others: &[f64]) {
             *sum += mass;
         }
     }
-}
-
-/// The prediction for each place and speed is `keep` times the arriving mass, and `anew`.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Prediction {
-    keep: f64,
-    anew: f64,
-    off: f64,
 }
 
 impl Tracker {
@@ -338,47 +294,5 @@ impl Tracker {
         moves.update(column, &hubness.sums, evidence, &before, &mut after);
         let evidence = blocks.iter().sum::<f64>() / column.len() as f64;
         state.update(on(sums), prediction, evidence, step, motion.speeds.len());
-    }
-}
-
-impl Prediction {
-    /// Of the belief before, of which `lost` (before the scale) left the map.
-    fn new(
-        motion: &Motion,
-        state: &State,
-        step: Step,
-        novelty: Novelty,
-        lost: f64,
-        places: usize,
-    ) -> Self {
-        let left = step.moved() * state.scale * lost;
-        let [leave, restart, rejoin] = motion.rates(novelty.happens);
-        let keep = (1.0 - leave) * (1.0 - restart);
-        let anew = rejoin * state.off + (1.0 - leave) * restart * state.on + keep * left;
-        let rows = if matches!(step, Step::Known { .. }) { 1 } else { motion.speeds.len() };
-        Self {
-            keep: keep * state.scale,
-            anew: anew / (rows * places) as f64,
-            off: (1.0 - rejoin) * state.off + leave * state.on,
-        }
-    }
-
-    fn moves(self, steps: &Steps, step: Step) -> Move<'_> {
-        Move { steps, step, keep: self.keep, anew: self.anew }
-    }
-}
-
-/// Each row of a belief by its index, the taps that move it, and the share of the row that is
-/// meant.
-#[inline(always)]
-fn each_row(steps: &Steps, step: Step, mut visit: impl FnMut(usize, &[Tap], f64)) {
-    match step {
-        Step::Known { shift, part, jitter } => visit(0, &known(shift, part, jitter), 1.0),
-        Step::Speeds { joint, .. } => {
-            for speed in 0..steps.shares.len() {
-                let (row, share) = steps.row(speed, joint);
-                visit(row, steps.of(speed), share);
-            }
-        }
     }
 }

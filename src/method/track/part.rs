@@ -8,15 +8,16 @@ use serde::{Deserialize, Serialize};
 use super::answer::{FINE, asked, most_probable};
 use super::evidence::{Evidence, Says};
 use super::hubness::{BlockMoments, Hubness, add};
+use super::line::{Line, OnLine, reach};
 use super::links::Links;
 use super::novelty::{Together, View};
-use super::said::{Numbers, TrackFirst, TrackFirstSaid, TrackSecond, TrackSecondSaid, counted};
-use super::steps::{Steps, Tap, Way, arriving, lost};
-use super::update::{After, Before, add as add_times};
-use super::{Scratch, Step, each_row, fold};
+use super::predict::{Step, each_row};
+use super::said::{Numbers, TrackFirst, TrackFirstSaid, TrackSecond, TrackSecondSaid};
+use super::steps::{Steps, Way, lost};
+use super::update::After;
+use super::{Scratch, fold};
 use crate::archive::{Refusal, Tensors};
 use crate::error::Error;
-use crate::method::layout::Layout;
 use crate::motion::Motion;
 use crate::preallocated::reserved;
 use crate::segments::{Segment, Segments};
@@ -44,9 +45,8 @@ pub(in crate::method) struct TrackerPart {
     /// Whether only the first row of it counts.
     joint: bool,
     view: View,
-    /// The line of places whose belief moves to own places, and the belief there before the move.
-    layout: Layout,
-    line: Vec<f64>,
+    /// The belief before the move, from where it moves to own places.
+    line: Line,
     /// One row of the belief, if it is not as in `mass`.
     folded: Vec<f64>,
     /// What the column in hand comes to.
@@ -89,8 +89,7 @@ impl TrackerPart {
             mass: zeros(count)?,
             joint: true,
             view: View::new(places, motion)?,
-            layout: Layout::new(segments, own.clone(), reach).with_junctions(segments),
-            line: Vec::new(),
+            line: Line::new(segments, own.clone(), reach),
             folded: zeros(places)?,
             moments: vec![BlockMoments::default(); places.div_ceil(BLOCK)],
             scratch: Scratch {
@@ -205,48 +204,14 @@ impl TrackerPart {
         first: &TrackFirst,
         asked: &TrackSecond,
     ) -> Result<(), Error> {
-        if self.layout.reach() != asked.reach {
-            let layout = Layout::new(&self.segments, self.own.clone(), asked.reach);
-            self.layout = layout.with_junctions(&self.segments);
-            self.line = Vec::new();
+        if self.line.reach() != asked.reach {
+            self.line = Line::new(&self.segments, self.own.clone(), asked.reach);
         }
-        let (rows, total) = (self.count(first), self.layout.total());
-        let mut line = std::mem::take(&mut self.line);
-        line.resize(rows * total, 0.0);
-        let (masses, length) = self.rows(first);
-        for row in 0..rows {
-            let (line, masses) = (&mut line[row * total..], &masses[row * length..]);
-            for (at, own) in self.layout.own_parts(0..length) {
-                line[at..at + own.len()].copy_from_slice(&masses[own]);
-            }
-        }
-        let (mut foreign, mut taken) = (asked.foreign.iter(), 0);
-        let mut rest: Option<(usize, usize, &[f64])> = None;
-        for (range, at) in self.layout.foreign() {
-            let mut start = range.start;
-            while start < range.end {
-                let Some((first, length, numbers)) = rest.take().or_else(|| {
-                    let (first, Numbers(numbers)) = foreign.next()?;
-                    Some((*first, numbers.len() / rows, &numbers[..]))
-                }) else {
-                    break;
-                };
-                let fits = first == start && length > 0 && length <= range.end - start;
-                if !fits || numbers.len() != rows * length {
-                    break;
-                }
-                for (row, numbers) in numbers.chunks_exact(length).enumerate() {
-                    let at = row * total + at + (start - range.start);
-                    line[at..at + length].copy_from_slice(numbers);
-                }
-                start += length;
-                taken += length;
-            }
-        }
-        self.line = line;
-        let expected: usize = self.layout.foreign().map(|(range, _)| range.len()).sum();
-        counted("places of other shards", expected, taken)?;
-        counted("lists of places of other shards", 0, foreign.len())
+        let mut line = std::mem::take(&mut self.line.mass);
+        let (rows, _) = self.rows(first);
+        let filled = self.line.fill(&mut line, self.count(first), rows, &asked.foreign);
+        self.line.mass = line;
+        filled
     }
 
     /// Keeps the column, and updates the belief, whose move [`receive`](Self::receive) has begun.
@@ -271,12 +236,7 @@ impl TrackerPart {
             }
         };
         let evidence = Evidence { says, weight: asked.weight, clip: motion.clip };
-        let before = OnLine {
-            line: &self.line,
-            layout: &self.layout,
-            links: self.links.as_ref(),
-            start: self.own.start,
-        };
+        let before = OnLine { line: &self.line, links: self.links.as_ref() };
         let Scratch { chunk, places, sums, blocks } = &mut self.scratch;
         let mass = &mut self.mass[..];
         let mut after = After { mass, chunk, places, sums, evidence: blocks };
@@ -332,51 +292,6 @@ impl TrackerPart {
 fn corrected_next(column: &[f32], sums: &[f64], share: f64, x: &mut [f64]) {
     for (x, (&distance, &sum)) in x.iter_mut().zip(column.iter().zip(sums)) {
         *x = super::hubness::corrected(distance, sum + f64::from(distance), share);
-    }
-}
-
-/// How many places before a place, and after it, moves by these shifts come from.
-pub(super) fn reach([least, greatest]: [isize; 2]) -> [usize; 2] {
-    [greatest.max(0).unsigned_abs(), least.min(0).unsigned_abs()]
-}
-
-/// The belief on a shard's line; places count from the first own one.
-#[derive(Clone, Copy)]
-struct OnLine<'a> {
-    line: &'a [f64],
-    layout: &'a Layout,
-    links: Option<&'a Links>,
-    start: usize,
-}
-
-impl OnLine<'_> {
-    #[inline(always)]
-    fn row(&self, row: usize) -> &[f64] {
-        let total = self.layout.total();
-        &self.line[row * total..][..total]
-    }
-}
-
-impl Before for OnLine<'_> {
-    #[inline(always)]
-    fn arriving(&self, row: usize, taps: &[Tap], factor: f64, start: usize, out: &mut [f64]) {
-        let row = self.row(row);
-        let way = Way { segments: self.layout.segments(), links: None };
-        for (at, own) in self.layout.own_parts(start..start + out.len()) {
-            arriving(row, taps, way, factor, at, &mut out[own.start - start..own.end - start]);
-        }
-        if let Some(links) = self.links {
-            let belief = |place: usize| self.layout.anywhere(place).map_or(f64::NAN, |at| row[at]);
-            links.arriving(belief, taps, factor, self.start + start, out);
-        }
-    }
-
-    #[inline(always)]
-    fn staying(&self, row: usize, factor: f64, start: usize, out: &mut [f64]) {
-        let row = self.row(row);
-        for (at, own) in self.layout.own_parts(start..start + out.len()) {
-            add_times(factor, &row[at..], &mut out[own.start - start..own.end - start]);
-        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::hubness::{BlockMoments, Standard};
-use super::{Prediction, Step};
+use super::predict::{Prediction, Step};
 use crate::error::Error;
 
 /// Before the column counts.

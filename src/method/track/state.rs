@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::novelty::View;
-use super::{Hubness, Prediction, Step, Tracker};
+use super::predict::{Prediction, Step};
+use super::{Hubness, Tracker};
 use crate::archive::Refusal;
 
 /// Farther than a robot gets by advances of the longest that is accepted.

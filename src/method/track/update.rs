@@ -2,8 +2,8 @@
 //! places at a time.
 
 use super::evidence::Evidence;
+use super::predict::{Step, each_row};
 use super::steps::{Steps, Tap, Way, arriving, known};
-use super::{Step, each_row};
 use crate::motion::Motion;
 use crate::sums::{BLOCK, CHUNK, sum};
 

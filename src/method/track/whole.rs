@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use super::answer::{Belief, Track, asked};
 use super::hubness::{BlockMoments, Spread, Standard};
+use super::line::reach;
 use super::novelty::{Novelty, about_all, correlation};
-use super::part::reach;
+use super::predict::{Prediction, Step};
 use super::said::{Numbers, TrackFirst, TrackFirstSaid, TrackSecond, TrackSecondSaid, counted};
 use super::state::State;
 use super::steps::Steps;
 use super::update::on;
-use super::{Prediction, Step};
 use crate::archive::Refusal;
 use crate::error::Error;
 use crate::method::layout::Layout;
@@ -60,13 +60,12 @@ pub(in crate::method) struct TrackDecided {
     prediction: Prediction,
 }
 
-/// Its state between two queries.
+/// Its state between two queries, beside [`TrackerWhole::view`].
 #[derive(Serialize, Deserialize)]
 pub(in crate::method) struct WholeState {
     state: State,
     columns: u64,
     viewed: bool,
-    view: Vec<BlockMoments>,
 }
 
 impl Routes {
@@ -296,22 +295,37 @@ impl TrackerWhole {
 
     pub(in crate::method) fn saved(&self) -> WholeState {
         let Self { state, columns, viewed, .. } = *self;
-        WholeState { state, columns, viewed, view: self.view.clone() }
+        WholeState { state, columns, viewed }
+    }
+
+    /// The moments of each block of the view before, if there is one.
+    pub(in crate::method) fn view(&self) -> Vec<f64> {
+        self.view.iter().flat_map(|block| [block.x, block.squares]).collect()
     }
 
     /// Goes on from a state.
     ///
     /// # Errors
     /// One that no queries can have led to.
-    pub(in crate::method) fn resume(&mut self, saved: &WholeState) -> Result<(), Refusal> {
-        let WholeState { state, columns, viewed, ref view } = *saved;
-        let blocks: usize = self.blocks.iter().map(Vec::len).sum();
-        let viewing = view.is_empty() && !viewed || view.len() == blocks;
+    pub(in crate::method) fn resume(
+        &mut self,
+        saved: &WholeState,
+        view: &[f64],
+    ) -> Result<(), Refusal> {
+        let WholeState { state, columns, viewed } = *saved;
+        let blocks = self.blocks.iter().flatten();
+        let viewing = view.is_empty() && !viewed || view.len() == 2 * blocks.clone().count();
         if !viewing || !state.is_possible() {
             return Err(Refusal::Foreign("an impossible belief".to_owned()));
         }
         (self.state, self.columns, self.viewed) = (state, columns, viewed);
-        self.view.clone_from(view);
+        let of = |(&[x, squares], &places): (&[f64; 2], &usize)| BlockMoments {
+            places,
+            x,
+            squares,
+            distance: 0.0,
+        };
+        self.view = view.as_chunks().0.iter().zip(blocks).map(of).collect();
         Ok(())
     }
 }

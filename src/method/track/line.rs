@@ -1,0 +1,117 @@
+//! The belief before a move on a shard's line of places, from where it moves to its own.
+
+use std::ops::Range;
+
+use super::links::Links;
+use super::said::{Numbers, counted};
+use super::steps::{Tap, Way, arriving};
+use super::update::{Before, add};
+use crate::error::Error;
+use crate::method::layout::Layout;
+use crate::segments::Segments;
+
+#[derive(Clone, Debug)]
+pub(super) struct Line {
+    layout: Layout,
+    /// Row by row.
+    pub(super) mass: Vec<f64>,
+}
+
+impl Line {
+    pub(super) fn new(segments: &Segments, own: Range<usize>, reach: [usize; 2]) -> Self {
+        let layout = Layout::new(segments, own, reach).with_junctions(segments);
+        Self { layout, mass: Vec::new() }
+    }
+
+    /// How far the moves reach: before each place and after it.
+    pub(super) fn reach(&self) -> [usize; 2] {
+        self.layout.reach()
+    }
+
+    /// Fills so many rows of a line: with those of the own places, and with the belief of other
+    /// shards, ranges of places in the order of the layout.
+    ///
+    /// # Errors
+    /// [`Error::Shard`] unless it is there for all places.
+    pub(super) fn fill(
+        &self,
+        line: &mut Vec<f64>,
+        rows: usize,
+        own: &[f64],
+        foreign: &[(usize, Numbers)],
+    ) -> Result<(), Error> {
+        let (total, length) = (self.layout.total(), self.layout.own().len());
+        line.resize(rows * total, 0.0);
+        for row in 0..rows {
+            let (line, own) = (&mut line[row * total..], &own[row * length..]);
+            for (at, places) in self.layout.own_parts(0..length) {
+                line[at..at + places.len()].copy_from_slice(&own[places]);
+            }
+        }
+        let (mut foreign, mut taken) = (foreign.iter(), 0);
+        for (range, at) in self.layout.foreign() {
+            let mut start = range.start;
+            while start < range.end {
+                let Some((first, Numbers(numbers))) = foreign.next() else { break };
+                let length = numbers.len() / rows;
+                let fits = *first == start && (1..=range.end - start).contains(&length);
+                if !fits || numbers.len() != rows * length {
+                    break;
+                }
+                for (row, numbers) in numbers.chunks_exact(length).enumerate() {
+                    let at = row * total + at + (start - range.start);
+                    line[at..at + length].copy_from_slice(numbers);
+                }
+                start += length;
+                taken += length;
+            }
+        }
+        let expected: usize = self.layout.foreign().map(|(range, _)| range.len()).sum();
+        counted("places of other shards", expected, taken)?;
+        counted("more lists of places of other shards", 0, foreign.len())
+    }
+}
+
+/// How many places before a place, and after it, moves by these shifts come from.
+pub(super) fn reach([least, greatest]: [isize; 2]) -> [usize; 2] {
+    [greatest.max(0).unsigned_abs(), least.min(0).unsigned_abs()]
+}
+
+/// It with the route's links; places count from the first own one.
+#[derive(Clone, Copy)]
+pub(super) struct OnLine<'a> {
+    pub(super) line: &'a Line,
+    pub(super) links: Option<&'a Links>,
+}
+
+impl OnLine<'_> {
+    #[inline(always)]
+    fn row(&self, row: usize) -> &[f64] {
+        let total = self.line.layout.total();
+        &self.line.mass[row * total..][..total]
+    }
+}
+
+impl Before for OnLine<'_> {
+    #[inline(always)]
+    fn arriving(&self, row: usize, taps: &[Tap], factor: f64, start: usize, out: &mut [f64]) {
+        let row = self.row(row);
+        let way = Way { segments: self.line.layout.segments(), links: None };
+        for (at, own) in self.line.layout.own_parts(start..start + out.len()) {
+            arriving(row, taps, way, factor, at, &mut out[own.start - start..own.end - start]);
+        }
+        if let Some(links) = self.links {
+            let layout = &self.line.layout;
+            let belief = |place: usize| layout.anywhere(place).map_or(f64::NAN, |at| row[at]);
+            links.arriving(belief, taps, factor, layout.own().start + start, out);
+        }
+    }
+
+    #[inline(always)]
+    fn staying(&self, row: usize, factor: f64, start: usize, out: &mut [f64]) {
+        let row = self.row(row);
+        for (at, own) in self.line.layout.own_parts(start..start + out.len()) {
+            add(factor, &row[at..], &mut out[own.start - start..own.end - start]);
+        }
+    }
+}
