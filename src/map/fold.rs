@@ -289,7 +289,7 @@ mod tests {
         };
         let mut map = drive(PLACES);
         for by in 1..drives {
-            let rows = drive(PLACES / 2);
+            let rows = drive(PLACES / 4);
             let at = |row| Some((row * 2 + 5 * by as usize) % PLACES);
             let at: Vec<_> = (0..rows.places()).map(at).collect();
             map = map.add_traverse(&rows, &at, "").unwrap();
@@ -306,7 +306,7 @@ mod tests {
             map.fold(nothing, &distances, &mut column);
             assert!(nothing || map.blank().len() > 100 / drives as usize);
             let rows = |traverse: usize, of_it: Range<usize>| {
-                let start = [0, PLACES, PLACES + PLACES / 2][traverse];
+                let start = [0, PLACES, PLACES + PLACES / 4][traverse];
                 &distances[start + of_it.start..start + of_it.end]
             };
             let alone: Vec<_> =
