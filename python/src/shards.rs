@@ -1,6 +1,7 @@
 //! `surefix._core.Shard` and `ShardDriver`: messages are bytes here.
 
 use std::fmt;
+use std::io::Cursor;
 use std::sync::Arc;
 
 use pyo3::prelude::*;
@@ -41,12 +42,23 @@ fn unpacked<T: DeserializeOwned>(
     bytes: &[u8],
     check: impl FnOnce(&Header) -> Result<(), Error>,
 ) -> Result<T, Error> {
-    let damaged = |e: rmp_serde::decode::Error| Error::Shard {
-        reason: format!("damaged, or not a message of surefix ({e})"),
-    };
-    let Head(header) = rmp_serde::from_slice(bytes).map_err(damaged)?;
+    let Head(header) = whole_of(bytes)?;
     check(&header)?;
-    rmp_serde::from_slice(bytes).map_err(damaged)
+    whole_of(bytes)
+}
+
+/// What all of the bytes say.
+fn whole_of<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Error> {
+    let damaged = |why: &dyn fmt::Display| Error::Shard {
+        reason: format!("damaged, or not a message of surefix ({why})"),
+    };
+    let mut from = rmp_serde::Deserializer::new(Cursor::new(bytes));
+    let message = T::deserialize(&mut from).map_err(|e| damaged(&e))?;
+    let read = from.get_ref().position();
+    if read != bytes.len() as u64 {
+        return Err(damaged(&format!("expected {read} bytes, got {}", bytes.len())));
+    }
+    Ok(message)
 }
 
 /// The first part of a message.
@@ -79,7 +91,7 @@ impl<'de> Deserialize<'de> for Head {
 /// Parameters
 /// ----------
 /// map : Map
-///     The whole map, best opened with ``mapped=True``: only the rows of the shard are read.
+///     The whole map, best opened with ``mmap=True``: only the rows of the shard are read.
 /// index : int
 ///     Which shard, from 0.
 /// shards : int

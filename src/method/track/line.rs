@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use super::links::Links;
+use super::predict::Step;
 use super::said::{Numbers, counted};
-use super::steps::{Tap, Way, arriving};
+use super::steps::{Steps, Tap, Way, arriving};
 use super::update::{Before, add};
 use crate::error::Error;
 use crate::method::layout::Layout;
@@ -72,9 +73,16 @@ impl Line {
     }
 }
 
-/// How many places before a place, and after it, moves by these shifts come from.
-pub(super) fn reach([least, greatest]: [isize; 2]) -> [usize; 2] {
-    [greatest.max(0).unsigned_abs(), least.min(0).unsigned_abs()]
+/// How many places before a place, and after it, a move comes from: at least those of all speeds and
+/// of a known advance of about a place, so that it rarely changes.
+pub(super) fn reach(steps: &Steps, step: Option<Step>) -> [usize; 2] {
+    let [least, greatest] = steps.shifts();
+    let shift = match step {
+        Some(Step::Known { shift, .. }) => shift,
+        Some(Step::Speeds { .. }) | None => 0,
+    };
+    let [before, after] = [greatest.max(3).max(shift + 2), least.min(-2).min(shift - 1)];
+    [before.unsigned_abs(), after.unsigned_abs()]
 }
 
 /// It with the route's links; places count from the first own one.

@@ -79,7 +79,7 @@ impl TrackerPart {
         };
         let count = places.checked_mul(speeds).ok_or(Error::Memory { places, columns: speeds })?;
         let steps = Steps::new(motion)?;
-        let reach = reach(steps.shifts());
+        let reach = reach(&steps, None);
         Ok(Self {
             motion: motion.clone(),
             tolerance,
@@ -268,7 +268,7 @@ impl TrackerPart {
         if segments.places() <= FINE {
             return all.collect();
         }
-        let near = tolerance.saturating_add(1).max(CHUNK);
+        let near = tolerance.saturating_add(1);
         let within = |from: usize, to: usize| {
             let (from, to) = (from.max(own.start), to.min(own.end));
             if from < to { from / CHUNK..(to - 1) / CHUNK + 1 } else { 0..0 }

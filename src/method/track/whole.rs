@@ -110,7 +110,7 @@ impl TrackerWhole {
             motion: motion.clone(),
             tolerance,
             blocks: cuts.iter().map(of).collect(),
-            routes: Routes::new(segments, cuts, reach(steps.shifts())),
+            routes: Routes::new(segments, cuts, reach(&steps, None)),
             steps,
             segments: segments.clone(),
             state: State::START,
@@ -155,12 +155,9 @@ impl TrackerWhole {
         let advance = self.advance(given);
         let novelty = Novelty::new(advance, None, self.state.fresh, &self.motion);
         let step = Step::new(&self.motion, &self.state, advance, novelty);
-        let shifts = match step {
-            Step::Known { shift, .. } => [shift - 1, shift + 2],
-            Step::Speeds { .. } => self.steps.shifts(),
-        };
-        if self.routes.reach != reach(shifts) {
-            self.routes = Routes::new(&self.segments, cuts, reach(shifts));
+        let reach = reach(&self.steps, Some(step));
+        if self.routes.reach != reach {
+            self.routes = Routes::new(&self.segments, cuts, reach);
         }
         let each = self.routes.asked.iter().map(|asked| TrackFirst {
             share: 1.0 / ((self.columns + 1) as f64 + self.motion.hubness),

@@ -24,9 +24,8 @@ def rows(seed: int = 0) -> npt.NDArray[np.float32]:
 @pytest.fixture(scope="module")
 def route(tmp_path_factory: pytest.TempPathFactory) -> surefix.Map:
     file = tmp_path_factory.mktemp("shards") / "route.safetensors"
-    segments = surefix.Segments(PLACES, breaks=[4000, 8200], closed=[1])
-    surefix.Map.from_descriptors(rows(), segments=segments).save(file)
-    return surefix.Map.open(file, mapped=True)
+    surefix.Map.from_descriptors(rows(), breaks=[4000, 8200], closed=[1]).save(file)
+    return surefix.Map.open(file, mmap=True)
 
 
 def drive(seed: int = 0) -> Iterator[npt.NDArray[np.float32]]:
@@ -157,8 +156,8 @@ def test_others_than_the_drivers_are_refused(route: surefix.Map, tmp_path: Path)
         Shard(route, 0, SHARDS, sequence_length=5).first(question)
     # Another map of the same size.
     file = tmp_path / "other.safetensors"
-    surefix.Map.from_descriptors(rows(1), segments=route.segments).save(file)
-    other = surefix.Map.open(file, mapped=True)
+    surefix.Map.from_descriptors(rows(1), breaks=[4000, 8200], closed=[1]).save(file)
+    other = surefix.Map.open(file, mmap=True)
     with refused(f"expected the map of {PLACES} places x 12 .* got {PLACES} places x 12"):
         Shard(other, 0, SHARDS, **OPTIONS).first(question)
     with pytest.raises(SurefixValueError, match="expected the map of"):
