@@ -41,7 +41,7 @@ def run(version: str, folder: str, held: list[Any], work: bytes) -> tuple[Any, A
     import ray
 
     # Before anything of the package is read that another version may not have.
-    node = ray.util.get_node_ip_address()
+    node = ray.util.get_node_ip_address()  # type: ignore[no-untyped-call, unused-ignore]
     if version != __version__:
         return None, mismatch(f"Ray, machine {node}", f"surefix {version}", __version__), Said()
     # A task has as many threads as Ray gives it processors.

@@ -81,6 +81,13 @@ pub(crate) struct Means {
     nothing: bool,
 }
 
+/// [`Means`] without the shifts.
+#[derive(Clone, Copy)]
+struct Mean {
+    mean: f64,
+    nothing: bool,
+}
+
 impl Further {
     /// Its rows of some places.
     pub(crate) fn rows_of(&self, places: &Range<usize>) -> Range<usize> {
@@ -114,8 +121,8 @@ impl Map {
         for block in blocks(column.len()) {
             all.add(&self.row_sums(nothing, block, of));
         }
-        let means = self.means(nothing, &all);
-        self.fold_part(&means, 0..column.len(), of, column);
+        let mean = self.mean(nothing, &all);
+        self.fold_part(mean, |index| self.shift(index, &all), 0..column.len(), of, column);
     }
 
     /// Adds up the rows of one block of places; `rows` gives the distances to some rows of a
@@ -158,22 +165,27 @@ impl Map {
 
     /// From the sums of all blocks, added in order.
     pub(crate) fn means(&self, nothing: bool, sums: &RowSums) -> Means {
+        let Mean { mean, nothing } = self.mean(nothing, sums);
+        let shifts = (0..self.further()).map(|index| self.shift(index, sums)).collect();
+        Means { shifts, mean, nothing }
+    }
+
+    /// What is added to the distances of a further traverse.
+    fn shift(&self, index: usize, sums: &RowSums) -> f64 {
+        let rows = self.route.traverses.further[index].places.len();
+        let paired = rows - self.quiet().unpaired[index].len();
+        if paired == 0 { 0.0 } else { sums.further[index].0 / paired as f64 }
+    }
+
+    fn mean(&self, nothing: bool, sums: &RowSums) -> Mean {
         let (mut sum, mut count) = (sums.first, self.places() - self.silent().len());
-        let mut shifts = Vec::new();
-        let further = self.route.traverses.further.iter().zip(&self.quiet().unpaired);
-        let further = further.zip(&sums.further);
-        for ((traverse, unpaired), (pairs, shown)) in further {
-            let rows = traverse.places.len();
-            let paired = rows - unpaired.len();
-            let shift = if paired == 0 { 0.0 } else { pairs / paired as f64 };
-            let showing = rows - traverse.blank(&self.kind).len();
-            sum += shown + showing as f64 * shift;
-            shifts.push(shift);
+        for (index, traverse) in self.route.traverses.further.iter().enumerate() {
+            let showing = traverse.places.len() - traverse.blank(&self.kind).len();
+            sum += sums.further[index].1 + showing as f64 * self.shift(index, sums);
             count += showing;
         }
         let mean = sum / count as f64;
-        let nothing = nothing || f64::from(sums.nearest) <= SAME * mean;
-        Means { shifts, mean, nothing }
+        Mean { mean, nothing: nothing || f64::from(sums.nearest) <= SAME * mean }
     }
 
     /// Makes the column of some places, of one traverse or of several: as [`fold`](Self::fold) or
@@ -186,7 +198,10 @@ impl Map {
         column: &mut [f32],
     ) {
         if means.mean.is_finite() || self.has_several() {
-            return self.fold_part(means, places, rows, column);
+            let Means { ref shifts, mean, nothing } = *means;
+            let mean = Mean { mean, nothing };
+            let shift = |index: usize| shifts.get(index).copied().unwrap_or_default();
+            return self.fold_part(mean, shift, places, rows, column);
         }
         column.copy_from_slice(rows(0, places));
     }
@@ -194,24 +209,23 @@ impl Map {
     /// Makes the column of some places.
     fn fold_part<'a>(
         &self,
-        means: &Means,
+        Mean { mean, nothing }: Mean,
+        shift: impl Fn(usize) -> f64,
         places: Range<usize>,
         rows: impl Fn(usize, Range<usize>) -> &'a [f32],
         column: &mut [f32],
     ) {
         column.copy_from_slice(rows(0, places.clone()));
-        let Means { shifts, mean, nothing } = means;
         // If the mean is no number, a distance is none, and is refused where it stands.
         let known = mean.is_finite();
-        if *nothing && known {
-            return column.fill(*mean as f32);
+        if nothing && known {
+            return column.fill(mean as f32);
         }
         for &row in within(&places, self.silent()) {
             column[row - places.start] = f32::INFINITY;
         }
-        for (index, (traverse, shift)) in
-            self.route.traverses.further.iter().zip(shifts).enumerate()
-        {
+        for (index, traverse) in self.route.traverses.further.iter().enumerate() {
+            let shift = shift(index);
             let of_it = traverse.rows_of(&places);
             let own = rows(index + 1, of_it.clone());
             for row in between(of_it.clone(), traverse.blank(&self.kind)).flatten() {
@@ -225,7 +239,7 @@ impl Map {
         }
         if known {
             for &place in within(&places, self.blank_places()) {
-                column[place - places.start] = *mean as f32;
+                column[place - places.start] = mean as f32;
             }
         }
     }
@@ -318,7 +332,7 @@ mod tests {
             let means = map.means(nothing, &all);
             let mut parts = vec![0.0; PLACES];
             for places in [0..100, 100..4096, 4096..PLACES] {
-                map.fold_part(&means, places.clone(), rows, &mut parts[places]);
+                map.settle(&means, places.clone(), rows, &mut parts[places]);
             }
             assert_eq!(parts, column);
         }

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from copy import copy
 from os import PathLike
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from surefix import _core
 from surefix._core import Fix, Map, Settings
@@ -131,7 +131,8 @@ class ShardedLocalizer:
             try:
                 while stage != LAST:
                     trip = Trip(self._remotes, stage, messages, sent)
-                    stage, messages = self._driver.answer(trip.run(deadline))
+                    asked = self._driver.answer(trip.run(deadline))
+                    stage, messages = cast("tuple[Any, list[bytes]]", asked)
                     sent = trip.messages
             except BaseException:
                 with suppress(SurefixError):
@@ -258,7 +259,7 @@ class ShardedLocalizer:
         """Ends the last trip of a frame that is taken."""
         if self._last is None:
             return None
-        fix: Fix = self._driver.answer(self._last.run(deadline))
+        fix = cast("Fix", self._driver.answer(self._last.run(deadline)))
         for remote, messages in zip(self._remotes, self._last.messages, strict=True):
             remote.commit(messages, self._every)
         self._last = None

@@ -91,7 +91,9 @@ def test_fixes_are_the_localizers(route: surefix.Map) -> None:
 def test_a_threshold_judges_and_positions_are_given() -> None:
     at = np.arange(2.0 * PLACES).reshape(-1, 2)
     route = surefix.Map.from_descriptors(rows(), positions=at)
-    assert Sharded(route).push(rows()[7]).position == surefix.Localizer(route).push(rows()[7]).position
+    assert (
+        Sharded(route).push(rows()[7]).position == surefix.Localizer(route).push(rows()[7]).position
+    )
 
 
 def refused(what: str) -> Any:
