@@ -42,8 +42,10 @@ pub(crate) fn deserialize<
             if !bytes.len().is_multiple_of(size_of::<T>()) {
                 return Err(E::invalid_length(bytes.len(), &self));
             }
-            let mut numbers: Vec<T> = bytemuck::pod_collect_to_vec(bytes);
-            swap_to_file_order(bytemuck::must_cast_slice_mut(&mut numbers), size_of::<T>());
+            let mut numbers = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+            let own: &mut [u8] = bytemuck::must_cast_slice_mut(&mut numbers);
+            own.copy_from_slice(bytes);
+            swap_to_file_order(own, size_of::<T>());
             Ok(numbers)
         }
     }

@@ -261,7 +261,7 @@ impl ShardDriver {
         slf: &Bound<'py, Self>,
         answers: Vec<Bound<'py, PyBytes>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let answers: Vec<&[u8]> = answers.iter().map(|answer| answer.as_bytes()).collect();
+        let answers: Vec<&[u8]> = answers.iter().map(PyBytesMethods::as_bytes).collect();
         step(slf, |driver| {
             let each = answers.iter();
             let each = each.map(|bytes| unpacked(bytes, |header| driver.check_header(header)));

@@ -124,7 +124,7 @@ fn segments(places: usize) -> impl Strategy<Value = Segments> {
         breaks.dedup();
         let segments = Segments::new(places, &breaks).unwrap();
         let closes = |&(index, len): &(usize, usize)| len > 2 && closed >> (index % 8) & 1 == 1;
-        let lengths = segments.iter().map(|segment| segment.len()).enumerate();
+        let lengths = segments.iter().map(surefix::Segment::len).enumerate();
         let closed: Vec<usize> = lengths.filter(closes).map(|(index, _)| index).collect();
         let segments = segments.with_closed(&closed).unwrap();
         let mut possible: Vec<(usize, usize)> = Vec::new();
@@ -141,7 +141,7 @@ fn segments(places: usize) -> impl Strategy<Value = Segments> {
 /// Options for a route of these segments.
 fn config(segments: &Segments, motions: bool) -> impl Strategy<Value = Config> + use<> {
     let closed = segments.iter().any(|segment| segment.closed);
-    let longest = segments.iter().map(|segment| segment.len()).max().unwrap();
+    let longest = segments.iter().map(surefix::Segment::len).max().unwrap();
     let longest = if closed { segments.places() } else { longest };
     let length = prop_oneof![4 => 1..=6_usize, 1 => 1..=30_usize];
     let smoothing = prop_oneof![4 => 1..=5_usize, 1 => 1..=50_usize];
@@ -211,7 +211,7 @@ fn traverse(kind: Rows, places: usize, dim: usize, blank: bool, seed: u64) -> Ma
         let first = seed as usize % 30;
         rows.chunks_mut(dim).skip(first).step_by(37).for_each(|row| row.fill(0.0));
     }
-    let metric = if seed % 2 == 0 { Metric::Manhattan } else { Metric::Euclidean };
+    let metric = if seed.is_multiple_of(2) { Metric::Manhattan } else { Metric::Euclidean };
     Map::from_descriptors(rows, dim, metric).unwrap()
 }
 
@@ -308,7 +308,7 @@ fn drive(route: &Route, queries: usize, seed: u64) {
         let got = sharded.push(View::F32(&row), given);
         match (expected, got) {
             (Ok(expected), Ok(got)) => {
-                assert_eq!(bits(&got), bits(&expected), "{expected:?} {got:?}")
+                assert_eq!(bits(&got), bits(&expected), "{expected:?} {got:?}");
             }
             (Err(expected), Err(got)) => assert_eq!(got.to_string(), expected.to_string()),
             (expected, got) => panic!("{expected:?}, {got:?}"),
