@@ -26,9 +26,9 @@ use crate::signals::detached;
 /// ``place`` is the most probable place, int64; ``confidence`` the belief that the query is
 /// within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
 /// query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
-/// that hold 95 % of the belief on the map (rounded as those of a ``Track``). ``single_place`` is each query's best match alone, and
-/// ``single_right`` the belief that it is right. ``right``, (k, m), is what is believed of the
-/// places that ``align`` was asked about with ``at``.
+/// that hold 95 % of the belief on the map (rounded as those of a ``Track``). ``single_place`` is
+/// each query's best match alone, and ``single_right`` the belief that it is right. ``right``,
+/// (k, m), is what is believed of the places that ``align`` was asked about with ``at``.
 #[pyclass(frozen, module = "surefix")]
 pub(crate) struct Alignment(pub(crate) surefix::Alignment, Distances);
 

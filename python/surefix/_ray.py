@@ -133,7 +133,7 @@ def hold(value: T) -> T:
 
 def mapped(function: Callable[[T, J], R], of: T, jobs: Iterable[J], gpus: int = 0) -> Iterator[R]:
     """``function(of, job)`` for each job, in the order of the jobs, which are taken as they are
-    needed; a task has so many graphics cards.
+    needed; each task is given ``gpus`` graphics cards.
 
     Raises
     ------

@@ -179,7 +179,7 @@ fn mean_without(distances: &[f32], skipped: &[usize]) -> Option<f64> {
     mean.is_finite().then_some(mean)
 }
 
-/// The blocks of so many places.
+/// The blocks of a route of `places` places.
 pub(super) fn blocks(places: usize) -> impl Iterator<Item = Range<usize>> {
     (0..places).step_by(BLOCK).map(move |start| start..places.min(start + BLOCK))
 }

@@ -50,7 +50,7 @@ impl RowSums {
         self.nearest = self.nearest.min(more.nearest);
     }
 
-    /// Its numbers, of a map with so many further traverses.
+    /// Its numbers, of a map with `further` further traverses.
     pub(crate) fn numbers(&self, further: usize) -> impl Iterator<Item = f64> {
         let pairs = self.further[..further].iter().flat_map(|&(pairs, shown)| [pairs, shown]);
         [self.first, f64::from(self.nearest)].into_iter().chain(pairs)

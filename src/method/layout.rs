@@ -2,8 +2,8 @@
 //! reach, in one line.
 //!
 //! A segment that has own places gives one piece of the line. If it is whole, it stays as it is, so
-//! that the method works on the line as on a route; the ends of one that is cut are nobody's ends:
-//! own places lie so far from them that no sum of theirs comes across.
+//! that the method works on the line as on a route; the ends of one that is cut mean nothing: own
+//! places lie so far from them that no sum of theirs comes across.
 
 use std::ops::Range;
 
@@ -281,7 +281,8 @@ mod tests {
             let mut owned = Vec::new();
             for (piece, local) in layout.pieces().iter().zip(layout.segments().iter()) {
                 owned.extend(piece.own_places());
-                prop_assert_eq!(piece.own().map(|at| line[at]).collect::<Vec<_>>(), piece.own_places().collect::<Vec<_>>());
+                let of_line: Vec<_> = piece.own().map(|at| line[at]).collect();
+                prop_assert_eq!(of_line, piece.own_places().collect::<Vec<_>>());
                 for at in piece.own() {
                     for by in -(reach[0] as isize)..=reach[1] as isize {
                         let there = piece.whole().onward(line[at], by);
@@ -291,7 +292,8 @@ mod tests {
             }
             prop_assert_eq!(owned, own.clone().collect::<Vec<_>>());
             let mut foreign: Vec<_> = layout.foreign().flat_map(|(range, at)| range.zip(at..)).collect();
-            let mut expected: Vec<_> = line.iter().copied().zip(0..).filter(|(place, _)| !own.contains(place)).collect();
+            let all = line.iter().copied().zip(0..);
+            let mut expected: Vec<_> = all.filter(|(place, _)| !own.contains(place)).collect();
             foreign.sort_unstable();
             expected.sort_unstable();
             prop_assert_eq!(foreign, expected);

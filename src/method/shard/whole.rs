@@ -252,6 +252,6 @@ mod tests {
         let shards: Vec<_> = cut(5 * BLOCK + 1, 4).collect();
         let expected = [0..BLOCK, BLOCK..3 * BLOCK, 3 * BLOCK..4 * BLOCK, 4 * BLOCK..5 * BLOCK + 1];
         assert_eq!(shards, expected);
-        assert_eq!(cut(7, 1).collect::<Vec<_>>(), [0..7]);
+        assert!(cut(7, 1).eq(std::iter::once(0..7)));
     }
 }

@@ -29,8 +29,8 @@ impl Line {
         self.layout.reach()
     }
 
-    /// Fills so many rows of a line: with those of the own places, and with the belief of other
-    /// shards, ranges of places in the order of the layout.
+    /// Fills the first `rows` rows of a line: with those of the own places, and with the belief of
+    /// other shards, ranges of places in the order of the layout.
     ///
     /// # Errors
     /// [`Error::Shard`] unless it is there for all places.
