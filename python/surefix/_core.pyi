@@ -179,7 +179,8 @@ class Track:
     ``place`` is the most probable place; ``confidence`` the belief that the robot is within
     ``tolerance`` places of it; ``off_map`` the belief that it is off the map, which ranks well and
     is a lower bound as a probability; ``speed`` in places a query, or the advance if it is known;
-    ``interval`` the first and the last place of those that hold 95 % of the belief on the map.
+    ``interval`` the first and the last place of those that hold 95 % of the belief on the map; on
+    more than 65,536 places, ends far from ``place`` are rounded outwards, by up to 255 places.
     """
 
     @property
@@ -2206,21 +2207,64 @@ class FixStream(Iterator[Fix]):
 
 @final
 class Shard:
+    """A range of a map's places: it scans their rows and keeps what is known of them.
+
+    Parameters
+    ----------
+    map : Map
+        The whole map, best opened with ``mmap=True``: only the rows of the shard are read.
+    index : int
+        Which shard, from 0.
+    shards : int
+        How many there are: at most one for every 4,096 places.
+    **options
+        As for ``Localizer``, the same as the driver's.
+
+    Raises
+    ------
+    SurefixValueError
+        For an option outside its range, or one that shards do not have.
+    """
+
     def __new__(
         cls, map: Map, index: SupportsIndex, shards: SupportsIndex, **options: Unpack[Options]
     ) -> Shard: ...
-    def census(self, question: bytes) -> bytes: ...
-    def first(self, question: bytes) -> bytes: ...
-    def second(self, question: bytes) -> bytes: ...
-    def snapshot(self) -> bytes: ...
-    def restore(self, snapshot: bytes) -> None: ...
+    def census(self, question: bytes) -> bytes:
+        """Answers a question of the stage ``census``: the means over its places."""
+    def first(self, question: bytes) -> bytes:
+        """Answers a question of the stage ``first``: what the query's column says in its places. It
+        may be asked again.
+        """
+    def second(self, question: bytes) -> bytes:
+        """Answers a question of the stage ``second``: it keeps the query."""
+    def snapshot(self) -> bytes:
+        """The state as bytes, after the queries that it has kept."""
+    def restore(self, snapshot: bytes) -> None:
+        """Goes on where a snapshot of the same shard was taken."""
     @property
-    def places(self) -> tuple[int, int]: ...
+    def places(self) -> tuple[int, int]:
+        """Its own places: the first, and the one after the last."""
     @property
-    def frames(self) -> int: ...
+    def frames(self) -> int:
+        """How many queries it has kept since the start of the drive."""
 
 @final
 class ShardDriver:
+    """Takes frames, asks the shards of a map, and makes fixes of their answers: those of a
+    ``Localizer``, to the last bit.
+
+    Parameters
+    ----------
+    map : Map
+        The whole map.
+    shards : int
+        How many shards there are.
+    descriptor : surefix.descriptors.Descriptor, optional
+        As for ``Localizer``.
+    **options
+        As for ``Localizer``.
+    """
+
     def __new__(
         cls,
         map: Map,
@@ -2234,19 +2278,29 @@ class ShardDriver:
         frame: _Array | _Path,
         advance: float | None = None,
         trusted: bool | None = None,
-    ) -> tuple[_Stage, list[bytes]]: ...
-    def answer(self, answers: list[bytes]) -> tuple[_Stage, list[bytes]] | Fix: ...
-    def abandon(self) -> None: ...
-    def gap(self, advance: float | None = None) -> None: ...
-    def reset(self) -> None: ...
-    def snapshot(self) -> bytes: ...
-    def restore(self, snapshot: bytes) -> None: ...
+    ) -> tuple[_Stage, list[bytes]]:
+        """Begins a query, given as to ``Localizer.push``: a stage, and a question for each shard."""
+    def answer(self, answers: list[bytes]) -> tuple[_Stage, list[bytes]] | Fix:
+        """Takes the shards' answers, in their order: the next stage and its questions, or the fix."""
+    def abandon(self) -> None:
+        """Gives up the query in hand. Once ``second`` has been asked, it cannot be given up."""
+    def gap(self, advance: float | None = None) -> None:
+        """As ``Localizer.gap``."""
+    def reset(self) -> None:
+        """As ``Localizer.reset``. The shards forget their queries when the next one comes."""
+    def snapshot(self) -> bytes:
+        """The state as bytes, between two queries."""
+    def restore(self, snapshot: bytes) -> None:
+        """Goes on where a snapshot of a driver of the same map and options was taken."""
     @property
-    def places(self) -> list[tuple[int, int]]: ...
+    def places(self) -> list[tuple[int, int]]:
+        """The places of each shard: the first, and the one after the last."""
     @property
-    def frames(self) -> int: ...
+    def frames(self) -> int:
+        """How many frames it has taken since the start or the last reset."""
     @property
-    def alarm(self) -> bool: ...
+    def alarm(self) -> bool:
+        """As ``Localizer.alarm``."""
 
 @final
 class Position:
@@ -2522,9 +2576,9 @@ class Alignment:
     ``place`` is the most probable place, int64; ``confidence`` the belief that the query is
     within ``tolerance`` places of it, ``off_map`` that it is off the map, and ``speed`` the places a
     query, float64; ``interval``, int64 of the shape (m, 2), the first and the last place of those
-    that hold 95 % of the belief on the map. ``single_place`` is each query's best match alone, and
-    ``single_right`` the belief that it is right. ``right``, (k, m), is what is believed of the
-    places that ``align`` was asked about with ``at``.
+    that hold 95 % of the belief on the map (rounded as those of a ``Track``). ``single_place`` is
+    each query's best match alone, and ``single_right`` the belief that it is right. ``right``,
+    (k, m), is what is believed of the places that ``align`` was asked about with ``at``.
     """
 
     @property
