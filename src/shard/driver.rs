@@ -38,7 +38,6 @@ pub struct Driver {
 
 /// What comes next of a query.
 #[derive(Clone, Debug)]
-#[non_exhaustive]
 pub enum Next {
     /// A question for each shard, in their order.
     Ask(Vec<Question>),

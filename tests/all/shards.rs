@@ -69,7 +69,6 @@ impl Sharded {
             let questions = match next {
                 Next::Ask(questions) => questions,
                 Next::Fix(fix) => return Ok(fix),
-                _ => unreachable!(),
             };
             if self.dice.below(6) == 0 {
                 let index = self.dice.below(self.shards.len());
