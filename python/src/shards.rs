@@ -347,7 +347,6 @@ fn step<'py>(
             let bytes = questions.iter().map(packed).collect::<Result<Vec<_>, _>>()?;
             Ok((None, Some((stage, bytes))))
         }
-        _ => Err(Error::Shard { reason: "expected questions or a fix, got neither".to_owned() }),
     })?;
     match next {
         (Some(fix), _) => Ok(Bound::new(py, Fix(fix, driver.position(&fix)))?.into_any()),
