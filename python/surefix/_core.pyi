@@ -2244,6 +2244,8 @@ class Shard:
     @property
     def places(self) -> tuple[int, int]:
         """Its own places: the first, and the one after the last."""
+    def rows(self) -> list[tuple[int, int]]:
+        """The places whose rows it reads, as ranges: the first of each, and the one after its last."""
     @property
     def frames(self) -> int:
         """How many queries it has kept since the start of the drive."""
