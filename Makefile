@@ -146,7 +146,7 @@ rust-docs:
 # A worker takes tests in a row, so that fixtures of a file are made once.
 python: $(VENV)/dev
 	@mkdir -p target
-	$(BIN)/python -m pytest -n auto --dist loadgroup 2>&1 | tee $(LOG).python; test $${PIPESTATUS[0]} -eq 0
+	$(BIN)/python -m pytest -n auto --dist worksteal 2>&1 | tee $(LOG).python; test $${PIPESTATUS[0]} -eq 0
 
 types: $(VENV)/dev
 	$(BIN)/mypy

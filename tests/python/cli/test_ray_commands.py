@@ -18,7 +18,7 @@ from surefix import _ray
 
 for package in ("matplotlib", "pyarrow", "ray"):
     pytest.importorskip(package, exc_type=ModuleNotFoundError)
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ray")]
+pytestmark = pytest.mark.slow
 
 PLACES, QUERIES = 60, 50
 

@@ -14,9 +14,6 @@ import surefix
 from surefix import SurefixError, SurefixFileError, SurefixValueError, _core
 from surefix.distributed import ShardedLocalizer, ShardError
 
-# All in one process: one cluster.
-pytestmark = pytest.mark.xdist_group("ray")
-
 OPTIONS: dict[str, Any] = {"motion": "free", "sequence_length": 4}
 
 
@@ -47,6 +44,29 @@ def test_all_sources_give_the_fixes_of_one_machine(
     ):
         with ShardedLocalizer(given, shards=3, **OPTIONS) as localizer:
             assert [bits(localizer.push(**one)) for one in pushed] == of, given
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", [None, "free"])
+def test_several_traverses_and_what_shows_nothing(
+    ray: Any, route: surefix.Map, tmp_path: Path, motion: str | None
+) -> None:
+    # Two seasons over the border of two shards, dark places beside it, and a dark frame.
+    # Rows of 8 numbers are too short to show nothing.
+    rows = np.tile(route.descriptors, 2)
+    rows[12_200:12_215] = 0.0
+    noise = np.random.default_rng(4).standard_normal((400, rows.shape[1])) * 0.2
+    winter = (rows[12_100:12_900:2] + 0.5 + noise).astype(np.float32)
+    summer = surefix.Map.from_descriptors(rows, metric="euclidean").with_segments(route.segments)
+    both = summer.add_traverse(winter, motion="free", progress=False)
+    assert both.traverses[1].rows > 300
+    assert len(both.blank) > 0
+    pushed: list[dict[str, Any]] = [{"frame": row + np.float32(0.4)} for row in rows[12_180:12_330:3]]
+    pushed[20]["frame"] = np.zeros(rows.shape[1], np.float32)
+    options = OPTIONS | {"motion": motion}
+    wanted = alone(both, pushed, **options)
+    with ShardedLocalizer(saved(tmp_path, both), shards=3, **options) as localizer:
+        assert [bits(localizer.push(**one)) for one in pushed] == wanted
 
 
 @pytest.mark.slow

@@ -18,9 +18,6 @@ import surefix
 from surefix.distributed import ShardDeadline, ShardedLocalizer, ShardError
 from surefix.distributed.remote import Deadline, Remote, Trip
 
-# All in one process: one cluster.
-pytestmark = pytest.mark.xdist_group("ray")
-
 LONG = bool(os.environ.get("LONG"))
 OPTIONS: dict[str, Any] = {"motion": "free", "sequence_length": 5}
 # Of each of two drives.

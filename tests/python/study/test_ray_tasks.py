@@ -15,7 +15,7 @@ import pytest
 from surefix import SurefixError, SurefixFileError, SurefixValueError, _ray
 
 pytest.importorskip("ray", exc_type=ModuleNotFoundError)
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ray")]
+pytestmark = pytest.mark.slow
 
 ROWS = np.arange(60, dtype=np.float32).reshape(6, 10)
 
