@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-BEGIN, END = "<!-- begin: made by make performance -->", "<!-- end: made by make performance -->"
+# A page has a part for each maker of processors.
+BEGIN = "<!-- begin: made by make performance on {} -->"
+END = "<!-- end: made by make performance on {} -->"
 HEADER = ("work", "surefix", "beside", "its time", "ratio", "to reach", "")
 LIMITS = ("work", "surefix", "bytes", "read here at", "limit", "of the limit's speed")
 
@@ -50,35 +52,41 @@ def own(results: dict[str, Any]) -> list[dict[str, Any]]:
     return [each for each in results["benchmarks"] if each["extra_info"]["ours"]]
 
 
+def maker(results: dict[str, Any]) -> str:
+    """Of the processor, as its name begins."""
+    word: str = results["facts"]["machine"].split()[0]
+    return word.partition("(")[0]
+
+
 def markdown(results: dict[str, Any]) -> str:
     """The machine, a table for each section, the limits, and the works at which it is slower."""
     return "\n".join(_parts(results, rows(results)))
 
 
 def _parts(results: dict[str, Any], found: Sequence[Row]) -> Iterator[str]:
-    yield "## The machine\n"
+    yield f"## On {maker(results)}\n"
     yield table(("", ""), list(results["facts"].items()))
-    yield "## Beside the rivals\n"
+    yield "### Beside the rivals\n"
     yield (
         "Medians. The ratio is the other's time over that of surefix: below 1 surefix is slower.\n"
     )
     for section in dict.fromkeys(row.section for row in found):
-        yield f"### {section}\n"
+        yield f"#### {section}\n"
         yield table(HEADER, [cells(row) for row in found if row.section == section])
     yield from (f"Not measured: {reason}.\n" for reason in results["skipped"])
-    yield "## Beside the memory\n"
+    yield "### Beside the memory\n"
     yield (
         "The limit is the time that NumPy takes to read the bytes that the work must read, in its\n"
         "fastest round. More than 100 % means that the kernel reads faster than NumPy.\n"
     )
     yield table(LIMITS, list(limits(results)))
-    yield "## Where surefix is slower\n"
+    yield "### Where surefix is slower\n"
     yield points(slower(found), "Beside none of the rivals above.")
-    yield "## Targets that are not reached\n"
+    yield "### Targets that are not reached\n"
     none = "All are reached." if any(row.target for row in found) else "None is set at these sizes."
     yield points(missed(found), none)
     if results["missing"]:
-        yield "## Rivals that were not installed\n"
+        yield "### Rivals that were not installed\n"
         yield points(results["missing"], "")
 
 
@@ -145,7 +153,7 @@ def three(number: float) -> str:
     return f"{number:.{0 if number >= 100 else 1 if number >= 10 else 2}f}"
 
 
-def replaced(page: str, part: str, first: str = BEGIN, last: str = END) -> str:
+def replaced(page: str, part: str, first: str, last: str) -> str:
     """The page with `part` between its marks."""
     before, begin, rest = page.partition(first)
     _old, end, after = rest.partition(last)
@@ -156,11 +164,13 @@ def replaced(page: str, part: str, first: str = BEGIN, last: str = END) -> str:
 
 def main(data: str, page: str | None = None) -> None:
     """Prints the part, or renews the page."""
-    part = markdown(json.loads(Path(data).read_text(encoding="utf-8")))
+    results = json.loads(Path(data).read_text(encoding="utf-8"))
+    part = markdown(results)
     if page is None:
         print(part)
     else:
-        text = replaced(Path(page).read_text(encoding="utf-8"), part)
+        marks = (mark.format(maker(results)) for mark in (BEGIN, END))
+        text = replaced(Path(page).read_text(encoding="utf-8"), part, *marks)
         Path(page).write_text(text, encoding="utf-8")
         print(f"Renewed {page}")
 

@@ -1,5 +1,6 @@
 """The comparison with rivals: the rival is the method, and the page is the generator's. The soak."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -26,7 +27,7 @@ def result(seconds: float, *, ours: bool = False, **more: Any) -> dict[str, Any]
 
 
 def results(*each: dict[str, Any], missing: tuple[str, ...] = ()) -> dict[str, Any]:
-    facts = {"machine": "this one"}
+    facts = {"machine": "Maker(R) Processor"}
     return {"benchmarks": list(each), "facts": facts, "skipped": [], "missing": missing}
 
 
@@ -92,21 +93,29 @@ def test_the_page_names_rivals_that_are_missing() -> None:
     assert "| a work | 1.00 s | rival | 2.00 s | 2.00 x |  |  |" in made
 
 
-def test_a_part_of_a_page_is_replaced_between_its_marks_and_nothing_else() -> None:
-    text = f"before\n{page.BEGIN}\nold\n{page.END}\nafter\n"
+def test_a_part_of_a_page_is_replaced_between_its_marks_and_nothing_else(tmp_path: Path) -> None:
+    first, last = (mark.format("Maker") for mark in (page.BEGIN, page.END))
+    other = "\n".join(mark.format("Other") for mark in (page.BEGIN, page.END))
+    text = f"before\n{first}\nold\n{last}\n{other}\n"
+    (tmp_path / "page.md").write_text(text, encoding="utf-8")
+    data = results(result(1, ours=True), result(2))
+    (tmp_path / "results.json").write_text(json.dumps(data), encoding="utf-8")
     for _ in range(2):
-        text = page.replaced(text, "new\n")
-        assert text == f"before\n{page.BEGIN}\n\nnew\n\n{page.END}\nafter\n"
-    for wrong in ("no marks", f"{page.END}{page.BEGIN}", text + page.BEGIN):
+        page.main(str(tmp_path / "results.json"), str(tmp_path / "page.md"))
+        text = (tmp_path / "page.md").read_text(encoding="utf-8")
+        assert text == f"before\n{first}\n\n{page.markdown(data)}\n{last}\n{other}\n"
+    for wrong in ("no marks", f"{last}{first}", text + first):
         with pytest.raises(ValueError, match="expected the lines"):
-            page.replaced(wrong, "new")
+            page.replaced(wrong, "new", first, last)
 
 
-def test_the_committed_page_has_the_generators_shape() -> None:
-    part = PAGE.read_text(encoding="utf-8").partition(page.BEGIN)[2].partition(page.END)[0]
-    made = page.markdown(results(result(1, ours=True), result(2)))
-    headings = [line for line in made.splitlines() if line.startswith("## ")]
-    assert [line for line in part.splitlines() if line.startswith("## ")] == headings
+@pytest.mark.parametrize("maker", ["AMD", "Intel"])
+def test_the_committed_page_has_the_generators_shape(maker: str) -> None:
+    begin, end = (mark.format(maker) for mark in (page.BEGIN, page.END))
+    part = PAGE.read_text(encoding="utf-8").partition(begin)[2].partition(end)[0]
+    made = page.markdown(results(result(1, ours=True), result(2))).replace("Maker", maker)
+    headings = [line for line in made.splitlines() if line.startswith(("## ", "### "))]
+    assert [line for line in part.splitlines() if line.startswith(("## ", "### "))] == headings
     tables = [table.splitlines() for table in part.split("\n\n") if table.startswith("| work |")]
     heads = [f"| {' | '.join(header)} |" for header in (page.HEADER, page.LIMITS)]
     assert {table[0] for table in tables} == set(heads)
