@@ -282,11 +282,11 @@ $(VENV)/packaging: $(VENV)/made
 	$(BIN)/python -m pip install --quiet auditwheel ziglang
 	@touch $@
 
-# A wheel of the version that is there is installed anew.
+# A wheel of the version that is there is installed anew. Modules are compiled when they are first imported.
 comma := ,
 define INSTALL
 $(BIN)/python -m pip install --quiet --force-reinstall --no-deps $(WHEELS)/*.whl
-$(BIN)/python -m pip install --quiet "$$(echo $(WHEELS)/*.whl)[$1]"
+$(BIN)/python -m pip install --quiet --no-compile "$$(echo $(WHEELS)/*.whl)[$1]"
 endef
 $(VENV)/installed: $(VENV)/wheel
 	$(call INSTALL,report)

@@ -1,8 +1,9 @@
 """Guards the instructions of each hot piece of work: a rise is a slowdown that no other load on the
-machine can hide. And the instructions of each adversary's push (``adversaries/mod.rs``): at most
-three times those of the usual push of the same configuration.
+machine can hide. And the instructions of each adversary's push
+(``instructions/src/adversaries.rs``): at most three times those of the usual push of the same
+configuration.
 
-``python benches/instructions.py`` runs ``instructions.rs`` under callgrind and compares with
+``python benches/instructions.py`` runs ``instructions/`` under callgrind and compares with
 ``instructions.toml``; ``--accept`` writes that file anew. It needs cargo and valgrind, and says so
 where it has not got them.
 """
@@ -126,13 +127,15 @@ def about() -> dict[str, str]:
 
 def build() -> Path:
     """The program, optimised as it ships."""
+    # Chosen together with the binding, it shares the wheel's build: features are those of both.
     command = [
         "cargo",
-        "bench",
+        "build",
         "--locked",
-        "--no-run",
-        "--bench",
-        "instructions",
+        "--release",
+        "--package=surefix-instructions",
+        "--package=surefix-python",
+        "--bin=instructions",
         "--message-format=json",
     ]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, cwd=HERE.parent)
@@ -143,7 +146,7 @@ def build() -> Path:
             and message["target"]["name"] == "instructions"
         ):
             return Path(message["executable"])
-    raise RuntimeError("cargo built no benchmark named instructions")
+    raise RuntimeError("cargo built no program named instructions")
 
 
 def count(program: Path, isa: str, arguments: Sequence[str]) -> dict[str, int]:

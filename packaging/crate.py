@@ -34,7 +34,7 @@ def main() -> int:
     problems += [
         f"{name} has no business in it"
         for name in names
-        if name.startswith(("capi/", "fuzz/", "python/", "simulate/"))
+        if name.startswith(("benches/instructions/", "capi/", "fuzz/", "python/", "simulate/"))
         or (name not in NAMES and PurePosixPath(name).suffix not in SUFFIXES)
     ]
     size = file.stat().st_size

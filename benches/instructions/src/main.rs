@@ -12,10 +12,11 @@
 )]
 
 #[macro_use]
-#[path = "../tests/all/options.rs"]
+#[path = "../../../tests/all/options.rs"]
 mod options;
 
 mod adversaries;
+#[path = "../../random/mod.rs"]
 mod random;
 
 use std::hint::black_box;
