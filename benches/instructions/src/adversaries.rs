@@ -15,6 +15,7 @@ const PLACES: usize = 1200;
 /// Columns that are pushed in turn.
 const COLUMNS: usize = 16;
 
+type Number = fn(&mut SplitMix64, usize) -> f32;
 type Columns = fn(&mut SplitMix64, usize) -> Vec<Vec<f32>>;
 /// What is done before the push of a query, and what is said with it.
 type Said = fn(&mut Matcher, usize) -> Given;
@@ -106,23 +107,23 @@ pub(crate) fn all() {
     let links: Vec<(usize, usize)> = (1..30).map(|road| (40 * road - 1, 40 * road)).collect();
     let town = roads.clone().with_links(&links).unwrap();
     let speeds = vec![0.8, 0.9, 1.0, 1.1, 1.2];
-    matched("L = 2", Config::default(), &one());
+    matched("L = 2", &Config::default(), &one());
     matched(
         "smoothing = 7",
-        config! { smoothing: 7, gradient: surefix::Gradient::Unhalved },
+        &config! { smoothing: 7, gradient: surefix::Gradient::Unhalved },
         &one(),
     );
-    matched("L = 10", config! { sequence_length: 10 }, &one());
-    matched("L = 100", config! { sequence_length: 100 }, &one());
-    matched("L = 1000", config! { sequence_length: 1000 }, &one());
-    matched("L = 50, 5 speeds", config! { sequence_length: 50, speeds }, &one());
-    matched("L = 50, a closed segment", config! { sequence_length: 50 }, &round);
-    matched("L = 10, 30 segments", config! { sequence_length: 10 }, &roads);
-    matched("motion steady", moving(Motion::steady()), &one());
-    matched("motion free", moving(Motion::free()), &one());
-    matched("motion any", moving(Motion::any()), &one());
-    matched("motion free, a closed segment", moving(Motion::free()), &round);
-    matched("motion any, 30 segments and 29 links", moving(Motion::any()), &town);
+    matched("L = 10", &config! { sequence_length: 10 }, &one());
+    matched("L = 100", &config! { sequence_length: 100 }, &one());
+    matched("L = 1000", &config! { sequence_length: 1000 }, &one());
+    matched("L = 50, 5 speeds", &config! { sequence_length: 50, speeds }, &one());
+    matched("L = 50, a closed segment", &config! { sequence_length: 50 }, &round);
+    matched("L = 10, 30 segments", &config! { sequence_length: 10 }, &roads);
+    matched("motion steady", &moving(Motion::steady()), &one());
+    matched("motion free", &moving(Motion::free()), &one());
+    matched("motion any", &moving(Motion::any()), &one());
+    matched("motion free, a closed segment", &moving(Motion::free()), &round);
+    matched("motion any, 30 segments and 29 links", &moving(Motion::any()), &town);
     fused();
     loops();
     images();
@@ -130,7 +131,7 @@ pub(crate) fn all() {
 }
 
 /// A matcher, on each of the list.
-fn matched(name: &str, config: Config, segments: &Segments) {
+fn matched(name: &str, config: &Config, segments: &Segments) {
     let length = config.sequence_length;
     for (adversary, columns, said) in ADVERSARIES {
         let columns = columns(&mut SplitMix64(2), PLACES);
@@ -139,7 +140,7 @@ fn matched(name: &str, config: Config, segments: &Segments) {
         let mut push = || {
             let given = said(&mut matcher, query);
             let column = black_box(&columns[query % COLUMNS]);
-            drop(black_box(matcher.push_with(column, given).unwrap()));
+            black_box(matcher.push_with(column, given).unwrap());
             query += 1;
         };
         // Until the window is full, and with it the list of anchors.
@@ -151,7 +152,7 @@ fn matched(name: &str, config: Config, segments: &Segments) {
 /// Three techniques.
 fn fused() {
     const DIM: usize = 16;
-    let kinds: [(&str, fn(&mut SplitMix64, usize) -> f32); 3] = [
+    let kinds: [(&str, Number); 3] = [
         ("a drive", |dice, _| 2.0 * dice.share() - 1.0),
         ("all rows are one", |_, at| (at % DIM) as f32 + 1.0),
         ("ever farther", |_, at| (at / DIM + at % DIM) as f32 + 1.0),
@@ -165,7 +166,7 @@ fn fused() {
         let mut rows = rows.chunks_exact(DIM).cycle();
         case(&format!("three techniques; {name}"), 6, || {
             let query = [Input::Descriptor(View::F32(rows.next().unwrap())); 3];
-            drop(black_box(localizer.push_inputs(&query, Given::default()).unwrap()));
+            black_box(localizer.push_inputs(&query, Given::default()).unwrap());
         });
     }
 }
@@ -179,7 +180,7 @@ fn loops() {
             LoopCloser::of_descriptors(DIM, Metric::Cosine, LoopConfig::default()).unwrap();
         let mut push = || {
             let frame = if same { one.clone() } else { other.signed(DIM) };
-            drop(black_box(closer.push_descriptor(frame.as_slice()).unwrap()));
+            black_box(closer.push_descriptor(frame.as_slice()).unwrap());
         };
         // The memory of 512 places is full soon, and grows.
         (0..500).for_each(|_| push());
@@ -235,7 +236,7 @@ fn screened() {
             case(&format!("a screen, {metric}; {name}"), 1, || {
                 localizer.reset();
                 for frame in frames.chunks_exact(DIM) {
-                    drop(black_box(localizer.push_descriptor(black_box(frame)).unwrap()));
+                    black_box(localizer.push_descriptor(black_box(frame)).unwrap());
                 }
             });
         }

@@ -84,7 +84,7 @@ fn distances(dtypes: &[Dtype], float_queries: bool) {
         );
         for metric in METRICS {
             let map = Map::from_descriptors(rows.clone(), DIM, metric).unwrap();
-            let mut scan = |name: String, query: View<'_>| {
+            let scan = |name: String, query: View<'_>| {
                 let mut out = vec![0.0; ROWS];
                 case(&name, 2, || map.distances_into(black_box(query), &mut out).unwrap());
             };
@@ -104,7 +104,9 @@ fn push(lengths: &[usize]) {
     for &sequence_length in lengths {
         let mut matcher = Matcher::new(PLACES, config! { sequence_length }).unwrap();
         let mut frames = columns.iter().cycle();
-        let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
+        let mut push = || {
+            black_box(matcher.push(black_box(frames.next().unwrap())).unwrap());
+        };
         (0..2 * sequence_length).for_each(|_| push());
         // As many as the sequence is long: not all of them need cost the same.
         case(&format!("push, n = {PLACES}, L = {sequence_length}"), sequence_length.max(16), push);
@@ -121,7 +123,9 @@ fn segments() {
         let roads = Segments::new(PLACES, &breaks).and_then(|roads| roads.with_closed(&indices));
         let mut matcher = Matcher::along(roads.unwrap(), config! { sequence_length: 3 }).unwrap();
         let mut frames = columns.iter().cycle();
-        let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
+        let mut push = || {
+            black_box(matcher.push(black_box(frames.next().unwrap())).unwrap());
+        };
         (0..6).for_each(|_| push());
         case(&format!("push, n = {PLACES}, L = 3, {name} segments of {ROAD}"), 16, push);
     }
@@ -133,7 +137,9 @@ fn track() {
     for (kind, motion) in [("steady", Motion::steady()), ("free", Motion::free())] {
         let mut matcher = Matcher::new(PLACES, config! { motion: Some(motion) }).unwrap();
         let mut frames = columns.iter().cycle();
-        let mut push = || drop(black_box(matcher.push(black_box(frames.next().unwrap())).unwrap()));
+        let mut push = || {
+            black_box(matcher.push(black_box(frames.next().unwrap())).unwrap());
+        };
         // The first queries' answers are wide, and wide intervals are found sooner.
         (0..16).for_each(|_| push());
         case(&format!("push, n = {PLACES}, L = 2, motion {kind}"), 16, push);
@@ -156,7 +162,7 @@ fn screened() {
             noise.iter().zip(&rows).map(|(noise, row)| row + 0.5 * noise).collect();
         let mut frames = drive.chunks_exact(DIM).cycle();
         let mut push = || {
-            drop(black_box(localizer.push_descriptor(black_box(frames.next().unwrap())).unwrap()))
+            black_box(localizer.push_descriptor(black_box(frames.next().unwrap())).unwrap());
         };
         push();
         case(&format!("screened push, {metric}, {KNOWN} x {DIM}"), 8, push);
@@ -171,7 +177,7 @@ fn image() {
     let mut describer = Describer::new(Sad::default());
     let mut descriptor = Values::U8(vec![0; Sad::default().dim()]);
     case("describe, 640 x 480 RGB", 1, || {
-        describer.describe(black_box(frame.view()), &mut descriptor).unwrap()
+        describer.describe(black_box(frame.view()), &mut descriptor).unwrap();
     });
 
     let known: Vec<Image> =
@@ -181,5 +187,7 @@ fn image() {
     let mut localizer = Localizer::new(Arc::new(map), Config::default()).unwrap();
     localizer.push_image(&frame).unwrap();
     let name = format!("image to fix, 640 x 480 RGB, n = {KNOWN}");
-    case(&name, 1, || drop(black_box(localizer.push_image(black_box(&frame)).unwrap())));
+    case(&name, 1, || {
+        black_box(localizer.push_image(black_box(&frame)).unwrap());
+    });
 }

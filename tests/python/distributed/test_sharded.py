@@ -61,7 +61,9 @@ def test_several_traverses_and_what_shows_nothing(
     both = summer.add_traverse(winter, motion="free", progress=False)
     assert both.traverses[1].rows > 300
     assert len(both.blank) > 0
-    pushed: list[dict[str, Any]] = [{"frame": row + np.float32(0.4)} for row in rows[12_180:12_330:3]]
+    pushed: list[dict[str, Any]] = [
+        {"frame": row + np.float32(0.4)} for row in rows[12_180:12_330:3]
+    ]
     pushed[20]["frame"] = np.zeros(rows.shape[1], np.float32)
     options = OPTIONS | {"motion": motion}
     wanted = alone(both, pushed, **options)
