@@ -24,7 +24,7 @@ pub(super) struct Slot {
     job: JobBuffer,
     /// The chunks that this thread has scanned for this frame, and their results, each at its
     /// rows.
-    chunks: Vec<usize>,
+    pub(super) chunks: Vec<usize>,
     results: Vec<f32>,
 }
 
@@ -125,7 +125,8 @@ impl Mailbox {
         }
     }
 
-    /// Hands in a chunk's results. False if the frame is over.
+    /// Hands in a chunk's results. False if the frame is over. A thread that missed a post goes on
+    /// with the frame before, among the chunks of the next: those of both need not fit.
     pub(super) fn hand_in(
         &self,
         generation: u64,
@@ -134,7 +135,8 @@ impl Mailbox {
         rows: Range<usize>,
     ) -> bool {
         let Ok(mut slot) = self.slot.lock() else { return false };
-        let current = slot.generation == generation;
+        let fits = slot.chunks.len() < slot.chunks.capacity();
+        let current = slot.generation == generation && fits;
         if current {
             slot.results[rows].copy_from_slice(results);
             slot.chunks.push(chunk);

@@ -68,6 +68,25 @@ fn late_results_are_ignored() {
 }
 
 #[test]
+fn a_thread_that_missed_a_post_allocates_nothing() {
+    let (map, query) = map();
+    let pool = Pool::new(&map, 2).unwrap();
+    let (mailbox, shared) = (&pool.workers[0].mailbox, &pool.shared);
+    while shared.take().is_some() {}
+    mailbox.post(1, job(&map, &query));
+    let hand_in = |chunk: usize| {
+        let rows = shared.rows(chunk);
+        mailbox.hand_in(1, chunk, &vec![0.0; rows.len()], rows)
+    };
+    let room = || mailbox.slot.lock().unwrap().chunks.capacity();
+    let before = room();
+    assert!((0..shared.len()).all(hand_in));
+    // The caller has not collected them, and its chunks of the next frame are free.
+    (0..shared.len()).for_each(|chunk| _ = hand_in(chunk));
+    assert_eq!(room(), before);
+}
+
+#[test]
 fn small_maps_have_no_workers_and_large_ones_have_them_unasked() {
     let map =
         |places: usize| Map::from_descriptors(vec![1_u8; places * 4096], 4096, Metric::Manhattan);
