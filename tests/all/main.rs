@@ -5,10 +5,12 @@
 mod options;
 
 mod bad_input;
+mod belief;
 mod blank;
 mod cases;
 mod drive;
 mod evaluate;
+mod filter;
 mod fused;
 mod gaps;
 // On one core the drives take minutes.

@@ -1,0 +1,206 @@
+//! The tracker and the alignment are docs/method.md (1.9, 1.10 and 1.14): their beliefs are those of
+//! a plain filter.
+
+use proptest::prelude::*;
+use proptest::sample::select;
+use surefix::{
+    Config, Drive, Given, Matcher, Motion, Segment, Segments, Track, align_distances, quiet,
+};
+
+use crate::cases::{Kind, cases, columns};
+use crate::filter::{State, along, of, queries};
+use crate::random::SplitMix64;
+
+/// How far beliefs may be apart by rounding.
+const CLOSE: f64 = 1e-7;
+
+/// An answer beside the belief that it is to be of, and the speed in its place.
+fn check(
+    track: &Track,
+    belief: &State,
+    speed: f64,
+    tolerance: usize,
+    route: &Segments,
+) -> Result<(), TestCaseError> {
+    let places = route.places();
+    let each: Vec<f64> = (0..places).map(|place| belief.in_place(place)).collect();
+    let most = each.iter().copied().fold(0.0, f64::max);
+    prop_assert!(most - each[track.place] <= CLOSE, "{track:?} of {each:?}");
+    let segment = of(route, track.place);
+    let near = segment.places().filter(|&place| {
+        let apart = place.abs_diff(track.place);
+        let round = if segment.closed { segment.len() - apart } else { apart };
+        apart.min(round) <= tolerance
+    });
+    let confidence = near.map(|place| each[place]).sum::<f64>();
+    prop_assert!((track.confidence - confidence).abs() < CLOSE, "{track:?}: {confidence}");
+    prop_assert!((track.off_map - belief.off).abs() < CLOSE, "{track:?}: {}", belief.off);
+    prop_assert!((track.speed - speed).abs() <= 1e-5 * speed.abs().max(1.0), "{track:?}: {speed}");
+    // From the place opposite on, 2.5 % of the belief lie before the interval at most, and more
+    // with its first place; and the same from behind. The most probable place is in it.
+    let round = segment.closed && route.len() == 1;
+    let seam = if round { track.place + places.div_ceil(2) } else { 0 };
+    let order: Vec<usize> = (0..places).map(|at| (seam + at) % places).collect();
+    let (first, last) = track.interval;
+    for (order, end) in [(order.clone(), first), (order.into_iter().rev().collect(), last)] {
+        let at = |place: usize| order.iter().position(|&other| other == place).unwrap();
+        let tail = 0.025 * each.iter().sum::<f64>();
+        let before = order[..at(end)].iter().map(|&place| each[place]).sum::<f64>();
+        prop_assert!(at(end) <= at(track.place) && before <= tail + CLOSE, "{track:?} of {each:?}");
+        prop_assert!(
+            end == track.place || before + each[end] > tail - CLOSE,
+            "{track:?} of {each:?}"
+        );
+    }
+    Ok(())
+}
+
+/// A route of segments, some of them closed, and links between any two places.
+fn town(places: usize, seed: u64) -> Segments {
+    let mut dice = SplitMix64(seed);
+    let breaks: Vec<usize> = (1..places).filter(|_| dice.below(12) == 0).collect();
+    let open = Segments::new(places, &breaks).unwrap();
+    let closed = open.iter().enumerate().filter(|(_, one)| one.len() > 2 && dice.below(2) == 0);
+    let closed: Vec<usize> = closed.map(|(index, _)| index).collect();
+    let alone = open.with_closed(&closed).unwrap();
+    let mut links: Vec<(usize, usize)> = (0..[0, 0, 1, 3, places][dice.below(5)])
+        .map(|_| (dice.below(places), dice.below(places)))
+        .filter(|&(from, to)| from != to && along(&alone, from, 1) != Some(to))
+        .collect();
+    links.sort_unstable();
+    links.dedup();
+    alone.with_links(&links).unwrap()
+}
+
+/// The named motions, and any others.
+fn motions() -> impl Strategy<Value = Motion> {
+    let named = [Motion::steady(), Motion::free(), Motion::any()];
+    let speeds = proptest::sample::subsequence((0..17).collect::<Vec<_>>(), 1..6);
+    let rates = (
+        select(vec![0.0, 0.05, 0.6, 1.0]),
+        select(vec![0.01, 0.1, 0.5]),
+        select(vec![0.0, 0.05, 0.4]),
+        select(vec![0.0, 0.1, 0.7]),
+    );
+    let options = (
+        select(vec![0.3, 1.0, 1.7, 4.0]),
+        select(vec![0.0, 0.01, 0.1, 0.25]),
+        select(vec![0.0, 0.5, 2.0]),
+        select(vec![0.5, 3.0]),
+        select(vec![0.0, 1.0, 10.0]),
+        any::<bool>(),
+        select(vec![0.0, 0.9, 1.0]),
+    );
+    let custom = (speeds, rates, options).prop_map(|(speeds, rates, options)| {
+        let mut motion = Motion::steady();
+        motion.speeds = speeds.into_iter().map(|quarters| f64::from(quarters) / 4.0).collect();
+        (motion.switching, motion.restart, motion.leave, motion.rejoin) = rates;
+        (motion.pace, motion.jitter, motion.evidence, motion.clip, ..) = options;
+        (.., motion.hubness, motion.by_distance, motion.repeat) = options;
+        motion
+    });
+    prop_oneof![select(named.to_vec()), custom]
+}
+
+/// What is known of a drive's moves: steps, jumps and stops; all of them, some or none.
+fn advances(queries: usize, dice: &mut SplitMix64) -> Vec<Option<f64>> {
+    let unknown = [0, 3, 10][dice.below(3)];
+    let mut advance = || match dice.below(8) {
+        0 => dice.below(200) as f64 - 100.0,
+        1 => 0.0,
+        2 => dice.below(9) as f64 / 2.0 - 1.5,
+        _ => f64::from(4.0 * dice.share() - 1.0),
+    };
+    let all: Vec<f64> = (0..queries).map(|_| advance()).collect();
+    all.into_iter().map(|advance| (dice.below(10) >= unknown).then_some(advance)).collect()
+}
+
+proptest! {
+    #![proptest_config(cases(1_000))]
+
+    #[test]
+    fn the_tracker_is_a_filter(
+        motion in motions(), places in 2..40_usize, count in 1..10_usize, tolerance in 0..4_usize,
+        kind in select(vec![Kind::Smooth, Kind::Ties, Kind::Constant]), seed: u64,
+    ) {
+        let (route, mut dice) = (town(places, seed), SplitMix64(seed));
+        let d = columns(kind, places, count, seed);
+        let advance = advances(count, &mut dice);
+        let mut gap = |_| (dice.below(6) == 0).then(|| (dice.below(2) == 0).then_some(2.25));
+        let gaps: Vec<_> = (0..count).map(&mut gap).collect();
+        let config = config! { motion: Some(motion.clone()), tolerance, sequence_length: 1 };
+        let mut matcher = Matcher::along(route.clone(), config).unwrap();
+        let mut state = State::start(&motion, places);
+        for (j, query) in queries(&d, &motion, &advance, &gaps).iter().enumerate() {
+            match gaps[j] {
+                Some(Some(advance)) => matcher.gap_with_advance(advance).unwrap(),
+                Some(None) => matcher.gap(),
+                None => {}
+            }
+            if query.fresh {
+                state = State::start(&motion, places);
+            }
+            let (next, speeds) = query.step(&state, &motion, &route);
+            state = next.scaled();
+            let mut given = Given::default();
+            given.advance = advance[j];
+            let track = matcher.push_with(&d[j], given).unwrap().track.unwrap();
+            check(&track, &state, speeds[track.place], tolerance, &route)?;
+            for (place, belief) in matcher.belief().unwrap().enumerate() {
+                prop_assert!((belief - state.in_place(place)).abs() < CLOSE, "query {j}: {place}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_alignment_is_the_filter_in_both_directions(
+        motion in motions(), places in 2..12_usize, count in 1..14_usize, tolerance in 0..3_usize,
+        told: bool, seed: u64,
+    ) {
+        let (route, mut dice) = (town(places, seed), SplitMix64(seed));
+        let d = columns(Kind::Smooth, places, count, seed);
+        let matrix = ndarray::Array2::from_shape_fn((places, count), |(i, j)| d[j][i]);
+        let advance: Vec<f64> = (0..count).map(|_| f64::from(6.0 * dice.share() - 2.0)).collect();
+        let gap = dice.below(2 * count);
+        let drive = Drive::default().along(&route).gaps(if gap < count { std::slice::from_ref(&gap) } else { &[] });
+        let drive = if told { drive.advance(&advance) } else { drive };
+        let asked: Vec<usize> = (0..count).map(|_| dice.below(places)).collect();
+        let config: Config = config! { motion: Some(motion.clone()), tolerance, sequence_length: 1 };
+        let got = align_distances(&[matrix.view()], &config, drive, &[&asked], &mut quiet).unwrap();
+
+        let advance: Vec<_> = advance.into_iter().map(|advance| told.then_some(advance)).collect();
+        let gaps: Vec<_> = (0..count).map(|j| (j == gap).then_some(told.then_some(0.0))).collect();
+        let queries = queries(&d, &motion, &advance, &gaps);
+        let mut states = vec![State::start(&motion, places)];
+        for query in &queries {
+            let start = State::start(&motion, places);
+            let before = if query.fresh { &start } else { &states[states.len() - 1] };
+            states.push(query.step(before, &motion, &route).0.scaled());
+        }
+        let mut later = State::new(motion.speeds.len(), places, 1.0, 1.0);
+        for j in (0..count).rev() {
+            let belief = states[j + 1].times(&later).scaled();
+            let aligned = got.queries[j];
+            let here = |v: usize| belief.on[v][aligned.track.place];
+            let fast = (0..motion.speeds.len()).map(|v| here(v) * motion.speeds[v] * motion.pace);
+            let speed = fast.sum::<f64>() / belief.in_place(aligned.track.place);
+            let speed = queries[j].advance.unwrap_or(speed);
+            check(&aligned.track, &belief, speed, tolerance, &route)?;
+            let near = |to: usize| -> f64 {
+                let Segment { start, end, .. } = of(&route, to);
+                let reach = (1..=tolerance as i64).flat_map(|by| [by, -by]).chain([0]);
+                let mut near: Vec<usize> = reach.filter_map(|by| along(&route, to, by)).collect();
+                near.sort_unstable();
+                near.dedup();
+                near.iter().filter(|at| (start..end).contains(at)).map(|&at| belief.in_place(at)).sum()
+            };
+            prop_assert!((got.right[0][j] - near(asked[j])).abs() < CLOSE);
+            prop_assert!((aligned.single_right - near(aligned.single.place)).abs() < CLOSE);
+            later = if queries[j].fresh {
+                State::new(motion.speeds.len(), places, 1.0, 1.0)
+            } else {
+                queries[j].back(&later, &motion, &route)
+            };
+        }
+    }
+}
