@@ -1,6 +1,7 @@
 //! The tracker and the alignment are docs/method.md (1.9, 1.10 and 1.14): their beliefs are those of
 //! a plain filter.
 
+use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
@@ -8,6 +9,7 @@ use surefix::{
 };
 
 use crate::cases::{Kind, cases, columns};
+use crate::evidence::said;
 use crate::filter::{State, along, of, queries};
 use crate::random::SplitMix64;
 
@@ -131,7 +133,8 @@ proptest! {
         let config = config! { motion: Some(motion.clone()), tolerance, sequence_length: 1 };
         let mut matcher = Matcher::along(route.clone(), config).unwrap();
         let mut state = State::start(&motion, places);
-        for (j, query) in queries(&d, &motion, &advance, &gaps).iter().enumerate() {
+        let said = said(std::slice::from_ref(&d), &[1.0], &motion);
+        for (j, query) in queries(&said, &motion, &advance, &gaps).iter().enumerate() {
             match gaps[j] {
                 Some(Some(advance)) => matcher.gap_with_advance(advance).unwrap(),
                 Some(None) => matcher.gap(),
@@ -155,22 +158,29 @@ proptest! {
     #[test]
     fn an_alignment_is_the_filter_in_both_directions(
         motion in motions(), places in 2..12_usize, count in 1..14_usize, tolerance in 0..3_usize,
-        told: bool, seed: u64,
+        told: bool, weights in vec(select(vec![0.0, 0.5, 1.0, 2.0]), 0..3), seed: u64,
     ) {
         let (route, mut dice) = (town(places, seed), SplitMix64(seed));
-        let d = columns(Kind::Smooth, places, count, seed);
-        let matrix = ndarray::Array2::from_shape_fn((places, count), |(i, j)| d[j][i]);
+        // As many techniques as weights; the last one always counts.
+        let weights: Vec<f64> = weights.into_iter().chain([1.5]).collect();
+        let drives = 0..weights.len() as u64;
+        let d: Vec<Vec<Vec<f32>>> =
+            drives.map(|drive| columns(Kind::Smooth, places, count, seed ^ drive)).collect();
+        let of = |d: &Vec<Vec<f32>>| ndarray::Array2::from_shape_fn((places, count), |(i, j)| d[j][i]);
+        let matrices: Vec<_> = d.iter().map(of).collect();
+        let views: Vec<_> = matrices.iter().map(|matrix| matrix.view()).collect();
         let advance: Vec<f64> = (0..count).map(|_| f64::from(6.0 * dice.share() - 2.0)).collect();
         let gap = dice.below(2 * count);
         let drive = Drive::default().along(&route).gaps(if gap < count { std::slice::from_ref(&gap) } else { &[] });
         let drive = if told { drive.advance(&advance) } else { drive };
         let asked: Vec<usize> = (0..count).map(|_| dice.below(places)).collect();
-        let config: Config = config! { motion: Some(motion.clone()), tolerance, sequence_length: 1 };
-        let got = align_distances(&[matrix.view()], &config, drive, &[&asked], &mut quiet).unwrap();
+        let config: Config = config! { motion: Some(motion.clone()), tolerance, sequence_length: 1, technique_weights: weights.clone() };
+        let got = align_distances(&views, &config, drive, &[&asked], &mut quiet).unwrap();
 
         let advance: Vec<_> = advance.into_iter().map(|advance| told.then_some(advance)).collect();
         let gaps: Vec<_> = (0..count).map(|j| (j == gap).then_some(told.then_some(0.0))).collect();
-        let queries = queries(&d, &motion, &advance, &gaps);
+        let said = said(&d, &weights, &motion);
+        let queries = queries(&said, &motion, &advance, &gaps);
         let mut states = vec![State::start(&motion, places)];
         for query in &queries {
             let start = State::start(&motion, places);
@@ -186,8 +196,14 @@ proptest! {
             let speed = fast.sum::<f64>() / belief.in_place(aligned.track.place);
             let speed = queries[j].advance.unwrap_or(speed);
             check(&aligned.track, &belief, speed, tolerance, &route)?;
+            if weights.len() > 1 {
+                let (mean, single) = (&said[j].mean, aligned.single);
+                let least = mean.iter().copied().fold(f64::INFINITY, f64::min);
+                let distance = f64::from(single.distance);
+                prop_assert!((mean[single.place] - least).abs() < 1e-5 && (distance - least).abs() < 1e-5);
+            }
             let near = |to: usize| -> f64 {
-                let Segment { start, end, .. } = of(&route, to);
+                let Segment { start, end, .. } = crate::filter::of(&route, to);
                 let reach = (1..=tolerance as i64).flat_map(|by| [by, -by]).chain([0]);
                 let mut near: Vec<usize> = reach.filter_map(|by| along(&route, to, by)).collect();
                 near.sort_unstable();

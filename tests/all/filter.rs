@@ -4,7 +4,7 @@
 
 use surefix::{Motion, Segment, Segments};
 
-use crate::cases::tells;
+use crate::evidence::{Said, correlation};
 
 /// Moves by more places do not follow links.
 const FARTHEST: i64 = 64;
@@ -132,43 +132,26 @@ impl State {
     }
 }
 
-/// The queries of a drive by the statistics so far.
+/// The queries of a drive, with what is known of its moves.
 pub(crate) fn queries(
-    d: &[Vec<f32>],
+    said: &[Said],
     motion: &Motion,
     advance: &[Option<f64>],
     gaps: &[Option<Option<f64>>],
 ) -> Vec<Query> {
-    let places = d[0].len() as f64;
-    let mean = |x: &[f64]| x.iter().sum::<f64>() / places;
-    let product = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
-    let (mut sums, mut k, mut travelled) = (vec![0.0; d[0].len()], 0.0, 0.0_f64);
-    // The standard scores of the query before, all 0 if it is flat.
-    let mut viewed: Option<Vec<f64>> = None;
+    let mut travelled = 0.0_f64;
+    let mut viewed: Option<&[f64]> = None;
     let mut queries = Vec::new();
-    for (j, column) in d.iter().enumerate() {
+    for (j, said) in said.iter().enumerate() {
         let (gap, mut a) = (gaps[j], advance[j]);
         let fresh = j == 0 || gap == Some(None);
         if let Some(Some(bridge)) = gap {
             a = Some(bridge + a.unwrap_or(0.0));
         }
-        let mut z = vec![0.0; column.len()];
-        if tells(column) {
-            k += 1.0;
-            sums.iter_mut().zip(column).for_each(|(sum, &d)| *sum += f64::from(d));
-            let hubs: Vec<f64> = sums.iter().map(|sum| sum / (k + motion.hubness)).collect();
-            let x: Vec<f64> =
-                column.iter().zip(&hubs).map(|(&d, hub)| f64::from(d) - hub).collect();
-            let x: Vec<f64> = x.iter().map(|one| one - mean(&x)).collect();
-            let deviation = (product(&x, &x) / places).sqrt();
-            let size = column.iter().map(|&d| f64::from(d)).sum::<f64>().abs() / places;
-            if deviation > 1e-12 * (size + mean(&hubs).abs()) {
-                z = x.iter().map(|x| x / deviation).collect();
-            }
-        }
-        let flat = |z: &[f64]| z.iter().all(|&z| z == 0.0);
+        let asked = a.is_none() && motion.repeat < 1.0;
+        let alike = viewed.filter(|_| asked).and_then(|before| correlation(before, &said.view));
         // How much it teaches, moves and makes happen, and the odometry's jitter.
-        let [weight, moved, happens, jitter] = match (a, &viewed) {
+        let [weight, moved, happens, jitter] = match (a, alike) {
             _ if fresh => [1.0; 4],
             (Some(a), _) => {
                 let way = a.abs().clamp(0.05, 1.0);
@@ -178,17 +161,17 @@ pub(crate) fn queries(
                     [way, 1.0, 1.0, 1.0]
                 }
             }
-            (None, Some(before)) if motion.repeat < 1.0 && !flat(&z) && !flat(before) => {
-                let new = (1.0 - product(&z, before) / places) / (1.0 - motion.repeat);
+            (None, Some(alike)) => {
+                let new = (1.0 - alike) / (1.0 - motion.repeat);
                 let moved = (2.0 * new).clamp(0.0, 1.0);
                 [new.clamp(0.1, 1.0), moved, moved.max(0.1), 1.0]
             }
-            _ => [1.0; 4],
+            (None, None) => [1.0; 4],
         };
-        let e = |z: &f64| (-motion.evidence * weight * z.clamp(-motion.clip, motion.clip)).exp();
-        let evidence = z.iter().map(e).collect();
-        if tells(column) {
-            viewed = Some(z);
+        let evidence = said.evidence.iter().map(|z| (-motion.evidence * weight * z).exp());
+        let evidence = evidence.collect();
+        if said.tells {
+            viewed = Some(&said.view);
         } else if fresh {
             viewed = None;
         }

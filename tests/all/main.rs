@@ -11,6 +11,7 @@ mod bootstrap;
 mod cases;
 mod drive;
 mod evaluate;
+mod evidence;
 mod filter;
 mod fused;
 mod gaps;
