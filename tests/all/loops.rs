@@ -159,6 +159,53 @@ fn memory_stays_within_its_limit_and_the_answers_are_the_same() {
 }
 
 #[test]
+fn reserved_memory_is_that_of_the_places_to_come() {
+    let (dim, frames) = (16384, circle(50, 50, 16384, 7));
+    for metric in [Metric::Euclidean, Metric::Cosine] {
+        let mut closer = LoopCloser::of_descriptors(dim, metric, config(10)).unwrap();
+        all(&mut closer, &frames[..5]);
+        closer.reserve(45).unwrap();
+        let reserved = closer.bytes();
+        // Four blocks of 16 rows, and less than another one.
+        let row = 4 * dim + if metric == Metric::Cosine { 8 } else { 0 };
+        assert!((64 * row..80 * row).contains(&reserved), "{reserved}");
+        all(&mut closer, &frames[5..]);
+        assert_eq!(closer.bytes(), reserved);
+    }
+    let mut limited = config(10);
+    limited.memory = Some(3 << 20);
+    let mut closer = of_vectors(dim, limited);
+    all(&mut closer, &frames[..5]);
+    let before = closer.bytes();
+    assert!(matches!(closer.reserve(45), Err(Error::MemoryLimit { .. })));
+    assert!(matches!(closer.reserve(usize::MAX), Err(Error::MemoryLimit { .. })));
+    assert_eq!(closer.bytes(), before);
+    closer.reserve(20).unwrap();
+}
+
+/// Blocks that a map shares go to the file like others.
+#[test]
+fn a_map_of_what_is_there_changes_no_answer() {
+    let (dim, frames) = (16384, circle(120, 50, 16384, 7));
+    let mut limited = config(10);
+    limited.memory = Some(4 << 20);
+    let mut closer = of_vectors(dim, limited.clone());
+    let mut free = of_vectors(dim, limited);
+    for (at, frame) in frames.iter().enumerate() {
+        if [40, 100].contains(&at) {
+            let map = closer.to_map().unwrap();
+            let rows = map.descriptors();
+            let View::F32(rows) = rows else { panic!("float32") };
+            assert_eq!(rows, &frames[..at].concat());
+        }
+        let expected = free.push_descriptor(frame.as_slice()).unwrap();
+        assert_eq!(closer.push_descriptor(frame.as_slice()).unwrap(), expected);
+        assert_eq!(closer.distances(), free.distances());
+    }
+    assert!(closer.bytes_in_file() >= 3 << 20);
+}
+
+#[test]
 fn without_room_for_a_place_it_is_as_it_was_and_can_be_frozen() {
     // The belief cannot go to the file.
     let frames = circle(1000, 1000, 8, 8);

@@ -109,6 +109,9 @@ fn planes_that_cannot_be_are_refused() {
     let again = Map::from_bytes(&map.to_bytes().unwrap()).unwrap();
     assert_eq!(again.positions(), Some(&named));
     assert_eq!((named.plane(), named.origin(), named.degrees(1)), (Some("UTM 55S"), None, None));
+    assert!(named.with_plane(&"x".repeat(200)).is_ok());
+    let origin = Origin::new(51.5, -0.1).unwrap();
+    assert_eq!((origin.latitude(), origin.longitude()), (51.5, -0.1));
 }
 
 #[test]
