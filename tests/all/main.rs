@@ -44,6 +44,7 @@ mod screen;
 mod segments;
 #[cfg(feature = "toml")]
 mod settings;
+mod shard_snapshot;
 mod shards;
 mod snapshot;
 mod steps;
