@@ -5,11 +5,12 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Drive, Given, Matcher, Motion, Segment, Segments, Track, align_distances, quiet,
+    Config, Drive, Given, Input, LoopCloser, LoopConfig, Matcher, Metric, Motion, Segment,
+    Segments, Track, View, align_distances, quiet,
 };
 
 use crate::cases::{Kind, cases, columns};
-use crate::evidence::said;
+use crate::evidence::{said, said_of_itself};
 use crate::filter::{State, along, of, queries};
 use crate::random::SplitMix64;
 
@@ -217,6 +218,65 @@ proptest! {
             } else {
                 queries[j].back(&later, &motion, &route)
             };
+        }
+    }
+
+    /// The places are those of earlier frames, and more with each frame.
+    #[test]
+    fn a_loop_closer_is_the_filter_on_its_own_road(
+        motion in motions(), dim in 1..4_usize, exclude in 1..5_usize, tolerance in 0..3_usize,
+        events in vec(0..12_u8, 8..40), seed: u64,
+    ) {
+        let mut dice = SplitMix64(seed);
+        let mut config = LoopConfig::default();
+        (config.exclude, config.tolerance, config.motion) = (exclude, tolerance, motion.clone());
+        let mut closer = LoopCloser::of_descriptors(dim, Metric::Euclidean, config).unwrap();
+        let (mut d, mut advances, mut gaps) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut answers, mut breaks) = (Vec::new(), Vec::new());
+        for (frame, event) in events.into_iter().enumerate() {
+            let advance = (event > 8).then(|| f64::from(4.0 * dice.share() - 1.0));
+            let mut gap = None;
+            if frame >= exclude + 2 && event < 2 {
+                gap = Some((event == 0).then_some(1.75));
+                breaks.push(frame);
+            }
+            match gap {
+                Some(Some(advance)) => closer.gap_with_advance(advance).unwrap(),
+                Some(None) => closer.gap(),
+                None => {}
+            }
+            let row: Vec<f32> = (0..dim).map(|_| dice.below(5) as f32).collect();
+            let answer = closer.push(Input::Descriptor(View::F32(&row)), advance).unwrap();
+            if closer.distances().len() >= 2 {
+                d.push(closer.distances().to_vec());
+                advances.push(advance);
+                gaps.push(gap);
+                answers.push((answer, closer.belief().collect::<Vec<f64>>()));
+            }
+        }
+        let said = said_of_itself(&d, &motion);
+        let start = State::new(motion.speeds.len(), 0, 0.0, 1.0);
+        let mut state = start.clone();
+        for (j, query) in queries(&said, &motion, &advances, &gaps).iter().enumerate() {
+            let places = d[j].len();
+            let breaks: Vec<usize> = breaks.iter().copied().filter(|&at| at < places).collect();
+            let route = Segments::new(places, &breaks).unwrap();
+            if query.fresh {
+                state = start.clone();
+            }
+            state.on.iter_mut().for_each(|row| row.resize(places, 0.0));
+            state = query.step(&state, &motion, &route).0.scaled();
+            let (answer, belief) = &answers[j];
+            for (place, belief) in belief.iter().enumerate() {
+                prop_assert!((belief - state.in_place(place)).abs() < CLOSE, "{j}: {place}");
+            }
+            let segment = of(&route, answer.place);
+            let near = segment.places().filter(|at| at.abs_diff(answer.place) <= tolerance);
+            let confidence = near.map(|place| state.in_place(place)).sum::<f64>();
+            prop_assert!((answer.confidence - confidence).abs() < CLOSE, "{answer:?}");
+            prop_assert!((answer.off_map - state.off).abs() < CLOSE, "{answer:?}");
+            let most = (0..places).map(|place| state.in_place(place)).fold(0.0, f64::max);
+            prop_assert!(most - state.in_place(answer.place) < CLOSE, "{answer:?}");
         }
     }
 }

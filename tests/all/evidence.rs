@@ -53,6 +53,35 @@ pub(crate) fn said(d: &[Vec<Vec<f32>>], weights: &[f64], motion: &Motion) -> Vec
     (0..d[0].len()).map(query).collect()
 }
 
+/// What the frames of a drive say of its own earlier places, which become more: a place's usual
+/// distance is what it is beyond the mean of all, over the frames since it is there.
+pub(crate) fn said_of_itself(d: &[Vec<f32>], motion: &Motion) -> Vec<Said> {
+    let mut known: Vec<(f64, f64)> = Vec::new();
+    let query = |column: &Vec<f32>| {
+        let places = column.len();
+        let mean = |x: &[f64]| x.iter().sum::<f64>() / places as f64;
+        known.resize(places, (0.0, 0.0));
+        let d: Vec<f64> = column.iter().map(|&d| d.into()).collect();
+        let mut z = vec![0.0; places];
+        if tells(column) {
+            let all = mean(&d);
+            let usual = |(d, (k, sum)): (&f64, &mut (f64, f64))| {
+                (*k, *sum) = (*k + 1.0, *sum + d - all);
+                d - *sum / (*k + motion.hubness)
+            };
+            let x: Vec<f64> = d.iter().zip(&mut known).map(usual).collect();
+            let squares: Vec<f64> = x.iter().map(|one| (one - mean(&x)).powi(2)).collect();
+            let deviation = mean(&squares).sqrt();
+            if deviation > 1e-12 * mean(&d).abs() {
+                let z_of = |one: &f64| (one - mean(&x)) / deviation;
+                z = x.iter().map(|one| z_of(one).clamp(-motion.clip, motion.clip)).collect();
+            }
+        }
+        Said { mean: z.clone(), view: z.clone(), evidence: z, tells: tells(column) }
+    };
+    d.iter().map(query).collect()
+}
+
 /// The correlation of two views, if neither is flat.
 pub(crate) fn correlation(a: &[f64], b: &[f64]) -> Option<f64> {
     let off = |x: &[f64]| {

@@ -149,7 +149,12 @@ pub(crate) fn queries(
             a = Some(bridge + a.unwrap_or(0.0));
         }
         let asked = a.is_none() && motion.repeat < 1.0;
-        let alike = viewed.filter(|_| asked).and_then(|before| correlation(before, &said.view));
+        let alike = viewed.filter(|_| asked).and_then(|before: &[f64]| {
+            // A place that was not there yet has shown nothing.
+            let mut before = before.to_vec();
+            before.resize(said.view.len(), 0.0);
+            correlation(&before, &said.view)
+        });
         // How much it teaches, moves and makes happen, and the odometry's jitter.
         let [weight, moved, happens, jitter] = match (a, alike) {
             _ if fresh => [1.0; 4],
