@@ -36,11 +36,12 @@ pub(crate) fn said(d: &[Vec<Vec<f32>>], weights: &[f64], motion: &Motion) -> Vec
             let hubs: Vec<f64> = sums.iter().map(|sum| sum / (*k + motion.hubness)).collect();
             let d: Vec<f64> = column.iter().map(|&d| d.into()).collect();
             let x: Vec<f64> = d.iter().zip(&hubs).map(|(d, hub)| d - hub).collect();
-            let squares: Vec<f64> = x.iter().map(|one| (one - mean(&x)).powi(2)).collect();
+            let centre = mean(&x);
+            let squares: Vec<f64> = x.iter().map(|one| (one - centre).powi(2)).collect();
             let deviation = mean(&squares).sqrt();
             let flat = deviation <= 1e-12 * (mean(&d).abs() + mean(&hubs).abs());
             for place in 0..places {
-                let z = if flat { 0.0 } else { (x[place] - mean(&x)) / deviation };
+                let z = if flat { 0.0 } else { (x[place] - centre) / deviation };
                 let clipped = z.clamp(-motion.clip, motion.clip);
                 said.mean[place] += weight / total * z;
                 said.evidence[place] += weight / root * clipped;
@@ -70,10 +71,11 @@ pub(crate) fn said_of_itself(d: &[Vec<f32>], motion: &Motion) -> Vec<Said> {
                 d - *sum / (*k + motion.hubness)
             };
             let x: Vec<f64> = d.iter().zip(&mut known).map(usual).collect();
-            let squares: Vec<f64> = x.iter().map(|one| (one - mean(&x)).powi(2)).collect();
+            let centre = mean(&x);
+            let squares: Vec<f64> = x.iter().map(|one| (one - centre).powi(2)).collect();
             let deviation = mean(&squares).sqrt();
             if deviation > 1e-12 * mean(&d).abs() {
-                let z_of = |one: &f64| (one - mean(&x)) / deviation;
+                let z_of = |one: &f64| (one - centre) / deviation;
                 z = x.iter().map(|one| z_of(one).clamp(-motion.clip, motion.clip)).collect();
             }
         }

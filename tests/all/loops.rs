@@ -5,7 +5,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use surefix::{
     Channels, Config, Error, Graph, ImageView, Input, Isa, Localizer, LoopCloser, LoopClosure,
-    LoopConfig, Metric, Poses, Sad, View,
+    LoopConfig, Metric, Motion, Poses, Sad, View,
 };
 
 use crate::cases::cases;
@@ -181,6 +181,33 @@ fn reserved_memory_is_that_of_the_places_to_come() {
     assert!(matches!(closer.reserve(usize::MAX), Err(Error::MemoryLimit { .. })));
     assert_eq!(closer.bytes(), before);
     closer.reserve(20).unwrap();
+}
+
+/// Of three speeds more, each has two numbers a place, all have their sum, and the view is kept.
+#[test]
+fn memory_grows_with_the_speeds() {
+    let bytes = |motion: Motion| {
+        let mut config = config(10);
+        config.motion = motion;
+        let mut closer = of_vectors(4, config);
+        closer.reserve(1000).unwrap();
+        closer.bytes()
+    };
+    assert_eq!(bytes(Motion::loops()) - bytes(Motion::steady()), 1000 * 8 * 8);
+}
+
+/// More room for the belief is taken on the way, and the belief stays.
+#[test]
+fn room_that_is_taken_on_the_way_changes_no_answer() {
+    let frames = circle(1500, 300, 8, 12);
+    for motion in [Motion::loops(), Motion::steady()] {
+        let mut config = config(10);
+        config.motion = motion;
+        let [mut reserved, mut free] = [(); 2].map(|()| of_vectors(8, config.clone()));
+        reserved.reserve(1500).unwrap();
+        assert_eq!(all(&mut free, &frames), all(&mut reserved, &frames));
+        assert!(free.edges().len() > 1000);
+    }
 }
 
 /// Blocks that a map shares go to the file like others.
