@@ -163,6 +163,13 @@ proptest! {
     }
 }
 
+/// Their mean is another number, by rounding.
+#[test]
+fn values_that_are_equal_tell_nothing() {
+    assert_ne!([0.1; 3].iter().sum::<f64>() / 3.0, 0.1);
+    assert_eq!((correlation_time(&[0.1; 3]), block_length(&[0.1; 3])), (None, None));
+}
+
 /// All queries in one block, wherever it begins, are the drive itself.
 #[test]
 fn one_block_is_the_whole_drive() {

@@ -194,6 +194,13 @@ fn memory_grows_with_the_speeds() {
         closer.bytes()
     };
     assert_eq!(bytes(Motion::loops()) - bytes(Motion::steady()), 1000 * 8 * 8);
+    // The cosine needs the length of each row.
+    let bytes = |metric: Metric| {
+        let mut closer = LoopCloser::of_descriptors(16384, metric, config(10)).unwrap();
+        closer.reserve(64).unwrap();
+        closer.bytes()
+    };
+    assert_eq!(bytes(Metric::Cosine) - bytes(Metric::Euclidean), 64 * 8);
 }
 
 /// More room for the belief is taken on the way, and the belief stays.
