@@ -11,7 +11,7 @@ use surefix::{
 
 use crate::cases::{Kind, cases, columns};
 use crate::evidence::{said, said_of_itself};
-use crate::filter::{State, along, of, queries};
+use crate::filter::{Gap, State, along, of, queries};
 use crate::random::SplitMix64;
 
 /// How far beliefs may be apart by rounding.
@@ -65,7 +65,7 @@ fn follow(
     tolerance: usize,
     d: &[Vec<f32>],
     advance: &[Option<f64>],
-    gaps: &[Option<Option<f64>>],
+    gaps: &[Gap],
 ) -> Result<(), TestCaseError> {
     let config = config! { motion: Some(motion.clone()), tolerance, sequence_length: 1 };
     let mut matcher = Matcher::along(route.clone(), config).unwrap();
@@ -74,9 +74,9 @@ fn follow(
     let said = said(&[d.to_vec()], &[1.0], motion);
     for (j, query) in queries(&said, motion, advance, gaps).iter().enumerate() {
         match gaps[j] {
-            Some(Some(advance)) => matcher.gap_with_advance(advance).unwrap(),
-            Some(None) => matcher.gap(),
-            None => {}
+            Gap::Bridged(advance) => matcher.gap_with_advance(advance).unwrap(),
+            Gap::Unknown => matcher.gap(),
+            Gap::Not => {}
         }
         if query.fresh {
             state = start.clone();
@@ -104,9 +104,11 @@ fn a_tracker_of_several_blocks_is_a_filter() {
         for j in 1..4 {
             d[j] = d[0].iter().zip(&d[j]).map(|(a, b)| a + 0.2 * b).collect();
         }
-        d.iter_mut().for_each(|d| d[4000..].iter_mut().for_each(|d| *d *= 0.5));
+        for d in d.iter_mut().flat_map(|d| &mut d[4000..]) {
+            *d *= 0.5;
+        }
         for motion in [Motion::any(), Motion::free()] {
-            follow(&motion, &route, 2, &d, &[None; 4], &[None; 4]).unwrap();
+            follow(&motion, &route, 2, &d, &[None; 4], &[Gap::Not; 4]).unwrap();
         }
     }
 }
@@ -189,7 +191,11 @@ proptest! {
             }
         }
         let advance = advances(count, &mut dice);
-        let mut gap = |_| (dice.below(6) == 0).then(|| (dice.below(2) == 0).then_some(2.25));
+        let mut gap = |_| match dice.below(12) {
+            0 => Gap::Unknown,
+            1 => Gap::Bridged(2.25),
+            _ => Gap::Not,
+        };
         let gaps: Vec<_> = (0..count).map(&mut gap).collect();
         follow(&motion, &route, tolerance, &d, &advance, &gaps)?;
     }
@@ -219,7 +225,8 @@ proptest! {
         let got = align_distances(&views, &config, drive, &[&asked], &mut quiet).unwrap();
 
         let advance: Vec<_> = advance.into_iter().map(|advance| told.then_some(advance)).collect();
-        let gaps: Vec<_> = (0..count).map(|j| (j == gap).then_some(told.then_some(0.0))).collect();
+        let at_gap = if told { Gap::Bridged(0.0) } else { Gap::Unknown };
+        let gaps: Vec<_> = (0..count).map(|j| if j == gap { at_gap } else { Gap::Not }).collect();
         let said = said(&d, &weights, &motion);
         let queries = queries(&said, &motion, &advance, &gaps);
         let mut states = vec![State::start(&motion, places)];
@@ -275,15 +282,15 @@ proptest! {
         let (mut answers, mut breaks) = (Vec::new(), Vec::new());
         for (frame, event) in events.into_iter().enumerate() {
             let advance = (event > 8).then(|| f64::from(4.0 * dice.share() - 1.0));
-            let mut gap = None;
+            let mut gap = Gap::Not;
             if frame >= exclude + 2 && event < 2 {
-                gap = Some((event == 0).then_some(1.75));
+                gap = if event == 0 { Gap::Bridged(1.75) } else { Gap::Unknown };
                 breaks.push(frame);
             }
             match gap {
-                Some(Some(advance)) => closer.gap_with_advance(advance).unwrap(),
-                Some(None) => closer.gap(),
-                None => {}
+                Gap::Bridged(advance) => closer.gap_with_advance(advance).unwrap(),
+                Gap::Unknown => closer.gap(),
+                Gap::Not => {}
             }
             let row: Vec<f32> = (0..dim).map(|_| dice.below(5) as f32).collect();
             let answer = closer.push(Input::Descriptor(View::F32(&row)), advance).unwrap();

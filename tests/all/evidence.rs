@@ -40,8 +40,8 @@ pub(crate) fn said(d: &[Vec<Vec<f32>>], weights: &[f64], motion: &Motion) -> Vec
             let squares: Vec<f64> = x.iter().map(|one| (one - centre).powi(2)).collect();
             let deviation = mean(&squares).sqrt();
             let flat = deviation <= 1e-12 * (mean(&d).abs() + mean(&hubs).abs());
-            for place in 0..places {
-                let z = if flat { 0.0 } else { (x[place] - centre) / deviation };
+            for (place, x) in x.iter().enumerate() {
+                let z = if flat { 0.0 } else { (x - centre) / deviation };
                 let clipped = z.clamp(-motion.clip, motion.clip);
                 said.mean[place] += weight / total * z;
                 said.evidence[place] += weight / root * clipped;

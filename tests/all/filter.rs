@@ -73,6 +73,16 @@ fn switched(motion: &Motion, from: usize, to: usize) -> f64 {
     }
 }
 
+/// What is before a query.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Gap {
+    Not,
+    /// A gap in which the robot may have gone anywhere.
+    Unknown,
+    /// One in which it moved by so many places.
+    Bridged(f64),
+}
+
 /// A query as the filter sees it.
 pub(crate) struct Query {
     evidence: Vec<f64>,
@@ -104,7 +114,9 @@ impl State {
         let mut start = Self::new(speeds, places, 0.95 / (speeds * places) as f64, 0.05);
         for (to, row) in start.on.iter_mut().enumerate() {
             let share: f64 = (0..speeds).map(|from| switched(motion, from, to)).sum();
-            row.iter_mut().for_each(|belief| *belief *= share);
+            for belief in row {
+                *belief *= share;
+            }
         }
         start
     }
@@ -137,15 +149,15 @@ pub(crate) fn queries(
     said: &[Said],
     motion: &Motion,
     advance: &[Option<f64>],
-    gaps: &[Option<Option<f64>>],
+    gaps: &[Gap],
 ) -> Vec<Query> {
     let mut travelled = 0.0_f64;
     let mut viewed: Option<&[f64]> = None;
     let mut queries = Vec::new();
     for (j, said) in said.iter().enumerate() {
         let (gap, mut a) = (gaps[j], advance[j]);
-        let fresh = j == 0 || gap == Some(None);
-        if let Some(Some(bridge)) = gap {
+        let fresh = j == 0 || gap == Gap::Unknown;
+        if let Gap::Bridged(bridge) = gap {
             a = Some(bridge + a.unwrap_or(0.0));
         }
         let asked = a.is_none() && motion.repeat < 1.0;
@@ -238,14 +250,11 @@ impl Query {
             let fast = (0..speeds).map(|v| moving(v) * motion.speeds[v] * motion.pace).sum::<f64>();
             speed_in[place] = self.advance.unwrap_or(fast / predicted.iter().sum::<f64>());
             for to in 0..speeds {
-                let share = |v: usize| match self.advance {
-                    None => predicted[v] * switched(motion, v, to),
-                    // All speeds are equally likely.
-                    Some(_) => {
-                        let each = predicted.iter().sum::<f64>() / speeds as f64;
-                        each * switched(motion, v, to)
-                    }
-                };
+                // After a known advance, all speeds are equally likely.
+                let each = predicted.iter().sum::<f64>() / speeds as f64;
+                let known = self.advance.is_some();
+                let of = |v: usize| if known { each } else { predicted[v] };
+                let share = |v: usize| of(v) * switched(motion, v, to);
                 after.on[to][place] = (0..speeds).map(share).sum::<f64>() * self.evidence[place];
             }
         }

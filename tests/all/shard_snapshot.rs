@@ -50,7 +50,7 @@ fn shorter(snapshot: &[u8], tensor: &str) -> Vec<u8> {
     })
 }
 
-fn check(taken: Result<(), Error>, name: &str) {
+fn check(taken: &Result<(), Error>, name: &str) {
     assert!(matches!(taken, Err(Error::Snapshot { .. })), "{name}: {taken:?}");
 }
 
@@ -97,7 +97,7 @@ fn a_shard_in_an_impossible_state_is_refused() {
         }
         let before = shard.snapshot().unwrap();
         for (name, forgery) in forgeries {
-            check(shard.restore(&forgery), name);
+            check(&shard.restore(&forgery), name);
             assert_eq!(shard.snapshot().unwrap(), before, "{name}");
         }
     }
@@ -138,7 +138,7 @@ fn a_driver_in_an_impossible_state_is_refused() {
         }
         let before = driver.snapshot().unwrap();
         for (name, forgery) in forgeries {
-            check(driver.restore(&forgery), name);
+            check(&driver.restore(&forgery), name);
             assert_eq!(driver.snapshot().unwrap(), before, "{name}");
         }
     }
