@@ -2,8 +2,8 @@
 
 use crate::interrupt::stopped;
 
-/// Lags are summed up to this one at most.
-const MOST_LAGS: usize = 10_000;
+/// Pairs of neighbouring lags that are summed at most.
+const MOST_PAIRS: usize = 5_000;
 
 /// The integrated autocorrelation time of a series, `1 + 2 sum over k of rho(k)`: how many values
 /// in a row say as much as one independent value. The sum ends before the first pair of
@@ -26,7 +26,7 @@ pub fn correlation_time(values: &[f64]) -> Option<f64> {
     if values.iter().all(|value| *value == values[0]) || variance <= 0.0 {
         return None;
     }
-    let pairs = (0..(count / 2).min(MOST_LAGS / 2))
+    let pairs = (0..(count / 2).min(MOST_PAIRS))
         .map(|pair| (covariance(2 * pair) + covariance(2 * pair + 1)) / variance);
     // The answer of stopped work is thrown away.
     let pairs = pairs.take_while(|&pair| pair > 0.0 && !stopped());

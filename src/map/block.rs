@@ -295,6 +295,19 @@ mod tests {
     }
 
     #[test]
+    fn a_nan_is_found_in_any_block() {
+        let mut numbers = vec![0.5_f32; 40 << 14];
+        numbers[(37 << 14) + 5] = f32::NAN;
+        let blocks = Blocks::of(Values::F32(numbers).into(), 1 << 14, &[]);
+        let found = blocks.check_finite("rows");
+        assert_eq!(blocks.starts, [0, 16, 32]);
+        assert!(
+            matches!(found, Err(Error::NotFinite { row: Some(37), index: 5, .. })),
+            "{found:?}"
+        );
+    }
+
+    #[test]
     fn longer_and_shorter_maps_share_memory() {
         let ((values, all), (_, more)) = (blocks(70, 1 << 16), blocks(3, 1 << 16));
         let memory = |blocks: &Blocks, at: usize| blocks.list[at].rows().bytes().as_ptr();

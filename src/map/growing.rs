@@ -351,7 +351,7 @@ impl GrowingMap {
                 }
             });
         }
-        if let Some(open) = self.open.as_ref().filter(|open| open.rows > 0) {
+        if let Some(open) = &self.open {
             let rows: Range<usize> = 0..open.rows * dim;
             let memory = Storage::from(part(open.memory.view(), rows).to_values());
             let norms = open.norms.clone();

@@ -249,7 +249,7 @@ proptest! {
         ],
         before in 0..3_usize, trust in any::<u64>(), cut: u64,
         weight in select(vec![0.0, 0.5, 0.99, 1.0]), floor in -3.0..0.0_f64,
-        speeds in vec(select(vec![0.0, 0.5, 0.75, 1.0]), 1..4),
+        speeds in vec(select(vec![0.0, 0.5, 0.75, 1.0, 7.0]), 1..4),
         wild: bool, isa: prop::sample::Index,
     ) {
         let (length, places) = (raw.len(), raw[0].len());
@@ -317,5 +317,32 @@ proptest! {
         }
         ring.clear();
         prop_assert_eq!(ring.len(), 0);
+    }
+}
+
+/// A bowl: the sums of all blocks are larger than those of the first places.
+#[test]
+fn a_block_of_larger_sums_is_searched() {
+    let bowl: Vec<f32> = (0..1680_u16).map(|i| (f32::from(i) - 840.0).powi(2)).collect();
+    for kind in [Gradient::Halved, Gradient::Unhalved] {
+        check_peak(&vec![bowl.clone(); 3], &Segments::one(1680), 0, 3, kind).unwrap();
+    }
+}
+
+/// A slope: each block has smaller sums than the one before.
+#[test]
+fn a_block_of_smaller_sums_is_searched() {
+    let slope: Vec<f32> = (0..1680_u16).map(|i| 2000.0 - f32::from(i)).collect();
+    let segments = Segments::one(1680);
+    for length in 1..=3 {
+        let mut window = window(&vec![slope.clone(); length], 0);
+        let anchors = Anchors::new(length).unwrap();
+        let config = Config { sequence_length: length, ..Config::default() };
+        let mut search = SequenceSearch::new(&config).unwrap();
+        let (segments, anchors) = (&segments, &anchors);
+        let seen = Seen { segments, anchors, floor: 0.0, advance: None, evidence: None };
+        let found = Isa::Scalar.run(Estimate(&mut search, &mut window, &seen)).unwrap();
+        // The last place: 321, and one more for each query before.
+        assert_eq!((found.place, found.score), (1679, 321.0 + (length - 1) as f32 / 2.0));
     }
 }

@@ -11,8 +11,9 @@ use crate::random::SplitMix64;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Channels, Config, Drive, Dtype, Error, Fix, Given, Image, ImageView, Input, Localizer, Map,
-    Matcher, Metric, Motion, Sad, Values, View, match_descriptors, match_fused,
+    Channels, Config, Drive, Dtype, Error, Fix, Given, Image, ImageView, Input, Localizer,
+    LoopCloser, LoopConfig, Map, Matcher, Metric, Motion, Sad, Values, View, match_descriptors,
+    match_fused,
 };
 use tempfile::tempdir;
 
@@ -81,6 +82,20 @@ fn ready_descriptors_show_nothing_if_they_are_zeros_or_shared_by_five() {
     // Points of a small space coincide, and one of them is the origin.
     let small = Map::from_descriptors(vec![0.0_f32; 80], 8, Metric::Euclidean).unwrap();
     assert_eq!(small.blank(), [0; 0]);
+}
+
+/// Eight zeros are a point without a direction, nine show nothing.
+#[test]
+fn zeros_have_no_direction_in_a_small_space() {
+    for (dim, taken) in [(8, false), (9, true)] {
+        let mut rows = vec![0.5_f32; 3 * dim];
+        rows[dim..2 * dim].fill(0.0);
+        let map = Map::from_descriptors(rows, dim, Metric::Cosine);
+        assert_eq!(map.is_ok(), taken, "a map of rows of {dim}");
+        let mut closer = LoopCloser::of_descriptors(dim, Metric::Cosine, LoopConfig::default());
+        let place = closer.as_mut().unwrap().push_descriptor(&vec![0.0_f32; dim][..]);
+        assert_eq!(place.is_ok(), taken, "a place of {dim} numbers");
+    }
 }
 
 #[test]

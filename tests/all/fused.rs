@@ -183,6 +183,27 @@ fn what_is_refused_leaves_no_trace_in_any_technique() {
 }
 
 #[test]
+fn a_reset_forgets_the_statistics_of_all_techniques() {
+    let maps = maps(9, 3);
+    let config = config! { motion: Some(Motion::any()) };
+    let mut localizer = Localizer::fused(maps.clone(), config).unwrap();
+    let drive = |localizer: &mut Localizer| -> Vec<Fix> {
+        let query = |query: u64| {
+            let of = |map: &Arc<Map>| numbers(map.dtype(), map.dim(), query);
+            let rows: Vec<Values> = maps.iter().map(of).collect();
+            let inputs: Vec<_> = rows.iter().map(|row| Input::Descriptor(row.view())).collect();
+            localizer.push_inputs(&inputs, Given::default()).unwrap()
+        };
+        (0..6).map(query).collect()
+    };
+    let first = drive(&mut localizer);
+    let second = drive(&mut localizer);
+    assert_ne!(bits(&first), bits(&second));
+    localizer.reset();
+    assert_eq!(bits(&drive(&mut localizer)), bits(&first));
+}
+
+#[test]
 fn what_cannot_be_fused_is_refused_in_words() {
     let said = |error: Result<Localizer, Error>| error.unwrap_err().to_string();
     assert_eq!(

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use surefix::{
     Channels, Config, Error, Graph, ImageView, Input, Isa, Localizer, LoopCloser, LoopClosure,
-    LoopConfig, Metric, Poses, Sad, View,
+    LoopConfig, Metric, Motion, Poses, Sad, View,
 };
 
 use crate::cases::cases;
@@ -156,6 +156,87 @@ fn memory_stays_within_its_limit_and_the_answers_are_the_same() {
         #[cfg(unix)]
         assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     }
+}
+
+#[test]
+fn reserved_memory_is_that_of_the_places_to_come() {
+    let (dim, frames) = (16384, circle(50, 50, 16384, 7));
+    for metric in [Metric::Euclidean, Metric::Cosine] {
+        let mut closer = LoopCloser::of_descriptors(dim, metric, config(10)).unwrap();
+        all(&mut closer, &frames[..5]);
+        closer.reserve(45).unwrap();
+        let reserved = closer.bytes();
+        // Four blocks of 16 rows, and less than another one.
+        let row = 4 * dim + if metric == Metric::Cosine { 8 } else { 0 };
+        assert!((64 * row..80 * row).contains(&reserved), "{reserved}");
+        all(&mut closer, &frames[5..]);
+        assert_eq!(closer.bytes(), reserved);
+    }
+    let mut limited = config(10);
+    limited.memory = Some(3 << 20);
+    let mut closer = of_vectors(dim, limited);
+    all(&mut closer, &frames[..5]);
+    let before = closer.bytes();
+    assert!(matches!(closer.reserve(45), Err(Error::MemoryLimit { .. })));
+    assert!(matches!(closer.reserve(usize::MAX), Err(Error::MemoryLimit { .. })));
+    assert_eq!(closer.bytes(), before);
+    closer.reserve(20).unwrap();
+}
+
+/// Of three speeds more, each has two numbers a place, all have their sum, and the view is kept.
+#[test]
+fn memory_grows_with_the_speeds() {
+    let bytes = |motion: Motion| {
+        let mut config = config(10);
+        config.motion = motion;
+        let mut closer = of_vectors(4, config);
+        closer.reserve(1000).unwrap();
+        closer.bytes()
+    };
+    assert_eq!(bytes(Motion::loops()) - bytes(Motion::steady()), 1000 * 8 * 8);
+    // The cosine needs the length of each row.
+    let bytes = |metric: Metric| {
+        let mut closer = LoopCloser::of_descriptors(16384, metric, config(10)).unwrap();
+        closer.reserve(64).unwrap();
+        closer.bytes()
+    };
+    assert_eq!(bytes(Metric::Cosine) - bytes(Metric::Euclidean), 64 * 8);
+}
+
+/// More room for the belief is taken on the way, and the belief stays.
+#[test]
+fn room_that_is_taken_on_the_way_changes_no_answer() {
+    let frames = circle(1500, 300, 8, 12);
+    for motion in [Motion::loops(), Motion::steady()] {
+        let mut config = config(10);
+        config.motion = motion;
+        let [mut reserved, mut free] = [(); 2].map(|()| of_vectors(8, config.clone()));
+        reserved.reserve(1500).unwrap();
+        assert_eq!(all(&mut free, &frames), all(&mut reserved, &frames));
+        assert!(free.edges().len() > 1000);
+    }
+}
+
+/// Blocks that a map shares go to the file like others.
+#[test]
+fn a_map_of_what_is_there_changes_no_answer() {
+    let (dim, frames) = (16384, circle(120, 50, 16384, 7));
+    let mut limited = config(10);
+    limited.memory = Some(4 << 20);
+    let mut closer = of_vectors(dim, limited.clone());
+    let mut free = of_vectors(dim, limited);
+    for (at, frame) in frames.iter().enumerate() {
+        if [40, 100].contains(&at) {
+            let map = closer.to_map().unwrap();
+            let rows = map.descriptors();
+            let View::F32(rows) = rows else { panic!("float32") };
+            assert_eq!(rows, &frames[..at].concat());
+        }
+        let expected = free.push_descriptor(frame.as_slice()).unwrap();
+        assert_eq!(closer.push_descriptor(frame.as_slice()).unwrap(), expected);
+        assert_eq!(closer.distances(), free.distances());
+    }
+    assert!(closer.bytes_in_file() >= 3 << 20);
 }
 
 #[test]

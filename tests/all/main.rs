@@ -5,10 +5,14 @@
 mod options;
 
 mod bad_input;
+mod belief;
 mod blank;
+mod bootstrap;
 mod cases;
 mod drive;
 mod evaluate;
+mod evidence;
+mod filter;
 mod fused;
 mod gaps;
 // On one core the drives take minutes.
@@ -40,6 +44,7 @@ mod screen;
 mod segments;
 #[cfg(feature = "toml")]
 mod settings;
+mod shard_snapshot;
 mod shards;
 mod snapshot;
 mod steps;
@@ -47,3 +52,4 @@ mod stream_is_batch;
 mod threads;
 mod track;
 mod traverses;
+mod truth;

@@ -8,7 +8,9 @@ use std::sync::OnceLock;
 use crate::cases::{DTYPES, cases, numbers, sealed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use surefix::{Channels, Dtype, Error, Image, Map, Metric, Positions, Recipe, Sad, Values, View};
+use surefix::{
+    Channels, Dtype, Error, Image, Map, Metric, Positions, Recipe, Sad, Thumbnails, Values, View,
+};
 use tempfile::{TempDir, tempdir};
 
 const METRICS: [Metric; 3] = [Metric::Manhattan, Metric::Euclidean, Metric::Cosine];
@@ -339,6 +341,34 @@ fn tensors_that_do_not_fit_are_refused() {
 
 /// A file of holes claims names of eight terabytes: no memory is taken that is not there.
 #[cfg(target_os = "linux")]
+/// Sides of nothing are no size of images, and no pictures.
+#[test]
+fn a_size_of_nothing_is_none() {
+    let pictures = Thumbnails::new(2, 3, vec![7; 18]).unwrap();
+    assert!(!pictures.is_empty() && Thumbnails::new(2, 3, vec![]).unwrap().is_empty());
+    let map = small_map().with_image_size(Some((4, 3))).unwrap().with_thumbnails(pictures).unwrap();
+    let file = saved(&map);
+    assert_eq!(open(&file).unwrap().image_size(), Some((4, 3)));
+    for size in [[0, 3], [4, 0], [0, 0]] {
+        let forged = with_entry(&file, |entry| entry["image_size"] = json!(size));
+        assert_eq!(open(&forged).unwrap().image_size(), None);
+    }
+    let (mut header, payload) = split(&file);
+    let offset = |tensor: &Value, end: usize| tensor["data_offsets"][end].as_u64().unwrap();
+    let (start, end) = (offset(&header["thumbnails"], 0), offset(&header["thumbnails"], 1));
+    header["thumbnails"]["shape"] = json!([3, 0, 2]);
+    for tensor in header.as_object_mut().unwrap().values_mut() {
+        for side in 0..2 {
+            if tensor.get("data_offsets").is_some() && offset(tensor, side) >= end {
+                tensor["data_offsets"][side] = (offset(tensor, side) - (end - start)).into();
+            }
+        }
+    }
+    let payload = [&payload[..start as usize], &payload[end as usize..]].concat();
+    let reason = refused(&join(&header, &payload));
+    assert!(reason.contains("thumbnails: expected a tensor of U8"), "{reason}");
+}
+
 #[test]
 fn a_claim_beyond_the_memory_is_an_error() {
     const CLAIMED: u64 = 8_000_000_000_000;

@@ -99,6 +99,12 @@ fn what_does_not_fit_is_refused_before_an_image_is_read() {
             assert!(matches!(error, Error::Length { .. } | Error::Shape { .. }), "{error}");
         }
     }
+    // Pictures have up to 1024 pixels a side.
+    for (size, read) in [((1024, 1), true), ((1025, 1), false), ((1, 1030), false)] {
+        let extras = Extras::default().thumbnails_of(size);
+        let error = Map::from_images_with(&unread, sad(), extras, &mut quiet).unwrap_err();
+        assert_eq!(matches!(error, Error::Image { .. }), read, "{size:?}: {error}");
+    }
     let ring = Segments::one(10).with_closed(&[0]).unwrap();
     let extras = Extras::default().segments(&ring);
     Map::build_with(&path, &drive(10, 0), sad(), extras, &mut quiet).unwrap();

@@ -28,6 +28,29 @@ proptest! {
         prop_assert!((back_lat - lat).abs() < 1e-11 && apart(back_lon, lon) < 1e-11);
         prop_assert!((-180.0..180.0).contains(&back_lon));
     }
+
+    /// Ten metres away, the plane is as far as the straight line between points of the ellipsoid.
+    #[test]
+    fn metres_are_those_of_the_ellipsoid(
+        latitude in -80.0..80.0_f64, longitude in -180.0..180.0_f64, step in 1e-5..1e-4_f64,
+    ) {
+        let point = |latitude: f64, longitude: f64| {
+            let (major, flattening) = (6_378_137.0, 1.0 / 298.257_223_563_f64);
+            let ratio = (1.0 - flattening).powi(2);
+            let ((sine, cosine), turn) = (latitude.to_radians().sin_cos(), longitude.to_radians());
+            let normal = major / (cosine * cosine + ratio * sine * sine).sqrt();
+            [normal * cosine * turn.cos(), normal * cosine * turn.sin(), ratio * normal * sine]
+        };
+        let here = point(latitude, longitude);
+        let origin = Origin::new(latitude, longitude).unwrap();
+        for (by, axis) in [([0.0, step], 0), ([step, 0.0], 1)] {
+            let there = point(latitude + by[0], longitude + by[1]);
+            let away: f64 = here.iter().zip(there).map(|(a, b)| (a - b).powi(2)).sum();
+            let metres = origin.metres(latitude + by[0], longitude + by[1]);
+            prop_assert!((metres[axis] / away.sqrt() - 1.0).abs() < 1e-6, "{metres:?}: {away}");
+            prop_assert_eq!(metres[1 - axis], 0.0);
+        }
+    }
 }
 
 fn map(first: usize, places: usize, positions: Positions) -> Map {
@@ -70,6 +93,14 @@ fn planes_that_cannot_be_are_refused() {
     let far = Positions::new(vec![0.0, 0.0, 0.0, 2e7], 2).unwrap();
     let error = far.clone().with_origin(Origin::new(0.0, 0.0).unwrap()).unwrap_err().to_string();
     assert!(error.contains("at place 1"), "{error}");
+    // Half of the globe to the east, and a quarter of it to the pole.
+    for (east, north, fits) in
+        [(2.0e7, 0.0, true), (2.1e7, 0.0, false), (0.0, -9.9e6, true), (0.0, -1.1e7, false)]
+    {
+        let origin = Origin::new(0.0, 0.0).unwrap();
+        let positions = Positions::new(vec![east, north], 2).unwrap().with_origin(origin);
+        assert_eq!(positions.is_ok(), fits, "{east}, {north}");
+    }
     for name in ["", &"x".repeat(201)] {
         assert!(matches!(far.clone().with_plane(name), Err(Error::Option { name: "plane", .. })));
     }
@@ -78,6 +109,9 @@ fn planes_that_cannot_be_are_refused() {
     let again = Map::from_bytes(&map.to_bytes().unwrap()).unwrap();
     assert_eq!(again.positions(), Some(&named));
     assert_eq!((named.plane(), named.origin(), named.degrees(1)), (Some("UTM 55S"), None, None));
+    assert!(named.with_plane(&"x".repeat(200)).is_ok());
+    let origin = Origin::new(51.5, -0.1).unwrap();
+    assert_eq!((origin.latitude(), origin.longitude()), (51.5, -0.1));
 }
 
 #[test]

@@ -234,6 +234,11 @@ fn every_segment_is_thinned_from_its_first_place() {
     assert_eq!(bytes(&thin), bytes(&expected));
     assert_eq!(*thin.segments(), Segments::new(8, &[3]).unwrap().with_closed(&[1]).unwrap());
     assert_eq!(bytes(&map.thin(0.0).unwrap()), bytes(&map));
+    // Places that are just so far apart are kept.
+    let metres = (0..4).flat_map(|place| [f64::from(place), 0.0]).collect();
+    let line = Map::from_descriptors(vec![0_u8, 1, 2, 3], 1, Metric::Manhattan).unwrap();
+    let line = line.with_positions(Positions::new(metres, 2).unwrap()).unwrap();
+    assert_eq!(line.thin(1.0).unwrap().places(), 4);
 }
 
 #[test]

@@ -336,7 +336,10 @@ fn files_that_do_not_fit_together_are_refused() {
 fn a_chain_has_at_most_64_steps() {
     let steps = vec![Step::Normalize; 65];
     let rows = signed(12, 1);
-    assert!(Post::fit(&steps[..64], &rows, 3).is_ok());
-    let refused = Post::fit(&steps, &rows, 3).unwrap_err();
+    let (post, rows) = Post::fit(&steps[..64], &rows, 3).unwrap();
+    let map = Map::from_descriptors(rows, 3, Metric::Euclidean).unwrap().with_post(post).unwrap();
+    let again = Map::from_bytes(&map.to_bytes().unwrap()).unwrap();
+    assert_eq!(again.post().map(|post| post.steps().len()), Some(64));
+    let refused = Post::fit(&steps, &signed(12, 1), 3).unwrap_err();
     assert!(matches!(refused, Error::Option { name: "steps", .. }), "{refused}");
 }

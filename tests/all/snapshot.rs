@@ -35,7 +35,7 @@ fn reason(result: Result<impl Sized, Error>) -> String {
 }
 
 /// The JSON of the one metadata entry, changed by `change`: a forgery on purpose.
-fn with_header(snapshot: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
+pub(crate) fn with_header(snapshot: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
     forged(snapshot, |outer, _| {
         let entry = &mut outer["__metadata__"]["surefix"];
         let mut inner: Value = serde_json::from_str(entry.as_str().unwrap()).unwrap();
@@ -45,7 +45,7 @@ fn with_header(snapshot: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
 }
 
 /// A snapshot whose header or tensors `change` has changed, and whose checksum fits.
-fn forged(snapshot: &[u8], change: impl FnOnce(&mut Value, &mut [u8])) -> Vec<u8> {
+pub(crate) fn forged(snapshot: &[u8], change: impl FnOnce(&mut Value, &mut [u8])) -> Vec<u8> {
     let length = u64::from_le_bytes(snapshot[..8].try_into().unwrap()) as usize;
     let mut outer: Value = serde_json::from_slice(&snapshot[8..8 + length]).unwrap();
     // The tensors, without the checksum at the end.

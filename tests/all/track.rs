@@ -1,6 +1,6 @@
 //! The tracker at the ends of its options, and its belief.
 
-use surefix::{Config, Drive, Error, Matcher, Motion, match_fused_distances};
+use surefix::{Config, Drive, Error, Matcher, Motion, Segments, match_fused_distances};
 
 use crate::cases::{Kind, columns};
 
@@ -33,6 +33,43 @@ fn a_tolerance_of_any_size_is_the_whole_route() {
     };
     for tolerance in [usize::MAX, usize::MAX - 1] {
         assert_eq!(of(tolerance), of(12));
+    }
+}
+
+/// The interval of a column that says little: its ends lie far from the most probable place.
+/// They are places on up to 65,536 places, and on longer routes the ends of chunks.
+#[test]
+fn an_interval_is_exact_up_to_65_536_places() {
+    for (places, chunk) in [(65_536, 1), (65_537, 256)] {
+        for closed in [&[][..], &[0]] {
+            let route = Segments::one(places).with_closed(closed).unwrap();
+            let config = config! { motion: Some(Motion::steady()) };
+            let mut matcher = Matcher::along(route, config).unwrap();
+            let mut column = columns(Kind::Smooth, places, 1, 5).remove(0);
+            column[30_300] = -0.5;
+            let track = matcher.push(&column).unwrap().track.unwrap();
+            let belief: Vec<f64> = matcher.belief().unwrap().collect();
+            let seam = if closed.is_empty() { 0 } else { track.place + places.div_ceil(2) };
+            let seam = (seam % places) / chunk * chunk;
+            let mut order: Vec<usize> = (0..places).map(|at| (seam + at) % places).collect();
+            let tail = 0.025 * belief.iter().sum::<f64>();
+            let mut end = || {
+                let mut sum = 0.0;
+                let beyond = order.iter().find(|&&place| {
+                    sum += belief[place];
+                    sum > tail
+                });
+                let place = *beyond.unwrap();
+                order.reverse();
+                place / chunk * chunk
+            };
+            let (first, last) = (end(), (end() + chunk - 1).min(places - 1));
+            assert_eq!(
+                (track.place, track.interval),
+                (30_300, (first, last)),
+                "{places} {closed:?}"
+            );
+        }
     }
 }
 

@@ -284,6 +284,38 @@ fn traverses_that_do_not_fit_are_refused() {
     assert!(many.add_traverse(&rows, &[Some(0), None], "").is_err());
 }
 
+/// Those of one label become one if maps are joined, of which none has two of a place.
+#[test]
+fn traverses_of_joined_maps_go_on_by_their_labels() {
+    let (whole, rows) = (
+        map(Dtype::F32, Metric::Euclidean, 8, 12, 1),
+        map(Dtype::F32, Metric::Euclidean, 2, 12, 2),
+    );
+    let [first, second] = [0..4, 4..8].map(|places| whole.slice(places).unwrap());
+    let add = |map: &Map, places: [usize; 2], label: &str| {
+        map.add_traverse(&rows, &places.map(Some), label).unwrap()
+    };
+    let (first, second) = (add(&first, [1, 3], "a"), add(&add(&second, [0, 2], "b"), [3, 1], ""));
+    let joined = first.extended(&second).unwrap();
+    let expected = add(&add(&add(&whole, [1, 3], "a"), [4, 6], "b"), [7, 5], "");
+    assert!(joined.to_bytes().unwrap() == expected.to_bytes().unwrap());
+    let second = whole.slice(4..8).unwrap();
+    let one = second.add_traverse(&rows, &[Some(0), None], "a").unwrap();
+    let two = one.add_traverse(&rows, &[Some(0), None], "a").unwrap();
+    let count = |map: &Map| Map::join(&[&first, map]).unwrap().traverses().len();
+    assert_eq!((count(&one), count(&two)), (2, 3));
+}
+
+#[test]
+fn a_label_has_at_most_1024_bytes() {
+    let label = "x".repeat(1024);
+    let first = map(Dtype::F32, Metric::Euclidean, 4, 12, 1);
+    let all = first.add_traverse(&first, &[Some(2), None, None, None], &label).unwrap();
+    let again = Map::from_bytes(&all.to_bytes().unwrap()).unwrap();
+    assert_eq!(again.traverses().nth(1).unwrap().label(), label);
+    assert!(first.with_label(&format!("{label}x")).is_err());
+}
+
 #[test]
 fn a_snapshot_is_of_these_traverses() {
     let first = Arc::new(map(Dtype::F32, Metric::Euclidean, 6, 12, 1));

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::super::estimator::Seen;
-use super::super::sequence::{Best, SequenceSearch};
+use super::super::sequence::SequenceSearch;
 use super::super::track::{TrackDecided, TrackerWhole, counted};
 use super::super::trust::{Anchor, Anchors, consensus};
 use super::super::{Fix, Given, Peak, Single};
@@ -187,15 +187,9 @@ impl Whole {
         };
         anchors.push(Anchor { single, trusted });
         self.lowest = lowest;
-        let before = |one: &Best, other: &Best| {
-            let ((sum, place), slope) = *one;
-            let ((least, at), first) = *other;
-            sum < least || (sum == least && (place, slope) < (at, first))
-        };
-        let best = said
-            .iter()
-            .filter_map(|said| said.best)
-            .reduce(|best, one| if before(&one, &best) { one } else { best });
+        // The first of equal sums has the lowest place.
+        let best = said.iter().filter_map(|said| said.best);
+        let best = best.reduce(|best, one| if one.0.0 < best.0.0 { one } else { best });
         let seen = Seen { segments, anchors, floor, advance: None, evidence: None };
         let sequence = best.and_then(|best| sequence.sequence(best, &seen));
         let frame = self.frames;
@@ -253,5 +247,13 @@ mod tests {
         let expected = [0..BLOCK, BLOCK..3 * BLOCK, 3 * BLOCK..4 * BLOCK, 4 * BLOCK..5 * BLOCK + 1];
         assert_eq!(shards, expected);
         assert!(cut(7, 1).eq(std::iter::once(0..7)));
+    }
+
+    #[test]
+    fn shards_have_one_technique() {
+        for (count, taken) in [(0, true), (1, true), (2, false), (3, false)] {
+            let config = Config { technique_weights: vec![1.0; count], ..Config::default() };
+            assert_eq!(check(&Segments::one(9), &config).is_ok(), taken, "{count}");
+        }
     }
 }
