@@ -69,9 +69,13 @@ impl Post {
             let refused = |part, expected: &str, got: usize| {
                 Err(format!("post.{index}.{part}: expected {expected}, got {got} numbers"))
             };
-            let finite = offset.iter().chain(scale).all(|x| x.is_finite())
+            // Means and deviations of float32 numbers are of their size.
+            let sized = |x: f64| (x as f32).is_finite();
+            let finite = offset.iter().all(|&x| sized(x))
+                && scale.iter().all(|x| x.is_finite())
                 && matrix.iter().all(|x| x.is_finite())
-                && (*step != Step::StandardizeRunning || fitted.variances().all(f64::is_finite));
+                && (*step != Step::StandardizeRunning
+                    || fitted.variances().all(|variance| sized(variance.sqrt())));
             if !finite {
                 return Err(format!("post.{index}.*: expected finite numbers"));
             }

@@ -51,9 +51,13 @@ impl Running {
         let Entry { count } = tensors.header.entry()?;
         let (shape, mean) = tensors.required("mean", "(n)", |shape| shape.len() == 1)?;
         let (_, square) = tensors.required("square", "(n), like `mean`", |other| other == shape)?;
-        // Numbers that no vectors give: with them, later vectors would not come out finite.
-        let finite = mean.iter().chain(&square).all(|x: &f64| x.is_finite());
-        if count > MAX_COUNT || !finite || square.iter().any(|x| *x < 0.0) {
+        // Numbers that no float32 vectors give: with them, later vectors would not come out finite.
+        // Two float32 numbers are at most twice the largest one apart.
+        let sized = |x: f64| (x as f32).is_finite();
+        let spread = |square: f64| (square / count.max(1) as f64).sqrt() / 2.0;
+        let finite = mean.iter().all(|&x: &f64| sized(x));
+        let known = square.iter().all(|&square: &f64| square >= 0.0 && sized(spread(square)));
+        if count > MAX_COUNT || !finite || !known {
             return Err(Refusal::Foreign("numbers that no vectors have".to_owned()));
         }
         Ok(Self { count, mean, square })

@@ -24,6 +24,28 @@ fn a_chain_of_a_file_gives_one_vector_as_many_do() {
 }
 
 #[test]
+fn statistics_are_of_float32_numbers() {
+    let after = |offset: f64, scale: f64| {
+        let (offset, scale) = (vec![offset; 2], vec![scale; 2]);
+        let step = FittedStep { step: Step::StandardizeRunning, offset, scale, matrix: Vec::new() };
+        Post::from_fitted(vec![step.clone()], 2).map(|_| super::Running::after_step(&step))
+    };
+    let largest = f64::from(f32::MAX);
+    let mut running = after(-largest, largest.recip()).unwrap();
+    for number in [f32::MAX, -f32::MAX, f32::MAX, f32::MAX] {
+        running.push(&[number; 2], &mut [0.0; 2]).unwrap();
+        assert_eq!(super::Running::restore(&running.snapshot().unwrap()).unwrap(), running);
+    }
+    for (offset, scale) in [(1e39, 1.0), (-2e161, 1.0), (0.0, 1e-39), (f64::NAN, 1.0)] {
+        assert!(after(offset, scale).unwrap_err().contains("post.0.*: expected finite numbers"));
+    }
+    for (mean, square) in [(1e39, 0.0), (0.0, 1e79), (0.0, -1.0), (0.0, f64::NAN)] {
+        let running = super::Running { count: 2, mean: vec![mean], square: vec![square] };
+        assert!(super::Running::restore(&running.snapshot().unwrap()).is_err(), "{running:?}");
+    }
+}
+
+#[test]
 fn signs_are_the_same_everywhere_and_need_memory() {
     // SplitMix64 from the seed 0 begins with 0xE220A8397B1DCDAF.
     let signs = super::fit::signs(1, 8, 0);
