@@ -67,6 +67,8 @@ def fuzz(programs: Path, name: str, seconds: int) -> bool:
         "max_total_time": seconds,
         "max_len": LONGEST.get(name, 320),
         "timeout": HANGS,
+        # What takes less, on however busy a machine, is no finding.
+        "report_slow_units": HANGS,
         "rss_limit_mb": MIB,
         "artifact_prefix": f"{artifacts}/",
         "print_final_stats": 1,
