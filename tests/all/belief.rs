@@ -205,7 +205,11 @@ proptest! {
         (motion, places) in prop_oneof![
             20 => (motions(), 2..12_usize), 1 => (Just(Motion::steady()), 250..300_usize),
         ],
-        count in 1..14_usize, tolerance in 0..3_usize, told: bool, weights in vec(select(vec![0.0, 0.5, 1.0, 2.0]), 0..3), seed: u64,
+        count in 1..14_usize,
+        tolerance in 0..3_usize,
+        told: bool,
+        weights in vec(select(vec![0.0, 0.5, 1.0, 2.0]), 0..3),
+        seed: u64,
     ) {
         let (route, mut dice) = (town(places, seed), SplitMix64(seed));
         // As many techniques as weights; the last one always counts.
@@ -221,7 +225,12 @@ proptest! {
         let drive = Drive::default().along(&route).gaps(if gap < count { std::slice::from_ref(&gap) } else { &[] });
         let drive = if told { drive.advance(&advance) } else { drive };
         let asked: Vec<usize> = (0..count).map(|_| dice.below(places)).collect();
-        let config: Config = config! { motion: Some(motion.clone()), tolerance, sequence_length: 1, technique_weights: weights.clone() };
+        let config: Config = config! {
+            motion: Some(motion.clone()),
+            tolerance,
+            sequence_length: 1,
+            technique_weights: weights.clone(),
+        };
         let got = align_distances(&views, &config, drive, &[&asked], &mut quiet).unwrap();
 
         let advance: Vec<_> = advance.into_iter().map(|advance| told.then_some(advance)).collect();

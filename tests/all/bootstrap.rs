@@ -123,7 +123,8 @@ proptest! {
         let time = f64::max(time, 1.0);
         prop_assert!((correlation_time(&series).unwrap() - time).abs() < 1e-9);
 
-        let (low, high) = (series.iter().copied().reduce(f64::min).unwrap(), series.iter().copied().reduce(f64::max).unwrap());
+        let low = series.iter().copied().reduce(f64::min).unwrap();
+        let high = series.iter().copied().reduce(f64::max).unwrap();
         let of_most = count * (mean - low) / (high - low);
         let rarer = of_most.min(count - of_most);
         let bound = time * (1.0 + 1.64 * (10.0 * time / count + time / (2.0 * rarer)).sqrt());
