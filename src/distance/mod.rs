@@ -18,8 +18,8 @@
 //!   fused with their addition or not: two numbers of 24 bits have a product of 48, which f64 holds
 //!   as it is.
 //!
-//! In which order rows are read, and how far ahead memory is prefetched, depends on the processor's
-//! maker and the map's size ([`Tuning`]). It changes the speed only.
+//! In which order rows are read, and how far ahead memory is prefetched, is learned from the times
+//! that scans of large maps take ([`Tuning`]). It changes the speed only.
 //!
 //! So a manhattan or euclidean distance has the relative error of its differences, at most `2^-24`,
 //! that of its f64 sum, at most `(dim / 16 + 8) 2^-53`, and then the one rounding to f32: up to

@@ -7,7 +7,7 @@ use bytemuck::must_cast_ref;
 
 use super::padded::Padded;
 use super::term::Term;
-use super::tuning::{Reading, Tuning};
+use super::tuning::{Kind, Reading, Tuning};
 use crate::simd::{BLOCK, Byte, Isa, Kernel, LANES, Machine, Number, run, scalar};
 
 /// The sums are emptied after this many blocks of bytes. A lane of 32 bits gets at most sixteen
@@ -31,35 +31,53 @@ pub(super) fn floats<T: Term, Q: Number, R: Number, O>(
     out: &mut [O],
     finish: impl Fn(usize, f64) -> O,
 ) {
-    let single = size_of::<R>() == size_of::<f32>();
-    let reading = if single { tuning.f32s } else { tuning.narrow };
-    run(isa, Floats::<T, Q, R, O, _> { query, values, out, finish, reading, term: PhantomData });
+    let (dim, single) = (query.len(), size_of::<R>() == size_of::<f32>());
+    let kind = if single { Kind::Single } else { Kind::Narrow };
+    tuning.read(kind, dim * size_of::<R>(), out.len(), |rows, reading| {
+        let (first, values) = (rows.start, &values[rows.start * dim..rows.end * dim]);
+        let (out, finish) = (&mut out[rows], |row: usize, sum| finish(first + row, sum));
+        let term = PhantomData;
+        run(isa, Floats::<T, Q, R, O, _> { query, values, out, finish, reading, term });
+    });
 }
 
 /// The sums of `T` over the query and each row of `values`, exactly, each handed to `finish` with
 /// its row's number.
 pub(super) fn bytes<T: Term, B: Byte, O>(
-    (isa, tuning): (Isa, Tuning),
+    how: (Isa, Tuning),
     query: &[B],
     values: &[B],
     out: &mut [O],
     finish: impl Fn(usize, i64) -> O,
 ) {
-    let ahead = tuning.bytes;
-    run(isa, Whole::<OfBytes<T, B>, O, _> { query, values, out, finish, ahead });
+    whole::<OfBytes<T, B>, O>(how, query, values, out, finish);
 }
 
 /// The sums of the products of numbers of up to 14 bits with the bytes of each row, exactly, each
 /// handed to `finish` with its row's number.
 pub(super) fn shorts<O>(
-    (isa, tuning): (Isa, Tuning),
+    how: (Isa, Tuning),
     query: &[i16],
     values: &[i8],
     out: &mut [O],
     finish: impl Fn(usize, i64) -> O,
 ) {
-    let ahead = tuning.bytes;
-    run(isa, Whole::<OfShorts, O, _> { query, values, out, finish, ahead });
+    whole::<OfShorts, O>(how, query, values, out, finish);
+}
+
+fn whole<C: Counted, O>(
+    (isa, tuning): (Isa, Tuning),
+    query: &[C::Query],
+    values: &[C::Row],
+    out: &mut [O],
+    finish: impl Fn(usize, i64) -> O,
+) {
+    let dim = query.len();
+    tuning.read(Kind::Bytes, dim, out.len(), |rows, Reading { ahead, .. }| {
+        let (first, values) = (rows.start, &values[rows.start * dim..rows.end * dim]);
+        let (out, finish) = (&mut out[rows], |row: usize, sum| finish(first + row, sum));
+        run(isa, Whole::<C, O, _> { query, values, out, finish, ahead });
+    });
 }
 
 struct Floats<'a, T, Q, R, O, F> {

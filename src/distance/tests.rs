@@ -95,7 +95,7 @@ fn run(metric: Metric, query: View<'_>, values: View<'_>, unit: f64) -> Result<V
 
 /// Each instruction set of this processor, with each order of reading.
 fn every_way() -> impl Iterator<Item = (Isa, Tuning)> {
-    Isa::available().flat_map(|isa| Tuning::ALL.map(|tuning| (isa, tuning)))
+    Isa::available().flat_map(|isa| Tuning::all().map(move |tuning| (isa, tuning)))
 }
 
 fn bits(numbers: &[f32]) -> Vec<u32> {

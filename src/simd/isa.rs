@@ -9,8 +9,8 @@ use crate::error::Error;
 /// An instruction set that the kernels are written for.
 ///
 /// The best one of the CPU is chosen when a map, a matcher or a describer is made; the answers do
-/// not depend on it, nor on the order in which a scan reads its rows, which the processor's maker
-/// decides. The environment variable `SUREFIX_ISA` forces another one, such as `scalar`,
+/// not depend on it, nor on the order in which a scan reads its rows, which is learned from the
+/// times that it takes. The environment variable `SUREFIX_ISA` forces another one, such as `scalar`,
 /// for a whole process.
 /// ```
 /// use surefix::Isa;
