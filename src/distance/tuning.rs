@@ -12,6 +12,10 @@ use std::time::Instant;
 /// Bytes of rows that surely lie in a cache, beside other data: those are read in the usual order.
 const CACHED: usize = 16 << 20;
 
+/// Up to these sizes of maps the order is learned apart: the last cache of some processors holds
+/// them.
+const SIZES: [usize; 2] = [64 << 20, 256 << 20];
+
 /// Bytes of a slice: long beside a question for the time, short beside a preemption.
 const SLICE: usize = 1 << 19;
 
@@ -28,7 +32,7 @@ pub(super) struct Reading {
     /// Rows of floats that are read side by side: 1, 2 or 4.
     pub(super) rows: usize,
     /// Memory is prefetched this many bytes before it is read: by itself the CPU stops at the end
-    /// of a page.
+    /// of a page. Bytes are not, if it is 0.
     pub(super) ahead: usize,
 }
 
@@ -72,8 +76,9 @@ impl Kind {
 pub(crate) enum Tuning {
     /// The usual one.
     Usual,
-    /// The fastest of those that were tried, or one of those that are.
-    Learned,
+    /// The fastest of those that were tried, or one of those that are, for maps of this size: how
+    /// many of [`SIZES`] they exceed.
+    Learned(usize),
     /// The one with this number.
     #[cfg(test)]
     Nth(usize),
@@ -88,7 +93,10 @@ impl Tuning {
 
     /// For a map of this many bytes of rows.
     pub(crate) fn of(bytes: usize) -> Self {
-        if bytes > CACHED { Self::Learned } else { Self::Usual }
+        if bytes <= CACHED {
+            return Self::Usual;
+        }
+        Self::Learned(SIZES.iter().filter(|&&size| bytes > size).count())
     }
 
     /// Has `count` rows of `bytes` each read, some at a time.
@@ -100,16 +108,16 @@ impl Tuning {
         count: usize,
         mut read: impl FnMut(Range<usize>, Reading),
     ) {
-        let (orders, trial) = (kind.orders(), Trial::of(kind, bytes));
+        let orders = kind.orders();
+        let trial = match self {
+            Self::Learned(size) => Trial::of(kind, size, bytes),
+            Self::Usual => return read(0..count, orders[0]),
+            #[cfg(test)]
+            Self::Nth(order) => return read(0..count, orders[order % orders.len()]),
+        };
         let mut done = 0;
         while done < count {
-            let slice = match self {
-                Self::Learned => trial.next(orders.len()),
-                Self::Usual => Slice::Known(0),
-                #[cfg(test)]
-                Self::Nth(order) => Slice::Known(order % orders.len()),
-            };
-            match slice {
+            match trial.next(orders.len()) {
                 Slice::Known(order) => {
                     read(done..count, orders[order]);
                     done = count;
@@ -134,7 +142,7 @@ enum Slice {
     Timed { number: usize, order: usize },
 }
 
-/// The times of the orders, for rows of one type and about one length. Threads share it without
+/// The times of the orders, for rows of one type and about one length, in maps of about one size. Threads share it without
 /// waiting for each other, so that a fork leaves nothing half done; a time that is not there yet
 /// does not count.
 struct Trial {
@@ -159,12 +167,12 @@ impl Trial {
     }
 
     /// That of rows of this many bytes.
-    fn of(kind: Kind, bytes: usize) -> &'static Self {
-        static TRIALS: [[Trial; Trial::LENGTHS]; 3] =
-            [const { [const { Trial::new() }; Trial::LENGTHS] }; 3];
+    fn of(kind: Kind, size: usize, bytes: usize) -> &'static Self {
+        static TRIALS: [[[Trial; Trial::LENGTHS]; SIZES.len() + 1]; 3] =
+            [const { [const { [const { Trial::new() }; Trial::LENGTHS] }; SIZES.len() + 1] }; 3];
         let length =
             (bytes.div_ceil(1024).next_power_of_two().ilog2() as usize).min(Self::LENGTHS - 1);
-        &TRIALS[kind as usize][length]
+        &TRIALS[kind as usize][size][length]
     }
 
     fn next(&self, orders: usize) -> Slice {
@@ -223,9 +231,9 @@ mod tests {
         // Rows of a length that no other test has.
         let (bytes, mut seen) = (33 << 10, Vec::new());
         let mut orders = Vec::new();
-        while Trial::of(Kind::Narrow, bytes).best.load(Ordering::Relaxed) == Trial::UNKNOWN {
+        while Trial::of(Kind::Narrow, 0, bytes).best.load(Ordering::Relaxed) == Trial::UNKNOWN {
             let mut next = 0;
-            Tuning::Learned.read(Kind::Narrow, bytes, 45, |rows, reading| {
+            Tuning::Learned(0).read(Kind::Narrow, bytes, 45, |rows, reading| {
                 assert_eq!(rows.start, next);
                 next = rows.end;
                 orders.push(reading);
@@ -235,14 +243,15 @@ mod tests {
         assert!(seen.iter().all(|&rows| rows == 45));
         assert!(Kind::Narrow.orders().iter().all(|order| orders.contains(order)));
         let mut calls = 0;
-        Tuning::Learned.read(Kind::Narrow, bytes, 45, |rows, _| calls += rows.len());
+        Tuning::Learned(0).read(Kind::Narrow, bytes, 45, |rows, _| calls += rows.len());
         assert_eq!(calls, 45);
     }
 
     #[test]
     fn small_maps_are_read_in_the_usual_order() {
         assert_eq!(Tuning::of(CACHED), Tuning::Usual);
-        assert_eq!(Tuning::of(CACHED + 1), Tuning::Learned);
+        assert_eq!(Tuning::of(CACHED + 1), Tuning::Learned(0));
+        assert_eq!(SIZES.map(|size| Tuning::of(size + 1)), [1, 2].map(Tuning::Learned));
         Tuning::Usual.read(Kind::Single, 8, 3, |rows, reading| {
             assert_eq!((rows, reading), (0..3, Reading { rows: 2, ahead: 2560 }));
         });
