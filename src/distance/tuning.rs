@@ -49,20 +49,21 @@ pub(super) enum Kind {
 
 impl Kind {
     /// The orders that are tried, the usual one first.
-    const fn orders(self) -> &'static [Reading] {
-        const fn orders<const N: usize>(of: [(usize, usize); N]) -> [Reading; N] {
-            let mut orders = [Reading { rows: 1, ahead: 0 }; N];
-            let mut at = 0;
-            while at < N {
-                orders[at] = Reading { rows: of[at].0, ahead: of[at].1 };
-                at += 1;
-            }
-            orders
+    fn orders(self) -> &'static [Reading] {
+        const fn order(rows: usize, ahead: usize) -> Reading {
+            Reading { rows, ahead }
         }
-        const SINGLE: [Reading; 6] =
-            orders([(2, 2560), (1, 0), (1, 2560), (1, 12_288), (4, 512), (4, 2560)]);
-        const NARROW: [Reading; 5] = orders([(1, 4096), (1, 0), (2, 2560), (4, 512), (4, 4096)]);
-        const BYTES: [Reading; 4] = orders([(1, 2048), (1, 0), (1, 4096), (1, 8192)]);
+        const SINGLE: [Reading; 6] = [
+            order(2, 2560),
+            order(1, 0),
+            order(1, 2560),
+            order(1, 12_288),
+            order(4, 512),
+            order(4, 2560),
+        ];
+        const NARROW: [Reading; 5] =
+            [order(1, 4096), order(1, 0), order(2, 2560), order(4, 512), order(4, 4096)];
+        const BYTES: [Reading; 4] = [order(1, 2048), order(1, 0), order(1, 4096), order(1, 8192)];
         match self {
             Self::Single => &SINGLE,
             Self::Narrow => &NARROW,
