@@ -70,7 +70,7 @@ def learned(drives: Drives) -> Drives:
     for name, matrices in drives.items():
         found[name] = dict(matrices)
         for output, post in posts.items():
-            network = Onnx(file, output=output, size=(224, 224))
+            network = Onnx(file, output=output, size=(224, 224), threads=1)
             place_map = surefix.Map.from_images(images[name][0], network, post=post)
             localizer = surefix.Localizer(place_map, descriptor=network, sequence_length=1)
             columns = []
