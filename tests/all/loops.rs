@@ -5,7 +5,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use surefix::{
     Channels, Config, Error, Graph, ImageView, Input, Isa, Localizer, LoopCloser, LoopClosure,
-    LoopConfig, Metric, Motion, Poses, Sad, View,
+    LoopConfig, Metric, Motion, Poses, Recipe, Sad, View,
 };
 
 use crate::cases::cases;
@@ -341,11 +341,39 @@ fn the_edges_are_written_for_pose_graphs() {
         assert_eq!((vertices.len(), rest.len()), (100, 99 + edges.len()));
         assert!(rest.iter().all(|line| line.split(' ').count() == 1 + numbers));
     }
-    graph.poses = Some(Poses::new(vec![0.0; 3 * 99], 3).unwrap());
+    let poses = Poses::new(vec![0.0; 3 * 99], 3).unwrap();
+    assert!(!poses.is_empty() && Poses::new(Vec::new(), 3).unwrap().is_empty());
+    graph.poses = Some(poses);
     assert!(matches!(g2o(&graph), Err(Error::Length { .. })));
+    // The way to pose 7 is too long for a number.
+    let mut far = vec![1e308; 3 * 100];
+    far[3 * 7] = -1e308;
+    graph.poses = Some(Poses::new(far, 3).unwrap());
+    assert!(matches!(g2o(&graph), Err(Error::NotFinite { what: "poses", row: Some(7), .. })));
     graph.poses = None;
     graph.deviation = (0.0, 1.0);
     assert!(matches!(g2o(&graph), Err(Error::Option { .. })));
+}
+
+#[test]
+fn the_least_memory_is_named() {
+    let limited = |bytes: usize| {
+        let mut config = config(10);
+        config.memory = Some(bytes);
+        LoopCloser::of_descriptors(16, Metric::Cosine, config)
+    };
+    let Err(error) = limited(1) else { panic!("a place has more than a byte") };
+    let said = error.to_string();
+    let least = said.split("at least ").nth(1).and_then(|rest| rest.split(' ').next());
+    let least: usize = least.unwrap().parse().unwrap();
+    assert!(limited(least - 1).is_err(), "{said}");
+    let mut closer = limited(least).unwrap();
+    assert_eq!(closer.bytes(), least);
+    assert_eq!((closer.dim(), closer.recipe()), (16, Recipe::Ready));
+    assert_eq!(closer.config().memory, Some(least));
+    assert!(!closer.is_frozen());
+    closer.freeze();
+    assert!(closer.is_frozen());
 }
 
 #[test]
