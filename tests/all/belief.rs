@@ -1,11 +1,13 @@
 //! The tracker and the alignment are docs/method.md (1.9, 1.10 and 1.14): their beliefs are those of
 //! a plain filter.
 
+use std::ops::ControlFlow;
+
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Drive, Given, Input, LoopCloser, LoopConfig, Matcher, Metric, Motion, Segment,
+    Config, Drive, Error, Given, Input, LoopCloser, LoopConfig, Matcher, Metric, Motion, Segment,
     Segments, Track, View, align_distances, quiet,
 };
 
@@ -334,5 +336,30 @@ proptest! {
             let most = (0..places).map(|place| state.in_place(place)).fold(0.0, f64::max);
             prop_assert!(most - state.in_place(answer.place) < CLOSE, "{answer:?}");
         }
+    }
+}
+
+/// Each query is a step forwards and one backwards.
+#[test]
+fn an_alignment_tells_its_progress_and_can_be_stopped() {
+    let distances =
+        ndarray::Array2::from_shape_fn((9, 100), |(i, j)| ((i * 7 + j * 5) % 11) as f32);
+    let config: Config = config! { motion: Some(Motion::steady()), sequence_length: 1 };
+    let mut run = |stop_at: usize| {
+        let mut told = Vec::new();
+        let mut progress = |done: usize, total: usize| {
+            told.push((done, total));
+            if done >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let drive = Drive::default();
+        let aligned = align_distances(&[distances.view()], &config, drive, &[], &mut progress);
+        (aligned.map(|aligned| aligned.queries.len()), told)
+    };
+    let (aligned, told) = run(usize::MAX);
+    assert_eq!(aligned.unwrap(), 100);
+    assert_eq!(told, [64, 128, 192, 200].map(|done| (done, 200)));
+    for stop_at in [64, 128, 200] {
+        let (aligned, _) = run(stop_at);
+        assert!(matches!(aligned, Err(Error::Interrupted { done, total: 200 }) if done == stop_at));
     }
 }
