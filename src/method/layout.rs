@@ -215,11 +215,9 @@ impl Piece {
         if place < self.whole.start {
             return None;
         }
-        let ahead = match place.checked_sub(self.first) {
-            Some(ahead) => ahead,
-            None if self.whole.closed => place + self.whole.len() - self.first,
-            None => return None,
-        };
+        // Places before the first go round: of an open segment, beyond the line.
+        let lap = if place < self.first { self.whole.len() } else { 0 };
+        let ahead = place + lap - self.first;
         (ahead < self.line.len()).then(|| self.line.start + ahead)
     }
 

@@ -231,4 +231,21 @@ mod tests {
             }
         }
     }
+
+    /// All of a first column is taken off if nothing is known beside it: what is left is rounding.
+    #[test]
+    fn a_column_of_which_rounding_is_left_says_nothing() {
+        let mut motion = Motion::loops();
+        motion.hubness = 0.0;
+        for size in [1e-3, 1.0, 3e6_f32] {
+            let mut hubness = GrowingHubness::default();
+            let column: Vec<f32> = (0..500).map(|at| size * (1.0 + (at % 7) as f32)).collect();
+            hubness.reserve(500).unwrap();
+            column.iter().for_each(|_| hubness.grow());
+            let z = hubness.learn(&column, &motion).unwrap();
+            assert!(z.iter().all(|&z| z == 0.0), "{size}");
+            let other: Vec<f32> = column.iter().rev().copied().collect();
+            assert!(hubness.learn(&other, &motion).unwrap().iter().any(|&z| z != 0.0));
+        }
+    }
 }

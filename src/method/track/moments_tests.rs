@@ -2,6 +2,7 @@
 
 use super::hubness::{BlockMoments, FLAT, Spread, Standard};
 use super::novelty::{Together, View, about_all, correlation};
+use super::update::on;
 use crate::random::SplitMix64;
 use crate::sums::{BLOCK, CHUNK};
 
@@ -85,6 +86,21 @@ fn a_column_is_flat_by_its_size() {
             }
         }
     }
+}
+
+/// Chunks are added up by blocks, to the last bit.
+#[test]
+fn the_belief_on_the_map_is_summed_by_blocks() {
+    let mut dice = SplitMix64(9);
+    let chunks: Vec<f64> = (0..999).map(|_| f64::from(dice.share()) / 3.0).collect();
+    let mut expected = 0.0;
+    for block in chunks.chunks(16) {
+        expected += block.iter().fold(0.0, |sum, chunk| sum + chunk);
+    }
+    let straight = chunks.iter().sum::<f64>();
+    assert!(
+        on(&chunks).to_bits() == expected.to_bits() && expected.to_bits() != straight.to_bits()
+    );
 }
 
 /// A view that is kept, as in a snapshot, is compared with if it is not constant.

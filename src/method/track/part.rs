@@ -171,21 +171,25 @@ impl TrackerPart {
 
     /// Makes the one row that counts, if it is not there.
     fn fold(&mut self, asked: &TrackFirst) {
+        let is_folded = self.is_folded(asked);
         let Self { mass, folded, segments, .. } = self;
         if asked.anywhere {
             folded.fill(1.0 / segments.places() as f64);
-        } else if self.joint || matches!(asked.step, Step::Speeds { .. }) {
-            // The rows are as they are to be.
-        } else {
+        } else if is_folded {
             let (first, others) = mass.split_at(folded.len());
             folded.copy_from_slice(first);
             fold(folded, others);
         }
     }
 
+    /// Whether one row that is not in `mass` counts.
+    fn is_folded(&self, asked: &TrackFirst) -> bool {
+        asked.anywhere || !(self.joint || matches!(asked.step, Step::Speeds { .. }))
+    }
+
     /// The rows of the belief before the move, and the length of one.
     fn rows(&self, asked: &TrackFirst) -> (&[f64], usize) {
-        let folded = asked.anywhere || !(self.joint || matches!(asked.step, Step::Speeds { .. }));
+        let folded = self.is_folded(asked);
         (if folded { &self.folded } else { &self.mass }, self.folded.len())
     }
 
@@ -335,5 +339,37 @@ impl TrackerPart {
         let mut part = Self { hubness, joint, view: View::of(x, viewed), ..self.clone() };
         part.mass[..mass.len()].copy_from_slice(&mass);
         Ok(part)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_other_places_than_its_own_are_asked_for() {
+        let segments = Segments::one(3 * BLOCK);
+        let own = BLOCK..2 * BLOCK;
+        let mut part = TrackerPart::new(&Motion::any(), 1, &segments, own.clone()).unwrap();
+        let column: Vec<f32> = (0..BLOCK).map(|place| (place * 7 % 64) as f32).collect();
+        for (range, known) in [
+            (own.clone(), true),
+            (own.start..own.start + 1, true),
+            (own.end - 1..own.end, true),
+            (own.start - 1..own.start + 1, false),
+            (own.end - 1..own.end + 1, false),
+            (0..3 * BLOCK, false),
+            (own.start + 5..own.start + 5, false),
+            (0..1, false),
+            (2 * BLOCK..2 * BLOCK + 1, false),
+        ] {
+            let step = Step::Speeds { joint: true, moved: 1.0 };
+            let asked = vec![own.clone(), range.clone()];
+            let first = TrackFirst { share: 0.5, anywhere: true, compare: false, step, asked };
+            match part.first(&column, true, &first) {
+                Ok(said) => assert!(known && said.belief[1].0.len() == range.len(), "{range:?}"),
+                Err(refused) => assert!(!known && matches!(refused, Error::Shard { .. })),
+            }
+        }
     }
 }
