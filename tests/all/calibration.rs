@@ -105,6 +105,9 @@ proptest! {
             let (mut log, mut sum) = (accepted as f64 * (1.0_f64 - most).ln(), 0.0);
             for k in 0..=errors.min(accepted) {
                 sum += log.exp();
+                if sum > 1.0 - sure {
+                    break;
+                }
                 log += ((accepted - k) as f64 / (k + 1) as f64 * most / (1.0 - most)).ln();
             }
             sum
