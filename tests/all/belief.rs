@@ -367,7 +367,7 @@ fn an_alignment_tells_its_progress_and_can_be_stopped() {
     let distances =
         ndarray::Array2::from_shape_fn((9, 100), |(i, j)| ((i * 7 + j * 5) % 11) as f32);
     let config: Config = config! { motion: Some(Motion::steady()), sequence_length: 1 };
-    let mut run = |stop_at: usize| {
+    let run = |stop_at: usize| {
         let mut told = Vec::new();
         let mut progress = |done: usize, total: usize| {
             told.push((done, total));

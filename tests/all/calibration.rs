@@ -85,6 +85,10 @@ proptest! {
             prop_assert_eq!(accepted, (here.accepted * there.len()).div_ceil(here.queries));
         }
     }
+}
+
+proptest! {
+    #![proptest_config(cases(50))]
 
     /// The exact binomial test, in a fixed sequence of thresholds.
     #[test]
@@ -173,8 +177,11 @@ fn a_carried_threshold_judges_a_localizer_and_is_kept_in_a_file() {
         (options.tracked, options.block) = (tracked, Some(1));
         let here = threshold(&scores, &wrong, &options);
         assert!(here.score.is_some());
+        let equal = threshold(&[0.5; 300], &[false; 300], &options);
+        assert_eq!(equal.scores().scores(), [0.5; 257]);
         let many: Vec<f32> = (0..999).map(|query| query as f32 / 1000.0).collect();
-        for there in [&[0.5][..], &[0.25; 30], &[0.25, 0.5], &[0.0, 1.0], &many] {
+        let drives = [&[0.5][..], &[0.25; 30], &[0.25, 0.5], &[0.0, 1.0], &many];
+        for (here, there) in [&here, &equal].into_iter().flat_map(|of| drives.map(|to| (of, to))) {
             let carried = here.carried_to(there).unwrap();
             let mut config = Config::default();
             config.motion = tracked.then(Motion::steady);

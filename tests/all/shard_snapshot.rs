@@ -120,6 +120,10 @@ fn a_driver_in_an_impossible_state_is_refused() {
     for motion in [false, true] {
         let [snapshot, _] = snapshots(motion);
         let (mut driver, _) = parts(motion);
+        assert_eq!(
+            *driver.config(),
+            config! { motion: motion.then(Motion::any), sequence_length: 3 }
+        );
         let whole = |change: &dyn Fn(&mut Value)| {
             with_header(&snapshot, |header| change(&mut header["whole"]))
         };

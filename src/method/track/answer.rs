@@ -188,7 +188,7 @@ fn near(place: usize, tolerance: usize, segments: &Segments) -> [Range<usize>; 2
     if segment.closed && tolerance < segment.len() / 2 {
         let end = |by: isize| segment.onward(place, by).unwrap_or(place);
         let (first, after) = (end(-(tolerance as isize)), end(tolerance as isize) + 1);
-        if first < after {
+        if after > first {
             return [first..after, 0..0];
         }
         return [first..segment.end, segment.start..after];

@@ -152,3 +152,15 @@ proptest! {
         }
     }
 }
+
+/// Up to 65,536 places, all ends are exact.
+#[test]
+fn a_route_of_65_536_places_is_not_long() {
+    for places in [FINE, FINE + 1] {
+        let masses = masses(places, 0, 0, 3);
+        for closed in [false, true] {
+            let segments = Segments::of_list(vec![Segment { start: 0, end: places, closed }]);
+            check(&segments, &masses, 12_345, 2, 1.0).unwrap();
+        }
+    }
+}

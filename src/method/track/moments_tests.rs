@@ -3,6 +3,7 @@
 use super::hubness::{BlockMoments, FLAT, Spread, Standard};
 use super::novelty::{Together, View, about_all, correlation};
 use super::update::on;
+use crate::motion::Motion;
 use crate::random::SplitMix64;
 use crate::sums::{BLOCK, CHUNK};
 
@@ -101,6 +102,18 @@ fn the_belief_on_the_map_is_summed_by_blocks() {
     assert!(
         on(&chunks).to_bits() == expected.to_bits() && expected.to_bits() != straight.to_bits()
     );
+}
+
+#[test]
+fn a_view_grows_by_blocks() {
+    let motion = Motion::any();
+    let mut view = View::new(0, &motion).unwrap();
+    for places in 1..=BLOCK + 900 {
+        view.grow(&motion);
+        let blocks: Vec<usize> = view.blocks.iter().map(|block| block.places).collect();
+        let rest = places.saturating_sub(BLOCK);
+        assert_eq!(blocks, if rest > 0 { vec![BLOCK, rest] } else { vec![places] });
+    }
 }
 
 /// A view that is kept, as in a snapshot, is compared with if it is not constant.

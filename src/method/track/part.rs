@@ -372,4 +372,54 @@ mod tests {
             }
         }
     }
+
+    /// Whichever place is the most probable of all, the shards send what its answer needs; of a long
+    /// route not much more.
+    #[test]
+    fn masses_near_any_place_that_may_win_are_sent() {
+        let list = [(0, 20_000), (20_000, 26_000), (26_000, 33_000), (33_000, 70_000)];
+        for closed in 0..16_u8 {
+            let of = |(at, &(start, end)): (usize, &(usize, usize))| Segment {
+                start,
+                end,
+                closed: closed >> at & 1 == 1,
+            };
+            let segments = Segments::of_list(list.iter().enumerate().map(of).collect());
+            for (own, tolerance) in
+                [4..7, 5..9, 0..8, 8..18].into_iter().zip([0, 1, 300, 5000].into_iter().cycle())
+            {
+                let own = own.start * BLOCK..(own.end * BLOCK).min(70_000);
+                let motion = Motion::steady();
+                let part = TrackerPart::new(&motion, tolerance, &segments, own.clone()).unwrap();
+                let sent = part.chunks(own.start + 4000);
+                let here = own.start / CHUNK..own.end.div_ceil(CHUNK);
+                assert!(sent.iter().all(|chunk| here.contains(chunk)));
+                let others =
+                    (0..70_000).step_by(67).chain(list.iter().flat_map(|&(start, end)| {
+                        [start, start + 1, end - 1, end - 2, start + tolerance, end - 1 - tolerance]
+                    }));
+                let borders =
+                    [own.start.wrapping_sub(1), own.start.wrapping_sub(2), own.end, own.end + 1];
+                let others = others.chain(borders).filter(|place| *place < 70_000);
+                for winner in others.filter(|place| !own.contains(place)).chain([own.start + 4000])
+                {
+                    let needed = asked(winner, tolerance, &segments);
+                    let missing = needed
+                        .filter(|chunk| here.contains(chunk))
+                        .find(|chunk| !sent.contains(chunk));
+                    assert_eq!(missing, None, "{winner}: {closed:b}, {own:?}");
+                }
+                // Nothing at the ends of segments that lie within its own places.
+                let inside = |one: &&Segment| {
+                    tolerance < 2 && own.start + 9000 < one.start && one.end < own.end
+                };
+                for segment in segments.iter().filter(inside) {
+                    let chunk = segment.start / CHUNK + 1;
+                    assert!(!sent.contains(&chunk), "{segment:?} of {own:?}");
+                }
+                let near = (tolerance + 1).div_ceil(CHUNK) + 1;
+                assert!(sent.len() <= 7 + 6 * near, "{}", sent.len());
+            }
+        }
+    }
 }
