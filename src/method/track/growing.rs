@@ -241,7 +241,9 @@ mod tests {
             let mut hubness = GrowingHubness::default();
             let column: Vec<f32> = (0..500).map(|at| size * (1.0 + (at % 7) as f32)).collect();
             hubness.reserve(500).unwrap();
-            column.iter().for_each(|_| hubness.grow());
+            for _ in &column {
+                hubness.grow();
+            }
             let z = hubness.learn(&column, &motion).unwrap();
             assert!(z.iter().all(|&z| z == 0.0), "{size}");
             let other: Vec<f32> = column.iter().rev().copied().collect();
