@@ -327,6 +327,21 @@ mod tests {
     }
 
     #[test]
+    fn the_first_place_lengthens_a_route_of_none() {
+        for new in [false, true] {
+            let mut route = Segments::default();
+            route.lengthen(new);
+            assert_eq!(route, Segments::one(1));
+            route.lengthen(new);
+            assert_eq!((route.places(), route.len()), (2, if new { 2 } else { 1 }));
+        }
+        for (breaks, words) in [(&[][..], "there is one, 0"), (&[4], "segments from 0 to 1")] {
+            let refused = Segments::new(9, breaks).unwrap().with_closed(&[2]);
+            assert!(refused.is_err_and(|refused| refused.to_string().contains(words)), "{words}");
+        }
+    }
+
+    #[test]
     fn impossible_breaks_closed_segments_and_links_are_refused() {
         for breaks in [&[0][..], &[10], &[11], &[5, 5], &[6, 4], &[3, 10]] {
             let error = Segments::new(10, breaks).unwrap_err().to_string();

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Probability {
     /// Scores, ascending.
-    pub(super) scores: Vec<f32>,
+    scores: Vec<f32>,
     /// The probability at each of them.
     right: Vec<f64>,
 }
@@ -56,7 +56,6 @@ impl Probability {
             }
             pools.push(pool);
         }
-        let zero = if tracked { 1.0 } else { worst + (worst - best) };
         let mut fitted = Self::default();
         for pool in pools {
             let scores =
@@ -64,11 +63,27 @@ impl Probability {
             fitted.right.extend(scores.iter().map(|_| pool.mean()));
             fitted.scores.extend(scores);
         }
-        if zero > worst && zero.is_finite() {
+        if let Some(zero) = zero(best, worst, tracked) {
             fitted.scores.push(zero);
             fitted.right.push(0.0);
         }
         fitted
+    }
+
+    /// That of a drive with scores from `best` to `worst`: `carried` gives its score for one of the
+    /// scores up to `known`, the worst of this drive.
+    pub(super) fn carried(
+        &self,
+        known: f32,
+        carried: impl Fn(f32) -> f32,
+        [best, worst]: [f32; 2],
+        tracked: bool,
+    ) -> Self {
+        let within = self.scores.partition_point(|&score| score <= known);
+        let beyond = if within < self.scores.len() { zero(best, worst, tracked) } else { None };
+        let scores = self.scores[..within].iter().copied().map(carried).chain(beyond);
+        let scores: Vec<f32> = scores.collect();
+        Self { right: self.right.iter().copied().take(scores.len()).collect(), scores }
     }
 
     /// The probability at a score. `NaN` has that of the worst score.
@@ -102,7 +117,8 @@ impl Probability {
 
     /// Refuses numbers that no drive makes, as of a damaged file.
     pub(super) fn check(&self) -> Result<(), &'static str> {
-        let ascending = self.scores.is_sorted_by(|a, b| a < b) && finite(&self.scores);
+        // Carried to a drive of few scores, some are equal.
+        let ascending = self.scores.is_sorted() && finite(&self.scores);
         let falling = self.right.is_sorted_by(|a, b| a >= b);
         let shares = self.right.iter().all(|right| (0.0..=1.0).contains(right));
         if self.scores.is_empty() || self.scores.len() != self.right.len() {
@@ -118,6 +134,12 @@ impl Probability {
     pub fn knots(&self) -> impl Iterator<Item = (f32, f64)> {
         self.scores.iter().copied().zip(self.right.iter().copied())
     }
+}
+
+/// The score beyond the worst at which the probability is 0, if there is one.
+fn zero(best: f32, worst: f32, tracked: bool) -> Option<f32> {
+    let zero = if tracked { 1.0 } else { worst + (worst - best) };
+    (zero > worst && zero.is_finite()).then_some(zero)
 }
 
 /// Whether all are numbers.

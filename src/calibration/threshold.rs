@@ -161,8 +161,10 @@ impl Threshold {
         let accepted = (rank - 1e-9).ceil() as usize;
         let mut carried = self.clone();
         carried.score = self.score.and_then(|_| sorted.get(accepted.wrapping_sub(1)).copied());
-        let of_score = |score: &mut f32| *score = self.scores.carried(*score, &sorted);
-        carried.probability.scores.iter_mut().for_each(of_score);
+        let known = self.scores.scores().last().copied().unwrap_or(f32::INFINITY);
+        let of_score = |score: f32| self.scores.carried(score, &sorted);
+        let ends = [sorted[0], sorted[sorted.len() - 1]];
+        carried.probability = self.probability.carried(known, of_score, ends, self.tracked);
         carried.scores = Quantiles::new(&sorted);
         carried.means = Means::new(scores);
         carried.carried = true;

@@ -98,6 +98,13 @@ impl LoopCloser {
         self.filter.bytes_a_place() + size_of::<f32>()
     }
 
+    /// Bytes of a loop closer that has room for the first places.
+    pub(super) fn bytes_of_the_first(&self) -> usize {
+        FIRST * self.bytes_of_belief()
+            + EDGES * size_of::<LoopClosure>()
+            + self.map.bytes_of_a_block()
+    }
+
     fn make_belief_room(&mut self, places: usize) -> Result<(), Error> {
         let more = places.saturating_sub(self.column.len());
         let refused = |_| Error::Memory { places, columns: 1 };

@@ -141,8 +141,9 @@ impl LoopCloser {
             config,
         };
         closer.make_room().map_err(|error| match error {
-            Error::MemoryLimit { limit, needed } => {
-                let expected = format!("at least {needed} bytes, for the first places");
+            Error::MemoryLimit { limit, .. } => {
+                let least = closer.bytes_of_the_first();
+                let expected = format!("at least {least} bytes, for the first places");
                 Error::Option { name: "memory", expected, got: limit.to_string() }
             }
             other => other,

@@ -374,3 +374,71 @@ fn read_block(
         Error::Io { path, action: "read the file of places in", source }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DIM: usize = 16384;
+    /// Rows of a block.
+    const STEP: usize = 16;
+
+    fn map(metric: Metric) -> GrowingMap {
+        GrowingMap::new(Recipe::Ready, DIM, Dtype::F32, metric, None)
+    }
+
+    fn append(map: &mut GrowingMap, count: usize, number: f32) {
+        for _ in 0..count {
+            let row = vec![number; DIM];
+            let query = map.query(View::F32(&row)).unwrap();
+            map.append(query);
+        }
+    }
+
+    /// Of each block its rows and their lengths, in memory or of those in the file.
+    #[test]
+    fn memory_in_use_is_counted() {
+        for (metric, lengths) in [(Metric::Euclidean, 0), (Metric::Cosine, STEP * 8)] {
+            let (mut map, rows) = (map(metric), STEP * DIM * 4);
+            for _ in 0..4 {
+                map.reserve_block().unwrap();
+            }
+            for (appended, open) in [(0, false), (2 * STEP, false), (5, true), (STEP - 5, false)] {
+                append(&mut map, appended, 1.0);
+                assert_eq!((map.bytes(), map.open.is_some()), (4 * (rows + lengths), open));
+                assert_eq!((map.room(), map.bytes_in_file()), (4 * STEP, 0));
+            }
+            // Lengths stay in memory, and there is room for those of the next rows.
+            for (filed, bytes, room) in [
+                (1, 4 * (rows + lengths), 4 * STEP),
+                (2, 4 * rows + 5 * lengths, 5 * STEP),
+                (3, 4 * rows + 6 * lengths, 6 * STEP),
+            ] {
+                assert!(map.move_to_file().unwrap());
+                assert_eq!((map.bytes(), map.bytes_in_file()), (bytes, filed * rows));
+                assert_eq!(map.room(), room);
+            }
+            assert!(!map.move_to_file().unwrap());
+            append(&mut map, 7, 1.0);
+            assert_eq!((map.bytes(), map.room()), (4 * rows + 6 * lengths, 6 * STEP));
+            let before = map.bytes();
+            append(&mut map, 4, 0.0);
+            assert!((before + 4 * 8..before + 16 * 8).contains(&map.bytes()), "blank places");
+        }
+    }
+
+    #[test]
+    fn memory_for_the_next_row_is_not_given_back() {
+        let mut map = map(Metric::Euclidean);
+        for _ in 0..3 {
+            map.reserve_block().unwrap();
+        }
+        append(&mut map, STEP, 1.0);
+        assert!(map.give_back() && !map.give_back());
+        assert_eq!(map.room(), 2 * STEP);
+        append(&mut map, 1, 1.0);
+        map.reserve_block().unwrap();
+        assert!(map.give_back() && !map.give_back());
+        assert_eq!(map.room(), 2 * STEP);
+    }
+}

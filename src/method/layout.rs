@@ -215,11 +215,9 @@ impl Piece {
         if place < self.whole.start {
             return None;
         }
-        let ahead = match place.checked_sub(self.first) {
-            Some(ahead) => ahead,
-            None if self.whole.closed => place + self.whole.len() - self.first,
-            None => return None,
-        };
+        // Places before the first go round: of an open segment, beyond the line.
+        let lap = if place < self.first { self.whole.len() } else { 0 };
+        let ahead = place + lap - self.first;
         (ahead < self.line.len()).then(|| self.line.start + ahead)
     }
 
@@ -241,16 +239,42 @@ impl Piece {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use proptest::prelude::*;
+    use proptest::sample::Index;
 
     use super::*;
     use crate::cases::cases;
 
     /// A route, own places and a reach.
     fn case() -> impl Strategy<Value = (Segments, Range<usize>, [usize; 2])> {
-        let lengths = proptest::collection::vec((1..12_usize, any::<bool>()), 1..6);
-        (lengths, any::<[proptest::sample::Index; 2]>(), 0..15_usize, 0..15_usize).prop_map(
-            |(lengths, [from, to], before, after)| {
+        of_lengths(1..12_usize)
+    }
+
+    /// One with links, and segments about as long as what a link reaches.
+    fn with_links() -> impl Strategy<Value = (Segments, Range<usize>, [usize; 2])> {
+        let lengths = prop_oneof![1..12_usize, 60..70_usize, 125..135_usize, 180..200_usize];
+        let links = proptest::collection::vec(any::<[Index; 2]>(), 1..4);
+        (of_lengths(lengths), links).prop_map(|((segments, own, reach), links)| {
+            let places = segments.places();
+            let links = links.iter().map(|[from, to]| (from.index(places), to.index(places)));
+            let follows =
+                |&(from, to): &(usize, usize)| segments.of(from).onward(from, 1) == Some(to);
+            let links: BTreeSet<_> =
+                links.filter(|link| link.0 != link.1 && !follows(link)).collect();
+            let links: Vec<_> = links.into_iter().collect();
+            (segments.with_links(&links).unwrap_or_default(), own, reach)
+        })
+    }
+
+    fn of_lengths(
+        length: impl Strategy<Value = usize>,
+    ) -> impl Strategy<Value = (Segments, Range<usize>, [usize; 2])> {
+        let lengths = proptest::collection::vec((length, any::<bool>()), 1..6);
+        let reach = [0..15_usize, 0..15_usize];
+        (lengths, any::<[Index; 2]>(), reach, any::<[bool; 2]>()).prop_map(
+            |(lengths, [from, to], reach, [from_start, to_end])| {
                 let mut start = 0;
                 let list = lengths.iter().map(|&(len, closed)| {
                     start += len;
@@ -258,7 +282,10 @@ mod tests {
                 });
                 let segments = Segments::of_list(list.collect());
                 let (from, to) = (from.index(start), to.index(start));
-                (segments, from.min(to)..from.max(to) + 1, [before, after])
+                let (first, last) = (from.min(to), from.max(to));
+                let first = if from_start { segments.of(first).start } else { first };
+                let end = if to_end { segments.of(last).end } else { last + 1 };
+                (segments, first..end, reach)
             },
         )
     }
@@ -278,9 +305,18 @@ mod tests {
             for (at, &place) in line.iter().enumerate() {
                 prop_assert_eq!(layout.at(place), Some(at), "{} of {:?}", place, line);
             }
+            let near = own.clone().flat_map(|place| {
+                let segment = *segments.of(place);
+                let by = -(reach[0] as isize)..=reach[1] as isize;
+                by.filter_map(move |by| segment.onward(place, by))
+            });
+            prop_assert_eq!(line.iter().copied().collect::<BTreeSet<_>>(), near.collect());
             let mut owned = Vec::new();
             for (piece, local) in layout.pieces().iter().zip(layout.segments().iter()) {
                 owned.extend(piece.own_places());
+                for at in piece.line.clone() {
+                    prop_assert_eq!(piece.place(at), line[at]);
+                }
                 let of_line: Vec<_> = piece.own().map(|at| line[at]).collect();
                 prop_assert_eq!(of_line, piece.own_places().collect::<Vec<_>>());
                 for at in piece.own() {
@@ -297,6 +333,73 @@ mod tests {
             foreign.sort_unstable();
             expected.sort_unstable();
             prop_assert_eq!(foreign, expected);
+        }
+
+        #[test]
+        fn own_places_are_found_by_their_number((segments, own, reach) in case(), part in any::<[Index; 2]>()) {
+            let layout = Layout::new(&segments, own.clone(), reach);
+            let [from, to] = part.map(|index| index.index(own.len() + 1));
+            let (from, to) = (from.min(to), from.max(to));
+            let mut next = from;
+            for (at, places) in layout.own_parts(from..to) {
+                prop_assert_eq!(places.start, next);
+                prop_assert!(!places.is_empty());
+                for (at, place) in (at..).zip(places.clone()) {
+                    prop_assert_eq!(layout.at(own.start + place), Some(at));
+                }
+                next = places.end;
+            }
+            prop_assert_eq!(next, to);
+        }
+
+        #[test]
+        fn a_cut_segment_has_its_ends((segments, own, reach) in case()) {
+            let layout = Layout::new(&segments, own.clone(), reach);
+            let cut = |segment: &&Segment| {
+                !segment.closed && segment.places().any(|place| layout.at(place).is_none())
+            };
+            let ends = segments.within(own).iter().filter(cut);
+            let ends = ends.map(|&Segment { start, end, .. }| [start, start + 1, end - 2, end - 1]);
+            prop_assert!(layout.ends().eq(ends));
+        }
+    }
+
+    proptest! {
+        #![proptest_config(cases(500))]
+
+        /// The places of a line and those at most 64 from both ends of each link near own places.
+        #[test]
+        fn links_bring_the_places_around_their_ends((segments, own, reach) in with_links()) {
+            let of = |place: usize| {
+                let by = -(FARTHEST as isize)..=FARTHEST as isize;
+                let segment = segments.of(place);
+                by.filter_map(move |by| segment.onward(place, by))
+            };
+            let around = |&(from, to): &(usize, usize)| -> BTreeSet<usize> { of(from).chain(of(to)).collect() };
+            let links = segments.links().iter().map(around);
+            let beside: BTreeSet<usize> =
+                links.filter(|places| own.clone().any(|place| places.contains(&place))).flatten().collect();
+            let line = Layout::new(&segments, own.clone(), reach);
+            let layout = line.clone().with_junctions(&segments);
+            prop_assert_eq!(layout.total(), line.len() + beside.len());
+            for place in 0..segments.places() {
+                let at = layout.anywhere(place);
+                prop_assert_eq!(at.is_some(), line.at(place).is_some() || beside.contains(&place), "{}", place);
+                prop_assert!(line.at(place).is_none_or(|on_the_line| at == Some(on_the_line)));
+            }
+            let foreign: Vec<_> = layout.foreign().flat_map(|(range, at)| range.zip(at..)).collect();
+            let count = foreign.len();
+            let foreign: BTreeSet<_> = foreign.into_iter().collect();
+            let distinct: BTreeSet<_> = foreign.iter().map(|one| one.1).collect();
+            prop_assert_eq!(distinct.len(), count);
+            prop_assert!(distinct.last().is_none_or(|&at| at < layout.total()));
+            let others = (0..segments.places()).filter(|place| !own.contains(place));
+            for place in others {
+                prop_assert!(layout.anywhere(place).is_none_or(|at| foreign.contains(&(place, at))));
+            }
+            for (place, _) in foreign {
+                prop_assert!(!own.contains(&place) && layout.anywhere(place).is_some());
+            }
         }
     }
 }

@@ -1,11 +1,13 @@
 //! The tracker and the alignment are docs/method.md (1.9, 1.10 and 1.14): their beliefs are those of
 //! a plain filter.
 
+use std::ops::ControlFlow;
+
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::{
-    Config, Drive, Given, Input, LoopCloser, LoopConfig, Matcher, Metric, Motion, Segment,
+    Config, Drive, Error, Given, Input, LoopCloser, LoopConfig, Matcher, Metric, Motion, Segment,
     Segments, Track, View, align_distances, quiet,
 };
 
@@ -85,7 +87,10 @@ fn follow(
         state = next.scaled();
         let mut given = Given::default();
         given.advance = advance[j];
-        let track = matcher.push_with(&d[j], given).unwrap().track.unwrap();
+        let fix = matcher.push_with(&d[j], given).unwrap();
+        let track = fix.track.unwrap();
+        let said = (fix.confidence(), fix.off_map(), fix.speed());
+        prop_assert_eq!(said, (Some(track.confidence), Some(track.off_map), Some(track.speed)));
         check(&track, &state, speeds[track.place], tolerance, route)?;
         for (place, belief) in matcher.belief().unwrap().enumerate() {
             prop_assert!((belief - state.in_place(place)).abs() < CLOSE, "query {j}: {place}");
@@ -110,6 +115,25 @@ fn a_tracker_of_several_blocks_is_a_filter() {
         for motion in [Motion::any(), Motion::free()] {
             follow(&motion, &route, 2, &d, &[None; 4], &[Gap::Not; 4]).unwrap();
         }
+    }
+}
+
+/// Moves follow links for 64 places, and not beyond.
+#[test]
+fn long_moves_past_junctions_are_those_of_a_filter() {
+    let open = Segments::new(330, &[200]).unwrap();
+    let links = [(20, 150), (100, 30), (110, 250), (150, 90), (260, 3), (280, 115)];
+    for closed in [&[][..], &[1], &[0, 1]] {
+        let route = open.clone().with_closed(closed).unwrap().with_links(&links).unwrap();
+        let advance = [2.0, 62.0, -62.5, 63.0, -63.0, 64.0, -64.0, 65.0, -65.0, 66.5, -66.0, 90.0];
+        let d = columns(Kind::Smooth, 330, advance.len(), 7);
+        for motion in [Motion::steady(), Motion::any()] {
+            let advance = advance.map(Some);
+            follow(&motion, &route, 3, &d, &advance, &[Gap::Not; 12]).unwrap();
+        }
+        let mut fast = Motion::steady();
+        (fast.speeds, fast.pace, fast.jitter) = (vec![0.5, 1.0, 1.5], 64.0, 0.01);
+        follow(&fast, &route, 3, &d, &[None; 12], &[Gap::Not; 12]).unwrap();
     }
 }
 
@@ -334,5 +358,30 @@ proptest! {
             let most = (0..places).map(|place| state.in_place(place)).fold(0.0, f64::max);
             prop_assert!(most - state.in_place(answer.place) < CLOSE, "{answer:?}");
         }
+    }
+}
+
+/// Each query is a step forwards and one backwards.
+#[test]
+fn an_alignment_tells_its_progress_and_can_be_stopped() {
+    let distances =
+        ndarray::Array2::from_shape_fn((9, 100), |(i, j)| ((i * 7 + j * 5) % 11) as f32);
+    let config: Config = config! { motion: Some(Motion::steady()), sequence_length: 1 };
+    let run = |stop_at: usize| {
+        let mut told = Vec::new();
+        let mut progress = |done: usize, total: usize| {
+            told.push((done, total));
+            if done >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let drive = Drive::default();
+        let aligned = align_distances(&[distances.view()], &config, drive, &[], &mut progress);
+        (aligned.map(|aligned| aligned.queries.len()), told)
+    };
+    let (aligned, told) = run(usize::MAX);
+    assert_eq!(aligned.unwrap(), 100);
+    assert_eq!(told, [64, 128, 192, 200].map(|done| (done, 200)));
+    for stop_at in [64, 128, 200] {
+        let (aligned, _) = run(stop_at);
+        assert!(matches!(aligned, Err(Error::Interrupted { done, total: 200 }) if done == stop_at));
     }
 }

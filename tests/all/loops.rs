@@ -5,7 +5,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use surefix::{
     Channels, Config, Error, Graph, ImageView, Input, Isa, Localizer, LoopCloser, LoopClosure,
-    LoopConfig, Metric, Motion, Poses, Sad, View,
+    LoopConfig, Metric, Motion, Poses, Recipe, Sad, View,
 };
 
 use crate::cases::cases;
@@ -102,6 +102,12 @@ fn it_takes_images_and_becomes_a_map() {
     // It goes on, and the map stays as it was.
     let before = closer.push_image(image(8)).unwrap();
     assert_eq!((before.frame, closer.to_map().unwrap().places()), (42, 43));
+    closer.reset().unwrap();
+    assert_eq!(
+        (closer.recipe(), closer.dim()),
+        (Recipe::Sad(Sad::default()), Sad::default().dim())
+    );
+    assert_eq!(closer.push_image(image(8)).unwrap().frame, 0);
 }
 
 #[test]
@@ -341,11 +347,194 @@ fn the_edges_are_written_for_pose_graphs() {
         assert_eq!((vertices.len(), rest.len()), (100, 99 + edges.len()));
         assert!(rest.iter().all(|line| line.split(' ').count() == 1 + numbers));
     }
-    graph.poses = Some(Poses::new(vec![0.0; 3 * 99], 3).unwrap());
+    let poses = Poses::new(vec![0.0; 3 * 99], 3).unwrap();
+    assert!(!poses.is_empty() && Poses::new(Vec::new(), 3).unwrap().is_empty());
+    graph.poses = Some(poses);
     assert!(matches!(g2o(&graph), Err(Error::Length { .. })));
+    // The way to pose 7 is too long for a number.
+    let mut far = vec![1e308; 3 * 100];
+    far[3 * 7] = -1e308;
+    graph.poses = Some(Poses::new(far, 3).unwrap());
+    assert!(matches!(g2o(&graph), Err(Error::NotFinite { what: "poses", row: Some(7), .. })));
     graph.poses = None;
     graph.deviation = (0.0, 1.0);
     assert!(matches!(g2o(&graph), Err(Error::Option { .. })));
+}
+
+/// Of two beliefs a speed, their sum, the view, what is known of the distances, and a distance.
+fn bytes_a_place(config: &LoopConfig) -> usize {
+    let motion = &config.motion;
+    let several = usize::from(motion.speeds.len() > 1);
+    let viewed = usize::from(motion.repeat < 1.0);
+    8 * (2 * motion.speeds.len() + several + viewed + 3) + 4
+}
+
+/// Twice as many as before if the limit allows that, else a quarter more.
+#[test]
+fn room_for_places_grows_within_the_limit() {
+    let frames = circle(257, 50, 16, 3);
+    let place = bytes_a_place(&config(10));
+    let mut free = of_vectors(16, config(10));
+    all(&mut free, &frames[..256]);
+    // It has more edges than there was room for at first.
+    let before = free.bytes();
+    assert!(before > of_vectors(16, config(10)).bytes());
+    for (more, room) in [
+        (512 * place, Some(512)),
+        (512 * place - 1, Some(257 + 64)),
+        (321 * place, Some(257 + 64)),
+        (321 * place - 1, None),
+    ] {
+        let mut limited = config(10);
+        limited.memory = Some(before + more);
+        let mut closer = of_vectors(16, limited);
+        all(&mut closer, &frames[..256]);
+        assert_eq!(closer.bytes(), before);
+        let pushed = closer.push_descriptor(frames[256].as_slice());
+        match room {
+            Some(room) => {
+                assert!(pushed.is_ok());
+                assert_eq!(closer.bytes(), before + (room - 256) * place);
+            }
+            None => assert!(matches!(pushed, Err(Error::MemoryLimit { .. })), "{pushed:?}"),
+        }
+    }
+}
+
+/// The rotation of a pose, row by row.
+fn turned(pose: &[f64]) -> [[f64; 3]; 3] {
+    if let [_, _, heading] = *pose {
+        let (sin, cos) = heading.sin_cos();
+        return [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]];
+    }
+    let [x, y, z, w] = pose[3..] else { panic!("a pose of 3 or 7 numbers") };
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}
+
+fn times(a: [[f64; 3]; 3], b: [f64; 3]) -> [f64; 3] {
+    a.map(|row| row.iter().zip(b).map(|(a, b)| a * b).sum())
+}
+
+fn position(pose: &[f64]) -> [f64; 3] {
+    [pose[0], pose[1], if pose.len() == 7 { pose[2] } else { 0.0 }]
+}
+
+/// From each pose, an edge of odometry leads to the next.
+#[test]
+fn a_pose_graph_leads_from_pose_to_pose() {
+    let mut closer = of_vectors(32, config(10));
+    all(&mut closer, &circle(100, 60, 32, 10));
+    let loops = closer.edges().to_vec();
+    for (axes, moves, vertex, edge) in
+        [(3, 2, "VERTEX_SE2", "EDGE_SE2"), (7, 3, "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT")]
+    {
+        let mut dice = SplitMix64(axes as u64);
+        let given: Vec<f64> =
+            (0..100 * axes).map(|_| 3.0 * f64::from(dice.share()) - 1.2).collect();
+        let mut graph = Graph::default();
+        graph.first = 40;
+        (graph.deviation, graph.odometry_deviation) = ((3.0, 0.5), (0.25, 5.0));
+        graph.poses = Some(Poses::new(given.clone(), axes).unwrap());
+        let mut text = Vec::new();
+        closer.write_g2o(&mut text, &graph).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        let read = |line: &str, tag: &str| -> Vec<f64> {
+            let words = line.strip_prefix(tag).unwrap_or_else(|| panic!("{line}: {tag}"));
+            words.split_whitespace().map(|word| word.parse().unwrap()).collect()
+        };
+        let near = |a: &[f64], b: &[f64]| {
+            assert_eq!(a.len(), b.len());
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?}, expected {b:?}");
+        };
+        let information = |metres: f64, radians: f64, share: f64| -> Vec<f64> {
+            let all = if axes == 3 { 3 } else { 6 };
+            let of =
+                |row: usize| share / if row < moves { metres.powi(2) } else { radians.powi(2) };
+            let cell = |row: usize, column: usize| if row == column { of(row) } else { 0.0 };
+            (0..all).flat_map(|row| (row..all).map(move |column| cell(row, column))).collect()
+        };
+        let lines: Vec<&str> = text.lines().collect();
+        let mut poses = Vec::new();
+        for (at, given) in given.chunks_exact(axes).enumerate() {
+            let mut given = given.to_vec();
+            if axes == 7 {
+                let length = given[3..].iter().map(|x| x * x).sum::<f64>().sqrt();
+                given[3..].iter_mut().for_each(|x| *x /= length);
+            }
+            let numbers = read(lines[at], vertex);
+            assert_eq!(numbers[0], 40.0 + at as f64);
+            near(&numbers[1..], &given);
+            poses.push(given);
+        }
+        for (at, two) in poses.windows(2).enumerate() {
+            let numbers = read(lines[100 + at], edge);
+            near(&numbers[..2], &[40.0 + at as f64, 41.0 + at as f64]);
+            let by = &numbers[2..2 + axes];
+            let (from, onward, to) = (turned(&two[0]), turned(by), turned(&two[1]));
+            let way = times(from, position(by));
+            let [x, y, z] = position(&two[0]);
+            near(&[way[0] + x, way[1] + y, way[2] + z], &position(&two[1]));
+            for column in 0..3 {
+                let of = |turn: [[f64; 3]; 3]| turn.map(|row| row[column]);
+                near(&times(from, of(onward)), &of(to));
+            }
+            near(&numbers[2 + axes..], &information(0.25, 5.0, 1.0));
+        }
+        assert_eq!(lines.len(), 199 + loops.len());
+        for (line, closed) in lines[199..].iter().zip(&loops) {
+            let numbers = read(line, edge);
+            near(&numbers[..2], &[40.0 + closed.place as f64, 40.0 + closed.frame as f64]);
+            let mut same = vec![0.0; axes];
+            same[6 % axes] = if axes == 7 { 1.0 } else { 0.0 };
+            near(&numbers[2..2 + axes], &same);
+            near(&numbers[2 + axes..], &information(3.0, 0.5, closed.confidence));
+        }
+    }
+    let mut graph = Graph::default();
+    for deviation in
+        [(0.0, 1.0), (1.0, 0.0), (-1.0, 1.0), (1.0, -1.0), (1e200, 1.0), (1.0, f64::NAN)]
+    {
+        graph.deviation = deviation;
+        let refused = closer.write_g2o(&mut Vec::new(), &graph);
+        assert!(matches!(refused, Err(Error::Option { name: "deviation", .. })), "{refused:?}");
+    }
+    for axes in [3, 7] {
+        let mut numbers = vec![1.0; 5 * axes];
+        numbers[3 * axes + 2] = f64::INFINITY;
+        let refused = Poses::new(numbers, axes);
+        assert!(matches!(refused, Err(Error::NotFinite { row: Some(3), index: 2, .. })));
+    }
+    let mut numbers = vec![1.0; 5 * 7];
+    numbers[2 * 7 + 3..3 * 7].fill(0.0);
+    assert!(matches!(Poses::new(numbers, 7), Err(Error::NoDirection { row: Some(2), .. })));
+}
+
+#[test]
+fn the_least_memory_is_named() {
+    let limited = |bytes: usize| {
+        let mut config = config(10);
+        config.memory = Some(bytes);
+        LoopCloser::of_descriptors(16, Metric::Cosine, config)
+    };
+    let Err(error) = limited(1) else { panic!("a place has more than a byte") };
+    let said = error.to_string();
+    let least = said.split("at least ").nth(1).and_then(|rest| rest.split(' ').next());
+    let least: usize = least.unwrap().parse().unwrap();
+    assert!(limited(least - 1).is_err(), "{said}");
+    let mut closer = limited(least).unwrap();
+    assert_eq!(closer.bytes(), least);
+    // 256 places, 64 edges, and a block of 1 MiB of rows with their lengths.
+    let edges = 64 * size_of::<LoopClosure>();
+    assert_eq!(least, 256 * bytes_a_place(closer.config()) + edges + (1 << 14) * (16 * 4 + 8));
+    assert_eq!((closer.dim(), closer.recipe()), (16, Recipe::Ready));
+    assert_eq!(closer.config().memory, Some(least));
+    assert!(!closer.is_frozen());
+    closer.freeze();
+    assert!(closer.is_frozen());
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod bad_input;
 mod belief;
 mod blank;
 mod bootstrap;
+mod calibration;
 mod cases;
 mod drive;
 mod evaluate;

@@ -132,3 +132,27 @@ fn deep_images_have_thumbnails_by_the_levels_of_the_map() {
     let picture = map.thumbnails().and_then(|pictures| pictures.get(2)).unwrap();
     assert!(picture.pixels().iter().max() > Some(&150), "the levels' range, not 16 bits'");
 }
+
+/// Images of another size fit if width to height is the same, to 2 %.
+#[test]
+fn appended_images_have_the_shape_of_the_map() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map.safetensors");
+    let image = |(width, height): (usize, usize)| {
+        let pixels = (0..width * height).map(|at| (at * 31 % 253) as u8).collect();
+        Image::new(width, height, Channels::Grey, pixels).unwrap()
+    };
+    let made = vec![image((100, 50)); 3];
+    Map::build(&path, &made, sad(), None, &mut quiet).unwrap();
+    for size in [(100, 50), (200, 100), (60, 30), (101, 50), (101, 51), (203, 100)] {
+        Map::append_images(&path, &vec![image(size); 2], None, &mut quiet).unwrap();
+    }
+    for size in [(50, 100), (50, 50), (104, 50), (96, 50), (100, 53), (207, 100)] {
+        let error = Map::append_images(&path, &vec![image(size); 2], None, &mut quiet).unwrap_err();
+        assert!(
+            matches!(error, Error::ImageSize { expected: (100, 50), got, .. } if got == size),
+            "{error}"
+        );
+    }
+    assert_eq!(Map::open(&path).unwrap().places(), 15);
+}

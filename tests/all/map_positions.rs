@@ -142,3 +142,26 @@ fn a_fix_has_the_position_of_its_place() {
         fused.push_inputs(&[row(1), row(1)].map(Input::Descriptor), Given::default()).unwrap();
     assert_eq!(fused.position(&fix).unwrap().metres(), [0.0, 50.0 * fix.place as f64]);
 }
+
+#[test]
+fn positions_are_numbers_on_the_globe() {
+    let far_north = Origin::new(80.0, 10.0).unwrap();
+    // A degree is 112 km here.
+    for (north, on_it) in
+        [(1.1e6, true), (1.15e6, false), (-1.15e6, true), (-1.85e7, true), (-1.95e7, false)]
+    {
+        let positions = Positions::new(vec![0.0, 0.0, 5.0, north], 2).unwrap();
+        assert_eq!(positions.with_origin(far_north).is_ok(), on_it, "{north}");
+    }
+    for (axes, at, row, index) in [(2, 3, 1, 1), (2, 6, 3, 0), (3, 8, 2, 2), (3, 9, 3, 0)] {
+        let mut metres = vec![1.0; 12];
+        metres[at] = f64::NAN;
+        let refused = Positions::new(metres, axes);
+        assert!(
+            matches!(refused, Err(Error::NotFinite { row: Some(r), index: i, .. }) if (r, i) == (row, index)),
+            "{at} of {axes}"
+        );
+    }
+    let none = Positions::new(Vec::new(), 2).unwrap();
+    assert!(none.is_empty() && !Positions::new(vec![0.0; 4], 2).unwrap().is_empty());
+}

@@ -50,6 +50,16 @@ fn shorter(snapshot: &[u8], tensor: &str) -> Vec<u8> {
     })
 }
 
+/// The columns of a shard as one.
+fn one_column(snapshot: &[u8]) -> Vec<u8> {
+    forged(snapshot, |header, _| {
+        let shape = &mut header["columns"]["shape"];
+        let columns = shape[0].as_u64().unwrap();
+        assert!(columns > 1);
+        *shape = json!([1, columns * PLACES as u64]);
+    })
+}
+
 fn check(taken: &Result<(), Error>, name: &str) {
     assert!(matches!(taken, Err(Error::Snapshot { .. })), "{name}: {taken:?}");
 }
@@ -78,6 +88,7 @@ fn a_shard_in_an_impossible_state_is_refused() {
                 }),
             ),
             ("a shape", shorter(&snapshot, "columns")),
+            ("one long column", one_column(&snapshot)),
             ("a distance", with_number(&snapshot, "columns", &f32::INFINITY.to_le_bytes())),
         ];
         if motion {
@@ -109,6 +120,10 @@ fn a_driver_in_an_impossible_state_is_refused() {
     for motion in [false, true] {
         let [snapshot, _] = snapshots(motion);
         let (mut driver, _) = parts(motion);
+        assert_eq!(
+            *driver.config(),
+            config! { motion: motion.then(Motion::any), sequence_length: 3 }
+        );
         let whole = |change: &dyn Fn(&mut Value)| {
             with_header(&snapshot, |header| change(&mut header["whole"]))
         };

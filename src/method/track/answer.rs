@@ -146,14 +146,16 @@ impl<'a, M: Fn(Range<usize>) -> &'a [f64]> Belief<'a, M> {
         let high = self.end(place, in_order().rev(), true);
         // How far along from the seam.
         let along = |at: usize| if at < seam { at + places - seam } else { at - seam };
+        let of_two = |other: usize| [other, place].into_iter();
         (
-            if along(low) < along(place) { low } else { place },
-            if along(high) > along(place) { high } else { place },
+            of_two(low).min_by_key(|&at| along(at)).unwrap_or(place),
+            of_two(high).max_by_key(|&at| along(at)).unwrap_or(place),
         )
     }
 
-    /// The place, by one part after the other, with which the mass exceeds [`TAIL`]. On a route of
-    /// more than [`FINE`] places, if its chunk is not near `place`, the first of the chunk.
+    /// The place, by one part after the other, with which the mass exceeds [`TAIL`]; `place` if
+    /// there is none. On a route of more than [`FINE`] places, if its chunk is not near `place`, the
+    /// first of the chunk.
     fn end(
         &self,
         place: usize,
@@ -161,24 +163,21 @@ impl<'a, M: Fn(Range<usize>) -> &'a [f64]> Belief<'a, M> {
         backwards: bool,
     ) -> usize {
         let tail = TAIL * self.on / self.scale;
-        let (mut beside, mut last) = (0.0, place);
+        let mut beside = 0.0;
         for part in parts {
             let chunk = part.start / CHUNK;
-            let ends =
-                if backwards { (part.end - 1, part.start) } else { (part.start, part.end - 1) };
-            last = ends.1;
             if self.is_chunk(&part) && beside + self.sums[chunk] <= tail {
                 beside += self.sums[chunk];
                 continue;
             }
             if self.places > FINE && chunk.abs_diff(place / CHUNK) > 1 {
-                return ends.0;
+                return if backwards { part.end - 1 } else { part.start };
             }
             if let Some(at) = exceeding((self.mass)(part.clone()), tail, &mut beside, backwards) {
                 return part.start + at;
             }
         }
-        last
+        place
     }
 }
 
@@ -189,7 +188,7 @@ fn near(place: usize, tolerance: usize, segments: &Segments) -> [Range<usize>; 2
     if segment.closed && tolerance < segment.len() / 2 {
         let end = |by: isize| segment.onward(place, by).unwrap_or(place);
         let (first, after) = (end(-(tolerance as isize)), end(tolerance as isize) + 1);
-        if first < after {
+        if after > first {
             return [first..after, 0..0];
         }
         return [first..segment.end, segment.start..after];

@@ -184,3 +184,70 @@ impl GrowingHubness {
         Some(z)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Within what is reserved, no memory is taken, and no more than that is reserved.
+    #[test]
+    fn places_that_are_reserved_take_no_more_memory() {
+        let mut blind = Motion::any();
+        blind.repeat = 1.0;
+        for motion in [Motion::loops(), Motion::steady(), Motion::any(), blind] {
+            let mut tracker = Tracker::of_no_places(&motion, 1).unwrap();
+            let mut hubness = GrowingHubness::default();
+            let room = |tracker: &Tracker, hubness: &GrowingHubness| {
+                let Tracker { scratch, view, .. } = tracker;
+                let GrowingHubness { sums, before, z, .. } = hubness;
+                [
+                    sums.capacity(),
+                    before.capacity(),
+                    z.capacity(),
+                    view.x.capacity(),
+                    scratch.places.capacity(),
+                    scratch.sums.capacity(),
+                    scratch.blocks.capacity(),
+                    view.blocks.capacity(),
+                ]
+            };
+            let mut known = 0;
+            for places in [300, 5000] {
+                tracker.reserve(places).unwrap();
+                hubness.reserve(places).unwrap();
+                let [viewed, several] = [motion.repeat < 1.0, motion.speeds.len() > 1];
+                let of = |given: bool| if given { places } else { 0 };
+                let (chunks, blocks) = (places.div_ceil(CHUNK), places.div_ceil(BLOCK));
+                let reserved = room(&tracker, &hubness);
+                let exact = [places, places, places, of(viewed), of(several), chunks, blocks];
+                assert_eq!(reserved[..7], exact);
+                assert_eq!(viewed, reserved[7] >= blocks);
+                for place in known..places {
+                    tracker.grow(place + 1);
+                    hubness.grow();
+                }
+                assert_eq!(room(&tracker, &hubness), reserved);
+                known = places;
+            }
+        }
+    }
+
+    /// All of a first column is taken off if nothing is known beside it: what is left is rounding.
+    #[test]
+    fn a_column_of_which_rounding_is_left_says_nothing() {
+        let mut motion = Motion::loops();
+        motion.hubness = 0.0;
+        for size in [1e-3, 1.0, 3e6_f32] {
+            let mut hubness = GrowingHubness::default();
+            let column: Vec<f32> = (0..500).map(|at| size * (1.0 + (at % 7) as f32)).collect();
+            hubness.reserve(500).unwrap();
+            for _ in &column {
+                hubness.grow();
+            }
+            let z = hubness.learn(&column, &motion).unwrap();
+            assert!(z.iter().all(|&z| z == 0.0), "{size}");
+            let other: Vec<f32> = column.iter().rev().copied().collect();
+            assert!(hubness.learn(&other, &motion).unwrap().iter().any(|&z| z != 0.0));
+        }
+    }
+}

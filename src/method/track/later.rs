@@ -30,7 +30,7 @@ impl Later {
         for row in h.chunks_exact_mut(places) {
             row.iter_mut().zip(&one.e).for_each(|(h, e)| *h *= e);
         }
-        let anywhere = h.chunks(CHUNK).map(sum).sum::<f64>() / h.len() as f64;
+        let anywhere = mean(&h);
         let off = one.mean * self.off;
         let rest = (1.0 - leave) * restart * anywhere + leave * off;
         let rows = &mut self.rows;
@@ -52,7 +52,7 @@ impl Later {
         }
         let off = rejoin * anywhere + (1.0 - rejoin) * off;
         // The size does not matter: it must only stay within the range of numbers.
-        let mean = rows.chunks(CHUNK).map(sum).sum::<f64>() / rows.len() as f64;
+        let mean = mean(rows);
         weigh(rows, 1.0 / mean, 0.0);
         self.off = off / mean;
     }
@@ -110,6 +110,11 @@ pub(super) fn leading(
         let divided = |place: usize, mean: f64| out[place] = moved * mean + stays * h[place];
         links.leading(h, taps, anywhere, divided);
     }
+}
+
+#[inline(always)]
+fn mean(numbers: &[f64]) -> f64 {
+    numbers.chunks(CHUNK).map(sum).sum::<f64>() / numbers.len() as f64
 }
 
 /// Each number times `factor`, and `more`.

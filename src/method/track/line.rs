@@ -123,3 +123,48 @@ impl Before for OnLine<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two rows of places from some place on.
+    fn belief(first: usize, count: usize) -> (usize, Numbers) {
+        let rows = [0.0, 1000.0].into_iter();
+        let numbers = rows.flat_map(|row| (first..first + count).map(move |at| row + at as f64));
+        (first, Numbers(numbers.collect()))
+    }
+
+    #[test]
+    fn a_line_takes_the_belief_in_all_places_beside_its_own_and_in_no_others() {
+        let line = Line::new(&Segments::one(100), 40..60, [5, 4]);
+        let (_, Numbers(own)) = belief(40, 20);
+        let whole = [belief(35, 5), belief(60, 4)];
+        let parts = [belief(35, 2), belief(37, 1), belief(38, 2), belief(60, 3), belief(63, 1)];
+        for foreign in [&whole[..], &parts] {
+            let mut filled = Vec::new();
+            line.fill(&mut filled, 2, &own, foreign).unwrap();
+            assert_eq!(filled, belief(35, 29).1.0);
+        }
+        let longer = |(first, Numbers(mut numbers)): (usize, Numbers)| {
+            numbers.push(0.0);
+            (first, Numbers(numbers))
+        };
+        for foreign in [
+            &[][..],
+            &[belief(35, 5)],
+            &[belief(60, 4), belief(35, 5)],
+            &[belief(34, 5), belief(60, 4)],
+            &[belief(36, 5), belief(60, 4)],
+            &[belief(35, 6), belief(60, 3)],
+            &[belief(35, 4), belief(60, 5)],
+            &[belief(35, 5), belief(60, 3)],
+            &[belief(35, 5), belief(60, 0), belief(60, 4)],
+            &[belief(35, 5), belief(60, 4), belief(64, 1)],
+            &[longer(belief(35, 5)), belief(60, 4)],
+        ] {
+            let refused = line.fill(&mut Vec::new(), 2, &own, foreign);
+            assert!(matches!(refused, Err(Error::Shard { .. })), "{foreign:?}");
+        }
+    }
+}

@@ -15,6 +15,8 @@
 
 mod align;
 mod answer;
+#[cfg(test)]
+mod answer_tests;
 mod evidence;
 mod exp;
 mod growing;
@@ -22,6 +24,8 @@ mod hubness;
 mod later;
 mod line;
 mod links;
+#[cfg(test)]
+mod moments_tests;
 mod novelty;
 mod part;
 mod predict;
@@ -251,7 +255,6 @@ impl Tracker {
             let (first, others) = before.split_at_mut(row);
             fold(first, others);
         }
-        state.joint |= advance.is_some();
         state.travelled = advance.map_or(state.travelled, |advance| state.travelled + advance);
         step
     }

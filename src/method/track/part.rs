@@ -171,21 +171,25 @@ impl TrackerPart {
 
     /// Makes the one row that counts, if it is not there.
     fn fold(&mut self, asked: &TrackFirst) {
+        let is_folded = self.is_folded(asked);
         let Self { mass, folded, segments, .. } = self;
         if asked.anywhere {
             folded.fill(1.0 / segments.places() as f64);
-        } else if self.joint || matches!(asked.step, Step::Speeds { .. }) {
-            // The rows are as they are to be.
-        } else {
+        } else if is_folded {
             let (first, others) = mass.split_at(folded.len());
             folded.copy_from_slice(first);
             fold(folded, others);
         }
     }
 
+    /// Whether one row that is not in `mass` counts.
+    fn is_folded(&self, asked: &TrackFirst) -> bool {
+        asked.anywhere || !(self.joint || matches!(asked.step, Step::Speeds { .. }))
+    }
+
     /// The rows of the belief before the move, and the length of one.
     fn rows(&self, asked: &TrackFirst) -> (&[f64], usize) {
-        let folded = asked.anywhere || !(self.joint || matches!(asked.step, Step::Speeds { .. }));
+        let folded = self.is_folded(asked);
         (if folded { &self.folded } else { &self.mass }, self.folded.len())
     }
 
@@ -335,5 +339,87 @@ impl TrackerPart {
         let mut part = Self { hubness, joint, view: View::of(x, viewed), ..self.clone() };
         part.mass[..mass.len()].copy_from_slice(&mass);
         Ok(part)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_other_places_than_its_own_are_asked_for() {
+        let segments = Segments::one(3 * BLOCK);
+        let own = BLOCK..2 * BLOCK;
+        let mut part = TrackerPart::new(&Motion::any(), 1, &segments, own.clone()).unwrap();
+        let column: Vec<f32> = (0..BLOCK).map(|place| (place * 7 % 64) as f32).collect();
+        for (range, known) in [
+            (own.clone(), true),
+            (own.start..own.start + 1, true),
+            (own.end - 1..own.end, true),
+            (own.start - 1..own.start + 1, false),
+            (own.end - 1..own.end + 1, false),
+            (0..3 * BLOCK, false),
+            (own.start + 5..own.start + 5, false),
+            (0..1, false),
+            (2 * BLOCK..2 * BLOCK + 1, false),
+        ] {
+            let step = Step::Speeds { joint: true, moved: 1.0 };
+            let asked = vec![own.clone(), range.clone()];
+            let first = TrackFirst { share: 0.5, anywhere: true, compare: false, step, asked };
+            match part.first(&column, true, &first) {
+                Ok(said) => assert!(known && said.belief[1].0.len() == range.len(), "{range:?}"),
+                Err(refused) => assert!(!known && matches!(refused, Error::Shard { .. })),
+            }
+        }
+    }
+
+    /// Whichever place is the most probable of all, the shards send what its answer needs; of a long
+    /// route not much more.
+    #[test]
+    fn masses_near_any_place_that_may_win_are_sent() {
+        let list = [(0, 20_000), (20_000, 26_000), (26_000, 33_000), (33_000, 70_000)];
+        for closed in 0..16_u8 {
+            let of = |(at, &(start, end)): (usize, &(usize, usize))| Segment {
+                start,
+                end,
+                closed: closed >> at & 1 == 1,
+            };
+            let segments = Segments::of_list(list.iter().enumerate().map(of).collect());
+            for (own, tolerance) in
+                [4..7, 5..9, 0..8, 8..18].into_iter().zip([0, 1, 300, 5000].into_iter().cycle())
+            {
+                let own = own.start * BLOCK..(own.end * BLOCK).min(70_000);
+                let motion = Motion::steady();
+                let part = TrackerPart::new(&motion, tolerance, &segments, own.clone()).unwrap();
+                let sent = part.chunks(own.start + 4000);
+                let here = own.start / CHUNK..own.end.div_ceil(CHUNK);
+                assert!(sent.iter().all(|chunk| here.contains(chunk)));
+                let others =
+                    (0..70_000).step_by(67).chain(list.iter().flat_map(|&(start, end)| {
+                        [start, start + 1, end - 1, end - 2, start + tolerance, end - 1 - tolerance]
+                    }));
+                let borders =
+                    [own.start.wrapping_sub(1), own.start.wrapping_sub(2), own.end, own.end + 1];
+                let others = others.chain(borders).filter(|place| *place < 70_000);
+                for winner in others.filter(|place| !own.contains(place)).chain([own.start + 4000])
+                {
+                    let needed = asked(winner, tolerance, &segments);
+                    let missing = needed
+                        .filter(|chunk| here.contains(chunk))
+                        .find(|chunk| !sent.contains(chunk));
+                    assert_eq!(missing, None, "{winner}: {closed:b}, {own:?}");
+                }
+                // Nothing at the ends of segments that lie within its own places.
+                let inside = |one: &&Segment| {
+                    tolerance < 2 && own.start + 9000 < one.start && one.end < own.end
+                };
+                for segment in segments.iter().filter(inside) {
+                    let chunk = segment.start / CHUNK + 1;
+                    assert!(!sent.contains(&chunk), "{segment:?} of {own:?}");
+                }
+                let near = (tolerance + 1).div_ceil(CHUNK) + 1;
+                assert!(sent.len() <= 7 + 6 * near, "{}", sent.len());
+            }
+        }
     }
 }
