@@ -110,7 +110,7 @@ soak: $(VENV)/dev
 SANITIZED := RUSTC_BOOTSTRAP=1 PROPTEST_CASES=$(or $(PROPTEST_CASES),500) \
 	cargo test --locked --target $$(rustc --print host-tuple) --profile quick
 asan:
-	RUSTFLAGS=-Zsanitizer=address $(SANITIZED) --all-features --lib --tests
+	ASAN_OPTIONS=allocator_may_return_null=1 RUSTFLAGS=-Zsanitizer=address $(SANITIZED) --all-features --lib --tests
 
 # Threads without rayon, whose fences ThreadSanitizer does not know. It must see the standard library, too: the
 # component rust-src.
