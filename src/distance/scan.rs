@@ -349,9 +349,7 @@ fn count<M: Machine, C: Counted>(
     ahead: usize,
 ) {
     for at in 0..query.len() {
-        if ahead > 0 {
-            machine.fetch(row[at].as_ptr().cast::<u8>().wrapping_add(ahead));
-        }
+        machine.fetch(row[at].as_ptr().cast::<u8>().wrapping_add(ahead));
         counts[at] = C::count(machine, counts[at], &query[at], &row[at]);
     }
 }

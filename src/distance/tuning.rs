@@ -32,7 +32,7 @@ pub(super) struct Reading {
     /// Rows of floats that are read side by side: 1, 2 or 4.
     pub(super) rows: usize,
     /// Memory is prefetched this many bytes before it is read: by itself the CPU stops at the end
-    /// of a page. Bytes are not, if it is 0.
+    /// of a page.
     pub(super) ahead: usize,
 }
 
