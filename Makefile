@@ -106,7 +106,8 @@ soak: $(VENV)/dev
 	$(BIN)/python benches/python/soak.py --pushes $(PUSHES) $(if $(LOAD),--load) $(if $(PAGE),--page docs/reliability.md)
 
 # The sanitizers belong to the compiler: RUSTC_BOOTSTRAP lets a stable one use them. With --target, build scripts go
-# without. AddressSanitizer leaves out the soaks, as its own memory grows, and the stops, as no leak is found under strace.
+# without. AddressSanitizer leaves out the soaks, as its own memory grows, and the stops, as its leak check does not run
+# under strace.
 SANITIZED := RUSTC_BOOTSTRAP=1 PROPTEST_CASES=$(or $(PROPTEST_CASES),500) \
 	cargo test --locked --target $$(rustc --print host-tuple) --profile quick
 asan:

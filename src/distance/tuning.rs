@@ -143,9 +143,9 @@ enum Slice {
     Timed { number: usize, order: usize },
 }
 
-/// The times of the orders, for rows of one type and about one length, in maps of about one size. Threads share it without
-/// waiting for each other, so that a fork leaves nothing half done; a time that is not there yet
-/// does not count.
+/// The times of the orders, for rows of one type and about one length, in maps of about one size.
+/// Threads share it without waiting for each other, so that a fork leaves nothing half done; a time
+/// that is not there yet does not count.
 struct Trial {
     begun: AtomicU32,
     /// Of a row of each slice, in ns / 16.
