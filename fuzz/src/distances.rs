@@ -44,7 +44,11 @@ pub(crate) fn least(first: &[f32], further: &[(Vec<usize>, Vec<f32>)]) -> Vec<f3
         }
         let shift = shift / places.len() as f64;
         for (&place, &distance) in places.iter().zip(distances) {
-            least[place] = least[place].min((f64::from(distance) + shift) as f32);
+            let distance = (f64::from(distance) + shift) as f32;
+            // Beyond the range of float32 there are NaNs, which stay.
+            if distance < least[place] || distance.is_nan() {
+                least[place] = distance;
+            }
         }
     }
     least
