@@ -12,6 +12,9 @@ CARGO_TEST := cargo test --locked --profile test-release
 # The package in an environment of its own, from the source folder.
 DEVELOP := VIRTUAL_ENV=$(CURDIR)/$(VENV)/quick $(VENV)/quick/bin/maturin develop --quiet --locked --profile quick
 
+# Modules are compiled once: the tests start hundreds of processes.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Where the wheel for this machine alone goes; those for others are in dist.
 WHEELS := target/wheels
 # The oldest Linux that the wheels for others run on: glibc 2.17, of 2012.
