@@ -6,8 +6,9 @@ BIN := $(VENV)/bin
 LOG := target/test.log
 ON_LINUX := $(filter Linux,$(shell uname -s))
 SOURCES := Cargo.toml Cargo.lock pyproject.toml README.md $(shell find src simulate python -type f -not -name '*.pyc')
-# The optimised profile keeps the checks of a debug build.
-CARGO_TEST := cargo test --locked --profile test-release
+# The optimised profile keeps the checks of a debug build. What writes the C header runs for a moment, and is not worth
+# optimising.
+CARGO_TEST := cargo test --locked --profile test-release --config 'profile.test-release.package.cbindgen.opt-level=0'
 
 # The package in an environment of its own, from the source folder.
 DEVELOP := VIRTUAL_ENV=$(CURDIR)/$(VENV)/quick $(VENV)/quick/bin/maturin develop --quiet --locked --profile quick
@@ -77,7 +78,7 @@ stubs: $(VENV)/installed $(VENV)/dev
 test:
 	$(BESIDE) clippy style $(VENV)/dev
 	$(MAKE) rust
-	$(BESIDE) capi-check instructions types docs rust-docs
+	$(BESIDE) instructions types docs rust-docs
 	$(MAKE) python examples rivals-quick
 	$(BIN)/surefix demo --out out/demo
 	@echo; echo "== summaries"
@@ -90,8 +91,9 @@ lint: clippy style
 
 clippy:
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets --all-features -- -D warnings
+	cargo clippy --locked --workspace --exclude surefix-capi --all-targets --all-features -- -D warnings
 	cargo clippy --locked --no-default-features --all-targets -- -D warnings
+	cargo clippy --locked --package surefix-capi --all-targets -- -D warnings
 
 style: $(VENV)/dev
 	$(BIN)/ruff check python tests benches examples fuzz packaging ros2 docs/*.py docs/_ext
@@ -139,10 +141,12 @@ fuzz:
 fuzz-seeds:
 	cargo run --locked --profile quick --package surefix-fuzz --features seeds --bin seeds
 
-# All tests with all features. Without any, clippy compiles them here, and make release-check runs them.
+# All tests with all features, those of the C library too, so that the crate is built once. Without any features, and
+# with those of the C library, clippy compiles them here; make release-check and make capi-check run them.
 rust:
 	@mkdir -p target
-	$(CARGO_TEST) --all-features 2>&1 | tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
+	$(CARGO_TEST) --package surefix --package surefix-simulate --package surefix-capi --all-features 2>&1 \
+		| tee $(LOG).rust; test $${PIPESTATUS[0]} -eq 0
 
 rust-docs:
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --all-features
@@ -171,14 +175,12 @@ capi:
 	cargo build --locked --package surefix-capi --profile $(PROFILE)
 	sh capi/install.sh $${CARGO_TARGET_DIR:-target}/$(PROFILE) $(PREFIX)
 
-# Programs in C and C++ against it: their fixes are Rust's to the bit, under sanitizers too. What writes the header runs
-# for a moment, and is not worth optimising.
-CAPI_TEST := $(CARGO_TEST) --package surefix-capi --config 'profile.test-release.package.cbindgen.opt-level=0'
+# Programs in C and C++ against it: their fixes are Rust's to the bit, under sanitizers too.
 capi-check:
-	$(CAPI_TEST)
+	$(CARGO_TEST) --package surefix-capi
 
 header:
-	UPDATE=1 $(CAPI_TEST) --test header
+	UPDATE=1 $(CARGO_TEST) --package surefix-capi --test header
 
 # Instructions of the hot kernels, under valgrind: none may rise by more than 2 %. Skipped, with a word, without valgrind.
 instructions:
