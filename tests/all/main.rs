@@ -37,6 +37,7 @@ mod never_panics;
 mod paper;
 mod plain;
 mod post;
+mod promises;
 #[path = "../../src/random.rs"]
 mod random;
 mod sad;
